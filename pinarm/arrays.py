@@ -25,13 +25,13 @@ def real(x: ArrayLike, name: str) -> Array:
 
 
 def as_rows(x: Array, width: int, name: str) -> Array:
-    """Return an array of states as rows, shape (n, width).
+    """Return an array of states as rows, shape (n, .., width), where axes between are those of variants.
 
     Raises:
         InputError: It has another shape, or is not of real numbers.
     """
-    rows = x if type(x) is np.ndarray and x.dtype == np.float64 and x.ndim == 2 else np.atleast_2d(real(x, name))
-    if rows.ndim != 2 or rows.shape[1] != width:
+    rows = x if type(x) is np.ndarray and x.dtype == np.float64 and x.ndim >= 2 else np.atleast_2d(real(x, name))
+    if rows.shape[-1] != width:
         raise InputError(f"{name} has the shape {np.shape(x)}", expected=f"(n, {width}) or ({width},)")
     return rows
 

@@ -20,8 +20,8 @@ FLOOR_PLAN = {
     "mechanics": "geometry joints laws motors drives coordinates control rotors ball_joints loops forces loading "
     "couplings friction payloads points perturbation planar description",
     "engine": "series kernel integration constraints dynamics model_source kinematics statics friction control motion "
-    "checks quantities mechanism_parts drive_parts mechanism",
-    "problems": "time_grid accuracy prescribed_laws joint_values loads actuation declaration events "
+    "checks quantities mechanism_parts drive_parts mechanism mechanism_variants",
+    "problems": "time_grid accuracy joint_values weights prescription loads actuation declaration events "
     "position_bands equilibria inverse kinematics states recording forward batch_table simplify",
     "use": "progress result assessments scenario output show store views study report",
     "cli": "options streams main",
@@ -145,18 +145,19 @@ def module_level(tree: ast.Module) -> Iterator[str]:
 
 @pytest.mark.parametrize("file", FILES, ids=str)
 def test_costly_modules_are_imported_where_they_are_used(file: Path) -> None:
-    allowed = {"matplotlib"} if file.as_posix() in ("use/show/plot.py", "use/show/sketch.py") else set()
+    allowed = {"matplotlib"} if file.as_posix() in ("use/show/figure.py",) else set()
     assert not {name.partition(".")[0] for name in module_level(tree_of(file))} & (COSTLY - allowed)
 
 
-def test_a_run_without_plots_imports_nothing_costly(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("option", "loaded"), [("--plots=svg", ["numpy.ma"]), ("--no-plots", [])])  # np.unique
+def test_a_run_imports_nothing_costly(option: str, loaded: list[str], tmp_path: Path) -> None:
     scenario = PACKAGE.parent / "scenarios" / "gen411_arm_static.yaml"
     code = (
         "import sys; from pinarm.cli.main import main\n"
-        f"assert main(['run', {str(scenario)!r}, '-o', {str(tmp_path / 'out')!r}, '--no-plots']) == 0\n"
+        f"assert main(['run', {str(scenario)!r}, '-o', {str(tmp_path / 'out')!r}, {option!r}]) == 0\n"
         "print('loaded:', sorted({m.partition('.')[0] for m in sys.modules}.union(sys.modules)"
         " & {'scipy', 'matplotlib', 'pandas', 'meshcat', 'rich', 'numpy.ma', 'numpy.random'}))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=PACKAGE.parent, check=False)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[-1] == "loaded: []"
+    assert done.stdout.splitlines()[-1] == f"loaded: {loaded}"

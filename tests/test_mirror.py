@@ -44,6 +44,11 @@ ELSEWHERE = {
     ),
     "engine/kernel/test_library.py": ("its structures", "engine/kernel/structures"),
     "engine/kernel/test_tree.py": ("what is refused", "engine/kernel/checks"),
+    "engine/kinematics/test_nearest_motion.py": (
+        "nearest to a posture on a path", "engine/kinematics/limited_path engine/kinematics/nearest "
+        "engine/kinematics/nearest_start engine/kinematics/posture",
+    ),
+    "problems/actuation/test_effort_sharing.py": ("weights of drives", "problems/weights"),
     "engine/kinematics/test_newton.py": (
         "positions that laws ask for", "engine/kinematics/continuation engine/kinematics/joint_motion "
         "engine/kinematics/prescribed",
@@ -127,7 +132,7 @@ ELSEWHERE = {
     "mechanics/test_drives.py": ("efforts of drives", "engine/statics/actuation engine/statics/selected_drives"),
     "problems/simplify/test_simplification.py": (
         "answers of the part against the whole", "problems/simplify/model_reduction problems/simplify/removal "
-        "problems/simplify/requested_joints use/study/explain",
+        "problems/simplify/requested_joints",
     ),
     "problems/test_equilibria.py": (
         "equilibria in closed form", "engine/statics/equilibrium engine/statics/stiffness",
@@ -140,7 +145,8 @@ ELSEWHERE = {
         "rows in files and arrays",
         "engine/motion/recorded_motion problems/recording/recorded_columns use/scenario/recorded",
     ),
-    "problems/test_profiles.py": ("laws in problems", "mechanics/forces/breakpoints problems/prescribed_laws"),
+    "problems/test_profiles.py": (
+        "laws in problems", "mechanics/forces/breakpoints problems/prescription/prescribed_laws"),
     "test_messages.py": (
         "mistakes in files", "input/yaml/validation_messages problems/joint_values use/scenario/failures "
         "use/scenario/scenario_file",
@@ -173,6 +179,7 @@ ELSEWHERE = {
         "optima of functions and of runs", "use/scenario/landscape use/scenario/optimum_section",
     ),
     "use/show/test_notebook.py": ("sections in them", "use/show/section_html"),
+    "use/show/test_sketch.py": ("what drawings show", "use/show/scene use/show/scenery use/show/stick_figure"),
     "use/show/replay/test_browser.py": ("the page in it", "use/show/replay/chromium"),
     "use/output/test_folder.py": ("which files are ours", "use/output/manifest"),
     "use/store/test_new.py": ("what is written for a model", "use/store/first_files"),

@@ -99,7 +99,7 @@ def _run(options: argparse.Namespace) -> int:
     with shown_by(_progress):
         result = scenario.verified() if options.verify else scenario.run()
         solved = time.perf_counter()
-        save(result, folder, plots=not options.no_plots, timing={"solve [s]": solved - begin})
+        save(result, folder, plots=options.plots, dpi=options.dpi, timing={"solve [s]": solved - begin})
     if options.json:
         _print_json({**result.summary(), "folder": str(folder)})
     else:
@@ -183,6 +183,9 @@ def _explain(options: argparse.Namespace) -> int:
         _print_json({"mechanism": found.mechanism.title, **mobility, "not solved for": removals})
     else:
         print(printable(str(found)))
+    if options.draw is not None:
+        found.draw(options.draw, dpi=options.dpi)
+        print(f"written to {options.draw}", file=sys.stderr if options.json else sys.stdout)
     return OK
 
 
@@ -203,7 +206,7 @@ def _sweep(options: argparse.Namespace) -> int:
             sampling=options.sampling, results=options.results, workers=options.workers, executor=executor,
             folder=folder, progress=progress,
         )  # fmt: skip
-    swept.save(folder, plots=not options.no_plots, parquet=options.parquet)
+    swept.save(folder, plots=options.plots, dpi=options.dpi, parquet=options.parquet)
     if options.json:
         _print_json({**summary(swept), "folder": str(folder)})
     else:
@@ -231,7 +234,7 @@ def _tradeoff(options: argparse.Namespace) -> int:
     folder = options.output or Path("results") / f"{scenario.name}-tradeoff"
     check_replaceable(folder, "trade-off")
     trade = tradeoff(scenario)
-    trade.save(folder, plots=not options.no_plots)
+    trade.save(folder, plots=options.plots, dpi=options.dpi)
     if options.json:
         _print_json({**trade.summary(), "folder": str(folder)})
     else:
@@ -260,7 +263,7 @@ def _replay(options: argparse.Namespace) -> int:
     from pinarm.use.store.restore import restore
 
     result = restore(options.result)
-    shown = result.replay(traces=options.trace, arrows=options.arrows, plots=options.plot)
+    shown = result.replay(traces=options.trace, arrows=options.arrows, plots=options.plot, named=options.names)
     target = options.output or options.result / ("replay.png" if options.png else "replay.html")
     if options.png or options.video:
         from pinarm.use.show.replay import pictures
@@ -375,7 +378,7 @@ COMMANDS = {
     "run": (_run, "solve a scenario and write a result folder"),
     "check": (_check, "compare scenarios with their answer keys"),
     "validate": (_validate, "read and check input only"),
-    "explain": (_explain, "coordinates, mobility, loops, redundancy"),
+    "explain": (_explain, "coordinates, mobility, loops, redundancy, and a drawing"),
     "quantities": (_quantities, "names that can be asked, with units and meanings"),
     "sweep": (_sweep, "solve a scenario for many values"),
     "tradeoff": (_tradeoff, "error against cost of settings, of models"),

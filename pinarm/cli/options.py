@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, ArgumentTypeError, RawDescriptionHelpFormatter
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,11 +15,12 @@ EXAMPLES = """examples:
 
 EXAMPLES_OF = {
     "new": ["new slider_crank -o press", "new models/arm.urdf", "new four_bar/mechanism.yaml -o four_bar_urdf"],
-    "run": ["run scenario.yaml", "run scenario.yaml --verify",
+    "run": ["run scenario.yaml", "run scenario.yaml --verify", "run scenario.yaml --plots pdf",
             "run scenario.yaml --set problem.time.end='3 s' -o results/longer"],
     "check": ["check scenarios", "check scenario.yaml"],
     "validate": ["validate scenarios"],
-    "explain": ["explain scenario.yaml", "explain mechanism.yaml", "explain arm.urdf", "explain panda"],
+    "explain": ["explain scenario.yaml", "explain mechanism.yaml --draw mechanism.svg", "explain arm.urdf",
+                "explain panda"],
     "quantities": ["quantities scenario.yaml --like force", "quantities arm.urdf"],
     "sweep": ["sweep scenario.yaml --over arguments.m_A='0.1:0.5:9 kg' --result 'C_B @ max'",
               "sweep scenario.yaml --over arguments.m_A='normal(0.25, 0.01) kg' --sample 1000",
@@ -50,6 +51,30 @@ def _values(command: ArgumentParser) -> None:
                          help="replace a value of the scenario, such as problem.time.end='3 s'")  # fmt: skip
 
 
+def _plots(command: ArgumentParser) -> None:
+    drawn = command.add_mutually_exclusive_group()
+    drawn.add_argument("--plots", choices=["svg", "png", "pdf"], default="svg",
+                       help="format of the plots (default: svg, the quickest)")  # fmt: skip
+    drawn.add_argument("--no-plots", action="store_const", const=False, dest="plots", help="write numbers only")
+    _dpi(command)
+
+
+def _dpi(command: ArgumentParser) -> None:
+    command.add_argument("--dpi", type=_resolution, default=200, metavar="N",
+                         help="pixels per inch of PNG plots (default: 200)")  # fmt: skip
+
+
+def _resolution(text: str) -> int:
+    """Return pixels per inch.
+
+    Raises:
+        ArgumentTypeError: They are none that pictures have.
+    """
+    if not text.isdecimal() or not 20 <= int(text) <= 1200:
+        raise ArgumentTypeError(f"'{text}' is no resolution: expected a whole number from 20 to 1200")
+    return int(text)
+
+
 def _new(new: ArgumentParser) -> None:
     new.add_argument("source", metavar="TEMPLATE|MODEL",
                      help="four_bar, slider_crank, scissor_lift, cam or arm; a URDF, xacro or MJCF file; the name of a "
@@ -61,7 +86,7 @@ def _new(new: ArgumentParser) -> None:
 def _run(run: ArgumentParser) -> None:
     run.add_argument("scenario", type=Path)
     run.add_argument("-o", "--output", type=Path, help="result folder (default: results/SCENARIO)")
-    run.add_argument("--no-plots", action="store_true", help="write numbers only")
+    _plots(run)
     run.add_argument("--verify", action="store_true",
                      help="bound the global error by a second solution, and check every row")  # fmt: skip
     _values(run)
@@ -79,6 +104,9 @@ def _validate(validate: ArgumentParser) -> None:
 
 def _explain(explain: ArgumentParser) -> None:
     explain.add_argument("path", metavar="SCENARIO|MODEL")
+    explain.add_argument("--draw", type=Path, metavar="FILE", help="draw the mechanism with the names of its parts, "
+                         "joints and loops, as .svg, .png or .pdf")  # fmt: skip
+    _dpi(explain)
     _values(explain)
 
 
@@ -91,7 +119,7 @@ def _quantities(quantities: ArgumentParser) -> None:
 def _tradeoff(trade: ArgumentParser) -> None:
     trade.add_argument("scenario", type=Path)
     trade.add_argument("-o", "--output", type=Path, help="folder (default: results/SCENARIO-tradeoff)")
-    trade.add_argument("--no-plots", action="store_true", help="write numbers only")
+    _plots(trade)
     _values(trade)
 
 
@@ -126,7 +154,7 @@ def _sweep(sweep: ArgumentParser) -> None:
     who.add_argument("--cluster", metavar="ADDRESS", help="solve on the cluster of this Dask scheduler, such as "
                      "tcp://10.0.0.1:8786, in place of processes here")  # fmt: skip
     sweep.add_argument("-o", "--output", type=Path, help="folder of the sweep (default: results/SCENARIO-sweep)")
-    sweep.add_argument("--no-plots", action="store_true", help="write numbers only")
+    _plots(sweep)
     sweep.add_argument("--parquet", action="store_true", help="write the table as Parquet too, in parts")
     _values(sweep)
 
@@ -140,6 +168,9 @@ def _replay(replay: ArgumentParser) -> None:
                         help="draw forces, torques, reactions, or all")  # fmt: skip
     replay.add_argument("--plot", action="extend", nargs="*", metavar="QUANTITY",
                         help="plot these beside it, or nothing (default: the outputs)")  # fmt: skip
+    replay.add_argument(
+        "--names", action="store_true", help="show names of parts, points and joints; the key N does too"
+    )
     instead = replay.add_mutually_exclusive_group()
     instead.add_argument("--png", metavar="t=VALUE", help="write a picture of this instant, by Chromium")
     instead.add_argument("--video", type=Path, metavar="FILE.mp4", help="write a video, by Chromium and ffmpeg")

@@ -15,7 +15,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import InputError, choices
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, rate_of_b
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, b_of, rate_of_b
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import METRE, RADIAN, Joint
@@ -100,14 +100,15 @@ class BallCoordinate:
     def row(self, state: Kinematics) -> Array:
         """Return row k of B at the joint's own velocities, 0 elsewhere."""
         row = np.zeros(state.model.nv)
-        row[self.ball.v : self.ball.v + 3] = pin.Jlog3(self._turn(state))[self.component]
+        row[self.ball.v : self.ball.v + 3] = b_of(pin.log3(self._turn(state)))[self.component]
         return row
 
     def drift(self, state: Kinematics) -> float:
         """Return ``B' omega``: the joint's own velocity is constant while a = 0."""
         index, turn, data = self.ball.index, self._turn(state), state.data
         omega = data.v[index].angular - data.liMi[index].rotation.T @ data.v[state.model.parents[index]].angular
-        w, b = pin.log3(turn), pin.Jlog3(turn)
+        w = pin.log3(turn)
+        b = b_of(w)
         return float((rate_of_b(w, b @ omega) @ omega)[self.component])
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:

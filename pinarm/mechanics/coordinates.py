@@ -21,7 +21,17 @@ from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.parallel_axes import check_parallel
 from pinarm.mechanics.geometry.vectors import MEETING, crossed, direction
-from pinarm.mechanics.joints import METRE, RADIAN, Direction, Joint, frame_of, frames_of, joint_of, unit_vector
+from pinarm.mechanics.joints import (
+    METRE,
+    RADIAN,
+    UNIVERSE,
+    Direction,
+    Joint,
+    frame_of,
+    frames_of,
+    joint_of,
+    unit_vector,
+)
 
 
 class Coordinate(Protocol):
@@ -171,47 +181,68 @@ class DistanceCoordinate:
 
 @dataclass(frozen=True)
 class RotationCoordinate:
-    """Component k of the rotation vector w of a link, ``R = exp([w])``: ``w' = B(w) omega``.
+    """Component k of the rotation vector w of a link relative to a reference, ``R_ref^T R = exp([w])``.
 
-    With theta = |w|, W = [w] and omega in the link's axes, ``B = 1 + W/2 + c(theta) W^2`` and
-    ``c = 1/theta^2 - (1 + cos theta) / (2 theta sin theta)``; the drift is ``B' omega`` plus B times the angular
-    acceleration for a = 0. (Sola, Deray, Atchuthan, A micro Lie theory, eq. (144).)
+    ``w' = B(w) omega`` with omega the angular velocity of the link relative to the reference, in the link's axes. With
+    theta = |w| and W = [w], ``B = 1 + W/2 + c(theta) W^2`` and
+    ``c = 1/theta^2 - (1 + cos theta) / (2 theta sin theta)``; the drift is ``B' omega + B omega'``, where
+    ``omega' = R^T (alpha - alpha_ref + omega_link x omega_ref)`` for a = 0, in world axes within the brackets.
+    (Sola, Deray, Atchuthan, A micro Lie theory, eq. (144).)
 
     Attributes:
-        frame: Index of the frame.
+        frame: Index of the link's frame.
         component: k.
+        reference: Index of the frame from which it is turned.
         unit: Radian.
     """
 
     frame: int
     component: int
+    reference: int = UNIVERSE
     unit: Unit = RADIAN
 
     def value(self, state: Kinematics) -> float:
         """Return the component."""
-        return float(pin.log3(state.data.oMf[self.frame].rotation)[self.component])
+        return float(pin.log3(self._turn(state))[self.component])
 
     def row(self, state: Kinematics) -> Array:
-        """Return row k of B J_omega."""
-        jacobian = pin.getFrameJacobian(state.model, state.data, self.frame, pin.LOCAL).reshape(6, -1)[3:]
-        return np.asarray(pin.Jlog3(state.data.oMf[self.frame].rotation)[self.component] @ jacobian)
+        """Return row k of ``B R^T (J_omega - J_ref)``."""
+        link, reference = (
+            pin.getFrameJacobian(state.model, state.data, frame, pin.LOCAL_WORLD_ALIGNED).reshape(6, -1)[3:]
+            for frame in (self.frame, self.reference)
+        )
+        turned = self._axes(state).T @ (link - reference)
+        return np.asarray(b_of(pin.log3(self._turn(state)))[self.component] @ turned)
 
     def drift(self, state: Kinematics) -> float:
         """Return the drift."""
-        turn = state.data.oMf[self.frame].rotation
-        omega = pin.getFrameVelocity(state.model, state.data, self.frame, pin.LOCAL).angular
-        alpha = pin.getFrameAcceleration(state.model, state.data, self.frame, pin.LOCAL).angular
-        b = pin.Jlog3(turn)
-        w = pin.log3(turn)
-        rate = b @ omega
-        return float((b @ alpha + rate_of_b(w, rate) @ omega)[self.component])
+        world, frames, axes = pin.LOCAL_WORLD_ALIGNED, (self.frame, self.reference), self._axes(state)
+        link, reference = (pin.getFrameVelocity(state.model, state.data, frame, world).angular for frame in frames)
+        alpha, carried = (pin.getFrameAcceleration(state.model, state.data, frame, world).angular for frame in frames)
+        omega = axes.T @ (link - reference)
+        rate = axes.T @ (alpha - carried + np.cross(link, reference))
+        w = pin.log3(self._turn(state))
+        b = b_of(w)
+        return float((b @ rate + rate_of_b(w, b @ omega) @ omega)[self.component])
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        """Return the moment with the same power, ``effort B^T e_k`` in the link's axes."""
-        turns = links.frame(self.frame)[0]
-        ways = np.array([turn @ pin.Jlog3(turn)[self.component] for turn in turns])
-        wrench = np.concatenate([np.zeros_like(ways), effort[:, None] * ways], axis=1)
-        return {links.model.frames[self.frame].parentJoint: wrench}
+        """Return the moments with the same power, ``effort B^T e_k`` in the link's axes, and back on the reference."""
+        turns, references = links.frame(self.frame)[0], links.frame(self.reference)[0]
+        along = [
+            turn @ b_of(pin.log3(ref.T @ turn))[self.component] for turn, ref in zip(turns, references, strict=True)
+        ]
+        moment = effort[:, None] * np.array(along)
+        wrench = np.concatenate([np.zeros_like(moment), moment], axis=1)
+        frames = links.model.frames
+        return {frames[self.reference].parentJoint: -wrench, frames[self.frame].parentJoint: wrench}
+
+    def _axes(self, state: Kinematics) -> Array:
+        """Return the link's axes in world axes, shape (3, 3)."""
+        return np.asarray(state.data.oMf[self.frame].rotation)
+
+    def _turn(self, state: Kinematics) -> Array:
+        """Return the rotation of the link relative to the reference, shape (3, 3)."""
+        return np.asarray(state.data.oMf[self.reference].rotation.T @ self._axes(state))
 
 
 def pull(links: LinkPlacements, frame: int, force: Array) -> dict[int, Array]:
@@ -223,22 +254,35 @@ def pull(links: LinkPlacements, frame: int, force: Array) -> dict[int, Array]:
     return {links.model.frames[frame].parentJoint: wrench}
 
 
-def rate_of_b(w: Array, rate: Array) -> Array:
-    """Return B' for a rotation vector w and its rate: ``[w']/2 + c' W^2 + c (W' W + W W')``, shape (3, 3).
+IDENTITY = np.eye(3)
 
-    Near 0 by the series ``c = 1/12 + theta^2/720``.
+
+def b_of(w: Array) -> Array:
+    """Return ``B = 1 + W/2 + c W^2`` of a rotation vector w, shape (3, 3): ``w' = B omega``, omega in turned axes.
+
+    ``pin.Jlog3`` is the same up to 1e-16 / theta^2: 1e-9 at small angles, which second differences would see.
     """
-    theta2 = float(w @ w)
-    theta = theta2**0.5
-    if theta < 1e-2:  # the series' next term is theta^4 / 30240: below rounding here
-        c, slope = 1 / 12 + theta2 / 720, 1 / 360 + theta2 / 7560
-    else:
-        sine, cosine = np.sin(theta), np.cos(theta)
-        c = 1 / theta2 - (1 + cosine) / (2 * theta * sine)
-        slope = ((1 + cosine) * (sine + theta) / (2 * theta2 * sine**2) - 2 / theta**3) / theta
+    c, _ = _bend(w)
+    return np.asarray((1.0 - c * float(w @ w)) * IDENTITY + 0.5 * pin.skew(w) + c * (w[:, None] * w))
+
+
+def rate_of_b(w: Array, rate: Array) -> Array:
+    """Return B' for a rotation vector w and its rate: ``[w']/2 + c' W^2 + c (W' W + W W')``, shape (3, 3)."""
+    c, slope = _bend(w)
     skew, turned = pin.skew(w), pin.skew(rate)
     growth = slope * float(w @ rate)
     return np.asarray(0.5 * turned + growth * (skew @ skew) + c * (turned @ skew + skew @ turned))
+
+
+def _bend(w: Array) -> tuple[float, float]:
+    """Return c of B and ``dc/dtheta / theta``; near 0 by the series ``c = 1/12 + theta^2/720``."""
+    theta2 = float(w @ w)
+    theta = theta2**0.5
+    if theta < 1e-2:  # the series' next term is theta^4 / 30240: below rounding here
+        return 1 / 12 + theta2 / 720, 1 / 360 + theta2 / 7560
+    sine, cosine = np.sin(theta), np.cos(theta)
+    c = 1 / theta2 - (1 + cosine) / (2 * theta * sine)
+    return c, ((1 + cosine) * (sine + theta) / (2 * theta2 * sine**2) - 2 / theta**3) / theta
 
 
 class AngleSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):
@@ -306,23 +350,39 @@ class Distance(InputStruct, frozen=True, tag_field="kind", tag="distance"):
 
 
 class Rotation(InputStruct, frozen=True, tag_field="kind", tag="rotation"):
-    """Component of a link's rotation vector, along an axis of the world.
+    """Component of a link's rotation vector, along an axis of the world or of a reference.
 
-    The rotation vector has the direction of the axis about which the link is turned from the world's axes, and the
-    length of the angle. Three of them give an orientation; they are singular at half a turn.
+    The rotation vector has the direction of the axis about which the link is turned from the axes of the reference, and
+    the length of the angle. Three of them give an orientation; they are singular at half a turn, so a reference is
+    best turned as the link is wanted: with ``points: {aim: {link: base, at: [...], rpy: [180 deg, 0 deg, 0 deg]}}`` a
+    tool that points down has the rotation vector 0 relative to ``aim``.
 
     Attributes:
         body: The link.
-        about: The axis of the world.
+        about: The axis of the reference.
+        relative_to: The reference, a link or a point; the world where it is left out.
     """
 
     body: str
     about: Literal["x", "y", "z"]
+    relative_to: str = ""
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
-        """Return the coordinate for a model."""
+        """Return the coordinate for a model.
+
+        Raises:
+            InputError: A link does not exist, or the two are one rigid body.
+        """
         with within("body"):
-            return RotationCoordinate(frame_of(model, self.body), "xyz".index(self.about))
+            frame = frame_of(model, self.body)
+        if not self.relative_to:
+            return RotationCoordinate(frame, "xyz".index(self.about))
+        with within("relative_to"):
+            reference = frame_of(model, self.relative_to)
+            if model.frames[frame].parentJoint == model.frames[reference].parentJoint:
+                raise InputError(f"'{self.relative_to}' is on the same body as '{self.body}'",
+                                 expected="a reference from which the body can turn")  # fmt: skip
+        return RotationCoordinate(frame, "xyz".index(self.about), reference)
 
 
 CoordinateDefinition = AngleSum | PointCoordinate | Distance | Rotation

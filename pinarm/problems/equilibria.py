@@ -31,7 +31,7 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import LOADS, bind_constant_loads, schema_row
-from pinarm.problems.prescribed_laws import laws_of
+from pinarm.problems.prescription.prescribed_laws import laws_of
 
 if TYPE_CHECKING:
     from pinarm.mechanics.forces.kinds import Force

@@ -38,7 +38,7 @@ from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
 from pinarm.problems.joint_values import check_levels, check_rates, followers_of, rates_of_coordinates
 from pinarm.problems.loads import LOADS, bind_loads, schema_row
-from pinarm.problems.prescribed_laws import laws_of
+from pinarm.problems.prescription.prescribed_laws import laws_of
 from pinarm.problems.time_grid import TimeGrid
 
 if TYPE_CHECKING:

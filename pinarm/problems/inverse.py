@@ -10,8 +10,7 @@ from msgspec.structs import replace as replace_fields
 
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import with_friction_columns
-from pinarm.engine.kinematics.newton import start_configuration
-from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.kinematics.joint_motion import JointMotion
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.prescribed_motion import Prescription
 from pinarm.engine.motion.trajectory import Trajectory
@@ -28,7 +27,8 @@ from pinarm.problems.actuation.effort_sharing import Share, drives_of
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import LOADS, bind_loads, schema_row
-from pinarm.problems.prescribed_laws import laws_of
+from pinarm.problems.prescription.prescribed_laws import laws_of
+from pinarm.problems.prescription.resolution import NearestPosture, joint_motion, rough_start
 from pinarm.problems.time_grid import TimeGrid
 
 if TYPE_CHECKING:
@@ -37,16 +37,20 @@ if TYPE_CHECKING:
 else:  # imported where a file has loads, see LOADS
     Force = Any
 
-Prepared = tuple[PrescribedCoordinates, Actuation, dict[str, ForceElement]]
-"""The prescribed coordinates, the drives and the forces."""
+Prepared = tuple[JointMotion, Actuation, dict[str, ForceElement]]
+"""How the joints follow the laws, the drives and the forces."""
 
 
 class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
     """Efforts for a motion that laws impose on as many coordinates as the mechanism has degrees of freedom.
 
+    On fewer where ``resolve`` chooses the rest.
+
     Attributes:
         time: Instants of the table.
         motion: Coordinate -> law over time, or over another one of these coordinates.
+        resolve: Which of its motions a mechanism makes that has more degrees of freedom than laws, such as an arm of
+            seven joints whose hand follows a path: the one nearest to a posture.
         drives: Coordinates that the drives act along, as many as there are degrees of freedom, or more that ``share``;
             every joint of an open chain where none is named, and the coordinates of ``motion`` where there are loops.
         share: How drives share the load where there are more of them than degrees of freedom: ``least_squares`` (the
@@ -61,6 +65,7 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
     deferred: ClassVar[Deferred] = LOADS
     time: TimeGrid
     motion: Annotated[dict[str, Motion], msgspec.Meta(min_length=1)]
+    resolve: NearestPosture | None = None
     drives: list[str] = []
     share: Share | None = None
     start: dict[str, Level] = {}
@@ -72,8 +77,11 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
         return with_friction_columns(schema_row(mechanism, self.start, self.loads, "t", unit("s"), drives), drives)
 
     def declaration(self) -> Declaration | None:
-        """Return what the problem says about coordinates; nothing where drives share: each effort depends on all."""
-        if self.share is not None:
+        """Return what the problem says about coordinates.
+
+        Nothing where drives share, or a posture chooses: each effort, or each joint, depends on all.
+        """
+        if self.share is not None or self.resolve is not None:
             return None
         return Declaration(
             self._without, laws=self.motion, span=(self.time.start, self.time.end), drives=self.drives, loads=self.loads
@@ -91,18 +99,15 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
         check_levels(mechanism, self.start, place, "start")
         forces = bind_loads(mechanism, self.loads, place)
         drives = drives_of(mechanism, self.drives, list(self.motion), self.share, place)
-        with place("motion"):
-            return PrescribedCoordinates.of(mechanism, motion), drives, forces
+        return joint_motion(mechanism, motion, self.resolve, place), drives, forces
 
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
     ) -> Outcome:
         """Return the motion of the joints and the efforts of the drives."""
-        prescribed, drives, forces = prepared or self.prepare(mechanism, accuracy, place)
-        laws = [*prescribed.laws, *(law for force in forces.values() for law in force.laws())]
+        motion, drives, forces = prepared or self.prepare(mechanism, accuracy, place)
+        laws = [*motion.laws, *(law for force in forces.values() for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"), locating_drives(place, "drives" if self.drives else "motion"):
-            prescription = Prescription(
-                mechanism, prescribed, drives, Dynamics.of(mechanism.model, forces), "t", unit("s")
-            )
-            return prescription.outcome(grid, start_configuration(mechanism, self.start))
+            prescription = Prescription(mechanism, motion, drives, Dynamics.of(mechanism.model, forces), "t", unit("s"))
+            return prescription.outcome(grid, rough_start(mechanism, self.start, self.resolve))

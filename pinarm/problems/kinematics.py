@@ -10,8 +10,7 @@ import msgspec
 from msgspec.structs import replace as replace_fields
 
 from pinarm.engine.kinematics.closed_configurations import generic_near
-from pinarm.engine.kinematics.newton import start_configuration
-from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.kinematics.joint_motion import JointMotion
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.prescribed_motion import KINEMATIC, Prescription
 from pinarm.engine.motion.trajectory import Trajectory
@@ -23,7 +22,8 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.joint_values import check_levels
-from pinarm.problems.prescribed_laws import laws_of
+from pinarm.problems.prescription.prescribed_laws import laws_of
+from pinarm.problems.prescription.resolution import NearestPosture, joint_motion, rough_start
 from pinarm.problems.time_grid import TimeGrid
 
 if TYPE_CHECKING:
@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 
 
 class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematics"):
-    """Motion under laws on as many coordinates as the mechanism has degrees of freedom; masses play no part.
+    """Motion under laws on as many coordinates as the mechanism has degrees of freedom, or on fewer and a posture.
+
+    Masses play no part.
 
     With the prescribed coordinates w: ``w(q) = w_d(t)``, ``J v = w_d'`` and ``J a = w_d'' - J' v``. Models without any
     mass will do. Singular positions, where J loses rank, are refused.
@@ -39,12 +41,15 @@ class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematic
     Attributes:
         time: Instants of the table.
         motion: Coordinate of a joint or of a task -> law over time, or over another one of these coordinates.
+        resolve: Which of its motions a mechanism makes that has more degrees of freedom than laws, such as an arm of
+            seven joints whose hand follows a path: the one nearest to a posture.
         start: Rough joint coordinates at the first instant: they choose the branch where there are several.
     """
 
     kind: ClassVar[str] = "kinematics"
     time: TimeGrid
     motion: Annotated[dict[str, Motion], msgspec.Meta(min_length=1)]
+    resolve: NearestPosture | None = None
     start: dict[str, Level] = {}
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
@@ -52,27 +57,28 @@ class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematic
         q = generic_near(mechanism, self.start)
         return replace(Trajectory.schema_row(mechanism, q, "t", unit("s")), no_efforts=KINEMATIC)
 
-    def declaration(self) -> Declaration:
-        """Return what the problem says about coordinates."""
+    def declaration(self) -> Declaration | None:
+        """Return what the problem says about coordinates; nothing where a posture chooses: joints depend on all."""
+        if self.resolve is not None:
+            return None
         return Declaration(self._without, laws=self.motion, span=(self.time.start, self.time.end), massless=True)
 
     def _without(self, names: Collection[str]) -> KinematicMotion:
         return replace_fields(self, motion=others(self.motion, names), start=others(self.start, names))
 
-    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> PrescribedCoordinates:
-        """Check all names and units; return the prescribed coordinates."""
+    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> JointMotion:
+        """Check all names and units; return how the joints follow the laws."""
         motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         check_levels(mechanism, self.start, place, "start")
-        with place("motion"):
-            return PrescribedCoordinates.of(mechanism, motion)
+        return joint_motion(mechanism, motion, self.resolve, place)
 
     def solve(
-        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PrescribedCoordinates | None = None
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: JointMotion | None = None
     ) -> Outcome:
         """Return the motion of the joints."""
-        prescribed = prepared or self.prepare(mechanism, accuracy, place)
-        laws = [*prescribed.laws, *(law for force in mechanism.forces.values() for law in force.laws())]
+        motion = prepared or self.prepare(mechanism, accuracy, place)
+        laws = [*motion.laws, *(law for force in mechanism.forces.values() for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"):
-            prescription = Prescription(mechanism, prescribed, None, mechanism.dynamics, "t", unit("s"))
-            return prescription.outcome(grid, start_configuration(mechanism, self.start))
+            prescription = Prescription(mechanism, motion, None, mechanism.dynamics, "t", unit("s"))
+            return prescription.outcome(grid, rough_start(mechanism, self.start, self.resolve))

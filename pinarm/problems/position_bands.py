@@ -13,6 +13,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.friction.columns import BANDS
+from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.prescribed_motion import Prescription
 from pinarm.engine.motion.trajectory import ROW, Trajectory
@@ -74,7 +75,9 @@ class FrictionHold:
         row = Trajectory.schema_row(mechanism, q, ROW, unit("1"), drives.closure)
         row = replace(row, dynamics=self.balance.dynamics, separate=True)
         nothing = PrescribedCoordinates((), (), ())
-        solved = Prescription(mechanism, nothing, drives, row.dynamics, ROW, row.unit).solved(row, None)
+        solved = Prescription(
+            mechanism, DeterminedMotion(mechanism, nothing), drives, row.dynamics, ROW, row.unit
+        ).solved(row, None)
         lower, upper = (float(solved.columns[f"joint.{joint}.effort.{part}"].values[0]) for part in BANDS)
         return min(-lower, upper)
 

@@ -12,6 +12,7 @@ from msgspec.structs import replace as replace_fields
 
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import with_friction_columns
+from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
@@ -31,7 +32,7 @@ from pinarm.problems.actuation.effort_sharing import Share, drives_of
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import LOADS, bind_constant_loads, schema_row
-from pinarm.problems.prescribed_laws import laws_of
+from pinarm.problems.prescription.prescribed_laws import laws_of
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.outcome import Outcome
@@ -210,7 +211,9 @@ def _prescription(
     over: Mapping[str, Range], rates: Rates,
 ) -> Prescription:  # fmt: skip
     dynamics = Dynamics.of(mechanism.model, forces)
-    return Prescription(mechanism, prescribed, drives, dynamics, *_parameter(over, mechanism), rates)
+    return Prescription(
+        mechanism, DeterminedMotion(mechanism, prescribed), drives, dynamics, *_parameter(over, mechanism), rates
+    )
 
 
 def _parameter(over: Mapping[str, Range], mechanism: Mechanism) -> tuple[str, Unit]:

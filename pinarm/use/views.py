@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     import meshcat
 
     from pinarm.use.result.result import Result
-    from pinarm.use.show.plot import Picture
+    from pinarm.use.show.figure import Picture
+    from pinarm.use.show.plot import PictureFormat
     from pinarm.use.show.replay.page import Replay
 
 MOST_PLOTS = 8
@@ -27,23 +28,27 @@ FRAME_HEIGHT = 400
 
 def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) -> Picture:
     """Return a figure with one axis per quantity; see ``Result.plot``."""
-    from pinarm.use.show import plot
+    from pinarm.use.show.figure import figure
+    from pinarm.use.show.plot import plot
 
-    return plot.plot(result, names, against=against)
+    return figure(plot(result, names, against=against))
 
 
 def sketch(result: Result) -> Picture:
     """Return a drawing of the mechanism at the start and the end of the run."""
-    from pinarm.use.show import sketch
+    from pinarm.use.show.figure import figure
+    from pinarm.use.show.sketch import sketch
 
-    return sketch.sketch(result)
+    return figure(sketch(result))
 
 
-def replay(result: Result, traces: Sequence[str], arrows: Sequence[str], plots: Sequence[str] | None) -> Replay:
+def replay(
+    result: Result, traces: Sequence[str], arrows: Sequence[str], plots: Sequence[str] | None, named: bool
+) -> Replay:
     """Return the moving picture of the run; see ``Result.replay``."""
     from pinarm.use.show.replay import page
 
-    return page.replay_page(result, traces=traces, arrows=arrows, plots=plots)
+    return page.replay_page(result, traces=traces, arrows=arrows, plots=plots, named=named)
 
 
 def show(result: Result, visualizer: Any, name: str) -> meshcat.Visualizer:
@@ -53,11 +58,11 @@ def show(result: Result, visualizer: Any, name: str) -> meshcat.Visualizer:
     return live.show(result, visualizer, name=name)
 
 
-def save(result: Result, folder: Path, *, plots: bool) -> Path:
+def save(result: Result, folder: Path, *, plots: PictureFormat | bool, dpi: int) -> Path:
     """Write the result as a folder; return the folder."""
     from pinarm.use.store import save
 
-    return save.save(result, folder, plots=plots)
+    return save.save(result, folder, plots=plots, dpi=dpi)
 
 
 def html(result: Result) -> str:
@@ -68,7 +73,7 @@ def html(result: Result) -> str:
 
     outputs = list(dict.fromkeys(result.content.outputs))
     parts = [heading(result.content.title or result.name), table(ranges(result)), lines(remarks(result))]
-    parts += [section_html(section) for section in result.sections.values()]
+    parts += [section_html(section, result.presentation) for section in result.sections.values()]
     if len(result) > 1:
         parts.append(side_by_side(picture(result.plot(*outputs[:MOST_PLOTS])), picture(result.sketch())))
     try:

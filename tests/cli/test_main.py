@@ -91,8 +91,19 @@ def test_run_writes_a_result_and_says_where(here: Path, capsys: pytest.CaptureFi
 def test_run_elsewhere_without_plots(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "a.yaml", "-o", "there/deep", "--no-plots"]) == 0
     assert (here / "there/deep/trajectory.csv").is_file()
-    assert not list(here.rglob("*.png"))
+    assert not list(here.rglob("*.svg"))
     assert not (here / "results").exists()
+
+
+def test_run_writes_plots_in_the_format_that_is_asked_for(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from PIL import Image
+
+    assert main(["run", "a.yaml", "-o", "out", "--plots", "png", "--dpi", "50"]) == 0
+    with Image.open(here / "out/plots/M.png") as picture:
+        assert picture.size[0] == 350
+    with pytest.raises(SystemExit, match="2"):
+        main(["run", "a.yaml", "--dpi", "0"])
+    assert "'0' is no resolution: expected a whole number from 20 to 1200" in capsys.readouterr().err
 
 
 def test_run_json(capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,8 +10,10 @@ from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.coordinates import AngleSum, Distance, PointCoordinate, Rotation, coordinates_of
 from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import AXES, frame_of, joints_of, unit_vector
 from pinarm.mechanics.loading.pinocchio_model import build_model
+from pinarm.mechanics.points import PointDefinition, with_points
 
 ARM = (
     {"name": "turn", "axis": "0 0 1"},
@@ -48,6 +50,7 @@ DEFINITIONS = {
     "reach": Distance(between=("base", "tip_link")),
     "reach of the tilting link": Distance(between=("tip_link", "slide_link")),
     **{f"rotation about {axis}": Rotation(body="tip_link", about=axis) for axis in "xyz"},
+    **{f"rotation about {x} of a link": Rotation(body="tip_link", about=x, relative_to="turn_link") for x in "xyz"},
 }
 TIP_AT_REST = np.array([0.6, 0.3, 0.8])
 """Sum of the placements of the joints."""
@@ -179,6 +182,15 @@ class TestRotation:
         assert found[1] == pytest.approx(dw, abs=1e-13 * near**2)
         assert found[2] == pytest.approx(ddw, abs=1e-12 * near**3)
 
+    @pytest.mark.parametrize("angle", [1e-5, 1e-4, 1e-3, 9e-3, 0.011, 0.1, 1.0])
+    def test_the_row_has_no_more_than_rounding_at_small_angles(self, ball, angle):
+        """The inverse of the series of the right Jacobian of exp, ``sum (-W)^k / (k + 1)!``."""
+        skew = pin.skew(angle * self.axis)
+        terms = [np.linalg.matrix_power(-skew, k) / math.factorial(k + 1) for k in range(20)]
+        q = pin.Quaternion(pin.exp3(angle * self.axis)).coeffs()
+        rows = [Rotation(body="body", about=x).bind(ball, {}).row(Kinematics.at(ball, q)) for x in "xyz"]
+        assert np.array(rows) == pytest.approx(np.linalg.inv(sum(terms)), abs=1e-15)
+
     def test_a_rotation_about_its_own_axis_is_an_angle(self, model):
         coordinate = DEFINITIONS["rotation about y"].bind(model, joints_of(model))
         q, v, a = (np.array([0.0, 0.0, x, 0.0]) for x in (0.7, -1.3, 2.1))
@@ -234,6 +246,8 @@ def test_places_differ_where_another_joint_has_more_numbers_in_q_than_in_v():
         (Distance(between=("tap_link", "base")), "no link 'tap_link'"),
         (Distance(between=("base", "tap_link")), "no link 'tap_link'"),
         (Rotation(body="tap_link", about="x"), "no link 'tap_link'"),
+        (Rotation(body="tip_link", about="x", relative_to="tap_link"), "no link 'tap_link'"),
+        (Rotation(body="tip_link", about="x", relative_to="roll_link"), "on the same body"),
     ],
 )
 def test_impossible_coordinates_are_refused(model, definition, message):
@@ -266,3 +280,26 @@ def test_the_message_suggests_the_name_that_was_meant(model):
 def test_a_coordinate_cannot_take_the_name_of_a_joint(model):
     with pytest.raises(InputError, match="has the name of a joint"):
         coordinates_of(model, joints_of(model), {"turn": DEFINITIONS["sum"]})
+
+
+@pytest.mark.parametrize("name", [name for name in DEFINITIONS if name not in ("sum", "length")])
+def test_the_wrenches_of_an_effort_have_its_power(model, name):
+    """Through Pinocchio's Jacobians of the bodies: ``sum J_i^T wrench_i = effort row``."""
+    coordinate = DEFINITIONS[name].bind(model, joints_of(model))
+    q, *_ = motion(0.4, model.nv)
+    wrenches = coordinate.wrenches(LinkPlacements.at(model, q[None]), np.array([2.0]))
+    data = model.createData()
+    pin.computeJointJacobians(model, data, q)
+    loads = sum(pin.getJointJacobian(model, data, joint, pin.WORLD).T @ wrenches[joint][0] for joint in wrenches)
+    assert loads == pytest.approx(2.0 * coordinate.row(Kinematics.at(model, q)), abs=1e-14)
+
+
+def test_a_tool_turned_over_with_its_reference_is_not_turned(chain):
+    """Half a turn from the world, where its rotation vector is singular, is nothing relative to a point turned so."""
+    joints = ({"name": "lift", "kind": "prismatic"}, {"name": "flip", "axis": "1 0 0"})
+    plain = build_model(chain(*joints)).model
+    over = PointDefinition(link="base", at=(0.0, 0.0, 0.0), rpy=(np.pi, 0.0, 0.0))
+    model = with_points(plain, [("over", over)])
+    coordinate = Rotation(body="flip_link", about="x", relative_to="over").bind(model, joints_of(model))
+    state = evaluate(coordinate, model, np.array([0.3, np.pi + 0.2]), np.array([1.0, -0.7]), np.array([0.0, 2.0]))
+    assert state == pytest.approx((0.2, -0.7, 2.0), abs=1e-15)

@@ -16,6 +16,7 @@ from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.actuation.effort_sharing import EffortSharing, Share
 from pinarm.problems.events import EndStop, Event
 from pinarm.problems.forward import InitialState
+from pinarm.problems.prescription.resolution import NearestPosture
 from pinarm.problems.states import Range
 from pinarm.problems.time_grid import TimeGrid
 
@@ -35,6 +36,8 @@ def value_of(field: Any, *names: str) -> Any:
         return NO_NAMES[field]
     if field == Share | None:
         return EffortSharing(weights=dict.fromkeys(names, 1.0))
+    if field == NearestPosture | None:
+        return NearestPosture(nearest_to=dict.fromkeys(names, 0.5))
     arguments = get_args(field)
     assert arguments, f"{field}: say in this test what such a field holds"
     if field == list[str]:
@@ -68,7 +71,10 @@ def naming(kind: str, name: str) -> Any:
 
 FIELDS = [(kind, name) for kind in KINDS for name in fields_of(kind)]
 DECLARED = [(kind, name) for kind, name in FIELDS if kind not in ("equilibria", "recorded")]
-SEPARATE = [(kind, name) for kind, name in DECLARED if name != "share"]
+UNDECLARED = ("share", "resolve")
+"""Fields with which a problem says nothing: every effort, or every joint, depends on all others."""
+
+SEPARATE = [(kind, name) for kind, name in DECLARED if name not in UNDECLARED]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -80,10 +86,10 @@ def test_every_kind_is_a_problem(kind: str) -> None:
 
 @pytest.mark.parametrize(("kind", "name"), DECLARED)
 def test_what_is_said_of_a_removed_coordinate_is_left_out(kind: str, name: str) -> None:
-    """Of what is swept or watched nothing is: its coordinate is never removed. Where drives share none is."""
+    """Of what is swept or watched nothing is: its coordinate is never removed. Where all depend on all, none is."""
     problem = naming(kind, name)
     declared = problem.declaration()
-    assert (declared is None) == (name == "share")
+    assert (declared is None) == (name in UNDECLARED)
     if declared is None:
         return
     if {"joint"} & {*declared.moved, *declared.watched} or name == "end_stops":

@@ -8,14 +8,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
+from pinarm.engine.checks.figures import relative
 from pinarm.engine.checks.sample import SAMPLE, sampled
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.link_tree import LinkTree
+from pinarm.mechanics.geometry.model_variants import Model
 from pinarm.mechanics.geometry.vectors import crossed
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ table: there the dense output errs more than at their ends. Nodes of the quadrat
 step: degree 7, the order of the dense output."""
 
 
-def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, float]:
+def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, Array]:
     """Return the largest violation of d'Alembert's principle, and of the balance of power, relative to their terms.
 
     For every unit velocity e_k the virtual power of the efforts and loads must equal that of the bodies' momentum
@@ -58,6 +59,7 @@ def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, float
         a position in which every moment vanishes has terms to compare with. Powers count with what every link's
         wrenches could do at its speed, ``|f| |v| + |n| |omega|``: in a steady precession, which exchanges no power,
         they are at right angles, and their joints' powers are rounding. Nothing where no efforts were asked for.
+        Shape (), or (k,) of variants.
     """
     if trajectory.no_efforts:
         return {}
@@ -67,8 +69,11 @@ def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, float
     parts = [_virtual_powers(trajectory, loads, rows[k : k + SAMPLE]) for k in range(0, len(rows), SAMPLE)]
     residuals, terms, most_powers = (np.concatenate(each) for each in zip(*parts, strict=True))
     v = trajectory.v[rows]
-    powers, scale = (residuals * v).sum(axis=1), (terms * np.abs(v)).sum(axis=1) + most_powers
-    return {"equilibrium": _relative(residuals, terms), "power": _relative(powers, scale)}
+    powers, scale = (residuals * v).sum(axis=-1), (terms * np.abs(v)).sum(axis=-1) + most_powers
+    return {
+        "equilibrium": relative(np.abs(residuals).max(axis=-1, initial=0.0), terms.max(axis=-1, initial=0.0)),
+        "power": relative(np.abs(powers), scale),
+    }
 
 
 def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array, Array, Array]:
@@ -89,8 +94,8 @@ def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array
     wrenches = demands(model, links, twists, rates)
     asked = np.where(moved, links.at_world(wrenches) @ columns, 0.0)  # part by part and link by link
     supplied = run.tau[rows] + loads[rows] + run.friction_loads[rows] + held - model.armature * run.a[rows]
-    terms = np.abs(supplied) + np.abs(held) + np.abs(asked).sum(axis=(0, 2)) + _weights(links, columns, moved)
-    return supplied - asked.sum(axis=(0, 2)), terms, _most_powers(wrenches, twists)
+    terms = np.abs(supplied) + np.abs(held) + np.abs(asked).sum(axis=(0, -2)) + _weights(links, columns, moved)
+    return supplied - asked.sum(axis=(0, -2)), terms, _most_powers(wrenches, twists)
 
 
 def _most_powers(wrenches: Array, twists: Array) -> Array:
@@ -101,20 +106,20 @@ def _most_powers(wrenches: Array, twists: Array) -> Array:
         twists: V, in the same frames, shape (n, njoints, 6).
     """
     sizes, speeds = (np.linalg.norm(x.reshape(*x.shape[:-1], 2, 3), axis=-1) for x in (wrenches, twists))
-    return np.asarray((sizes.sum(axis=0) * speeds).sum(axis=(1, 2)))
+    return np.asarray((sizes.sum(axis=0) * speeds).sum(axis=(-2, -1)))
 
 
 def _weights(links: LinkPlacements, columns: Array, moved: Flags) -> Array:
     """Return the most that weights can do: m g times the paths of mass centres when one joint moves, shape (n, nv)."""
     tree = LinkTree.of(links.model)
     centres = links.places + np.matvec(links.turns, tree.levers)
-    linear, angular = columns[:, None, :3].swapaxes(2, 3), columns[:, None, 3:].swapaxes(2, 3)
-    paths = linear + crossed(angular, centres[:, :, None])
-    lengths = np.where(moved, np.sqrt((paths * paths).sum(axis=3)), 0.0)
-    return np.asarray(tree.masses @ lengths * np.linalg.norm(links.model.gravity.linear))
+    linear, angular = (part.swapaxes(-2, -1)[..., None, :, :] for part in (columns[..., :3, :], columns[..., 3:, :]))
+    paths = linear + crossed(angular, centres[..., None, :])
+    lengths = np.where(moved, np.sqrt((paths * paths).sum(axis=-1)), 0.0)
+    return np.asarray(np.vecmat(tree.masses, lengths) * np.linalg.norm(links.model.gravity.linear))
 
 
-def demands(model: pin.Model, links: LinkPlacements, twists: Array, rates: Array) -> Array:
+def demands(model: Model, links: LinkPlacements, twists: Array, rates: Array) -> Array:
     """Return what the motion of every link demands, by Newton's and Euler's equations, in the link's own frame.
 
     Args:
@@ -127,8 +132,8 @@ def demands(model: pin.Model, links: LinkPlacements, twists: Array, rates: Array
         ``I V'``, ``V x* I V`` and the wrench against its weight, shape (3, n, njoints, 6).
     """
     mass = LinkTree.of(model).inertias
-    found = np.empty((3, *twists.shape))
-    momenta, upwards = np.matvec(mass, twists), np.zeros_like(twists)
+    momenta, upwards = np.matvec(mass, twists), np.zeros((*links.turns.shape[:-2], 6))
+    found = np.empty((3, *np.broadcast_shapes(momenta.shape, rates.shape)))
     v, omega, p, h = twists[..., :3], twists[..., 3:], momenta[..., :3], momenta[..., 3:]
     upwards[..., :3] = np.vecmat(-model.gravity.linear, links.turns)
     found[0], found[2] = np.matvec(mass, rates), np.matvec(mass, upwards)
@@ -227,8 +232,3 @@ def energy_balance(*accounts: EnergyAccount) -> dict[str, float]:
     exchanged = max(*(float(np.ptp(column)) for column in columns), float(np.abs(columns[0]).max()))
     rounding = ROUNDING * max(float(np.abs(column).max()) for column in columns)
     return {"energy": max(largest - rounding, 0.0) / exchanged if exchanged else 0.0}
-
-
-def _relative(residuals: Array, terms: Array) -> float:
-    largest = float(terms.max(initial=0.0))
-    return float(np.abs(residuals).max(initial=0.0) / largest) if largest else 0.0

@@ -6,22 +6,24 @@ A fixed, even choice of rows is looked at, so that the cost of large tables stay
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pinarm.arrays import Array, Indices
+from pinarm.engine.checks.figures import relative
 from pinarm.engine.checks.sample import SAMPLE, sampled
 from pinarm.engine.checks.singularity import nearest_singularity
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import MASSLESS, NOTHING
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.mechanics.geometry.link_tree import LinkTree
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.outcome import SolvedMotion
 
 
-def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: int = SAMPLE) -> dict[str, float]:
+def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: int = SAMPLE) -> dict[str, Any]:
     """Return what the rows of a run are worth.
 
     Args:
@@ -38,12 +40,13 @@ def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: 
         ``return trip``: largest difference of the accelerations that the efforts give by forward dynamics to those of
         the table, relative to the largest acceleration that efforts and loads would give if none of them cancelled;
         weights count with the most that they can do, ``g sqrt(m M_kk)`` for the mass m of all bodies (Cauchy-Schwarz).
+        The last two are arrays, of variants of shape (k,), NaN where M is singular.
     """
     if run.no_efforts and not run.mechanism.closure.size:
         return {}
     rows = sampled(len(run), most)
     found = _Looked.at(run, rows)
-    figures: dict[str, float] = {}
+    figures: dict[str, Any] = {}
     if run.mechanism.closure.size:
         gaps = found.gaps.max(axis=0).tolist()
         figures.update(zip(("closure", "closure rate", "closure acceleration"), gaps, strict=True))
@@ -54,11 +57,12 @@ def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: 
     if run.no_efforts:
         return figures
     alike = found.of_one_freedom(run)
-    condition = max(measure.condition for measure in alike)
-    if not np.isfinite(condition):
+    condition = np.max([measure.condition for measure in alike], axis=0)
+    if not np.isfinite(condition).all():
         return figures
-    error, size = (max(figure) for figure in zip(*(measure.return_trip(run) for measure in alike), strict=True))
-    return figures | {"condition": condition, "return trip": error / size if size else 0.0}
+    trips = [measure.return_trip(run) for measure in alike]
+    error, size = (np.array(each) for each in zip(*trips, strict=True))
+    return figures | {"condition": condition, "return trip": relative(error, size)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,17 +88,17 @@ class _Looked:
         """Return what belongs to rows of a run."""
         closure, m, q, v = run.closure, run.mechanism.closure.size, run.q[rows], run.v[rows]
         (gap, matrices), drift = closure.at(q), closure.drifts(q, v)
-        own, guided = matrices[:, :m], np.einsum("nij,ni->nj", matrices[:, m:], run.lam.along[rows])
-        rates = (np.einsum("nij,nj->ni", own, one[rows]) for one in (run.v, run.a))
-        parts = gap[:, :m], next(rates), next(rates) + drift[:, :m]
-        gaps = np.stack([np.abs(part).max(axis=1, initial=0.0) for part in parts], axis=1)
-        return cls(rows, gaps, own, -drift[:, :m], guided)
+        own, guided = matrices[..., :m, :], np.vecmat(run.lam.along[rows], matrices[..., m:, :])
+        rates = (np.matvec(own, one[rows]) for one in (run.v, run.a))
+        parts = gap[..., :m], next(rates), next(rates) + drift[..., :m]
+        gaps = np.stack([np.abs(part).max(axis=-1, initial=0.0) for part in parts], axis=1)
+        return cls(rows, gaps, own, -drift[..., :m], guided)
 
     def of_one_freedom(self, run: Trajectory) -> list[_Alike]:
         """Return those with as many free motions together: at singular positions there are more."""
         mass, found = run.dynamics.mass_matrices(run.q[self.rows]), []
         for some, split in run.mechanism.closure.splits(run.q[self.rows], self.own).parts:
-            free_mass = split.free.swapaxes(1, 2) @ mass[some] @ split.free
+            free_mass = split.free.swapaxes(-2, -1) @ mass[some] @ split.free
             particular = split.particular(self.right[some])
             found.append(_Alike(self.rows[some], split.free, mass[some], free_mass, particular, self.guided[some]))
         return found
@@ -121,21 +125,22 @@ class _Alike:
     guided: Array
 
     @property
-    def condition(self) -> float:
+    def condition(self) -> Array:
         """Return the largest condition number of T^T M T scaled to a diagonal of ones; infinite if one is singular.
 
         A motion may move no mass at some positions only, such as a light crank at the dead centre of its slider.
+        Shape (), or (k,) of variants.
         """
-        if not self.free_mass.shape[1]:
-            return 1.0
-        square = np.maximum(np.einsum("nii->ni", self.free_mass), 0.0)
-        if (square <= NOTHING * square.max()).any():
-            return np.inf
-        size = np.sqrt(square)
-        values = np.linalg.eigvalsh(self.free_mass / (size[:, :, None] * size[:, None]))
-        return float((values[:, -1] / values[:, 0]).max()) if values[:, 0].min() > MASSLESS else np.inf
+        if not self.free_mass.shape[-1]:
+            return np.ones(self.free_mass.shape[1:-2])
+        square = np.maximum(np.diagonal(self.free_mass, axis1=-2, axis2=-1), 0.0)
+        idle = (square <= NOTHING * square.max(axis=(0, -1), keepdims=True)).any(axis=(0, -1))
+        size = np.sqrt(np.where(idle[..., None], 1.0, square))
+        values = np.linalg.eigvalsh(self.free_mass / (size[..., :, None] * size[..., None, :]))
+        idle |= ~(values[..., 0].min(axis=0) > MASSLESS)
+        return np.where(idle, np.inf, (values[..., -1] / np.where(idle, 1.0, values[..., 0])).max(axis=0))
 
-    def return_trip(self, run: Trajectory) -> tuple[float, float]:
+    def return_trip(self, run: Trajectory) -> tuple[Array, Array]:
         """Return the largest difference of accelerations, and the largest one that efforts and loads could give."""
         model, free, rows = run.mechanism.model, self.free, self.rows
         still = np.zeros_like(run.a)
@@ -145,11 +150,15 @@ class _Alike:
             return dynamics.inverse(run.grid.t[here], run.q[here], run.v[here], still[here])
 
         resisting, supplied = run.gather(resistance), run.tau[rows] + run.friction_loads[rows] + self.guided
-        pull = run.mechanism.gravity * sum(inertia.mass for inertia in model.inertias) ** 0.5
-        weights = pull * np.sqrt(np.maximum(np.einsum("nii->ni", self.mass), 0.0))
-        moving = supplied - resisting - np.einsum("nij,nj->ni", self.mass, self.particular)
+        pull = run.mechanism.gravity * np.sqrt(LinkTree.of(model).masses.sum(axis=-1))
+        weights = pull[..., None] * np.sqrt(np.maximum(np.diagonal(self.mass, axis1=-2, axis2=-1), 0.0))
+        moving = supplied - resisting - np.matvec(self.mass, self.particular)
         most = np.abs(supplied) + np.abs(resisting) + weights
-        loads = np.stack([np.einsum("nvf,nv->nf", free, moving), np.einsum("nvf,nv->nf", np.abs(free), most)], axis=2)
-        back, given = np.moveaxis(free @ np.linalg.solve(self.free_mass, loads), 2, 0)
-        error = np.abs(self.particular + back - run.a[rows]).max(initial=0.0)
-        return float(error), float(max(np.abs(run.a[rows]).max(initial=0.0), np.abs(given).max(initial=0.0)))
+        loads = np.stack([np.vecmat(moving, free), np.vecmat(most, np.abs(free))], axis=-1)
+        back, given = np.moveaxis(free @ np.linalg.solve(self.free_mass, loads), -1, 0)
+        return _largest(self.particular + back - run.a[rows]), np.maximum(_largest(run.a[rows]), _largest(given))
+
+
+def _largest(x: Array) -> Array:
+    """Return the largest size in all rows and velocities, shape (n, .., nv) to (..)."""
+    return np.asarray(np.abs(x).max(axis=(0, -1), initial=0.0))

@@ -164,7 +164,8 @@ class Closure:
         """
         if measured := self._measured(q):
             return measured.arrays
-        gaps, rows = np.empty((len(q), self.size)), np.empty((len(q), self.size, self.model.nv))
+        states = q.shape[:-1]
+        gaps, rows = np.empty((*states, self.size)), np.empty((*states, self.size, self.model.nv))
         for k, one in enumerate(q if self.size else ()):
             state = self.state(one)
             gaps[k], rows[k] = self.gap(state), self.rows(state)
@@ -196,7 +197,7 @@ class Closure:
         """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""
         if measured := self._measured(q):
             return measured.rows.drifts(v.T, self.size)
-        found = np.empty((len(q), self.size))
+        found = np.empty((*q.shape[:-1], self.size))
         for k, one in enumerate(q if self.size else ()):
             found[k] = self.drift(self.state(one, v[k]))
         return found
@@ -244,7 +245,7 @@ class Closure:
             q: Configurations, shape (n, nq).
             lam: Multipliers, shape (n, m).
         """
-        total, moved = np.zeros((len(lam), self.model.nv)), LinkTree.of(self.model).supports
+        total, moved = np.zeros((*q.shape[:-1], self.model.nv)), LinkTree.of(self.model).supports
         for constraint, part in zip(self.constraints, self.slices().values(), strict=True):
             wrenches = constraint.wrenches(links, lam[:, part])
             for joint, wrench in wrenches.items():

@@ -116,10 +116,11 @@ class RowDecompositions:
 
 def _alike(rows: Array, reach: Array | float) -> list[tuple[Indices, RowDecomposition]]:
     """Return the parts of G at configurations, shape (n, m, nv), those with the same rank together."""
-    n, m, nv = rows.shape
+    *states, m, nv = rows.shape
     if not m:
-        nothing = np.ones((n, 0)), np.zeros((n, 0, 0)), np.zeros((n, 0)), np.zeros((n, 0, nv))
-        return [(np.arange(n), RowDecomposition(*nothing, np.broadcast_to(np.eye(nv), (n, nv, nv)), rows))]
+        nothing = (np.ones((*states, 0)), np.zeros((*states, 0, 0)), np.zeros((*states, 0)), np.zeros((*states, 0, nv)))
+        free = np.broadcast_to(np.eye(nv), (*states, nv, nv))
+        return [(np.arange(len(rows)), RowDecomposition(*nothing, free, rows))]
     length = np.sqrt((rows * rows).sum(axis=2))
     counts = length > VANISHED * reach
     scale = 1.0 / np.where(counts, length, 1.0)

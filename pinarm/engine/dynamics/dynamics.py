@@ -16,12 +16,13 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, as_rows, same_rows
-from pinarm.engine.dynamics.mass_matrix import mass_matrices
 from pinarm.engine.dynamics.parallel import Parallel
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
+from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, VariantsDiffer
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
+    from pinarm.engine.dynamics.side_by_side import SideBySide
     from pinarm.engine.integration.integrator import Acceleration, Accelerations, Energy, Manifold
 
 NO_FORCES: Mapping[str, ForceElement] = MappingProxyType({})
@@ -35,12 +36,13 @@ class Dynamics:
     """The terms of the equation of motion of one tree, and the buffers of the integrators' kernels.
 
     Attributes:
-        model: Pinocchio's model; gravity and the rotors' armature are in it.
+        model: Pinocchio's model; gravity and the rotors' armature are in it. Or variants of one: states are then of
+            shape (n, k, ..), see ``link_tree``.
         forces: Force elements, by name.
         data: Pinocchio's buffers; every call fills them and reads them, and leaves nothing in them for another.
     """
 
-    model: pin.Model
+    model: Model
     forces: Mapping[str, ForceElement]
     data: pin.Data = field(repr=False)
 
@@ -48,6 +50,20 @@ class Dynamics:
     def of(cls, model: pin.Model, forces: Mapping[str, ForceElement] = NO_FORCES) -> Dynamics:
         """Return the dynamics of a model under the given forces."""
         return cls(model, dict(forces), model.createData())
+
+    @classmethod
+    def of_variants(cls, variants: ModelVariants, forces: Mapping[str, ForceElement] = NO_FORCES) -> Dynamics:
+        """Return the dynamics of variants of a model, of which Pinocchio has no buffers, under the given forces."""
+        return cls(variants, dict(forces), None)
+
+    @cached_property
+    def recursions(self) -> Parallel | SideBySide:
+        """Pinocchio's recursions for many states."""
+        if not isinstance(self.model, ModelVariants):
+            return Parallel(self.model)
+        from pinarm.engine.dynamics.side_by_side import SideBySide  # of sweeps only
+
+        return SideBySide(self.model)
 
     @cached_property
     def manifold(self) -> Manifold:
@@ -58,13 +74,20 @@ class Dynamics:
         nq, nv = self.model.nq, self.model.nv
         return Flat(nq, nv) if nq == nv else ConfigurationSpace(self.model, nq, nv)
 
-    @cached_property
+    @property
     def _parallel(self) -> Parallel:
-        return Parallel(self.model)
+        """The recursions for states of one model.
+
+        Raises:
+            VariantsDiffer: There are several.
+        """
+        if not isinstance(self.recursions, Parallel):
+            raise VariantsDiffer("forward dynamics")
+        return self.recursions
 
     def mass_matrices(self, q: Array) -> Array:
-        """Return M at configurations, shape (n, nq), as an array of shape (n, nv, nv)."""
-        return mass_matrices(self.model, q)
+        """Return M at configurations, shape (n, .., nq), as an array of shape (n, .., nv, nv)."""
+        return self.recursions.mass_matrices(q)
 
     def loads(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the generalised loads of the force elements [N*m or N], shape (..., nv)."""
@@ -102,12 +125,12 @@ class Dynamics:
 
         Args:
             t: Instants [s], shape (n,), or one for all.
-            q: Configurations, shape (n, nq).
-            v: Velocities, shape (n, nv).
-            a: Accelerations, shape (n, nv).
+            q: Configurations, shape (n, .., nq).
+            v: Velocities, shape (n, .., nv).
+            a: Accelerations, shape (n, .., nv).
 
         Returns:
-            Efforts [N*m or N], shape (n, nv).
+            Efforts [N*m or N], shape (n, .., nv).
 
         Raises:
             InputError: The shapes do not fit the model.
@@ -117,7 +140,7 @@ class Dynamics:
         same_rows(q, v, a)
         if not len(q):
             return np.zeros((0, nv))
-        tau = self._parallel.rnea(q, v, a)
+        tau = self.recursions.rnea(q, v, a)
         return tau - self.loads(t, q, v) if self.forces else tau
 
     def forward(self, t: Array | float, q: Array, v: Array, tau: Array | None = None) -> Array:

@@ -9,9 +9,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from time import perf_counter
 
+import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.engine.dynamics.mass_matrix import mass_matrices
 from pinarm.mechanics.geometry.model_cache import cached_by_model
 
 FEW, MANY = 2**8, 2**15
@@ -100,6 +102,30 @@ class Parallel:
     def aba(self, q: Array, v: Array, tau: Array) -> Array:
         """Return accelerations, shape (n, nv), at configurations, shape (n, nq), with velocities and efforts."""
         return self._rows(pin.abaInParallel, q, v, tau)
+
+    def transmitted(self, q: Array, v: Array, a: Array, outside: Array) -> Array:
+        """Return the wrench of the parent on the child at every joint, in the child's axes, shape (n, njoints, 6).
+
+        Args:
+            q: Configurations, shape (n, nq).
+            v: Velocities, shape (n, nv).
+            a: Accelerations, shape (n, nv).
+            outside: Wrenches [f; m] on the links at their joints' origins, in their axes, shape (n, njoints, 6).
+        """
+        model, data, inner = self.model, self.model.createData(), np.empty_like(outside)
+        acting, loaded = pin.StdVec_Force(), np.flatnonzero(outside.any(axis=(0, 2))).tolist()
+        acting.extend([pin.Force.Zero() for _ in range(model.njoints)])
+        for k in range(len(q)):
+            for joint in loaded:
+                acting[joint] = pin.Force(outside[k, joint])
+            pin.rnea(model, data, q[k], v[k], a[k], acting)
+            inner[k] = [wrench.vector for wrench in data.f.tolist()]
+        inner[:, 0] = 0.0  # of the world, not of a joint
+        return inner
+
+    def mass_matrices(self, q: Array) -> Array:
+        """Return M at configurations, shape (n, nq), as an array of shape (n, nv, nv); armatures are in it."""
+        return mass_matrices(self.model, q)
 
     def _rows(self, call: Callable[..., Array], q: Array, *others: Array) -> Array:
         nv, size = self.model.nv, len(q) * self.model.nv

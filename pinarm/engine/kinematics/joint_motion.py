@@ -7,8 +7,9 @@ are solved at once where the equations are linear; elsewhere a branch is continu
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -16,12 +17,117 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.kinematics.newton import check_rank
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling, independent
-from pinarm.mechanics.laws.motion_law import Grid, Values
+from pinarm.mechanics.laws.motion_law import Grid, MotionLaw, Values
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
+
+
+class JointMotion(Protocol):
+    """How the joints of a mechanism follow prescribed coordinates."""
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """The prescribed coordinates."""
+        ...
+
+    @property
+    def laws(self) -> tuple[MotionLaw, ...]:
+        """Their laws."""
+        ...
+
+    @property
+    def jumps(self) -> tuple[str, ...]:
+        """What there is to say of instants at which velocities jump, though those of the laws do not."""
+        ...
+
+    def follow(self, grid: Grid, start: Array) -> JointTrajectory:
+        """Return the motion at the rows of a grid.
+
+        Args:
+            grid: Instants.
+            start: A rough configuration at the first one, shape (nq,): it chooses the branch.
+
+        Raises:
+            AssemblyError: A position cannot be reached.
+        """
+        ...
+
+    def rates(self, t: float, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
+        """Return velocities and accelerations at configurations of the motion, each of shape (n, nv).
+
+        Args:
+            t: An instant, if the motion is one in time: it tells between which jumps of velocities they are.
+            q: Configurations, shape (n, nq).
+            dw: Velocities of the prescribed coordinates, shape (k,).
+            ddw: Their accelerations, shape (k,).
+        """
+        ...
+
+    def figures(self, states: JointTrajectory) -> Mapping[str, float]:
+        """Return how well the rows keep to what is prescribed, by name; nothing where the rows say so themselves."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class JointTrajectory:
+    """The motion of the joints at the rows of a grid.
+
+    Attributes:
+        motion: The motion, which has the same branch at other instants.
+        grid: The rows, cut also where velocities jump though the laws do not.
+        q: Configurations, shape (n, nq).
+        v: Velocities, shape (n, nv).
+        a: Accelerations, shape (n, nv).
+    """
+
+    motion: JointMotion
+    grid: Grid
+    q: Array
+    v: Array
+    a: Array
+
+
+@dataclass(frozen=True, eq=False)
+class DeterminedMotion:
+    """The motion of a mechanism with as many prescribed coordinates as degrees of freedom.
+
+    Attributes:
+        mechanism: The mechanism.
+        prescribed: The coordinates.
+    """
+
+    mechanism: Mechanism
+    prescribed: PrescribedCoordinates
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """The prescribed coordinates."""
+        return self.prescribed.coordinates
+
+    @property
+    def laws(self) -> tuple[MotionLaw, ...]:
+        """Their laws."""
+        return self.prescribed.laws
+
+    @property
+    def jumps(self) -> tuple[str, ...]:
+        """Nothing: velocities jump with the laws."""
+        return ()
+
+    def follow(self, grid: Grid, start: Array) -> JointTrajectory:
+        """Return the motion: see ``JointMotion``."""
+        return JointTrajectory(self, grid, *follow(self.mechanism, self.prescribed, grid, start))
+
+    def rates(self, t: float, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
+        """Return velocities and accelerations: see ``JointMotion``."""
+        return joint_rates(self.mechanism, self.prescribed, q, dw, ddw)
+
+    def figures(self, states: JointTrajectory) -> Mapping[str, float]:
+        """Return nothing: the coordinates of a table are the laws to rounding, or it is refused."""
+        return {}
 
 
 def follow(
@@ -49,7 +155,7 @@ def follow(
         follow_branch,  # with all that loops need: open chains do not pay for it
     )
 
-    return follow_branch(mechanism, prescribed, grid, _prescribed_at_start(mechanism, prescribed, grid, start))
+    return follow_branch(mechanism, prescribed, grid, prescribed_at_start(mechanism, prescribed, grid, start))
 
 
 def joint_rates(
@@ -77,7 +183,7 @@ def joint_rates(
     return branch_rates(mechanism, prescribed, q, dw, ddw)
 
 
-def _prescribed_at_start(mechanism: Mechanism, prescribed: PrescribedCoordinates, grid: Grid, start: Array) -> Array:
+def prescribed_at_start(mechanism: Mechanism, prescribed: PrescribedCoordinates, grid: Grid, start: Array) -> Array:
     """Return the start with the first values of laws that joints follow: from elsewhere the branch may be another."""
     begin, end, _ = grid.intervals()[0]
     q, values = start.copy(), prescribed.on(begin, end)(float(grid.t[0]))[0]

@@ -125,13 +125,13 @@ class NewtonSolver:
             AssemblyError: They end where the gap can shrink no more.
         """
         if not self.sliding.all():
-            q, _ = self._closest(q, w, self.sliding)
-        closest, gap = self._closest(q, w, np.ones(len(self.names)))
-        if self._closed(self.closure.state(closest), gap, w):
+            q, _ = self.closest(q, w, self.sliding)
+        closest, gap = self.closest(q, w, np.ones(len(self.names)))
+        if self.closed(self.closure.state(closest), gap, w):
             return self._polish(closest, w)
-        raise self._unreachable(closest, gap, t)
+        raise self.unreachable(closest, gap, t)
 
-    def _closest(self, q: Array, w: Array, weight: Array) -> tuple[Array, Array]:
+    def closest(self, q: Array, w: Array, weight: Array) -> tuple[Array, Array]:
         """Return the configuration with the smallest gap that damped steps from q reach, and that gap.
 
         Args:
@@ -142,7 +142,7 @@ class NewtonSolver:
         state = self.closure.state(q)
         gap, damping = weight * self.gap(state, w), 0.0
         for _ in range(ITERATIONS):
-            if self._closed(state, gap, w):
+            if self.closed(state, gap, w):
                 break
             rows = weight[:, None] * self.rows(state)
             still = np.zeros(self.model.nv)
@@ -200,7 +200,7 @@ class NewtonSolver:
             found = self._newton(predicted, w)
             rates = None if found is None else self.rates(found, dw, ddw, pending[-1])
             part = 0.5
-            if found is not None and rates and self._on_branch(h * (rates[0] - v - h * a), predicted, found):
+            if found is not None and rates and self.continues(h * (rates[0] - v - h * a), predicted, found):
                 there = self.rows(self.closure.state(found))
                 part = part_of_leap(rows, there)
                 if part == 1.0:
@@ -212,10 +212,17 @@ class NewtonSolver:
                     raise _too_fast(t, to)
                 pending.append(t + part * h)
             else:
-                raise self._unreachable(*self._closest(q, target(to)[0], np.ones(len(self.names))), to)
+                raise self.unreachable(*self.closest(q, target(to)[0], np.ones(len(self.names))), to)
         return q, v, a
 
-    def _on_branch(self, turned: Array, predicted: Array, found: Array) -> bool:
+    def continues(self, turned: Array, predicted: Array, found: Array) -> bool:
+        """Return whether a solution is on the branch of its prediction; see ``on_branch``.
+
+        Args:
+            turned: Error of the predicted velocity, times the step in time, shape (nv,).
+            predicted: Predicted configuration, shape (nq,).
+            found: The solution, shape (nq,).
+        """
         correction = np.asarray(np.abs(pin.difference(self.model, predicted, found) / self.scale).max())
         return bool(on_branch(turned / self.scale, correction))
 
@@ -235,7 +242,7 @@ class NewtonSolver:
                 return None
             q = self.moved(q, step)
         state = self.closure.state(q)
-        return q if self._closed(state, self.gap(state, w), w) else None
+        return q if self.closed(state, self.gap(state, w), w) else None
 
     def rates(self, q: Array, dw: Array, ddw: Array, t: float) -> tuple[Any, Any]:
         """Return v and a, each of shape (nv,).
@@ -246,14 +253,14 @@ class NewtonSolver:
         """
         rows, still = self.rows(self.closure.state(q)), np.zeros(self.closure.size)
         check_rank(rows, self.names, t)
-        x = self._agreed(rows, np.concatenate([still, dw]) / self.measure, 0.0, t)
+        x = self.agreed(rows, np.concatenate([still, dw]) / self.measure, 0.0, t)
         v = self.scale * x
         state = self.closure.state(q, v)
         own = np.array([coordinate.drift(state) for coordinate in self.coordinates])
         right = np.concatenate([-self.closure.drift(state), ddw - own]) / self.measure
-        return v, self.scale * self._agreed(rows, right, float(np.abs(x).max()) ** 2, t)
+        return v, self.scale * self.agreed(rows, right, float(np.abs(x).max()) ** 2, t)
 
-    def _agreed(self, rows: Array, right: Array, square: float, t: float) -> Array:
+    def agreed(self, rows: Array, right: Array, square: float, t: float) -> Array:
         """Return x with ``rows x = right``, on which redundant rows agree, unless the loops move for an instant only.
 
         Terms in the ``square`` of a velocity [1/s^2] may have vanished in the right-hand side but for their rounding.
@@ -273,7 +280,7 @@ class NewtonSolver:
             )  # fmt: skip
         return x
 
-    def _closed(self, state: Kinematics, gap: Array, w: Array) -> bool:
+    def closed(self, state: Kinematics, gap: Array, w: Array) -> bool:
         """Return whether a gap is rounding of numbers; of what redundant rows leave open, of the file."""
         wanted = np.concatenate([np.zeros(self.closure.size), np.abs(w)])
         strict = CLOSED * (self.measure * self.closure.coarseness + wanted)
@@ -282,7 +289,8 @@ class NewtonSolver:
         reached = self.whole.split(self.whole.rows(state)).reached(gap)
         return bool((np.abs(reached) <= strict).all())
 
-    def _unreachable(self, q: Array, gap: Array, t: float) -> AssemblyError:
+    def unreachable(self, q: Array, gap: Array, t: float) -> AssemblyError:
+        """Return that a position is out of reach; the closest configuration has this gap [m or rad], shape (m + k,)."""
         owners = list(zip(self.names, self.units, strict=True))
         sizes = {owner: float(np.linalg.norm(gap[[other == owner for other in owners]])) for owner in owners}
         worst = max(sizes, key=sizes.__getitem__)

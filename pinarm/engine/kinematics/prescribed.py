@@ -39,10 +39,18 @@ class PrescribedCoordinates:
         Raises:
             InputError: A coordinate does not exist, or there are too few or too many.
         """
-        coordinates = tuple(mechanism.coordinate(name) for name in motion)
-        prescribed = cls(tuple(motion), coordinates, tuple(motion.values()))
+        prescribed = cls.bound(mechanism, motion)
         prescribed._check_count(mechanism)
         return prescribed
+
+    @classmethod
+    def bound(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> PrescribedCoordinates:
+        """Return prescribed coordinates of a mechanism, be they as many as they may.
+
+        Raises:
+            InputError: A coordinate does not exist.
+        """
+        return cls(tuple(motion), tuple(mechanism.coordinate(name) for name in motion), tuple(motion.values()))
 
     @classmethod
     def some(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> PrescribedCoordinates:
@@ -51,10 +59,10 @@ class PrescribedCoordinates:
         Raises:
             InputError: A coordinate does not exist, or nothing is left free.
         """
-        coordinates = tuple(mechanism.coordinate(name) for name in motion)
-        if len(coordinates) >= mechanism.model.nv:
+        prescribed = cls.bound(mechanism, motion)
+        if len(prescribed.names) >= mechanism.model.nv:
             raise InputError("every coordinate follows a law: nothing is left to integrate", hint="kind: inverse")
-        return cls(tuple(motion), coordinates, tuple(motion.values()))
+        return prescribed
 
     def _check_count(self, mechanism: Mechanism) -> None:
         model = mechanism.model
@@ -74,6 +82,20 @@ class PrescribedCoordinates:
         closure = mechanism.closure
         mobility = closure.split(closure.rows(closure.state(q))).free.shape[1]
         if len(self.names) != mobility:
+            raise self._miscounted(mechanism, mobility)
+
+    def check_redundant(self, mechanism: Mechanism, mobility: int) -> None:
+        """Raise where the coordinates leave no freedom.
+
+        Raises:
+            InputError: They are as many as the degrees of freedom, or more.
+        """
+        if len(self.names) == mobility:
+            raise InputError(
+                f"{mobility} coordinates follow a law and determine the motion: nothing is left to resolve",
+                expected="fewer laws than degrees of freedom", hint="resolve left out",
+            )  # fmt: skip
+        if len(self.names) > mobility:
             raise self._miscounted(mechanism, mobility)
 
     def _miscounted(self, mechanism: Mechanism, mobility: int) -> InputError:

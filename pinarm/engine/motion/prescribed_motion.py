@@ -12,12 +12,11 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.kinematics.joint_motion import follow, joint_rates
-from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory
 from pinarm.engine.motion.outcome import Outcome, positions_by_interval
 from pinarm.engine.motion.standstill import STANDSTILL, at_rest, directions, law_size, lossy, pace_of, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.errors import AssemblyError
+from pinarm.errors import AssemblyError, InputError
 from pinarm.input.units import Unit
 from pinarm.mechanics.laws.motion_law import Grid
 
@@ -37,7 +36,7 @@ class Prescription:
 
     Attributes:
         mechanism: The mechanism.
-        prescribed: Coordinates and their laws over the parameter.
+        motion: How its joints follow prescribed coordinates and their laws over the parameter.
         drives: What carries the load; ``None`` where only the motion is wanted.
         dynamics: The equation of motion with all forces of the run.
         parameter: Name of what runs along the rows.
@@ -47,7 +46,7 @@ class Prescription:
     """
 
     mechanism: Mechanism
-    prescribed: PrescribedCoordinates
+    motion: JointMotion
     drives: Actuation | None
     dynamics: Dynamics
     parameter: str
@@ -64,11 +63,30 @@ class Prescription:
         Raises:
             AssemblyError: A position cannot be reached.
         """
-        rows = self.moving(grid, start)
-        pace = self._pace(rows)
-        rows = self.solved(rows, pace)
-        motion = None if rows.numbered else PrescribedMotion(self, grid.cuts, grid.t, rows.q, pace)
-        return Outcome(rows, motion, notes=tuple(self._notes(rows)))
+        states = self.motion.follow(grid, start)
+        self._refuse_jumps(states.motion)
+        known, grid = replace(self, motion=states.motion), states.grid
+        rows = known._rows(states)
+        pace = known._pace(rows)
+        rows = known.solved(rows, pace)
+        motion = None if rows.numbered else PrescribedMotion(known, grid.cuts, grid.t, rows.q, pace)
+        return Outcome(
+            rows, motion, figures=states.motion.figures(states), notes=(*states.motion.jumps, *known._notes(rows))
+        )
+
+    def _refuse_jumps(self, motion: JointMotion) -> None:
+        """Raise where efforts are asked for, and velocities jump though the laws do not.
+
+        Raises:
+            InputError: Efforts would have to be infinite there.
+        """
+        if motion.jumps and self.drives is not None:
+            raise InputError(
+                f"{motion.jumps[0]}: it would take infinite efforts",
+                expected="a motion without jumps of velocity"
+                + (f"; there are {len(motion.jumps)}" * (len(motion.jumps) > 1)),
+                hint="a posture or a path that keeps clear of the limits; kind: kinematics shows the motion",
+            )
 
     def _notes(self, rows: Trajectory) -> list[str]:
         """Return what is to be said of joints that friction holds."""
@@ -80,14 +98,17 @@ class Prescription:
 
     def moving(self, grid: Grid, near: Array) -> Trajectory:
         """Return the motion at the rows of a grid, without efforts, on the branch of a configuration near the first."""
-        mechanism = self.mechanism
-        q, v, a = follow(mechanism, self.prescribed, grid, near)
+        return self._rows(self.motion.follow(grid, near))
+
+    def _rows(self, states: JointTrajectory) -> Trajectory:
+        """Return the rows of a motion of the joints, without efforts."""
+        mechanism, q, v, a = self.mechanism, states.q, states.v, states.a
         if self.rates is not None:
-            v, a = joint_rates(mechanism, self.prescribed, q, *self.rates)
+            v, a = self.motion.rates(0.0, q, *self.rates)
         lam = Multipliers.zero(len(q), mechanism.closure.size)
         closure = self.drives.closure if self.drives else mechanism.closure
         return Trajectory(
-            mechanism, self.parameter, self.unit, grid, q, v, a, np.zeros_like(v), lam, closure, self.dynamics,
+            mechanism, self.parameter, self.unit, states.grid, q, v, a, np.zeros_like(v), lam, closure, self.dynamics,
             separate=self.rates is not None, driven=self.drives.driven if self.drives else None,
             drives=(*self.drives.coordinates(mechanism),) if self.drives else (),
         )  # fmt: skip
@@ -96,7 +117,7 @@ class Prescription:
         """Return what rounding is judged against, shape (2, nv); ``None`` where there is none."""
         if not self._directed or self.rates is not None:
             return None
-        followed = zip(self.prescribed.coordinates, self.prescribed.laws, strict=True)
+        followed = zip(self.motion.coordinates, self.motion.laws, strict=True)
         return pace_of(self.mechanism, rows.v, rows.a, followed, rows.grid)
 
     @property
@@ -135,13 +156,13 @@ class Prescription:
 
     def _inside(self, rows: Trajectory) -> Array:
         """Return the velocities a little inside the intervals, from the positions of the rows, shape (n, nv)."""
-        grid, laws = rows.grid.moved_inside(), self.prescribed.laws
+        grid, laws = rows.grid.moved_inside(), self.motion.laws
         rates = np.array([grid.evaluate(law)[1] for law in laws]).T
         sizes, found = np.array([law_size(law, grid)[0] for law in laws]), np.zeros_like(rows.v)
         for row in np.flatnonzero((np.abs(rates) > STANDSTILL * sizes).any(axis=1)):
             q, idle = rows.q[row][None], np.zeros_like(sizes)
             with suppress(AssemblyError):  # a singular position, at which the mechanism stands still as well
-                found[row] = joint_rates(self.mechanism, self.prescribed, q, rates[row], idle)[0][0]
+                found[row] = self.motion.rates(float(grid.t[row]), q, rates[row], idle)[0][0]
         return found
 
 

@@ -44,7 +44,7 @@ def row_paces(mechanism: Mechanism, v: Array, a: Array) -> Array:
     rates, sliding = np.abs(np.stack([v, a], axis=1)), _sliding(mechanism)
     paces = np.empty_like(rates)
     for alike in (sliding, ~sliding):
-        paces[..., alike] = rates[..., alike].max(axis=2, initial=0.0, keepdims=True)
+        paces[..., alike] = rates[..., alike].max(axis=-1, initial=0.0, keepdims=True)
     return paces
 
 

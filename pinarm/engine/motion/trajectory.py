@@ -47,6 +47,8 @@ class EventRecord:
 class Trajectory:
     """States of a mechanism, a row each: of one motion, of a path of positions, or each of its own.
 
+    Of variants of a mechanism arrays have an axis after the first, of length k, or 1 where all are alike.
+
     Attributes:
         mechanism: What moves.
         parameter: Name of what runs along the rows: ``t``, the coordinate that is swept, or ``row`` for their number.
@@ -113,6 +115,11 @@ class Trajectory:
 
     def __len__(self) -> int:
         return len(self.grid.t)
+
+    @property
+    def row_axes(self) -> tuple[int, ...]:
+        """Shape of what is the same in all variants, (n,), or (n, 1) where there are several."""
+        return len(self), *(1,) * (self.q.ndim - 2)
 
     @property
     def numbered(self) -> bool:
@@ -189,7 +196,7 @@ class Trajectory:
             given = self.tau[:, rotor] - self.mechanism.drives[drive].armature * self.a[:, rotor]
             return given if friction is None else given + friction.values
         if not (acting := self.couplings_at(joint)):
-            return self.tau[:, joint]
+            return self.tau[..., joint]
         lam, places = np.asarray(self.lam), self.closure.slices()
         return np.asarray(sum(weight * lam[:, places[name].start] for name, weight in acting.items()))
 

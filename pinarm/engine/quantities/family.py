@@ -133,7 +133,7 @@ class Family(ABC):
         if coordinate is None or rate not in RATES:
             raise asked.unknown
         order = RATES.index(rate)
-        values = self.evaluation.kinematics.coordinate(coordinate_name, coordinate)[:, order]
+        values = self.evaluation.kinematics.coordinate(coordinate_name, coordinate)[..., order]
         return Series(asked.name, _rate_unit(coordinate.unit, order), values)
 
     def about(self, asked: Asked, otherwise: Array) -> Array:
@@ -141,7 +141,7 @@ class Family(ABC):
         words = asked.words
         if "about" not in words[2:-2]:
             return otherwise
-        return self.evaluation.kinematics.frame(words[words.index("about", 2) + 1])[:, 0]
+        return self.evaluation.kinematics.frame(words[words.index("about", 2) + 1])[..., 0, :]
 
     def component(self, asked: Asked, vectors: Array) -> Array:
         """Return the component of vectors that the last word names, in the axes that ``along`` names, shape (n,).
@@ -156,11 +156,11 @@ class Family(ABC):
         if axis not in AXES or len(extra) % 2 or not set(extra[::2]) <= {"about", "along"}:
             raise asked.unknown
         if axis == "norm":
-            return np.asarray(np.linalg.norm(vectors, axis=1))
+            return np.asarray(np.linalg.norm(vectors, axis=-1))
         if "along" in extra[::2]:
             turns = self.evaluation.kinematics.turn(extra[extra.index("along") + 1])
-            return np.asarray((turns[:, :, AXES.index(axis)] * vectors).sum(axis=1))
-        return vectors[:, AXES.index(axis)]
+            return np.asarray((turns[..., AXES.index(axis)] * vectors).sum(axis=-1))
+        return vectors[..., AXES.index(axis)]
 
     def axes(self, asked: Asked) -> Array:
         """Return the axis by which ``axial`` and ``radial`` are meant, world axes, shape (n, 3); of joints only."""

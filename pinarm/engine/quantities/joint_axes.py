@@ -40,5 +40,5 @@ def loop_axis(loop: LoopJoint) -> Array | None:
 
 def split(vectors: Array, axes: Array, part: str) -> Array:
     """Return a component of ``ALONG_AXIS`` of vectors by unit vectors, both of shape (n, 3); shape (n,)."""
-    axial = np.asarray((vectors * axes).sum(axis=1))
-    return axial if part == "axial" else np.asarray(np.linalg.norm(vectors - axial[:, None] * axes, axis=1))
+    axial = np.asarray((vectors * axes).sum(axis=-1))
+    return axial if part == "axial" else np.asarray(np.linalg.norm(vectors - axial[..., None] * axes, axis=-1))

@@ -26,6 +26,7 @@ from pinarm.errors import InputError, choices
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.formulas.grammar import CONSTANTS
 from pinarm.input.units import Unit, unit
+from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 
 MAX_DEPTH = 50
 """Symbols may stand for symbols; deeper nesting would exhaust the interpreter's stack."""
@@ -66,7 +67,7 @@ class Quantities:
         """What the joints transmit."""
         return self.evaluation.reactions
 
-    def figures(self) -> dict[str, float]:
+    def figures(self) -> dict[str, Array]:
         """Return what the quantities that have been asked are worth, beside what is told of the motion."""
         return self.reactions.figures() if "reactions" in vars(self.evaluation) else {}
 
@@ -83,7 +84,8 @@ class Quantities:
     @property
     def parameter(self) -> Series:
         """What runs along the rows, whatever else has its name."""
-        return Series(self.trajectory.parameter, self.trajectory.unit, self.trajectory.grid.t)
+        run = self.trajectory
+        return Series(run.parameter, run.unit, run.grid.t.reshape(run.row_axes))
 
     def __getitem__(self, name: str) -> Series:
         """Return a quantity by its name, a symbol, or a formula of them.
@@ -94,7 +96,17 @@ class Quantities:
         if name not in self._known:
             with one_blas_thread(self.trajectory.mechanism.model.nv):
                 self._known[name] = self._require_known(self._find(name))
+                self._require_axes(self._known[name])
         return self._known[name]
+
+    def _require_axes(self, series: Series) -> None:
+        """Raise where a quantity of variants has not the axis of these, and would be spread along another.
+
+        Raises:
+            VariantsDiffer: It has not.
+        """
+        if series.values.ndim != len(self.trajectory.row_axes):
+            raise VariantsDiffer(series.name)
 
     def _require_known(self, series: Series) -> Series:
         """Return a quantity, unless it depends on velocities or accelerations that are not known, which are NaN.
@@ -123,8 +135,12 @@ class Quantities:
             *(f"{word}.{name}" for word in FAMILIES for name in self._family(word).names()),
         ]  # fmt: skip
 
+    def _constant(self, value: float | Array) -> Array:
+        """Return a number in all rows, shape (n,), or those of k variants, shape (n, k)."""
+        return np.array(np.broadcast_to(value, np.broadcast_shapes(self.trajectory.row_axes, np.shape(value))))
+
     def _find(self, name: str) -> Series:
-        mechanism, rows = self.trajectory.mechanism, len(self.trajectory)
+        mechanism = self.trajectory.mechanism
         self._require_one_meaning(name)
         if name == self.trajectory.parameter:
             return self.parameter
@@ -132,9 +148,9 @@ class Quantities:
             if name in symbols:
                 return self._evaluate(name, symbols[name])
         if name in mechanism.arguments:
-            return Series(name, mechanism.argument_units.get(name), np.full(rows, mechanism.arguments[name]))
+            return Series(name, mechanism.argument_units.get(name), self._constant(mechanism.arguments[name]))
         if name == "g":
-            return Series(name, unit("m/s^2"), np.full(rows, mechanism.gravity))
+            return Series(name, unit("m/s^2"), self._constant(mechanism.gravity))
         if name in mechanism.coordinates:
             return self._family("coordinate").rate(Asked(name, (name,)), name, "position")
         if name in self.trajectory.columns:
@@ -223,7 +239,7 @@ class Quantities:
         alone = operands.get(expression.text.strip())
         measured = alone.unit if alone is not None else Unit(1.0, dimension.dimension) if dimension else None
         doubt = next((series.doubt for series in operands.values() if series.doubt), "")
-        return Series(name, measured, np.broadcast_to(np.asarray(values, float), len(self.trajectory)), doubt)
+        return Series(name, measured, self._constant(values) if np.ndim(values) == 0 else np.asarray(values), doubt)
 
     def figure(self, text: str) -> Array:
         """Return the value of a formula that holds printed figures, which come without units; shape () or (n,)."""

@@ -13,10 +13,10 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.checks.balance import demands
+from pinarm.engine.checks.figures import relative
 from pinarm.engine.checks.sample import sampled
 from pinarm.engine.constraints.constraint import GuidedCoordinate
 from pinarm.engine.dynamics.dynamics import Dynamics
@@ -25,7 +25,7 @@ from pinarm.engine.quantities.joint_axes import loop_axis, tree_axis
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.couplings.left_open import OpenReaction, left_open
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
-from pinarm.mechanics.geometry.vectors import crossed
+from pinarm.mechanics.geometry.vectors import crossed, joined
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 if TYPE_CHECKING:
@@ -109,25 +109,16 @@ class Reactions:
         return np.concatenate([self._transmitted(dynamics, rows) for rows in _blocks(part.start, part.stop)])
 
     def _transmitted(self, dynamics: Dynamics, rows: Indices) -> Array:
-        run, model, data = self.run, self.model, self.model.createData()
-        links, acting = self.links(rows), self._acting(dynamics, rows)
-        outside, inner = pin.StdVec_Force(), np.empty_like(acting)
-        outside.extend([pin.Force.Zero() for _ in range(model.njoints)])
-        loaded, acting = np.flatnonzero(acting.any(axis=(0, 2))).tolist(), links.inwards(acting)
-        for k, i in enumerate(rows.tolist()):
-            for joint in loaded:
-                outside[joint] = pin.Force(acting[k, joint])
-            pin.rnea(model, data, run.q[i], run.v[i], run.a[i], outside)
-            inner[k] = [wrench.vector for wrench in data.f.tolist()]
-        inner[:, 0] = 0.0  # of the world, not of a joint
-        return links.outwards(inner)
+        run, links = self.run, self.links(rows)
+        outside = links.inwards(self._acting(dynamics, rows))
+        return links.outwards(dynamics.recursions.transmitted(run.q[rows], run.v[rows], run.a[rows], outside))
 
     def _acting(self, dynamics: Dynamics, rows: Indices) -> Array:
         """Return what loads and constraints do to the links at k rows, shape (k, njoints, 6).
 
         [f; m] at the world's origin, world axes [N, N*m].
         """
-        run, found = self.run, np.zeros((len(rows), self.model.njoints, 6))
+        run, found = self.run, np.zeros((*self.run.q[rows].shape[:-1], self.model.njoints, 6))
         for force in dynamics.forces.values():
             for k, i in enumerate(rows.tolist()):
                 for joint, wrench in force.wrenches(run.grid.t[i], run.q[i], run.v[i]).items():
@@ -139,19 +130,22 @@ class Reactions:
                 found[:, joint] += wrench
         return found
 
-    def figures(self) -> dict[str, float]:
+    def figures(self) -> dict[str, Array]:
         """Return how well the wrenches of the tree's joints keep every body in balance; nothing where none was asked.
 
         ``bodies``: what Newton's and Euler's equations of a body miss at most, at a sample of the rows, relative to the
         largest sum of the terms of one body: the wrenches of its joints, loads, weight, and the rate of its momentum,
-        by forward kinematics, about the origin of its joint. Forces and moments each on their own.
+        by forward kinematics, about the origin of its joint. Forces and moments each on their own. Shape (), or (k,) of
+        variants.
         """
         if "joints" not in vars(self) or not len(self.run):
             return {}
         missed, terms = np.moveaxis(self.run.gather(self._balances), 1, 0)
         parts = [slice(0, 3), slice(3, 6)]
-        sizes = [(np.linalg.norm(missed[..., k], axis=-1).max(), terms[..., k].max()) for k in parts]
-        return {"bodies": max(float(left / size) if size else 0.0 for left, size in sizes)}
+        sizes = (
+            (np.linalg.norm(missed[..., k], axis=-1).max(axis=-1), terms[..., k].max(axis=(-2, -1))) for k in parts
+        )
+        return {"bodies": np.max([relative(left, size) for left, size in sizes], axis=0)}
 
     def _balances(self, dynamics: Dynamics, part: slice) -> Array:
         """Return what is missed and the sums of absolute terms, body by body, shape (k, 2, njoints - 1, 6)."""
@@ -162,11 +156,11 @@ class Reactions:
         asked, wrenches = links.outwards(demands(model, links, twists, rates).sum(axis=0)), self.joints[rows]
         parents = np.array(model.parents)
         carries = (parents == np.arange(model.njoints)[:, None]).astype(float)
-        carried = _moved(wrenches, links.places - links.places[:, parents])
+        carried = _moved(wrenches, links.places - links.places[..., parents, :])
         outside = _moved(self._acting(dynamics, rows), -links.places)
         missed = wrenches + outside - asked - carries @ carried
         terms = np.abs(wrenches) + np.abs(outside) + np.abs(asked) + carries @ np.abs(carried)
-        return np.asarray(np.stack([missed, terms], axis=1)[:, :, 1:])
+        return np.asarray(np.stack([missed, terms], axis=1)[..., 1:, :])
 
     def loop(self, name: str) -> Array:
         """Return the wrench of a loop joint's first link on its second, at frame 2, world axes, shape (n, 6).
@@ -292,4 +286,4 @@ def _blocks(start: int, stop: int) -> Iterator[Indices]:
 
 def _moved(wrenches: Array, arms: Array) -> Array:
     """Return wrenches, shape (.., 6), about points from which arms, shape (.., 3), lead to where they were taken."""
-    return np.concatenate([wrenches[..., :3], wrenches[..., 3:] + crossed(arms, wrenches[..., :3])], axis=-1)
+    return joined(wrenches[..., :3], wrenches[..., 3:] + crossed(arms, wrenches[..., :3]))

@@ -11,6 +11,8 @@ from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
+from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.joints import frame_of
 
 
@@ -34,7 +36,7 @@ class RowKinematics:
         return self.model.createData()
 
     def coordinate(self, name: str, coordinate: Coordinate) -> Array:
-        """Return a coordinate with its two derivatives, shape (n, 3)."""
+        """Return a coordinate with its two derivatives, shape (n, .., 3)."""
         if name not in self._coordinates:
             self._coordinates[name] = self._coordinate(coordinate)
         return self._coordinates[name]
@@ -43,7 +45,7 @@ class RowKinematics:
         run = self.run
         if isinstance(coordinate, LinearCoordinate):
             weights = coordinate.weights
-            return np.array([run.q[:, coordinate.places] @ weights, run.v @ weights, run.a @ weights]).T
+            return np.stack([run.q[..., coordinate.places] @ weights, run.v @ weights, run.a @ weights], axis=-1)
         rows = np.empty((len(run), 3))
         for i in range(len(run)):
             state = Kinematics.at(self.model, run.q[i], run.v[i])
@@ -52,32 +54,38 @@ class RowKinematics:
         return rows
 
     def frame(self, name: str) -> Array:
-        """Return a link's position, velocity, acceleration, angular velocity and acceleration, shape (n, 5, 3).
+        """Return a link's position, velocity, acceleration, angular velocity and acceleration, shape (n, .., 5, 3).
 
-        Of its origin, in world axes [m, m/s, m/s^2, rad/s, rad/s^2].
+        Of its origin, in world axes [m, m/s, m/s^2, rad/s, rad/s^2]. With the velocity u and the angular velocity
+        omega of the joint's origin, and the arm r from there: ``u + omega x r``, and
+        ``u' + omega x u + alpha x r + omega x (omega x r)`` with the derivative ``[u'; alpha]`` of the twist.
         """
         self._frame(name)
         return self._frames[name]
 
     def turn(self, name: str) -> Array:
-        """Return a link's rotation matrices, columns its axes in the world's, shape (n, 3, 3)."""
+        """Return a link's rotation matrices, columns its axes in the world's, shape (n, .., 3, 3)."""
         self._frame(name)
         return self._turns[name]
 
     def _frame(self, name: str) -> None:
         if name in self._frames:
             return
-        run, model, data, world = self.run, self.model, self.data, pin.LOCAL_WORLD_ALIGNED
-        frame, rows, turns = frame_of(model, name), np.empty((len(run), 5, 3)), np.empty((len(run), 3, 3))
-        for i in range(len(run)):
-            pin.forwardKinematics(model, data, run.q[i], run.v[i], run.a[i])
-            placement = pin.updateFramePlacement(model, data, frame)
-            velocity = pin.getFrameVelocity(model, data, frame, world)
-            acceleration = pin.getFrameClassicalAcceleration(model, data, frame, world)
-            rows[i] = (placement.translation, velocity.linear, acceleration.linear, velocity.angular,
-                       acceleration.angular)  # fmt: skip
-            turns[i] = placement.rotation
-        self._frames[name], self._turns[name] = rows, turns
+        frame = frame_of(self.model, name)
+        joint = self.model.frames[frame].parentJoint
+        links, twists, rates = self._moving
+        (turns, places), turned = links.frame(frame), links.turns[..., joint, :, :]
+        arms = places - links.places[..., joint, :]
+        u, omega, du, alpha = (np.matvec(turned, part) for x in (twists, rates)
+                               for part in (x[..., joint, :3], x[..., joint, 3:]))  # fmt: skip
+        swept = crossed(omega, arms)
+        rows = places, u + swept, du + crossed(omega, u) + crossed(alpha, arms) + crossed(omega, swept), omega, alpha
+        self._frames[name], self._turns[name] = np.stack(np.broadcast_arrays(*rows), axis=-2), turns
+
+    @cached_property
+    def _moving(self) -> tuple[LinkPlacements, Array, Array]:
+        """Placements of the links, and their twists with the derivatives of these, see ``moving``."""
+        return moving(self.model, self.run.q, self.run.v, self.run.a)[:3]
 
     @cached_property
     def energies(self) -> Array:

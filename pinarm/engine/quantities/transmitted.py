@@ -12,6 +12,7 @@ from pinarm.engine.constraints.nullspace import ACTS
 from pinarm.engine.quantities.family import AXES, NEWTON, NEWTON_METRE, Asked, Family
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
+from pinarm.mechanics.geometry.vectors import crossed
 
 WRENCH = ("force", "moment")
 
@@ -44,9 +45,9 @@ class WrenchFamily(Family):
     def wrench_component(self, asked: Asked, origins: Array, wrench: Array, about: Array) -> Array:
         """Return the component of wrenches at origins that a name asks for, shape (n,)."""
         if asked.part == "force":
-            return self.component(asked, wrench[:, :3])
+            return self.component(asked, wrench[..., :3])
         arm = origins - self.about(asked, about)
-        return self.component(asked, wrench[:, 3:] + np.cross(arm, wrench[:, :3]))
+        return self.component(asked, wrench[..., 3:] + crossed(arm, wrench[..., :3]))
 
     def doubt(self, asked: Asked, added: list[Array]) -> str:
         """Return what is in doubt about a component; nothing where self-stresses add nothing to it.

@@ -71,7 +71,7 @@ class DriveAtEveryJoint:
 
     def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
         """Return the demand itself."""
-        return demand, Multipliers.zero(len(demand), 0)
+        return demand, Multipliers.known(np.zeros((*demand.shape[:-1], 0)), 0)
 
     def coordinates(self, mechanism: Mechanism) -> Mapping[str, Coordinate]:
         """Return those of all joints."""

@@ -8,14 +8,14 @@ included files lie under the root, and every step counts against a budget. Other
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from pinarm.errors import InputError, choices
 from pinarm.input.roots import NO_PACKAGES, contained_file
 from pinarm.input.xacro.expander import Expansion
-from pinarm.input.xacro.expression_tape import CLOSE, OPEN, Number
-from pinarm.input.xacro.templates import Request, expanded
+from pinarm.input.xacro.expression_tape import CLOSE, OPEN, ArgumentColumn, Number
+from pinarm.input.xacro.templates import ExpandedColumns, Request, expanded, expanded_columns
 from pinarm.input.xml_text import MAX_BYTES, MAX_TEXT, Survey, read
 
 
@@ -46,6 +46,26 @@ def expand(
     expansion = expanded(Request(path, source, root, packages, given))
     check_declared(given, expansion.arguments)
     return expansion
+
+
+def expand_columns(
+    path: Path, arguments: Mapping[str, float | str], columns: Mapping[str, Sequence[float]], *, root: Path
+) -> ExpandedColumns | None:
+    """Expand a xacro file for columns of arguments; ``None`` where its expansion has not been recorded, or differs.
+
+    Args:
+        path: The file.
+        arguments: Values of its ``xacro:arg`` in one row.
+        columns: Those that vary, with their values in all rows.
+        root: Folder under which the file and what it includes must lie.
+
+    Raises:
+        PinarmError: A file may not be read any more, or a number follows that cannot be computed.
+    """
+    path = contained_file(path.absolute(), root, NO_PACKAGES)
+    given = {name: _argument(name, value) for name, value in arguments.items()}
+    checked = {name: ArgumentColumn(_argument(name, value) for value in values) for name, values in columns.items()}
+    return expanded_columns(Request(path, str(path), root, NO_PACKAGES, given), checked)
 
 
 def _argument(name: str, value: float | str) -> Number | str:

@@ -12,6 +12,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import repeat
 from typing import Any
 
 from pinarm.errors import ExpressionError, ModelError
@@ -26,6 +27,10 @@ UNRECORDABLE = "what the model is depends on a number in a way that is not follo
 
 Number = int | float
 Literal = Callable[[Any], Any]
+
+
+class ArgumentColumn(list[Any]):
+    """Values of an argument, or what follows from it, in the rows of a table."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +137,33 @@ class Tape:
         except ExpressionError:
             return None
         return values if all(bool(values[register]) == outcome for register, outcome in self.guards) else None
+
+    def run_columns(self, numbers: Sequence[Number | ArgumentColumn]) -> tuple[list[Any], list[bool]]:
+        """Return all registers for columns of numbers, and for which rows of them the program holds.
+
+        A register that follows from a column is a column: its step is taken number by number, with the same functions.
+
+        Args:
+            numbers: The arguments: columns of one length, or numbers that are the same in all rows.
+
+        Raises:
+            ExpressionError: A step is not possible in some row.
+        """
+        values: list[Any] = list(numbers)
+        count = next(len(column) for column in numbers if isinstance(column, ArgumentColumn))
+        for function, registers in self.steps:
+            operands = [values[register] for register in registers]
+            if any(isinstance(operand, ArgumentColumn) for operand in operands):
+                spread = (each if isinstance(each, ArgumentColumn) else repeat(each, count) for each in operands)
+                values.append(ArgumentColumn(map(function, *spread)))
+            else:
+                values.append(function(*operands))
+        holds = [True] * count
+        for register, outcome in self.guards:
+            given = values[register]
+            checked = given if isinstance(given, ArgumentColumn) else repeat(given, count)
+            holds = [so_far and bool(value) == outcome for so_far, value in zip(holds, checked, strict=True)]
+        return values, holds
 
 
 @dataclass(frozen=True)

@@ -7,18 +7,21 @@ result; from then on other numbers are filled in, as long as every file has the 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from pinarm.errors import ModelError, PinarmError
 from pinarm.input.roots import contained_path
 from pinarm.input.xacro.expander import Expander, Expansion
-from pinarm.input.xacro.expression_tape import OPEN, UNRECORDABLE, Number, Tape, Traced, joined, marks
+from pinarm.input.xacro.expression_tape import OPEN, UNRECORDABLE, ArgumentColumn, Number, Tape, Traced, joined, marks
 from pinarm.input.xml_text import MAX_BYTES, Survey, bound, read
 
 WAYS = 8
 """Largest number of templates of one model: each path through branches that depend on numbers has its own."""
+RECORDED = 2
+"""Number of the expansion at which a model is recorded."""
 MODELS = 32
 """Largest number of models in the cache; the least recently used ones are dropped."""
 
@@ -126,6 +129,69 @@ class Template:
         )
         bound("characters", len(xml), MAX_BYTES)
         return Expansion(xml, dict(zip(self.arguments, arguments, strict=True)), self.warnings)
+
+    def fill_columns(self, request: Request, columns: Mapping[str, ArgumentColumn]) -> ExpandedColumns:
+        """Return the expansion for columns of numbers.
+
+        Raises:
+            ExpressionError: A step is not possible in some row.
+        """
+        values, holds = self.tape.run_columns([columns.get(name, number) for name, number in request.numbers().items()])
+        texts, registers = self.xml
+        used = {register for register in registers if isinstance(values[register], ArgumentColumn)}
+        words = {register: f"column_{register}_of_{len(values)}" for register in used}
+        xml = joined(texts, *(words.get(register, values[register]) for register in registers))
+        arguments = {name: _text_column(text, values) for name, text in self.arguments.items()}
+        return ExpandedColumns(xml, {word: values[register] for register, word in words.items()}, arguments, holds)
+
+
+@dataclass(frozen=True)
+class ExpandedColumns:
+    """An expansion for columns of numbers.
+
+    Attributes:
+        xml: The model, with words for the numbers that vary.
+        columns: These words, with the numbers or texts in their place.
+        arguments: Every ``xacro:arg``: its text, or its texts.
+        holds: The rows for which the model is this one.
+    """
+
+    xml: str
+    columns: Mapping[str, ArgumentColumn]
+    arguments: Mapping[str, str | ArgumentColumn]
+    holds: list[bool]
+
+
+def expanded_columns(request: Request, columns: Mapping[str, ArgumentColumn]) -> ExpandedColumns | None:
+    """Expand a xacro file for columns of arguments; ``None`` where it cannot be recorded.
+
+    Args:
+        request: The model, with the numbers of one row.
+        columns: Argument -> its numbers.
+
+    Raises:
+        PinarmError: A file may not be read any more, or a number follows that cannot be computed.
+    """
+    for _ in range(RECORDED + 1):
+        memory = _remembered.get(request.key())
+        for template in memory.templates if memory else ():
+            if template.is_current(request) and template.fill(request) is not None:
+                return template.fill_columns(request, columns)
+        expanded(request)
+    return None
+
+
+def _text_column(text: Text, values: Sequence[Any]) -> str | ArgumentColumn:
+    """Return a text with marks filled in, or the texts of all rows."""
+    texts, registers = text
+    filled = [values[register] for register in registers]
+    if not any(isinstance(value, ArgumentColumn) for value in filled):
+        return joined(texts, *filled)
+    if texts == ("", ""):
+        return ArgumentColumn(map(str, filled[0]))
+    count = next(len(value) for value in filled if isinstance(value, ArgumentColumn))
+    spread = (value if isinstance(value, ArgumentColumn) else [value] * count for value in filled)
+    return ArgumentColumn(joined(texts, *row) for row in zip(*spread, strict=True))
 
 
 def _comments(xml: str) -> Iterator[str]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.mechanics.geometry.link_tree import LinkTree
-from pinarm.mechanics.geometry.vectors import crossed
+from pinarm.mechanics.geometry.model_variants import Model
+from pinarm.mechanics.geometry.vectors import crossed, joined
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,22 +17,23 @@ class LinkPlacements:
     """World placements of the joint frames, one for each link, at n configurations.
 
     Attributes:
-        model: Pinocchio's model.
+        model: Pinocchio's model, or variants of one.
         turns: Rotation matrices R, columns are the joint axes in world axes, shape (n, njoints, 3, 3).
-        places: Origins p in the world [m], shape (n, njoints, 3).
+        places: Origins p in the world [m], shape (n, njoints, 3). Of variants there is an axis after the first, of
+            length 1 where they are alike; see ``link_tree``.
     """
 
-    model: pin.Model = field(repr=False)
+    model: Model = field(repr=False)
     turns: Array
     places: Array
 
     @classmethod
-    def at(cls, model: pin.Model, q: Array) -> LinkPlacements:
+    def at(cls, model: Model, q: Array) -> LinkPlacements:
         """Return the placements at configurations, shape (n, nq)."""
-        tree, still = LinkTree.of(model), np.zeros((len(q), model.nv))
+        tree, still = LinkTree.of(model), np.zeros((*q.shape[:-1], model.nv))
         relative = tree.relative(model, q, still)
         turns = tree.multiplied(relative.turns)
-        return cls(model, turns, tree.summed(np.matvec(turns[:, tree.parents], relative.arms)))
+        return cls(model, turns, tree.summed(np.matvec(turns[..., tree.parents, :, :], relative.arms)))
 
     def some(self, rows: Indices) -> LinkPlacements:
         """Return the placements at some of the configurations."""
@@ -41,8 +42,8 @@ class LinkPlacements:
     def frame(self, index: int) -> tuple[Array, Array]:
         """Return the rotation matrices, shape (n, 3, 3), and the origins [m], shape (n, 3), of a frame of the model."""
         frame = self.model.frames[index]
-        turn, place = self.turns[:, frame.parentJoint], self.places[:, frame.parentJoint]
-        return turn @ frame.placement.rotation, place + turn @ frame.placement.translation
+        turn, place = self.turns[..., frame.parentJoint, :, :], self.places[..., frame.parentJoint, :]
+        return turn @ frame.placement.rotation, place + np.matvec(turn, frame.placement.translation)
 
     def inwards(self, wrenches: Array) -> Array:
         """Return wrenches [f; m] in link frames from those at the world origin: ``R^T f``, ``R^T (m - p x f)``.
@@ -62,13 +63,13 @@ class LinkPlacements:
         Shape (.., n, njoints, 6).
         """
         forces, moments = np.matvec(self.turns, wrenches[..., :3]), np.matvec(self.turns, wrenches[..., 3:])
-        return np.concatenate([forces, moments + crossed(self.places, forces)], axis=-1)
+        return joined(forces, moments + crossed(self.places, forces))
 
     def _turned(self, forces: Array, moments: Array, turns: Array) -> Array:
-        return np.concatenate([np.matvec(turns, forces), np.matvec(turns, moments)], axis=-1)
+        return joined(np.matvec(turns, forces), np.matvec(turns, moments))
 
 
-def moving(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, Array, Array, Array]:
+def moving(model: Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, Array, Array, Array]:
     """Return the placements of links, their twists, the time derivatives of these, and the world Jacobian.
 
     From the parent p to the link, over the arm r in world axes, with the joint's motion ``[d; w] = S v`` and
@@ -93,18 +94,20 @@ def moving(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacemen
     tree = LinkTree.of(model)
     relative = tree.relative(model, q, v)
     turns = tree.multiplied(relative.turns)
-    arms = np.matvec(turns[:, tree.parents], relative.arms)
+    arms = np.matvec(turns[..., tree.parents, :, :], relative.arms)
     places = tree.summed(arms)
-    d, w = _turned(turns, tree.gathered(relative.subspaces * v[:, None]))
-    dd, dw = _turned(turns, tree.gathered(relative.subspaces * a[:, None]) + relative.biases)
+    d, w = _turned(turns, tree.gathered(relative.subspaces * v[..., None, :]))
+    dd, dw = _turned(turns, tree.gathered(relative.subspaces * a[..., None, :]) + relative.biases)
     omega = tree.summed(w)
-    before = omega[:, tree.parents]
+    before = omega[..., tree.parents, :]
     swept = crossed(before, arms)
     u, alpha = tree.summed(swept + d), tree.summed(dw + crossed(before, w))
-    du = tree.summed(crossed(alpha[:, tree.parents], arms) + crossed(before, swept) + crossed(before + omega, d) + dd)
+    du = tree.summed(
+        crossed(alpha[..., tree.parents, :], arms) + crossed(before, swept) + crossed(before + omega, d) + dd
+    )
     inwards = turns.swapaxes(-1, -2)
     twists, rates = (
-        np.concatenate([np.matvec(inwards, linear), np.matvec(inwards, angular)], axis=-1)
+        joined(np.matvec(inwards, linear), np.matvec(inwards, angular))
         for linear, angular in ((u, omega), (du - crossed(omega, u), alpha))
     )
     return LinkPlacements(model, turns, places), twists, rates, _columns(tree, turns, places, relative.subspaces)
@@ -117,6 +120,6 @@ def _turned(turns: Array, motions: Array) -> tuple[Array, Array]:
 
 def _columns(tree: LinkTree, turns: Array, places: Array, subspaces: Array) -> Array:
     """Return the columns S of all velocities as twists in the world frame, shape (n, 6, nv)."""
-    columns = subspaces.swapaxes(1, 2)
-    d, w = _turned(turns[:, tree.moved], columns)
-    return np.concatenate([d + crossed(places[:, tree.moved], w), w], axis=-1).swapaxes(1, 2)
+    columns = subspaces.swapaxes(-2, -1)
+    d, w = _turned(turns[..., tree.moved, :, :], columns)
+    return joined(d + crossed(places[..., tree.moved, :], w), w).swapaxes(-2, -1)

@@ -2,6 +2,10 @@
 
 Sums and products along the path from the world to each link take ``log2`` of its length in steps: to the sum over the
 last ``2^k`` joints that of the ``2^k`` before them is added, for all links at once.
+
+States are rows, shape (n, nq). For variants of a tree (``variants.ModelVariants``) a second axis stands after the rows,
+states of shape (n, k, nq) or (n, 1, nq) where all move alike; what differs between variants has it as its first axis,
+shape (k, ...), and numpy spreads one over the other. So everything here and in ``link_placements`` holds for both.
 """
 
 from __future__ import annotations
@@ -15,6 +19,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.mechanics.geometry.model_cache import cached_by_model
+from pinarm.mechanics.geometry.model_variants import Model, bodies_of, placements_of
 from pinarm.mechanics.geometry.vectors import crossed
 
 
@@ -24,7 +29,7 @@ class SingleJoints(NamedTuple):
     Attributes:
         links: Their links, shape (k,).
         q: Their coordinates in q, shape (k,).
-        constant: C0 in the rotation ``C0 + cos(q) C1 + sin(q) C2`` to the parent's axes, shape (k, 3, 3).
+        constant: C0 in the rotation ``C0 + cos(q) C1 + sin(q) C2`` to the parent's axes, shape (.., k, 3, 3).
         cosine: C1, shape (k, 3, 3).
         sine: C2, shape (k, 3, 3).
         shift: Place of the joint in the axes of its parent [m], shape (k, 3).
@@ -69,9 +74,9 @@ class LinkTree:
         single: The joints with one coordinate.
         others: Indices of the others.
         subspace: S of the joints with one coordinate, 0 of others, shape (6, nv).
-        masses: Of the links [kg], shape (njoints,).
-        levers: Their centres of mass in link axes [m], shape (njoints, 3).
-        inertias: Their spatial inertias in link axes, 0 of the world, shape (njoints, 6, 6).
+        masses: Of the links [kg], shape (njoints,), of variants (k, njoints).
+        levers: Their centres of mass in link axes [m], shape (njoints, 3), of variants (k, njoints, 3).
+        inertias: Their spatial inertias in link axes, 0 of the world, shape (njoints, 6, 6), of variants (k, ...).
     """
 
     parents: Indices
@@ -86,8 +91,8 @@ class LinkTree:
     inertias: Array = field(repr=False)
 
     @classmethod
-    def of(cls, model: pin.Model) -> LinkTree:
-        """Return the tree of a model, whose joints and inertias do not change any more."""
+    def of(cls, model: Model) -> LinkTree:
+        """Return the tree of a model, or of variants of one, whose joints and inertias do not change any more."""
         return _tree(model)
 
     @cached_property
@@ -100,35 +105,38 @@ class LinkTree:
         return moves
 
     def summed(self, x: Array) -> Array:
-        """Return the sums over the paths from the world to every link, whose own term is 0; shape (n, njoints, ..)."""
+        """Return the sums over the paths from the world to every link, whose own term is 0; shape (.., njoints, 3)."""
         for jump in self.jumps:
-            x = x + x[:, jump]
+            x = x + x[..., jump, :]
         return x
 
     def multiplied(self, turns: Array) -> Array:
-        """Return the products of rotations along these paths; that of the world is 1; shape (n, njoints, 3, 3)."""
+        """Return the products of rotations along these paths; that of the world is 1; shape (.., njoints, 3, 3)."""
         for jump in self.jumps:
-            turns = turns[:, jump] @ turns
+            turns = turns[..., jump, :, :] @ turns
         return turns
 
     def gathered(self, columns: Array) -> Array:
-        """Return the sums over the velocities of every joint, 0 of the world: (n, 6, nv) to (n, njoints, 6)."""
-        found = np.zeros((len(columns), len(self.parents), 6))
+        """Return the sums over the velocities of every joint, 0 of the world: (.., 6, nv) to (.., njoints, 6)."""
+        found = np.zeros((*columns.shape[:-2], len(self.parents), 6))
         if columns.shape[-1]:
-            found[:, 1:] = np.add.reduceat(columns, self.starts, axis=2).swapaxes(1, 2)
+            found[..., 1:, :] = np.add.reduceat(columns, self.starts, axis=-1).swapaxes(-2, -1)
         return found
 
-    def relative(self, model: pin.Model, q: Array, v: Array) -> RelativeMotion:
-        """Return how every link is placed and moves with respect to its parent, in states, (n, nq) and (n, nv)."""
+    def relative(self, model: Model, q: Array, v: Array) -> RelativeMotion:
+        """Return how every link is placed and moves with respect to its parent, in states, (.., nq) and (.., nv)."""
         n, count, one = len(q), len(self.parents), self.single
-        turns, arms = np.zeros((n, count, 3, 3)), np.zeros((n, count, 3))
-        turns[:, 0] = np.eye(3)
-        along = q[:, one.q, None]
+        along = q[..., one.q, None]
         angles = along[..., None]
-        turns[:, one.links] = one.constant + np.cos(angles) * one.cosine + np.sin(angles) * one.sine
-        arms[:, one.links] = one.shift + along * one.slide
+        turned = one.constant + np.cos(angles) * one.cosine + np.sin(angles) * one.sine
+        shifted = one.shift + along * one.slide
+        turns, arms = np.zeros((*turned.shape[:-3], count, 3, 3)), np.zeros((*shifted.shape[:-2], count, 3))
+        turns[..., 0, :, :] = np.eye(3)
+        turns[..., one.links, :, :] = turned
+        arms[..., one.links, :] = shifted
         if not self.others:
-            return RelativeMotion(turns, arms, self.subspace[None], np.zeros((1, count, 6)))
+            states = (1,) * (q.ndim - 1)
+            return RelativeMotion(turns, arms, self.subspace.reshape(*states, 6, -1), np.zeros((*states, count, 6)))
         motion = RelativeMotion(turns, arms, np.tile(self.subspace, (n, 1, 1)), np.zeros((n, count, 6)))
         for k in self.others:
             _add_joint(motion, model, k, q, v)
@@ -136,32 +144,32 @@ class LinkTree:
 
 
 @cached_by_model
-def _tree(model: pin.Model) -> LinkTree:
-    joints, bodies, parents = model.joints.tolist(), model.inertias.tolist(), np.array(model.parents.tolist())
+def _tree(model: Model) -> LinkTree:
+    joints, parents = model.joints.tolist(), np.array(model.parents.tolist())
     single = [k for k, joint in enumerate(joints) if k and joint.nq == joint.nv == 1]
-    subspace, neutral = np.zeros((6, model.nv)), pin.neutral(model)
+    subspace, zero = np.zeros((6, model.nv)), np.zeros(model.nq)  # S of a single joint is the same at all coordinates
     for k in single:
         data = joints[k].createData()
-        joints[k].calc(data, neutral)
+        joints[k].calc(data, zero)
         subspace[:, joints[k].idx_v] = data.S
     jumps, ahead = [], parents
     while ahead.any():
         jumps.append(ahead)
         ahead = ahead[ahead]
     counts = np.array([joint.nv for joint in joints[1:]], dtype=np.intp)
-    inertias = np.array([body.matrix() for body in bodies])
-    inertias[0] = 0.0
+    masses, levers, inertias = bodies_of(model)
+    inertias[..., 0, :, :] = 0.0
     return LinkTree(
         parents, tuple(jumps), np.repeat(np.arange(1, len(joints)), counts), np.cumsum(counts) - counts,
         _single(model, single, subspace), tuple(k for k in range(1, len(joints)) if k not in set(single)),
-        subspace, np.array([body.mass for body in bodies]), np.array([body.lever for body in bodies]), inertias,
+        subspace, masses, levers, inertias,
     )  # fmt: skip
 
 
-def _single(model: pin.Model, links: list[int], subspace: Array) -> SingleJoints:
+def _single(model: Model, links: list[int], subspace: Array) -> SingleJoints:
     """Return the joints of links, with the rotation by Rodrigues' formula, ``u u^T + cos (1 - u u^T) + sin [u]x``."""
-    placements, joints = [model.jointPlacements[k] for k in links], [model.joints[k] for k in links]
-    turns = np.array([place.rotation for place in placements]).reshape(-1, 3, 3)
+    turns, shifts = placements_of(model)
+    turns, joints = turns[..., links, :, :], [model.joints[k] for k in links]
     columns = subspace[:, [joint.idx_v for joint in joints]].T
     axes = columns[:, 3:]
     still = np.where(np.asarray(axes.any(axis=1))[:, None, None], 0.0, np.eye(3))
@@ -171,7 +179,7 @@ def _single(model: pin.Model, links: list[int], subspace: Array) -> SingleJoints
     return SingleJoints(
         np.array(links, dtype=np.intp), np.array([joint.idx_q for joint in joints], dtype=np.intp),
         turns @ (along + still), turns @ across, turns @ crossing,
-        np.array([place.translation for place in placements]).reshape(-1, 3), np.matvec(turns, columns[:, :3]),
+        shifts[..., links, :], np.matvec(turns, columns[:, :3]),
     )  # fmt: skip
 
 

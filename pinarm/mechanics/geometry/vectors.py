@@ -47,6 +47,13 @@ def crossed(a: Array, b: Array) -> Array:
     return product
 
 
+def joined(linear: Array, angular: Array) -> Array:
+    """Return ``[linear; angular]`` along the last axis, shape (.., 6); other axes of length 1 are spread."""
+    pair = np.empty((*np.broadcast_shapes(linear.shape[:-1], angular.shape[:-1]), 6))
+    pair[..., :3], pair[..., 3:] = linear, angular
+    return pair
+
+
 def direction(p: Array) -> Array:
     """Return ``p / |p|``, shape (3,) or (3, n); any unit vector where p is 0."""
     length = np.sqrt(dot(p, p))

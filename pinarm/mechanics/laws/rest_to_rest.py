@@ -66,6 +66,13 @@ class Polynomial(MotionLaw, frozen=True, tag_field="law", tag="polynomial", rena
 
     With x = (t - begin)/duration: ``3 x^2 - 2 x^3`` (degree 3, the acceleration jumps at the ends),
     ``10 x^3 - 15 x^4 + 6 x^5`` (5, it does not), ``35 x^4 - 84 x^5 + 70 x^6 - 20 x^7`` (7, nor does the jerk).
+
+    Attributes:
+        start: First value, ``from`` in files.
+        end: Last value, ``to`` in files.
+        duration: How long it moves.
+        degree: Of the polynomial.
+        begin: When it begins to move.
     """
 
     start: Level
@@ -99,6 +106,12 @@ class Cycloidal(MotionLaw, frozen=True, tag_field="law", tag="cycloidal", rename
     """From rest to rest as a point of a rolling wheel: ``s = from + D (x - sin(2 pi x) / (2 pi))``.
 
     x = (t - begin)/duration and D = to - from. The acceleration is a sine and begins and ends at 0.
+
+    Attributes:
+        start: First value, ``from`` in files.
+        end: Last value, ``to`` in files.
+        duration: How long it moves.
+        begin: When it begins to move.
     """
 
     start: Level

@@ -13,7 +13,11 @@ from pinarm.mechanics.laws.motion_law import FILE_KEYS, MotionLaw, Piece, Values
 
 
 class Constant(MotionLaw, frozen=True, tag_field="law", tag="constant", rename=FILE_KEYS):
-    """``s = value``, at rest."""
+    """``s = value``, at rest.
+
+    Attributes:
+        value: The value.
+    """
 
     value: Level
 
@@ -23,7 +27,13 @@ class Constant(MotionLaw, frozen=True, tag_field="law", tag="constant", rename=F
 
 
 class ConstantSpeed(MotionLaw, frozen=True, tag_field="law", tag="constant_speed", rename=FILE_KEYS):
-    """``s = from + speed (t - begin)``, for all t."""
+    """``s = from + speed (t - begin)``, for all t.
+
+    Attributes:
+        speed: Rate of the value, such as ``300 rpm``.
+        start: Value at ``begin``, ``from`` in files.
+        begin: Instant at which the value is ``from``.
+    """
 
     speed: Rate
     start: Level = 0.0
@@ -35,7 +45,14 @@ class ConstantSpeed(MotionLaw, frozen=True, tag_field="law", tag="constant_speed
 
 
 class ConstantAcceleration(MotionLaw, frozen=True, tag_field="law", tag="constant_acceleration", rename=FILE_KEYS):
-    """``s = from + speed (t - begin) + acceleration (t - begin)^2 / 2``, for all t."""
+    """``s = from + speed (t - begin) + acceleration (t - begin)^2 / 2``, for all t.
+
+    Attributes:
+        acceleration: Second rate of the value.
+        start: Value at ``begin``, ``from`` in files.
+        speed: Rate of the value at ``begin``.
+        begin: Instant at which the value is ``from``.
+    """
 
     acceleration: SecondRate
     start: Level = 0.0
@@ -49,7 +66,15 @@ class ConstantAcceleration(MotionLaw, frozen=True, tag_field="law", tag="constan
 
 
 class Harmonic(MotionLaw, frozen=True, tag_field="law", tag="harmonic", rename=FILE_KEYS):
-    """``s = mean + amplitude sin(pulsation (t - begin) + phase)``, for all t."""
+    """``s = mean + amplitude sin(pulsation (t - begin) + phase)``, for all t.
+
+    Attributes:
+        amplitude: Half of the range of the value.
+        pulsation: Angular frequency, such as ``2 rad/s``; over an angle in rad/rad.
+        mean: Mean of the value.
+        phase: Angle at ``begin``.
+        begin: Instant at which the angle is ``phase``.
+    """
 
     amplitude: Level
     pulsation: Pulsation

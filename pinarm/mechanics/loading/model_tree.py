@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.errors import ModelError, choices
 
 if TYPE_CHECKING:
@@ -157,14 +157,26 @@ def inertia_defect(moments: Array) -> str:
     Args:
         moments: Inertia matrix about the centre of mass [kg*m^2], shape (3, 3).
     """
-    principal = np.linalg.eigvalsh(moments)
-    slack = TRIANGLE * np.abs(principal).max() + NOTHING
-    if principal[0] < -slack:
+    principal, negative, unequal = _principal(moments)
+    if negative:
         return f"a principal moment of inertia is negative ({principal[0]:g} kg*m^2)"
-    if principal[0] + principal[1] < principal[2] - slack:
+    if unequal:
         return (f"no body has principal moments of inertia {', '.join(f'{m:g}' for m in principal)} kg*m^2: "
                 "each is at most the sum of the other two")  # fmt: skip
     return ""
+
+
+def impossible(moments: Array) -> Flags:
+    """Return which inertias no body can have, see ``inertia_defect``; shape (k, 3, 3) to (k,)."""
+    _, negative, unequal = _principal(moments)
+    return negative | unequal
+
+
+def _principal(moments: Array) -> tuple[Array, Flags, Flags]:
+    """Return principal moments, (.., 3), where one is negative, and where one exceeds the sum of the others, (..)."""
+    principal = np.asarray(np.linalg.eigvalsh(moments), dtype=np.float64)
+    slack = TRIANGLE * np.abs(principal).max(axis=-1) + NOTHING
+    return principal, principal[..., 0] < -slack, principal[..., :2].sum(axis=-1) < principal[..., 2] - slack
 
 
 def checked_mimics(mimics: Iterable[Mimic], joints: Mapping[str, Kind]) -> tuple[tuple[Mimic, ...], tuple[str, ...]]:

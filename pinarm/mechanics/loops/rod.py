@@ -16,7 +16,11 @@ UNTURNED = np.zeros((1, 3))
 
 
 class Rod(LoopDefinition, frozen=True, tag_field="kind", tag="rod", kw_only=True):
-    """The origins keep their distance, as by a rod without mass with ball joints at its ends."""
+    """The origins keep their distance, as by a rod without mass with ball joints at its ends.
+
+    Attributes:
+        length: Distance of the origins.
+    """
 
     length: Span
 

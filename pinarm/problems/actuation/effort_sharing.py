@@ -2,40 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.statics.actuation import actuation
-from pinarm.errors import InputError, Key, Place, UnitError, choices, within
-from pinarm.input.units import DIMENSIONLESS
-from pinarm.input.yaml.schema import InputStruct, Measured, Positive, check_unit
+from pinarm.errors import InputError, Place, within
+from pinarm.input.units import Unit
+from pinarm.input.yaml.schema import InputStruct, Positive, check_unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.forces.joint_definitions import effort_unit
+from pinarm.problems.weights import Weight, check_names, comparable, reciprocal, weights_of
 
 if TYPE_CHECKING:
     from pinarm.engine.statics.actuation import Actuation
     from pinarm.engine.statics.shared_efforts import SharedEfforts
-
-
-class Weight(Measured):
-    """A positive number, bare or with the reciprocal of a unit of effort, such as ``0.02 1/N``."""
-
-    above = 0.0
-
-    @classmethod
-    def read(cls, value: object, *, bare: bool = True) -> Self:
-        """Read a weight; see ``Measured.read``. A number without unit is one, in files too."""
-        return super().read(value, bare=True)
-
-    @property
-    def plain(self) -> bool:
-        """Whether it has no unit."""
-        return self.unit is None or self.unit.dimension == DIMENSIONLESS.dimension
 
 
 class EffortSharing(InputStruct, frozen=True):
@@ -58,29 +43,13 @@ class EffortSharing(InputStruct, frozen=True):
         Raises:
             InputError: A drive has none, a name is no drive, or weighted efforts have no common unit.
         """
-        mixed = len({effort_unit(coordinate).dimension for coordinate in drives.values()}) > 1
+        units = {name: effort_unit(coordinate) for name, coordinate in drives.items()}
         if not self.weights:
-            if mixed:
-                raise _incomparable(drives)
+            if not comparable(units):
+                raise _incomparable(units)
             return np.ones(len(drives))
         with within("weights"):
-            _check_names(self.weights, drives)
-            if missing := [name for name in drives if name not in self.weights]:
-                raise InputError(f"no weight is given for {', '.join(missing)}", expected="one for every drive")
-            if mixed or not all(weight.plain for weight in self.weights.values()):
-                self._check_units(drives)
-        return np.array([float(self.weights[name]) for name in drives])
-
-    def _check_units(self, drives: Mapping[str, Coordinate]) -> None:
-        """Raise where a weight does not make its effort a pure number."""
-        for name, coordinate in drives.items():
-            weight, wanted = self.weights[name], _reciprocal(coordinate)
-            with within(name):
-                if weight.plain:
-                    raise UnitError(f"the weight {weight:g} has no unit", hint=f"{weight:g} {wanted}",
-                                    expected="a unit for every weight, where torques stand beside forces, or another "
-                                    "weight has one")  # fmt: skip
-                check_unit(weight, DIMENSIONLESS / effort_unit(coordinate))
+            return weights_of(self.weights, units, DRIVE)
 
     def largest(self, mechanism: Mechanism, drives: Mapping[str, Coordinate]) -> Array:
         """Return the largest efforts of the drives, infinite where there is no limit, shape (d,).
@@ -90,7 +59,7 @@ class EffortSharing(InputStruct, frozen=True):
         """
         given = _model_limits(mechanism, drives) if isinstance(self.limits, str) else self.limits
         with within("limits"):
-            _check_names(given, drives)
+            check_names(given, drives, DRIVE)
             for name, limit in given.items():
                 with within(name):
                     check_unit(limit, effort_unit(drives[name]))
@@ -99,6 +68,9 @@ class EffortSharing(InputStruct, frozen=True):
 
 Share = Literal["least_squares", "bounded"] | EffortSharing
 """A choice of efforts, or the name of one."""
+
+DRIVE = "drive of this run"
+"""What names in ``share`` are."""
 
 SHARES = {"least_squares": EffortSharing(), "bounded": EffortSharing(limits="model")}
 """The choices that have a name."""
@@ -164,23 +136,9 @@ def _require_told_apart(joints: Mapping[str, LinearCoordinate], efforts: SharedE
                          "equal weights and without limits only", expected="share: least_squares")  # fmt: skip
 
 
-def _check_names(given: Iterable[str], drives: Mapping[str, Coordinate]) -> None:
-    """Raise where a name is no drive."""
-    for name in given:
-        if name not in drives:
-            with within(Key(name)):
-                expected, hint = choices(name, drives)
-                raise InputError(f"'{name}' is no drive of this run", expected=expected, hint=hint)
-
-
-def _reciprocal(coordinate: Coordinate) -> str:
-    """Return the unit of a weight as files have it."""
-    return f"1/{effort_unit(coordinate)}".replace("*", "/")
-
-
-def _incomparable(drives: Mapping[str, Coordinate]) -> InputError:
+def _incomparable(units: Mapping[str, Unit]) -> InputError:
     """Return that torques and forces cannot be added without weights."""
-    weights = ", ".join(f"{name}: 0.01 {_reciprocal(coordinate)}" for name, coordinate in drives.items())
+    weights = ", ".join(f"{name}: 0.01 {reciprocal(measured)}" for name, measured in units.items())
     return InputError(
         "torques and forces have no common sum of squares: shares would depend on the unit of length",
         expected="weights with units, such as the reciprocals of the rated efforts",

@@ -24,7 +24,7 @@ from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.laws import Constant, Over
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.problems.declaration import Declaration
-from pinarm.problems.prescribed_laws import laws_of
+from pinarm.problems.prescription.prescribed_laws import laws_of
 
 ABSENT = 1e-12
 """Entry of a row, relative to the largest, that is 0 but for rounding: the joint has no part in it."""

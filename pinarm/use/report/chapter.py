@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,12 @@ from pinarm.use.report.mechanism_tables import mechanism_tables, mobility_words
 from pinarm.use.report.origin import Origin
 from pinarm.use.report.question import QUESTIONS, question
 from pinarm.use.report.tables import ReportTable, number, unit_text, with_unit
-from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, RESIDUALS
+from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, PATHS, RESIDUALS
+from pinarm.use.result.presentation import Presentation
+from pinarm.use.show.chart import Chart
+from pinarm.use.show.plot import graph, plot
+from pinarm.use.show.sketch import sketch
+from pinarm.use.show.svg import svg
 from pinarm.use.show.terminal import FEW, error_lines, ranges
 from pinarm.use.study.answers.check import finding_of
 from pinarm.use.study.answers.verdict_table import HEADING
@@ -24,7 +29,6 @@ from pinarm.use.study.answers.verdict_table import rows as verdict_rows
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
     from pinarm.use.result.section import Section, SectionTable
-    from pinarm.use.show.plot import Picture
 
 CURVES = 2
 """Quantities a picture: a page holds two pictures, and little room is lost where one does not fit."""
@@ -122,12 +126,12 @@ def chapter(result: Result, origin: Origin, *, moving: bool) -> Chapter:
         warnings=[*_warnings(result), *missed, *limits],
         merits=_merits(result, verdicts, missed),
         answers=[table for table in (_ranges(result), _numbers(result), _findings(result)) if table.rows],
-        sketch=_untitled(result.sketch()),
+        sketch=_untitled(sketch(result)),
         mobility=mobility_words(result),
         graph=link_graph(mechanism),
         mechanism=mechanism_tables(mechanism),
         curves=list(_curves(result)),
-        parts=[_part(section) for section in result.sections.values()],
+        parts=[_part(section, result.presentation) for section in result.sections.values()],
         verdicts=verdicts,
         accuracy=_accuracy(result),
         error=error_lines(result),
@@ -198,24 +202,21 @@ def _curves(result: Result) -> Iterator[str]:
         return
     names = [series.name for series in result.columns()[1:]]
     for first in range(0, len(names), CURVES):
-        yield _untitled(result.plot(*names[first : first + CURVES]))
+        yield _untitled(plot(result, tuple(names[first : first + CURVES])))
 
 
-def _untitled(figure: Picture) -> str:
+def _untitled(chart: Chart) -> str:
     """Return a picture without its title, which the report has already."""
-    figure.suptitle("")
-    return figure.svg()
+    return svg(replace(chart, title=""))
 
 
-def _part(section: Section) -> Part:
-    from pinarm.use.show.plot import graph
-
+def _part(section: Section, how: Presentation) -> Part:
     tables = [_section_table(table, section.key) for table in section.tables]
     told = {cell for table in tables for row in table.rows for cell in row}
     untold = {name: series for name, series in section.numbers.items() if _cell(series) not in told}
     rows = [[name, unit_text(series.unit), _cell(series)] for name, series in untold.items()]
     more = [ReportTable(["Number", "unit", "value"], rows, range(2))] if rows else []
-    return Part(section.title, [*more, *tables], section.remarks, [graph(drawn).svg() for drawn in section.graphs])
+    return Part(section.title, [*more, *tables], section.remarks, [svg(graph(drawn, how)) for drawn in section.graphs])
 
 
 def _cell(series: Series) -> str:
@@ -248,7 +249,7 @@ def _verdicts(result: Result) -> tuple[ReportTable | None, list[str]]:
 
 def _accuracy(result: Result) -> ReportTable:
     """Return the figures that tell the accuracy of a run, and what they mean."""
-    few = {**RESIDUALS, **CLOSURES}
+    few = {**RESIDUALS, **CLOSURES, **PATHS}
     rows = [[name, f"{value:.1e}" if name in few else f"{value:.6g}", MEASURES[name]]
             for name, value in result.figures.items() if name in MEASURES]  # fmt: skip
     rows += [[name, f"{value:.0f}", "cost"] for name, value in result.figures.items() if name in COSTS]

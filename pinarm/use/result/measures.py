@@ -13,6 +13,11 @@ CLOSURES = {
     "closure rate": "largest velocity against a loop [m/s or rad/s]",
     "closure acceleration": "largest acceleration against a loop [m/s^2 or rad/s^2]",
 }
+PATHS = {
+    "path": "largest distance of a prescribed coordinate from its law, where a posture chooses the motion [m or rad]",
+    "path rate": "largest difference of its velocity [m/s or rad/s]",
+    "path acceleration": "largest difference of its acceleration [m/s^2 or rad/s^2]",
+}
 CONSISTENCIES = {
     "velocity consistency": "difference of given velocities from the rate of the positions, relative to the largest",
     "acceleration consistency": "difference of given accelerations from the rate of the velocities, likewise",
@@ -24,6 +29,7 @@ CONSISTENCIES = {
 MEASURES = {
     **RESIDUALS,
     **CLOSURES,
+    **PATHS,
     **CONSISTENCIES,
     "regularity": "smallest singular value of the loops' rows relative to the largest: 0 at a singular position",
     "least regular at": "where along the run that is",

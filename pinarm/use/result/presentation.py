@@ -68,10 +68,14 @@ class Presentation:
 
 def unicode_text(label: str) -> str:
     r"""Return a label without TeX: ``\dot\psi_1`` as ψ̇₁; commands that have no letter keep their names."""
-    text = _ACCENT.sub(lambda m: f"{m[2] or m[3]}{ACCENTS[m[1]]}", label)
-    text = _LETTER.sub(lambda m: _greek(m[2]), text)
-    text = _GROUP.sub(lambda m: m[1] + m[2], text)
+    text = _GROUP.sub(lambda m: m[1] + m[2], unicode_letters(label))
     return re.sub(r"_([0-9]+)", lambda m: m[1].translate(SUBSCRIPTS), text)
+
+
+def unicode_letters(tex: str) -> str:
+    """Return a formula without indices by its characters: Greek letters, and marks above letters."""
+    text = _ACCENT.sub(lambda m: f"{m[2] or m[3]}{ACCENTS[m[1]]}", tex)
+    return _LETTER.sub(lambda m: _greek(m[2]), text)
 
 
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")

@@ -36,7 +36,8 @@ if TYPE_CHECKING:
     from pinarm.use.result.section_number import Numbered
     from pinarm.use.scenario.scenario import Scenario
     from pinarm.use.scenario.scenario_file import ScenarioFile
-    from pinarm.use.show.plot import Picture
+    from pinarm.use.show.figure import Picture
+    from pinarm.use.show.plot import PictureFormat
     from pinarm.use.show.replay.page import Replay
 
 
@@ -236,6 +237,7 @@ class Result:
         traces: Sequence[str] = (),
         arrows: Sequence[str] = (),
         plots: Sequence[str] | None = None,
+        named: bool = False,
     ) -> Replay:
         """Return the moving picture of the run: one HTML page, which a notebook shows and ``save`` writes.
 
@@ -244,13 +246,14 @@ class Result:
             traces: Links whose origins leave a path; ``com`` for the centre of mass.
             arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
             plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
+            named: Whether names of parts, points and joints are shown from the start; the key N shows and hides them.
 
         Raises:
             InputError: A name is unknown, or the run does not have what is asked.
         """
         from pinarm.use import views
 
-        shown = views.replay(self, traces, arrows, plots)
+        shown = views.replay(self, traces, arrows, plots, named)
         if path is not None:
             shown.save(path)
         return shown
@@ -273,11 +276,17 @@ class Result:
 
         return views.show(self, visualizer, name)
 
-    def save(self, folder: str | Path, *, plots: bool = True) -> Path:
-        """Write the result as a folder: scenario, summary, CSV, npz, plots; return the folder."""
+    def save(self, folder: str | Path, *, plots: PictureFormat | bool = True, dpi: int = 200) -> Path:
+        """Write the result as a folder: scenario, summary, CSV, npz, plots; return the folder.
+
+        Args:
+            folder: Where to; an earlier result there is replaced.
+            plots: Format of the plots, ``svg`` (the default, and the quickest), ``png`` or ``pdf``; ``False`` for none.
+            dpi: Pixels per inch of PNG.
+        """
         from pinarm.use import views
 
-        return views.save(self, Path(folder), plots=plots)
+        return views.save(self, Path(folder), plots=plots, dpi=dpi)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Say how another process makes the same result: by its scenario, with the same rows to the last bit."""

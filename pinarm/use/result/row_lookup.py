@@ -15,12 +15,19 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, Key, PinarmError, within
 from pinarm.input.yaml.schema import in_si
+from pinarm.use.result.bracket_fit import BracketFit
 
 if TYPE_CHECKING:
     from pinarm.use.result.expectation import Expectation
 
 POINTS, ROUNDS = 17, 14
 """A bracket is cut in 16 parts 14 times: 16^14 is beyond the digits of a double, so it ends at rounding."""
+
+CORRECTIONS = 2
+"""Newton steps from the root of a polynomial, which is known to 1e-8 of the bracket: each squares that."""
+
+FLAT = 4 * np.finfo(float).eps
+"""Relative difference of values that are one value but for rounding."""
 
 _HEIGHTS: dict[str, Callable[[Array], Array]] = {
     "max": lambda x: x,
@@ -209,6 +216,27 @@ class Lookup:
         self, interval: int, height: Callable[[Quantities], Array], bracket: tuple[float, float]
     ) -> tuple[float, int, float]:
         """Return the largest height in a bracket of one interval, the interval, and where it is."""
+        t = BracketFit.places(*bracket)
+        heights = height(self.quantities_at(interval, t))
+        peak = int(heights.argmax())
+        spot, top = float(t[peak]), float(heights[peak])
+        if np.ptp(heights) <= FLAT * np.abs(heights).max():
+            return top, interval, spot
+        fit = BracketFit(*bracket, heights)
+        if not fit.is_resolved:
+            return self._narrowed(interval, height, bracket)
+        places = fit.extremes()
+        if len(places):
+            place = float(places[fit.at(places).argmax()])
+            risen = float(height(self._row(interval, place))[0])
+            if risen > top:
+                spot, top = place, risen
+        return top, interval, spot
+
+    def _narrowed(
+        self, interval: int, height: Callable[[Quantities], Array], bracket: tuple[float, float]
+    ) -> tuple[float, int, float]:
+        """Return the largest height as ``_refined`` does, of a curve that has a kink."""
         (low, high), spot, top = bracket, bracket[0], -np.inf
         for _ in range(ROUNDS // 2):  # near a maximum only half of the digits of its place matter
             t = np.linspace(low, high, POINTS)
@@ -221,17 +249,34 @@ class Lookup:
 
     def _root(self, interval: int, along: str, value: float, bracket: tuple[float, float]) -> float:
         """Return where a quantity takes a value between two neighbouring samples."""
-        low, high = bracket
-        for _ in range(ROUNDS):
-            t = np.linspace(low, high, POINTS)
-            difference = self.quantities_at(interval, t)[along].values - value
-            change = np.flatnonzero((difference[:-1] == 0.0) | (difference[:-1] * difference[1:] < 0.0))
-            if not len(change):
-                break
-            low, high = t[change[0]], t[change[0] + 1]
-            if difference[change[0]] == 0.0:
-                return float(low)
-        return 0.5 * float(low + high)
+
+        def difference(t: Array) -> Array:
+            found: Array = self.quantities_at(interval, t)[along].values - value
+            return found
+
+        (low, high), fit = sorted(bracket), BracketFit(*bracket, difference(BracketFit.places(*bracket)))
+        places = fit.crossings() if fit.is_resolved else np.empty(0)
+        if not len(places) or fit.slope(t := float(places[0])) == 0.0:
+            return _bisected(difference, bracket)
+        for _ in range(CORRECTIONS):
+            change = float(difference(np.array([t]))[0]) / fit.slope(t)
+            t = min(max(t - change, low), high)
+        return t
+
+
+def _bisected(difference: Callable[[Array], Array], bracket: tuple[float, float]) -> float:
+    """Return where a difference, shape (n,), changes its sign first, of a curve that has a kink."""
+    low, high = bracket
+    for _ in range(ROUNDS):
+        t = np.linspace(low, high, POINTS)
+        values = difference(t)
+        change = np.flatnonzero((values[:-1] == 0.0) | (values[:-1] * values[1:] < 0.0))
+        if not len(change):
+            break
+        low, high = t[change[0]], t[change[0] + 1]
+        if values[change[0]] == 0.0:
+            return float(low)
+    return 0.5 * float(low + high)
 
 
 def _rivals(values: Array, best: int, slack: float) -> list[int]:

@@ -109,6 +109,7 @@ class Section:
 
     def _repr_html_(self) -> str:
         """Return tables, remarks and graphs, for notebooks."""
+        from pinarm.use.result.presentation import Presentation
         from pinarm.use.show.section_html import section_html
 
-        return section_html(self)
+        return section_html(self, Presentation())

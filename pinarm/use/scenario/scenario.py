@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pinarm.engine.checks.balance import power_balance
+from pinarm.engine.checks.figures import plain
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.checks.unclosed import unclosed
 from pinarm.engine.constraints.blas_threads import one_blas_thread
@@ -322,11 +323,11 @@ class Scenario:
             measured |= friction_figures(solved.rows)
         removals = self.simplification.removals if solved is not whole else ()
         noted = replace(whole, notes=(*whole.notes, *unclosed(whole.rows)))
-        result = replace(self.result(noted), figures=measured, removals=removals)
+        result = replace(self.result(noted), figures=plain(measured), removals=removals)
         for index, name in enumerate(self.content.outputs):
             with self.document.locating("outputs", index):
                 result.require_finite(name)
-        result = replace(result, figures={**result.figures, **result.quantities.figures()})
+        result = replace(result, figures={**result.figures, **plain(result.quantities.figures())})
         if not all(math.isfinite(figure) for figure in result.figures.values()):
             raise overflow(whole)
         return result

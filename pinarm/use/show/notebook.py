@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pinarm.use.show.plot import Picture
+    from pinarm.use.show.figure import Picture
 
 
 def blocks(*parts: str) -> str:

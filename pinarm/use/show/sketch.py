@@ -1,26 +1,23 @@
-"""The mechanism as a stick figure where a run starts and where it ends, faintly in between; for print."""
+"""The mechanism as a stick figure with names, where a run starts and where it ends, faintly in between; for print."""
 
 from __future__ import annotations
 
-import itertools
 import textwrap
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-import matplotlib
 import numpy as np
-import pinocchio as pin
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pinarm.arrays import Array
-from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.use.show.plot import COLOURS, STYLE, Picture, plain, shown, symbol
-from pinarm.use.show.replay.framing import framing, upwards
-from pinarm.use.show.replay.overlays import BodyPoint, Connection, pairs
-from pinarm.use.show.replay.sticks import cuboid, reach, sticks
-from pinarm.use.show.replay.tracks import nodes_of, placed
+from pinarm.engine.mechanism import Mechanism
+from pinarm.use.show.chart import COLOURS, Chart, Line, Note, Panel
+from pinarm.use.show.labels import PLAIN, plain, shown, symbol
+from pinarm.use.show.note_places import note_places
+from pinarm.use.show.replay.overlays import BodyPoint, Connection
+from pinarm.use.show.replay.tracks import placed
+from pinarm.use.show.scene import GROUND, PATH, Scene, mark, scene_of, stroke
+from pinarm.use.show.scenery import floor, mounts, shadow, triad
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -31,150 +28,156 @@ BETWEEN = 4
 FINE = 600
 """Rows by which paths are drawn."""
 
-SIZE = 4.4
+SIZE = 5.6
 """Width and height [inch]."""
+
+INSIDE = 47.0
+"""Of each inch of the picture, what lines fill, without numbers, legend and margins [points]."""
 
 COIL = np.array([0.0, 0.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 0.0, 0.0])
 """A spring: how far its points stand beside its axis, in its half width."""
 
-MOUNT = ((0.0, 0.0), (-0.8, -1.2), (0.8, -1.2), (0.0, 0.0))
-"""What a joint stands on that does not move, in the size of its mark."""
-
 EVEN = 1e-9
 """Part of an axis that may stand out of the picture for the axis still to lie in it."""
 
-WRAP = 46
+WRAP = 58
 """Letters of a line of the title."""
+
+MOVED = 0.05
+"""How far from its start a point must end, relative to the extent, to be named there again."""
+
+SAME = 2e-3
+"""How far, relative to the extent, start and end may be apart and still be drawn as one: as far as a line is wide."""
+
+FAINT = "#d0d4d9"
+"""Colour of positions in between."""
 
 
 @dataclass(frozen=True)
-class Sticks:
-    """What is drawn of a mechanism.
+class Pose:
+    """A position that is drawn strongly.
 
     Attributes:
-        lines: Polylines that are fixed to bodies: a body, and points in it [m], shape (k, 3).
-        pins: Bodies on joints that turn.
-        rails: Bodies on joints that slide: a body, and where its joint would be at zero: the parent, and the point in
-            it [m], shape (3,).
-        mounts: Points of the world that a planar mechanism stands on [m], shape (3,).
-        tips: Points that carry nothing further; their paths are drawn.
-        pairs: Springs, cylinders, rods and loop joints.
-        axes: Right and up in the picture, in world axes, shape (2, 3).
+        place: Placements of the bodies, shape (njoints, 4, 4).
+        label: What the legend calls it.
+        colour: Its colour.
     """
 
-    lines: list[tuple[int, Array]]
-    pins: list[int]
-    rails: list[tuple[int, BodyPoint]]
-    mounts: list[Array]
-    tips: list[BodyPoint]
-    pairs: list[Connection]
-    axes: Array
-
-    def flat(self, place: Array, node: int, points: Array) -> Array:
-        """Return points of a body in the picture, shape (2, k), from placements of shape (njoints, 4, 4)."""
-        return np.asarray(self.axes @ (points @ place[node, :3, :3].T + place[node, :3, 3]).T)
+    place: Array
+    label: str
+    colour: str
 
 
-def sketch(result: Result) -> Picture:
-    """Return a drawing of the mechanism at the start and the end of a run, with the paths of its ends.
+def sketch(result: Result) -> Chart:
+    """Return a drawing of the mechanism at the start and the end of a run, with names and the paths of its ends.
 
     Rows that stand for themselves, such as equilibria, are drawn alike. A planar mechanism is seen along its axes, any
     other as its replay shows it.
     """
-    run = result.trajectory
-    drawn, model = _sticks(run), run.mechanism.model
-    rows = np.unique(np.linspace(0, len(run) - 1, BETWEEN + 2).round().astype(np.intp))
-    places = dict(zip(rows.tolist(), placed(model, run.q[rows]), strict=True))
-    drawn_rows = rows.tolist() if run.numbered else [0, len(run) - 1]
-    with matplotlib.rc_context({**STYLE, "axes.grid": False}):
-        figure = Picture(figsize=(SIZE, SIZE))
-        FigureCanvasAgg(figure)
-        axis = figure.subplots()
-        if not run.numbered:
-            for tip, paths in itertools.product(drawn.tips, [placed(model, run.q, FINE)]):
-                axis.plot(*(drawn.axes @ tip.path(paths).T), color="0.6", linewidth=0.7, linestyle=":")
-        for row in places.keys() - set(drawn_rows):
-            _draw(axis, drawn, places[row], "0.8", 1.0)
-        for k, row in enumerate(drawn_rows):
-            _draw(axis, drawn, places[row], COLOURS[k], 2.2, _where(result, row))
-        for mount in drawn.mounts:
-            axis.plot(*drawn.axes @ mount, marker=MOUNT, color="0.35", markersize=14, zorder=1)
-        _frame(axis, drawn)
-        figure.legend(fontsize=8, frameon=False, loc="outside lower center", ncols=2)
-        figure.suptitle(plain("\n".join(textwrap.wrap(result.content.title or result.name, WRAP))))
-    return figure
-
-
-def _sticks(run: Trajectory) -> Sticks:
+    run, how = result.trajectory, result.presentation
     model = run.mechanism.model
-    nodes, places, joined = nodes_of(model, run.q), placed(model, run.q), pairs(run)
-    lines, tips = [], []
-    known = {(node.parent, tuple(node.placement.translation)) for node in nodes}
-    known |= {(end.node, tuple(end.place)) for pair in joined for end in pair.ends}
-    for node in (k for k in range(1, len(nodes)) if nodes[k].carries):
-        points = reach(model, nodes, node)
-        ends = points[points.any(axis=1)]
-        lines += [(node, np.array([np.zeros(3), end])) for end in ends] or list(_box(model.inertias[node], node))
-        tips += [BodyPoint(node, end) for end in ends if (node, tuple(end)) not in known]
-    seen = framing(model, nodes, list(sticks(model, nodes, range(len(nodes)))), places, [])
-    eye = seen.eye if seen.normal is None else seen.normal
-    up = upwards(eye, seen.up)
-    own = [k for k, node in enumerate(nodes) if k and node.carries and (not node.parent or nodes[node.parent].carries)]
-    pins = [k for k in own if nodes[k].kind == "turn"]
-    rails = [(k, BodyPoint(nodes[k].parent, np.asarray(nodes[k].placement.translation))) for k in own
-             if nodes[k].kind == "slide"]  # fmt: skip
-    mounts = [np.asarray(nodes[k].placement.translation) for k in pins if not nodes[k].parent]
-    mounts += [end.place for pair in joined if pair.kind in ("loop", "spring") for end in pair.ends if not end.node]
-    axes = np.array([np.cross(up, eye), up])
-    return Sticks(lines, pins, rails, [] if seen.normal is None else mounts, tips, joined, axes)
+    scene = scene_of(run.mechanism, run.dynamics.forces, run.q, how)
+    rows = np.unique(np.linspace(0, len(run) - 1, BETWEEN + 2).round().astype(np.intp)).tolist()
+    places = dict(zip(rows, placed(model, run.q[rows]), strict=True))
+    chosen = rows if run.numbered else [0, len(run) - 1]
+    poses = [Pose(places[row], _where(result, row), COLOURS[k % len(COLOURS)]) for k, row in enumerate(chosen)]
+    if not run.numbered and _same(scene, poses):
+        poses = [replace(poses[0], label=f"{poses[0].label}, {poses[1].label}")] if len(run) > 1 else poses[:1]
+    paths = [] if run.numbered else [tip.path(placed(model, run.q, FINE)) for tip in scene.figure.tips]
+    between = [place for row, place in places.items() if row not in chosen]
+    return _chart(scene, poses, between, paths, result.content.title or result.name)
 
 
-def _box(inertia: pin.Inertia, node: int) -> Iterator[tuple[int, Array]]:
-    """Yield the edges of the box of an inertia, for a body that is all in one place."""
-    if inertia.mass > 0.0:
-        edges, axes = cuboid(inertia)
-        corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-        for a in range(8):
-            for b in (a | bit for bit in (1, 2, 4) if not a & bit):
-                yield node, inertia.lever + (corners[[a, b]] * edges) @ axes.T
+def structure(mechanism: Mechanism, q: Array, label: str) -> Chart:
+    """Return a drawing of a mechanism in one configuration, with names.
+
+    Args:
+        mechanism: The mechanism.
+        q: Pinocchio's configuration, shape (nq,).
+        label: Which position that is, in words.
+    """
+    scene = scene_of(mechanism, mechanism.forces, q[None], PLAIN)
+    pose = Pose(placed(mechanism.model, q[None])[0], plain(label), COLOURS[0])
+    return _chart(scene, [pose], [], [], mechanism.title)
 
 
-def _draw(axis: Axes, drawn: Sticks, place: Array, colour: str, width: float, label: str | None = None) -> None:
-    """Draw one position."""
-    for node, points in drawn.lines:
-        axis.plot(*drawn.flat(place, node, points), color=colour, linewidth=width, solid_capstyle="round")
-    for pair in drawn.pairs:
-        _join(axis, pair, [drawn.flat(place, end.node, end.place[None])[:, 0] for end in pair.ends], colour, width)
-    mark: dict[str, Any] = {"color": colour, "markerfacecolor": "white", "markersize": 2.2 * width, "linestyle": "-."}
-    for node, zero in drawn.rails:
-        ends = [drawn.flat(place, zero.node, zero.place[None]), drawn.flat(place, node, np.zeros((1, 3)))]
-        axis.plot(*np.hstack(ends), marker="s", markevery=[1], linewidth=0.4 * width, **mark)
-    for node in drawn.pins:
-        axis.plot(*drawn.flat(place, node, np.zeros((1, 3))), marker="o", **mark)
-    axis.plot([], [], color=colour, linewidth=width, label=label)
+def _same(scene: Scene, poses: Sequence[Pose]) -> bool:
+    """Tell whether all positions are one."""
+    apart = [pose.place[:, :3] - poses[0].place[:, :3] for pose in poses]
+    return all(np.abs(each[..., :3]).max() < SAME and np.abs(each[..., 3]).max() < SAME * scene.framing.size
+               for each in apart)  # fmt: skip
 
 
-def _join(axis: Axes, pair: Connection, ends: list[Array], colour: str, width: float) -> None:
-    """Draw what joins two points: a spring as a coil, a cylinder thick and light, a loop joint as its pin."""
+def _chart(scene: Scene, poses: Sequence[Pose], between: Sequence[Array], paths: Sequence[Array], title: str) -> Chart:
+    flat = scene.framing.normal is not None
+    lines = [] if flat else [*floor(scene), *(line for pose in poses for line in shadow(scene, pose.place))]
+    for path in paths:
+        lines.append(stroke(scene.view.flat(path), PATH, 0.7, ":"))
+    for place in between:
+        lines += _drawn(scene, place, FAINT, 1.0)
+    lines += mounts(scene)
+    for pose in poses:
+        first, *others = _drawn(scene, pose.place, pose.colour, 2.2)
+        lines += [replace(first, label=pose.label), *others]
+    notes = _notes(scene, poses, lines)
+    axes, letters = ([], []) if flat else triad(scene, lines)
+    across, up = _axis_names(scene) if flat else ("", "")
+    panel = Panel([*lines, *axes], [*notes, *letters], across=across, up=up, equal=True, framed=bool(across),
+                  margin=0.1, grid=False)  # fmt: skip
+    return Chart(plain("\n".join(textwrap.wrap(title, WRAP))), [panel], SIZE, SIZE, "below")
+
+
+def _drawn(scene: Scene, place: Array, colour: str, width: float) -> Iterator[Line]:
+    """Yield one position."""
+    for stick in scene.figure.sticks:
+        points = stick.points @ place[stick.node, :3, :3].T + place[stick.node, :3, 3]
+        yield stroke(scene.view.flat(points), colour, width * stick.weight)
+    for pair in scene.pairs:
+        yield _joined(pair, [scene.flat(place, end) for end in pair.ends], colour, width)
+    for node, zero in scene.figure.rails:
+        ends = np.array([scene.flat(place, zero), scene.flat(place, BodyPoint(node, np.zeros(3)))]).T
+        yield stroke(ends, colour, 0.4 * width, "-.")
+        yield mark(ends[:, 1], colour, 2.4 * width, "s")
+    for node in scene.figure.pins:
+        yield mark(scene.flat(place, BodyPoint(node, np.zeros(3))), colour, 2.2 * width)
+
+
+def _joined(pair: Connection, ends: list[Array], colour: str, width: float) -> Line:
+    """Return what joins two points: a spring as a coil, a cylinder thick and light, a loop joint as its pin."""
     one, two = ends
     along, share = two - one, np.linspace(0.0, 1.0, len(COIL))
     if pair.kind == "loop":
-        axis.plot(*one, marker="o", color=colour, markerfacecolor="white", markersize=2.2 * width)
-        return
+        return mark(one, colour, 2.2 * width)
     beside = 0.06 * np.array([-along[1], along[0]])[:, None] * COIL if pair.kind == "spring" else 0.0
-    wide, alpha = (2.5 * width, 0.4) if pair.kind == "cylinder" else (0.6 * width, 1.0)
-    axis.plot(*(one[:, None] + along[:, None] * share + beside), color=colour, linewidth=wide, alpha=alpha)
+    wide, opacity = (2.5 * width, 0.4) if pair.kind == "cylinder" else (0.6 * width, 1.0)
+    return stroke(one[:, None] + along[:, None] * share + beside, colour, wide, opacity=opacity)
 
 
-def _frame(axis: Axes, drawn: Sticks) -> None:
-    """Give both directions the same scale, and name them where they are axes of the world."""
-    axis.set_aspect("equal", adjustable="datalim")
-    axis.margins(0.1)
-    names = ["xyz"[k] for direction in drawn.axes for k in range(3) if direction[k] > 1.0 - EVEN]
-    if len(names) == 2:
-        axis.set(xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]")
-    else:
-        axis.set_axis_off()
+def _notes(scene: Scene, poses: Sequence[Pose], lines: Sequence[Line]) -> list[Note]:
+    """Return the names: those of points and joints at the first position; others where there is room.
+
+    These are those of parts, and those of points and joints that have moved at further positions.
+    """
+    wanted: list[Note] = []
+    start = [(name, scene.flat(poses[0].place, name.at)) for name in scene.names]
+    start.sort(key=lambda named: named[0].kind == "part")
+    for name, at in start:
+        colour = PATH if name.kind == "part" else poses[0].colour if name.at.node else GROUND
+        wanted.append(Note(float(at[0]), float(at[1]), name.text, colour=colour))
+    kept = sum(name.kind != "part" for name, _ in start)
+    for pose in poses[1:]:
+        for name, before in start:
+            at = scene.flat(pose.place, name.at)
+            if name.kind != "part" and np.linalg.norm(at - before) > MOVED * scene.framing.size:
+                wanted.append(Note(float(at[0]), float(at[1]), name.text, colour=pose.colour))
+    strong = [line for line in lines if line.colour in {pose.colour for pose in poses} | {GROUND}]
+    return note_places(wanted, lines, strong, INSIDE * SIZE, kept=kept)
+
+
+def _axis_names(scene: Scene) -> tuple[str, str]:
+    """Return what is right and up in a flat picture; nothing where these are no axes of the world."""
+    names = ["xyz"[k] for direction in scene.view.axes for k in range(3) if direction[k] > 1.0 - EVEN]
+    return (f"{names[0]} [m]", f"{names[1]} [m]") if len(names) == 2 else ("", "")
 
 
 def _where(result: Result, row: int) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pinarm.engine.series import Series
 from pinarm.errors import printable
 from pinarm.problems.simplify.simplification import removal_lines
-from pinarm.use.result.measures import CLOSURES, CONSISTENCIES, COSTS, MEASURES, NOT_ESTIMATED, RESIDUALS
+from pinarm.use.result.measures import CLOSURES, CONSISTENCIES, COSTS, MEASURES, NOT_ESTIMATED, PATHS, RESIDUALS
 
 if TYPE_CHECKING:
     from pinarm.input.units import Unit
@@ -125,12 +125,13 @@ def error_lines(result: Result) -> list[str]:
 
 def _accuracy_lines(figures: Mapping[str, float], parameter: str) -> list[str]:
     """Return what a run says of its accuracy, a line for each kind of figure."""
-    residuals, gaps, rows = (
+    residuals, gaps, path, rows = (
         ", ".join(f"{name} {figures[name]:.1e}" for name in names if name in figures)
-        for names in (RESIDUALS, CLOSURES, CONSISTENCIES)
+        for names in (RESIDUALS, CLOSURES, PATHS, CONSISTENCIES)
     )
     lines = [f"accuracy: relative residuals: {residuals}"] if residuals else []
     lines += [f"loops [m or rad, s]: {gaps}"] if gaps else []
+    lines += [f"prescribed coordinates [m or rad, s]: {path}"] if path else []
     lines += [f"given rows, relative: {rows}"] if rows else []
     if "regularity" in figures:
         lines.append(f"regularity: {figures['regularity']:.2g} at {parameter} = {figures['least regular at']:.6g}, "

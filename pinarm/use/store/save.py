@@ -32,15 +32,20 @@ from pinarm.use.store.section_files import SECTIONS, sections_text
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
     from pinarm.use.result.section import SectionTable
+    from pinarm.use.show.plot import PictureFormat
 
 
-def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, float] | None = None) -> Path:
+def save(
+    result: Result, folder: Path, *, plots: PictureFormat | bool = True, dpi: int = 200,
+    timing: dict[str, float] | None = None,
+) -> Path:  # fmt: skip
     """Write a result.
 
     The folder gets ``scenario.yaml`` (as resolved: it can be run again), ``mechanism.yaml`` and the model (the
     mechanism with its arguments filled in), ``summary.json``, ``trajectory.csv``, ``trajectory.npz``, and with
-    ``plots`` a picture per output; ``manifest.json`` has the digests of all. With the tables that its laws name, it is
-    all that ``restore`` needs. An earlier result is replaced; of anything else see ``whole_folder``.
+    ``plots`` pictures of the outputs, as SVG where no other format is said, PNG with ``dpi`` pixels per inch;
+    ``manifest.json`` has the digests of all. With the tables that its laws name, it is all that ``restore`` needs. An
+    earlier result is replaced; of anything else see ``whole_folder``.
 
     Raises:
         InputError: The folder cannot be written, or holds files that are not an earlier result's.
@@ -71,7 +76,7 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
         if plots:
             from pinarm.use.show.plot import save_plots
 
-            save_plots(result, draft)
+            save_plots(result, draft, "svg" if plots is True else plots, dpi)
     return folder
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +27,8 @@ from pinarm.use.study.run import run
 
 if TYPE_CHECKING:
     from pinarm.problems.actuation.controls import ControlOfRun
+    from pinarm.use.show.chart import Chart
+    from pinarm.use.show.figure import Picture
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,7 @@ class Explanation:
     Attributes:
         mechanism: The mechanism.
         mobility: What its constraints do.
+        q: Pinocchio's configuration, shape (nq,).
         where: Which configuration that is, in words.
         removals: Joints that the scenario is solved without.
         control: Controllers of the scenario's problem, beside those of the mechanism.
@@ -43,6 +46,7 @@ class Explanation:
 
     mechanism: Mechanism
     mobility: Mobility
+    q: Array = field(repr=False)
     where: str
     removals: Sequence[Removal] = ()
     control: Sequence[ControlOfRun] = ()
@@ -52,11 +56,39 @@ class Explanation:
         parts = (self._joints(), self._ties(), self._mobility(), self._acting(), self._modelled())
         return "\n".join([self.mechanism.title, *(line for part in parts for line in part)])
 
-    def _repr_html_(self) -> str:
-        """Return it for notebooks."""
-        from pinarm.use.show.notebook import lines
+    def sketch(self) -> Picture:
+        """Return a drawing of the mechanism in that configuration, with the names of parts, points, joints, loops."""
+        from pinarm.use.show.figure import figure
 
-        return lines(str(self).split("\n"))
+        return figure(self._chart())
+
+    def draw(self, file: str | Path, *, dpi: int = 200) -> Path:
+        """Write the drawing to a file and return its path.
+
+        Args:
+            file: Its suffix says the format: ``.svg``, ``.png`` or ``.pdf``.
+            dpi: Pixels per inch of PNG.
+
+        Raises:
+            InputError: It has another suffix, or cannot be written.
+        """
+        from pinarm.use.output.folder import write_file
+        from pinarm.use.show.plot import encoded
+
+        path = Path(file)
+        write_file(path, [encoded(self._chart(), path.suffix[1:], dpi)])
+        return path
+
+    def _chart(self) -> Chart:
+        from pinarm.use.show.sketch import structure
+
+        return structure(self.mechanism, self.q, f"mobility {self.mobility.mobility} {self.where}")
+
+    def _repr_html_(self) -> str:
+        """Return the drawing and the text, for notebooks."""
+        from pinarm.use.show.notebook import blocks, lines, picture
+
+        return blocks(picture(self.sketch()), lines(str(self).split("\n")))
 
     def _joints(self) -> list[str]:
         model = self.mechanism.model
@@ -173,7 +205,7 @@ def _explained(mechanism: Mechanism, q: Sequence[Array], where: str, removals: S
     """Return the structure at the first of some closed configurations that is of no special kind."""
     judged = generic(mechanism, q)
     first = where if judged is q[0] else f"beside a singular position, which is {where}"
-    return Explanation(mechanism, mobility_of(mechanism, judged), first, removals)
+    return Explanation(mechanism, mobility_of(mechanism, judged), judged, first, removals)
 
 
 ROWS = 9

@@ -47,7 +47,7 @@ def test_its_section_is_told_saved_and_drawn(tmp_path: Path) -> None:
     result = pinarm.run(ROTOR, {"shaking": {}})
     folder = result.save(tmp_path, plots=True)
     assert (folder / "shaking_figures.csv").read_text().splitlines()[1].startswith("force.norm,N,592.17626")
-    assert (folder / "plots" / "shaking_hodograph.png").stat().st_size > 5000
+    assert (folder / "plots" / "shaking_hodograph.svg").stat().st_size > 5000
     assert result.summary()["shaking"]["force.norm.peak"]["unit"] == "N"
     assert pinarm.schema()["properties"]["shaking"]
 

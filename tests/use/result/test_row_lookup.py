@@ -70,7 +70,7 @@ def test_an_entry_that_is_not_reached_stops_nothing(scenario: Callable[..., Any]
              "alpha = 1.5 rad is not reached in this run; entry 3 of expect asks for it"]  # fmt: skip
     assert [note for note in result.notes() if "expect" in note] == notes
     saved = result.save(folder / "out")
-    assert list((saved / "plots").glob("*.png"))
+    assert list((saved / "plots").glob("*.svg"))
     assert [note for note in restore(saved).notes() if "expect" in note] == notes
     assert [(found.verdict, found.reason[-11:]) for found in pinarm.check(given, result=result)] == [
         ("MISS", "in this run"), ("agrees", ""), ("MISS", "in this run"),
@@ -172,3 +172,15 @@ def test_a_top_next_to_the_end_is_found_beside_an_equal_row_at_the_start(scenari
     result = scenario("inverse", "", *changes).run()
     for shift in ("- 0.02", "+ 0.02"):
         assert result.number(f"cos(alpha {shift}) @ max")[0] == pytest.approx(1.0, rel=1e-14)
+
+
+def test_places_of_smooth_curves_take_few_states(scenario: Callable[..., Any], monkeypatch: Any) -> None:
+    """Two samples are as high, 12.9 deg beside the top: two calls each and one for the row that is told."""
+    lookup, calls = scenario("statics").run().lookup, []
+    plain = type(lookup).quantities_at
+    monkeypatch.setattr(type(lookup), "quantities_at", lambda *asked: calls.append(asked) or plain(*asked))
+    assert lookup.at("max", "M")["alpha"].values == pytest.approx([math.pi / 2], abs=1e-9)
+    assert len(calls) == 5  # by narrowing 15
+    calls.clear()
+    assert lookup.at({"pivot": "30 deg"}, "M")["M"].values == pytest.approx([10.0], rel=1e-15)
+    assert len(calls) <= 5

@@ -1,4 +1,4 @@
-"""Figures: an axis for each quantity, and names that are drawn as they stand."""
+"""Plots: an axis for each quantity, names that are drawn as they stand, and the files that are written."""
 
 import io
 from collections.abc import Callable
@@ -10,7 +10,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.show.plot import plain, symbol
+from pinarm.use.show.plot import encoded, save_plots
 
 ROOT = Path(pinarm.__file__).parents[1]
 
@@ -67,13 +67,6 @@ def test_names_are_drawn_as_they_stand(scenario: Callable[..., Any], name: str) 
     assert drawn(scenario("inverse").run().plot(name, against=name))
 
 
-@pytest.mark.parametrize("text", ["plain", "a_b", "$", "$\\foo{", "\\$", "a $b$ c", "$$$"])
-def test_plain_text_begins_no_formula(text: str) -> None:
-    from matplotlib.cbook import is_math_text
-
-    assert not is_math_text(plain(text))
-
-
 def test_a_constant_is_drawn_flat(scenario: Callable[..., Any]) -> None:
     """Rounding is not blown up: a sum that stays 1 to the last digit has an axis of its own size."""
     [axis] = scenario("inverse").run().plot("sin(alpha)**2 + cos(alpha)**2").axes
@@ -114,27 +107,6 @@ def test_published_figures_stand_over_the_curve_and_misprints_beside_it() -> Non
     assert np.abs(wrong.get_ydata() - curve.get_ydata()).min() > 1.0  # its sign is reversed
 
 
-@pytest.mark.parametrize(
-    ("name", "wanted"),
-    [
-        ("theta", r"$\theta$"),
-        ("theta21", r"$\theta_{21}$"),
-        ("theta21d", r"$\dot{\theta}_{21}$"),
-        ("phidd", r"$\ddot{\phi}$"),
-        ("C_B", "$C_{B}$"),
-        ("X53", "$X_{53}$"),
-        ("Cr", "Cr"),
-        ("hdd", "hdd"),
-        ("theta_dot", "theta_dot"),
-        ("joint.theta.effort", "joint.theta.effort"),
-        ("C_B$", r"C_B\$"),
-        ("C_$", r"C_\$"),
-    ],
-)
-def test_symbols_are_printed_as_publications_do(name: str, wanted: str) -> None:
-    assert symbol(name) == wanted
-
-
 def test_rows_that_stand_for_themselves_are_not_joined(scenario: Callable[..., Any]) -> None:
     [axis] = scenario("equilibria").run().plot("alpha").axes
     [line] = axis.lines
@@ -142,3 +114,29 @@ def test_rows_that_stand_for_themselves_are_not_joined(scenario: Callable[..., A
     assert list(axis.get_xticks()) == [1.0, 2.0]
     [axis] = scenario("statics").run().plot("M").axes
     assert axis.lines[0].get_linestyle() == "-"
+
+
+@pytest.mark.parametrize(("form", "begins"), [("svg", b"<svg"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
+def test_plots_are_written_in_the_format_that_is_asked_for(
+    scenario: Callable[..., Any], tmp_path: Path, form: Any, begins: bytes
+) -> None:
+    """The same result gives the same bytes."""
+    result = scenario("inverse").run()
+    files = save_plots(result, tmp_path, form)
+    assert [file.name for file in files] == [f"outputs_1.{form}", f"positions.{form}"]
+    first = [file.read_bytes() for file in files]
+    assert all(raw.startswith(begins) for raw in first)
+    assert [file.read_bytes() for file in save_plots(result, tmp_path, form)] == first
+
+
+def test_the_resolution_of_png_is_as_asked_for(scenario: Callable[..., Any]) -> None:
+    """7 inches at 100 and, where nothing is said, at 200 pixels each."""
+    from PIL import Image
+
+    from pinarm.use.show.plot import plot
+
+    chart = plot(scenario("inverse").run(), ("M",))
+    assert Image.open(io.BytesIO(encoded(chart, "png", 100))).size[0] == 700
+    assert Image.open(io.BytesIO(encoded(chart, "png"))).size[0] == 1400
+    with pytest.raises(InputError, match="not written as 'gif'"):
+        encoded(chart, "gif")

@@ -9,7 +9,10 @@ import pytest
 
 import pinarm
 from pinarm.use.result.result import Result
-from pinarm.use.show.plot import COLOURS
+from pinarm.use.show.chart import COLOURS
+from pinarm.use.show.replay.framing import Camera, framing
+from pinarm.use.show.replay.sticks import sticks
+from pinarm.use.show.replay.tracks import nodes_of, placed
 
 ROOT = Path(pinarm.__file__).parents[1]
 EXACT = 1e-12  # metres; sums of a few rounded numbers of size one
@@ -61,6 +64,7 @@ def test_planar_mechanisms_are_seen_flat(name: str, labels: tuple[str, str]) -> 
     [axis] = solved(name).sketch().axes
     assert (axis.get_xlabel(), axis.get_ylabel()) == labels
     assert axis.axison == bool(labels[0])
+    assert {text.get_text() for text in axis.texts} >= {"x", "y", "z"} or bool(labels[0])  # the axes of the world
 
 
 def test_a_loop_is_closed_in_the_picture() -> None:
@@ -87,3 +91,56 @@ def test_a_body_in_one_place_is_the_box_of_its_inertia() -> None:
     """A brick: twelve edges at the start."""
     [axis] = solved("brick_thrown").sketch().axes
     assert len([line for line in axis.lines if line.get_color() == COLOURS[0] and len(line.get_xdata()) == 2]) == 12
+
+
+def names(figure: Any) -> dict[str, list[tuple[float, float]]]:
+    """Texts in a drawing, and the points that they stand at."""
+    [axis] = figure.axes
+    found: dict[str, list[tuple[float, float]]] = {}
+    for text in axis.texts:
+        found.setdefault(text.get_text(), []).append(tuple(np.round(text.xy, 9) + 0.0))
+    return found
+
+
+def test_names_stand_at_their_points_at_start_and_end() -> None:
+    """The two-rod arm turns by theta from 0 to 60 degrees: its elbow B goes along a circle about O."""
+    found = names(solved("gen411_arm_vertical").sketch())
+    assert found["O"] == [(0.0, 0.5)]  # which does not move, and is named once
+    elbows = [(0.25 * np.cos(theta), 0.5 + 0.25 * np.sin(theta)) for theta in (0.0, np.pi / 3)]
+    assert np.array(found["B"]) == pytest.approx(np.array(elbows), abs=1e-8)
+
+
+def test_a_full_turn_is_drawn_once() -> None:
+    """Two turns of a crank end where they began: both instants stand at one position."""
+    figure = solved("slider_crank_gas").sketch()
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["start: t = 0 s, end: t = 0.04 s"]
+
+
+def test_a_spatial_mechanism_is_drawn_by_the_camera_of_its_replay() -> None:
+    """Bricard's six links at the start: edges of a cube, projected here by the rule for a pinhole, eye and target."""
+    result = solved("bricard_falling")
+    model, q = result.trajectory.mechanism.model, result.trajectory.q
+    nodes = nodes_of(model, q)
+    seen = framing(model, nodes, sticks(model, nodes, range(len(nodes))), placed(model, q), [])
+    camera = seen.view()
+    assert isinstance(camera, Camera)
+    found = ends(result.sketch(), COLOURS[0])
+    distance = np.linalg.norm(camera.eye - camera.centre)
+    right, up = camera.axes
+    for joint in placed(model, q[:1])[0, 1:, :3, 3]:
+        ray = joint - camera.eye
+        wanted = distance * np.array([ray @ right, ray @ up]) / (ray @ (camera.centre - camera.eye) / distance)
+        assert min(np.hypot(*(point - wanted)) for point in found) < EXACT
+
+
+def test_wheels_are_circles_of_their_pitch_radii() -> None:
+    """Planetary gear: the planet's centre runs at the sum of the radii of sun and planet."""
+    figure = solved("planetary_gear_reducer").sketch()
+    [axis] = figure.axes
+    circles = [np.array(line.get_data()) for line in axis.lines if len(line.get_xdata()) > 50
+               and line.get_color() == COLOURS[0]]  # fmt: skip
+    radii = sorted(np.ptp(circle[0]) / 2 for circle in circles)
+    planet, sun, ring = radii
+    assert ring == pytest.approx(sun + 2 * planet, rel=1e-9)  # the condition of assembly on one axis
+    [centre] = [circle.mean(axis=1) for circle in circles if abs(np.ptp(circle[0]) / 2 - planet) < 1e-9]
+    assert np.hypot(*centre) == pytest.approx(sun + planet, rel=0.02)  # the first point of the rim is there twice

@@ -225,7 +225,7 @@ def test_a_result_whose_writing_was_interrupted_is_replaced(
 def test_what_an_older_result_left_is_not_taken_for_the_new_one(scenario: Callable[..., Any], folder: Path) -> None:
     scenario("inverse").run().save(folder / "out")
     saved = scenario("inverse", "gravity: none\n").run().save(folder / "out", plots=False)
-    assert not list(saved.rglob("*.png"))
+    assert not list(saved.rglob("*.svg"))
 
 
 def test_a_folder_that_cannot_be_written(scenario: Callable[..., Any], folder: Path) -> None:

@@ -74,9 +74,9 @@ class JointQuantities(WrenchFamily):
         effort = self.run.effort(joint.v)
         if asked.part in EFFORTS:
             armature = float(mechanism.model.armature[joint.v]) if asked.part == "link_effort" else 0.0
-            values, unit = effort - armature * self.run.a[:, joint.v], effort_unit(joint)
+            values, unit = effort - armature * self.run.a[..., joint.v], effort_unit(joint)
         elif asked.part == "power":
-            values, unit = effort * self.run.v[:, joint.v], WATT
+            values, unit = effort * self.run.v[..., joint.v], WATT
         else:
             raise asked.unknown
         return Series(asked.name, unit, values, self._effort_doubt(asked, joint))
@@ -94,7 +94,7 @@ class JointQuantities(WrenchFamily):
         if len(asked.words) < 3 or asked.part not in WRENCH:
             raise asked.unknown
         reactions = self.evaluation.reactions
-        origins = reactions.origins[:, index]
+        origins = reactions.origins[..., index, :]
         stresses, about = [stressed[:, index] for stressed in reactions.stressed_joints], origins
         if asked.words[1:3] == ("moment", AT_PARENT):
             about = reactions.markers(index)
@@ -103,7 +103,7 @@ class JointQuantities(WrenchFamily):
             if acts(self.wrench_component(asked, origins, wrench, about)):
                 raise InputError(f"'{asked.name}': {reactions.left_open[index]}",
                                  expected="a joint before or beyond them", hint=SAY_HOW)  # fmt: skip
-        return self.wrench(asked, origins, reactions.joints[:, index], stresses, about)
+        return self.wrench(asked, origins, reactions.joints[..., index, :], stresses, about)
 
     def axes(self, asked: Asked) -> Array:
         """Return the axis of a joint, world axes, shape (n, 3)."""

@@ -32,7 +32,7 @@ class PointQuantities(Family):
         if len(asked.words) < 3 or asked.part not in RATES:
             raise asked.unknown
         order = RATES.index(asked.part)
-        vectors = self.evaluation.kinematics.frame(asked.of)[:, order]
+        vectors = self.evaluation.kinematics.frame(asked.of)[..., order, :]
         return Series(asked.name, METRE / SECOND**order if order else METRE, self.component(asked, vectors))
 
 
@@ -54,5 +54,5 @@ class BodyQuantities(Family):
         if len(asked.words) < 3 or asked.part not in TURNS:
             raise asked.unknown
         order = TURNS.index(asked.part)
-        vectors = self.evaluation.kinematics.frame(asked.of)[:, 3 + order]
+        vectors = self.evaluation.kinematics.frame(asked.of)[..., 3 + order, :]
         return Series(asked.name, unit("rad/s^2" if order else "rad/s"), self.component(asked, vectors))

@@ -28,6 +28,51 @@ FLAT = 0.7
 """Depth of a planar mechanism, relative to its extent in the plane, up to which it is seen along its axes."""
 
 
+FIELD, ROOM = 28.0, 1.18
+"""Angle of the camera from the lowest to the highest point [deg], and the room that is left around the motion."""
+
+
+@dataclass(frozen=True)
+class ParallelView:
+    """Everything as large as it is, seen along an axis.
+
+    Attributes:
+        axes: Right and up in the picture, in world axes, shape (2, 3).
+    """
+
+    axes: Array
+
+    def flat(self, points: Array) -> Array:
+        """Return places in the picture [m], shape (2, n), of points in the world, shape (n, 3)."""
+        return np.asarray(self.axes @ points.T)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """What is nearer appears larger, as in the replay; lengths are true at the distance of the centre.
+
+    Attributes:
+        axes: Right and up in the picture, in world axes, shape (2, 3).
+        eye: Place of the camera [m], shape (3,).
+        centre: What it looks at [m], shape (3,).
+    """
+
+    axes: Array
+    eye: Array
+    centre: Array
+
+    def flat(self, points: Array) -> Array:
+        """Return places in the picture [m], shape (2, n), of points in the world, shape (n, 3)."""
+        back = self.eye - self.centre
+        distance = np.linalg.norm(back)
+        depth = (self.eye - points) @ back / distance
+        return np.asarray(self.axes @ (points - self.centre).T * (distance / depth))
+
+
+View = ParallelView | Camera
+"""How points of the world come into a picture."""
+
+
 @dataclass(frozen=True)
 class Framing:
     """The box of the whole motion and the view on it, in world axes.
@@ -52,6 +97,20 @@ class Framing:
     def size(self) -> float:
         """Diagonal of the box [m]."""
         return float(np.linalg.norm(self.high - self.low)) or 1.0
+
+    def view(self) -> View:
+        """Return how a drawing shows it: a planar mechanism along its axes, any other by the replay's camera."""
+        if self.normal is not None:
+            up = upwards(self.normal, self.up)
+            return ParallelView(np.array([np.cross(up, self.normal), up]))
+        up = upwards(self.eye, self.up)
+        axes = np.array([np.cross(up, self.eye), up])
+        along = self.outline @ axes.T
+        middle = (self.low + self.high) / 2.0
+        centre = middle + axes.T @ ((along.min(axis=0) + along.max(axis=0)) / 2.0 - axes @ middle)
+        offset = self.outline - centre
+        needed = np.abs(offset @ axes.T).max(axis=1) / np.tan(np.deg2rad(FIELD) / 2.0) + offset @ self.eye
+        return Camera(axes, centre + ROOM * (float(needed.max()) or 1.0) * self.eye, centre)
 
 
 def framing(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -11,10 +11,12 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.nullspace import ACTS
+from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.errors import InputError, choices
 from pinarm.mechanics.forces.bushing import LinearBushing
+from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.forces.point import AppliedWrench, TwoPointSpring
 from pinarm.mechanics.joints import frame_of
 from pinarm.mechanics.loops.loop_joints import LoopJoint
@@ -128,18 +130,18 @@ def traced(model: pin.Model, name: str) -> list[tuple[BodyPoint, float]]:
     return masses
 
 
-def pairs(run: Trajectory) -> list[Connection]:
+def pairs(mechanism: Mechanism, forces: Mapping[str, ForceElement]) -> list[Connection]:
     """Return what joins two points: springs, cylinders and bushings among the forces, and loop joints."""
-    model = run.mechanism.model
+    model = mechanism.model
     found = [
         Connection(_drawn_as(force), (point_of(model, one), point_of(model, two)))
-        for force in run.dynamics.forces.values()
+        for force in forces.values()
         if isinstance(force, TwoPointSpring | LinearBushing) for one, two in [force.frames]
     ]  # fmt: skip
     return found + [
         Connection("rod" if joint.kind == "rod" else "loop",
                    (point_of(model, joint.first), point_of(model, joint.second)))
-        for joint in run.mechanism.constraints if isinstance(joint, LoopJoint)
+        for joint in mechanism.constraints if isinstance(joint, LoopJoint)
     ]  # fmt: skip
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
@@ -19,9 +20,11 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.use.output.folder import write_file
+from pinarm.use.show.labels import axis_label, name_label, runs, unicode_label, unit_text
 from pinarm.use.show.replay import overlays
 from pinarm.use.show.replay.framing import Framing, framing
 from pinarm.use.show.replay.meshes import thinned
+from pinarm.use.show.replay.names import gathered, names_of
 from pinarm.use.show.replay.packing import Packing, compressed
 from pinarm.use.show.replay.shapes import Shape, visuals
 from pinarm.use.show.replay.sticks import sticks
@@ -33,7 +36,7 @@ if TYPE_CHECKING:
     from pinarm.use.result.result import Result
 
 FILES = Path(__file__).parent / "page"
-SCRIPTS = ("data.js", "motion.js", "solids.js", "view.js", "overlays.js", "plots.js", "main.js")
+SCRIPTS = ("data.js", "motion.js", "names.js", "solids.js", "view.js", "overlays.js", "plots.js", "main.js")
 CURVES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#3a87b7")
 LINKS = 6.0
 """Typical links along the extent of a mechanism; one of more has smaller marks."""
@@ -74,8 +77,9 @@ class Replay:
 
 
 def replay_page(
-    result: Result, *, traces: Sequence[str] = (), arrows: Sequence[str] = (), plots: Sequence[str] | None = None
-) -> Replay:
+    result: Result, *, traces: Sequence[str] = (), arrows: Sequence[str] = (), plots: Sequence[str] | None = None,
+    named: bool = False,
+) -> Replay:  # fmt: skip
     """Return the moving picture of a result.
 
     Args:
@@ -83,6 +87,7 @@ def replay_page(
         traces: Links whose origins leave a path; ``com`` for the centre of mass.
         arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
         plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
+        named: Whether names of parts, points and joints are shown from the start; the key N shows and hides them.
 
     Raises:
         InputError: A name is unknown, or the run does not have what is asked.
@@ -93,9 +98,10 @@ def replay_page(
     run = result.trajectory.some(rows) if len(rows) < len(result) else result.trajectory
     packing = Packing()
     scene, notes = _scene(run, traces, arrows, packing)
+    scene |= {"names": _names(run, result.presentation), "named": named}
     scene["plots"] = [_curve(series, result.presentation, rows, CURVES[k % len(CURVES)], packing)
                       for k, series in enumerate(curves)]  # fmt: skip
-    scene["parameter"] = _parameter(run, result.presentation.unit(result.parameter))
+    scene["parameter"] = _parameter(run, result.presentation.unit(result.parameter), result.presentation)
     skipped = f"{len(rows)} of {len(result)} rows" if len(rows) < len(result) else ""
     more = [f"and {len(notes) - 2} more"] if len(notes) > 2 else []
     scene["notes"] = [text for text in (skipped, *notes[:2], *more) if text]
@@ -118,7 +124,7 @@ def _scene(
     drawn = visuals(run.mechanism)
     shapes = [*drawn.shapes, *sticks(model, nodes, drawn.bare)]
     paths = [overlays.traced(model, name) for name in traces]
-    joined, acting = overlays.pairs(run), overlays.arrows(run, nodes, kinds)
+    joined, acting = overlays.pairs(run.mechanism, run.dynamics.forces), overlays.arrows(run, nodes, kinds)
     marks = [end for pair in joined for end in pair.ends] + [point for path in paths for point, _ in path]
     seen = framing(model, nodes, shapes, places, [mark.path(places) for mark in marks])
     largest: dict[tuple[str, bool], float] = {}
@@ -136,6 +142,16 @@ def _scene(
         "legend": [*_paths(traces), *_families(acting, largest), *_marks(joined)],
     }
     return scene, drawn.notes
+
+
+def _names(run: Trajectory, how: Presentation) -> list[Plain]:
+    """Return the names of parts, points and joints, points and joints first: they keep their places."""
+    model = run.mechanism.model
+    nodes, places = nodes_of(model, run.q), placed(model, run.q)
+    size = float(np.ptp(places[:, :, :3, 3], axis=(0, 1)).max()) or 1.0
+    found = gathered(list(names_of(run.mechanism, nodes, how)), places, size)
+    return [{"runs": runs(name.text), "kind": name.kind, **name.at.plain()}
+            for name in sorted(found, key=lambda name: name.kind == "part")]  # fmt: skip
 
 
 def _node(node: Node, packing: Packing) -> Plain:
@@ -196,12 +212,10 @@ def _marks(joined: Sequence[overlays.Connection]) -> list[Plain]:
     return [{"loop": True, "text": "loop joint"}] if any(pair.kind == "loop" for pair in joined) else []
 
 
-def _parameter(run: Trajectory, measured: Unit | None) -> Plain:
-    unit = _pretty(str(measured or "?"))
-    return {
-        "name": run.parameter, "unit": "" if unit == "1" else unit, "scale": measured.factor if measured else 1.0,
-        "time": run.parameter == "t", "discrete": run.numbered,
-    }  # fmt: skip
+def _parameter(run: Trajectory, measured: Unit | None, how: Presentation) -> Plain:
+    name, scale = unicode_label(name_label(run.parameter, how)), measured.factor if measured else 1.0
+    kind = {"time": run.parameter == "t", "discrete": run.numbered}
+    return {"name": name, "unit": unit_text(measured), "scale": scale, **kind}
 
 
 def _curve(series: Series, how: Presentation, rows: Indices, colour: str, packing: Packing) -> Plain:
@@ -210,14 +224,9 @@ def _curve(series: Series, how: Presentation, rows: Indices, colour: str, packin
     values: Array = drawn.values[rows]
     if not np.isfinite(values).all():
         raise InputError(f"{series.name} is not finite everywhere, and cannot be plotted")
-    unit, name = _pretty(str(drawn.unit or "?")), how.label(series.name)
-    text = "" if unit == "1" else unit
-    label = f"{name} [{text}]" if text else name
-    return {"label": label, "unit": text, "colour": colour, "values": packing.add(values)}
-
-
-def _pretty(unit: str) -> str:
-    return "°" if unit == "deg" else unit.replace("*", "·").replace("^2", "²").replace("^3", "³")
+    label = axis_label(series.name, drawn.unit, how, sys.maxsize)
+    return {"label": unicode_label(label), "runs": runs(label), "unit": unit_text(drawn.unit), "colour": colour,
+            "values": packing.add(values)}  # fmt: skip
 
 
 def _inline(data: Plain) -> str:

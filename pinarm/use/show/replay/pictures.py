@@ -49,7 +49,7 @@ def picture(replay: Replay, value: float, target: Path) -> Path:
     """
     with browser() as shown, tempfile.TemporaryDirectory() as folder:
         shown.open(replay.save(Path(folder) / "replay.html"), f"#t={value!r}")
-        shown.evaluate(f"replay.show({value!r})")
+        shown.evaluate(f"replay.picture(), replay.show({value!r})")
         raw = shown.screenshot()
     write_file(target, [raw])
     return target
@@ -76,6 +76,7 @@ def video(
         raise InputError(f"{fps:g} pictures a second at speed {speed:g}", expected="positive numbers, at most 240 fps")
     with browser() as shown, tempfile.TemporaryDirectory() as folder:
         shown.open(replay.save(Path(folder) / "replay.html"), "#t=0")
+        shown.evaluate("replay.picture()")
         encoded = Path(folder) / "video.mp4"
         frames = 1 + round(shown.evaluate("replay.player.seconds()") * fps / speed)
         if frames > MOST_FRAMES:

@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pinarm.engine.checks.balance import power_balance
+from pinarm.engine.checks.figures import plain
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.constraints.blas_threads import one_blas_thread
 
@@ -43,7 +44,7 @@ def verified(scenario: Scenario) -> Result:
     result = solved(scenario)
     run, rows = result.trajectory, len(result)
     with one_blas_thread(scenario.mechanism.model.nv):
-        checked = {**power_balance(run, rows), **residual_figures(run, result.outcome.motion, rows)}
+        checked = plain({**power_balance(run, rows), **residual_figures(run, result.outcome.motion, rows)})
     result = replace(result, figures={**result.figures, **checked})
     if result.errors:
         return result

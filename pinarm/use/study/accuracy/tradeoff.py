@@ -22,7 +22,8 @@ from pinarm.use.study.accuracy.setting_errors import (
 from pinarm.use.study.accuracy.variant_errors import Variant, solve_variants
 
 if TYPE_CHECKING:
-    from pinarm.use.show.plot import Picture
+    from pinarm.use.show.figure import Picture
+    from pinarm.use.show.plot import PictureFormat
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,16 +66,25 @@ class Tradeoff:
         }  # fmt: skip
         return found
 
-    def save(self, folder: Path, *, plots: bool = True) -> Path:
+    def save(self, folder: Path, *, plots: PictureFormat | bool = True, dpi: int = 200) -> Path:
         """Write ``tradeoff.json`` and the plots; return the folder.
+
+        Args:
+            folder: Where to; an earlier trade-off there is replaced.
+            plots: Format of the pictures, ``svg`` (the default), ``png`` or ``pdf``; ``False`` for none.
+            dpi: Pixels per inch of PNG.
 
         Raises:
             InputError: The folder cannot be written, or holds files that are not an earlier trade-off's.
         """
         with whole_folder(folder, "trade-off") as draft:
             write(draft / "tradeoff.json", json_text(self.summary()) + "\n")
-            for name, figure in self.plots().items() if plots else ():
-                figure.savefig(draft / f"{name}.png", metadata={"Software": None})
+            if plots:
+                from pinarm.use.show.figure import UNDATED
+
+                form = "svg" if plots is True else plots
+                for name, figure in self.plots().items():
+                    figure.savefig(draft / f"{name}.{form}", dpi=dpi, metadata=UNDATED[form])
         return folder
 
     def plots(self) -> dict[str, Picture]:

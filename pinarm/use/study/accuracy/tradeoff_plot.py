@@ -11,7 +11,7 @@ from pinarm.use.study.accuracy.setting_errors import WANTED
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from pinarm.use.show.plot import Picture
+    from pinarm.use.show.figure import Picture
     from pinarm.use.study.accuracy.tradeoff import Tradeoff
 
 MARKERS = "os^Dv*"
@@ -23,28 +23,28 @@ def work_precision(trade: Tradeoff) -> Picture:
     Recommended settings are ringed; in the grey band below, errors are those of the reference.
     """
     import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    from pinarm.use.show.plot import STYLE, WIDTH, Picture, plain
+    from pinarm.use.show.chart import WIDTH
+    from pinarm.use.show.figure import STYLE, label, new
+    from pinarm.use.show.labels import plain
 
     assert trade.reference
+    figure = new(WIDTH, 3.6)
     with matplotlib.rc_context(STYLE):
-        figure = Picture(figsize=(WIDTH, 3.6))
-        FigureCanvasAgg(figure)
         left, right = figure.subplots(1, 2, sharey=True)
         _curves(left, trade, "evaluations", 1.0)
         _curves(right, trade, "seconds", 1e3)
         left.set(xlabel="evaluations of the acceleration", ylabel="largest relative error of any output")
         right.set(xlabel="time [ms]")
         left.legend(frameon=False, loc="best")
-        figure.suptitle(plain(trade.scenario.content.title or trade.scenario.name))
+        figure.suptitle(label(plain(trade.scenario.content.title or trade.scenario.name)))
     return figure
 
 
 def _curves(axis: Axes, trade: Tradeoff, cost: str, scale: float) -> None:
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-    from pinarm.use.show.plot import COLOURS
+    from pinarm.use.show.chart import COLOURS
 
     assert trade.reference
     floor = max(trade.reference.bound, 1e-16)
@@ -66,31 +66,27 @@ def _curves(axis: Axes, trade: Tradeoff, cost: str, scale: float) -> None:
 
 def outputs(trade: Tradeoff) -> Picture:
     """Return the outputs of all variants over the run, that of the exact model in black."""
-    import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from pinarm.use.show.chart import COLOURS, HEAD, HEIGHT, WIDTH, Chart, Line, Panel
+    from pinarm.use.show.figure import figure
+    from pinarm.use.show.labels import axis_label, plain, shown
 
-    from pinarm.use.show.plot import COLOURS, HEAD, HEIGHT, STYLE, WIDTH, Picture, axis_label, plain, shown
-
-    names = list(dict.fromkeys(trade.scenario.content.outputs))
-    with matplotlib.rc_context(STYLE):
-        figure = Picture(figsize=(WIDTH, HEAD + HEIGHT * len(names)))
-        FigureCanvasAgg(figure)
-        axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-        for k, variant in enumerate(trade.variants):
-            if variant.result is None:
-                continue
-            run, look = variant.result.trajectory, {"color": COLOURS[(k - 1) % len(COLOURS)], "linestyle": "--"}
-            along, measured = shown(variant.result.parameter)
-            for name, axis in zip(names, axes, strict=True):
-                scale, unit = shown(variant.result[name])
-                values = variant.result[name].values / scale
-                axis.plot(run.grid.t / along, values, label=plain(variant.name), **(look if k else {"color": "black"}))
-                axis.set_title(axis_label(name, unit), loc="left", fontsize=9)
-        axes[0].legend(frameon=False, loc="best", fontsize=8)
-        axes[-1].set_xlabel(axis_label(run.parameter, measured))
-        axes[-1].margins(x=0.01)
-        figure.suptitle(plain(trade.scenario.content.title or trade.scenario.name))
-    return figure
+    names, how = list(dict.fromkeys(trade.scenario.content.outputs)), trade.scenario.content.presentation
+    known = [(k, variant.name, variant.result) for k, variant in enumerate(trade.variants) if variant.result]
+    last = known[-1][2]
+    panels = []
+    for name in names:
+        unit = shown(last[name], how)[1]
+        lines = [
+            Line(result.trajectory.grid.t / shown(result.parameter, how)[0],
+                 result[name].values / shown(result[name], how)[0],
+                 COLOURS[(k - 1) % len(COLOURS)] if k else "#000000", style="--" if k else "-",
+                 label=plain(called) if name == names[0] else "")
+            for k, called, result in known
+        ]  # fmt: skip
+        across = axis_label(last.parameter.name, shown(last.parameter, how)[1], how) if name == names[-1] else ""
+        panels.append(Panel(lines, title=axis_label(name, unit, how), across=across))
+    title = plain(trade.scenario.content.title or trade.scenario.name)
+    return figure(Chart(title, panels, WIDTH, HEAD + HEIGHT * len(names)))
 
 
 def plots(trade: Tradeoff) -> dict[str, Picture]:

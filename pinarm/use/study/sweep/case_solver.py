@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +13,10 @@ from pinarm.arrays import Array
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.use.output.folder import check_replaceable
-from pinarm.use.study.sweep.axes import Cases, Value
-from pinarm.use.study.sweep.cases import WORTH, Row, Task, solve_case
+from pinarm.use.study.sweep.axes import Cases
+from pinarm.use.study.sweep.cases import WORTH, Row, Task
 from pinarm.use.study.sweep.journal import JOURNAL, Journal, Sources, task_digest
+from pinarm.use.study.sweep.together import CaseSolver, Job
 from pinarm.use.study.workers.chunk_order import LostJob
 from pinarm.use.study.workers.distribute import Workers, distribute
 
@@ -24,9 +24,6 @@ UNSOLVED = "not solved"
 
 Progress = Callable[[int, int, int], None]
 """Called with how many cases are done, how many of them failed, and how many there are."""
-
-Job = tuple[int, str, dict[str, Value]]
-"""A case, its digest, and its values."""
 
 
 @dataclass(eq=False)
@@ -71,7 +68,7 @@ class Solving:
             self._solve(workers, journal)
 
     def _solve(self, workers: Workers, journal: Journal | None) -> None:
-        with closing(distribute(partial(_solve_job, self.task), self._unknown(journal), workers)) as answers:
+        with closing(distribute(CaseSolver(self.task), self._unknown(journal), workers)) as answers:
             for (case, key, _), answer in answers:
                 if isinstance(answer, LostJob):
                     self._take(case, Row((), answer.reason, final=False))
@@ -110,10 +107,6 @@ class Solving:
         """Return why cases failed, in order, those that were not solved included."""
         unsolved = {int(case): UNSOLVED for case in np.flatnonzero(~self.solved)}
         return dict(sorted((self.errors | unsolved).items()))
-
-
-def _solve_job(task: Task, job: Job) -> Row:
-    return solve_case(task, job[2])
 
 
 def open_journal(folder: Path, task: Task, width: int) -> Journal:

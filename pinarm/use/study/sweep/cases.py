@@ -184,7 +184,25 @@ class LoadedCase:
     files: frozenset[Path]
 
 
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """A case that has been solved.
+
+    Attributes:
+        row: What came out.
+        result: The whole of it; ``None`` where the case failed.
+    """
+
+    row: Row
+    result: Result | None = None
+
+
 def solve_case(task: Task, values: Mapping[str, Value]) -> Row:
+    """Return the row of one case; see ``solved_case``."""
+    return solved_case(task, values).row
+
+
+def solved_case(task: Task, values: Mapping[str, Value]) -> Solved:
     """Solve one case: a function of plain data, for any process on any machine that sees the files.
 
     Args:
@@ -192,7 +210,7 @@ def solve_case(task: Task, values: Mapping[str, Value]) -> Row:
         values: Path -> value that replaces that of the scenario.
 
     Returns:
-        The row; that of a case that fails says why.
+        The row; that of a case that fails says why, and has no result.
     """
     with file_root(task.root), noting_files() as files:
         try:
@@ -200,20 +218,20 @@ def solve_case(task: Task, values: Mapping[str, Value]) -> Row:
             numbers = [number for entry in task.wanted for number in entry.numbers(result)]
             quadrature = [error / abs(number) for number, error in numbers if error and number]
             if result.contradiction:
-                return Row((), result.contradiction, _names(files))
+                return Solved(Row((), result.contradiction, _names(files)))
             if result.missed:
                 target = result.content.accuracy.target
-                return Row(
-                    (), f"the global error is {result.error:.1e}, not below its target {target:g}", _names(files)
-                )
+                said = f"the global error is {result.error:.1e}, not below its target {target:g}"
+                return Solved(Row((), said, _names(files)))
             figures = {**result.figures, QUADRATURE: max(quadrature, default=np.nan)}
             figures[GLOBAL_ERROR] = np.nan if result.error is None else result.error
             worth = (figures.get(name, np.nan) for name in WORTH)
-            return Row((*(number for number, _ in numbers), *worth), "", _names(files))
+            return Solved(Row((*(number for number, _ in numbers), *worth), "", _names(files)), result)
         except PinarmError as error:
-            return Row((), _one_line(error), _names(files))
+            return Solved(Row((), _one_line(error), _names(files)))
         except Exception as error:  # a fault of the program costs one case, and is told as what it is
-            return Row((), f"the program failed: {type(error).__name__}: {error}", _names(files), final=False)
+            said = f"the program failed: {type(error).__name__}: {error}"
+            return Solved(Row((), said, _names(files), final=False))
 
 
 def _names(files: Iterable[Path]) -> tuple[str, ...]:

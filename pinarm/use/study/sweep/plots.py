@@ -17,7 +17,8 @@ from pinarm.use.study.sweep.axes import Axis
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from pinarm.use.show.plot import Picture
+    from pinarm.use.show.figure import Picture
+    from pinarm.use.show.plot import PictureFormat
     from pinarm.use.study.sweep.sweep import Sweep
 
 FAMILY = 6
@@ -35,17 +36,16 @@ def plot(sweep: Sweep, series: Series) -> Picture:
     drawn by chance, or that vary in more ways, it is a histogram with the median and the middle 90 %.
     """
     import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    from pinarm.use.show.plot import STYLE, Picture, plain
+    from pinarm.use.show.figure import STYLE, label, new
+    from pinarm.use.show.labels import plain
 
+    figure = new(7.0, 4.2)
     with matplotlib.rc_context(STYLE):
-        figure = Picture(figsize=(7.0, 4.2))
-        FigureCanvasAgg(figure)
         axis = figure.subplots()
         _kind(sweep)(axis, sweep, series)
         failed = f" ({len(sweep.errors)} of {len(sweep)} cases failed)" if sweep.errors else ""
-        figure.suptitle(plain(f"{sweep.title or sweep.name}{failed}"))
+        figure.suptitle(label(plain(f"{sweep.title or sweep.name}{failed}")))
     return figure
 
 
@@ -62,34 +62,42 @@ def _kind(sweep: Sweep) -> Draw:
 
 def _family(axis: Axes, sweep: Sweep, series: Series) -> None:
     """Draw curves over the longer axis, one for each value of the other."""
-    from pinarm.use.show.plot import COLOURS, axis_label, limit, plain, shown
+    from pinarm.use.show.chart import COLOURS
+    from pinarm.use.show.figure import label, limit
+    from pinarm.use.show.labels import axis_label, plain, shown
 
     along, other, values = _grid(sweep, series)
-    scale, measured = shown(series)
+    scale, measured = shown(series, sweep.presentation)
     x = _ticks(axis.xaxis, along)
     for k, row in enumerate(values / scale):
         name = _value(other, k) if other else None
         few = "o" if len(x) <= 60 else None
         axis.plot(
-            x, row, color=COLOURS[k % len(COLOURS)], marker=few, markersize=3, label=plain(name) if name else None
+            x,
+            row,
+            color=COLOURS[k % len(COLOURS)],
+            marker=few,
+            markersize=3,
+            label=label(plain(name)) if name else None,
         )
     lost = x[np.isnan(values).any(axis=0)]
     axis.vlines(lost, 0.0, 1.0, color="0.85", linewidth=3, zorder=0, transform=axis.get_xaxis_transform())
     axis.set_xlabel(_named(along))
-    axis.set_ylabel(axis_label(series.name, measured))
+    axis.set_ylabel(label(axis_label(series.name, measured, sweep.presentation)))
     if np.isfinite(values).any():
         limit(axis, float(np.nanmin(values) / scale), float(np.nanmax(values) / scale))
     if other:
-        axis.legend(title=plain(other.columns[0].path), fontsize=8, title_fontsize=8)
+        axis.legend(title=label(plain(other.columns[0].path)), fontsize=8, title_fontsize=8)
 
 
 def _map(axis: Axes, sweep: Sweep, series: Series) -> None:
     """Draw the values over two numbers, a cell for each case; those that failed stay grey."""
-    from pinarm.use.show.plot import axis_label, shown
+    from pinarm.use.show.figure import label
+    from pinarm.use.show.labels import axis_label, shown
 
     along, other, values = _grid(sweep, series)
     assert other is not None
-    scale, measured = shown(series)
+    scale, measured = shown(series, sweep.presentation)
     x, y = _ticks(axis.xaxis, along), _ticks(axis.yaxis, other)
     columns, rows = np.argsort(x), np.argsort(y)
     x, y, values = x[columns], y[rows], values[np.ix_(rows, columns)] / scale
@@ -100,16 +108,18 @@ def _map(axis: Axes, sweep: Sweep, series: Series) -> None:
     axis.grid(visible=False)
     axis.set_xlabel(_named(along))
     axis.set_ylabel(_named(other))
-    axis.figure.colorbar(mesh, ax=axis, label=axis_label(series.name, measured))
+    axis.figure.colorbar(mesh, ax=axis, label=label(axis_label(series.name, measured, sweep.presentation)))
 
 
 def _histogram(axis: Axes, sweep: Sweep, series: Series) -> None:
     """Draw how often which value came out."""
-    from pinarm.use.show.plot import COLOURS, axis_label, shown
+    from pinarm.use.show.chart import COLOURS
+    from pinarm.use.show.figure import label
+    from pinarm.use.show.labels import axis_label, shown
 
-    scale, measured = shown(series)
+    scale, measured = shown(series, sweep.presentation)
     values = series.values[np.isfinite(series.values)] / scale
-    axis.set_xlabel(axis_label(series.name, measured))
+    axis.set_xlabel(label(axis_label(series.name, measured, sweep.presentation)))
     axis.set_ylabel("cases")
     if not len(values):
         return
@@ -132,12 +142,13 @@ def _grid(sweep: Sweep, series: Series) -> tuple[Axis, Axis | None, Array]:
 
 def _ticks(direction: Any, axis: Axis) -> Array:
     """Return the places of an axis's values; words stand side by side."""
-    from pinarm.use.show.plot import plain
+    from pinarm.use.show.figure import label
+    from pinarm.use.show.labels import plain
 
     column = axis.columns[0]
     if column.is_numeric:
         return np.array(column.values, float)
-    direction.set_ticks(range(len(axis)), [plain(str(value)) for value in column.values])
+    direction.set_ticks(range(len(axis)), [label(plain(str(value))) for value in column.values])
     return np.arange(len(axis), dtype=float)
 
 
@@ -147,19 +158,22 @@ def _value(axis: Axis, row: int) -> str:
 
 
 def _named(axis: Axis) -> str:
-    from pinarm.use.show.plot import axis_label
+    from pinarm.use.show.figure import label
+    from pinarm.use.show.labels import axis_label
 
     column = axis.columns[0]
-    return axis_label(column.path, unit(column.unit or "1"))
+    return label(axis_label(column.path, unit(column.unit or "1")))
 
 
-def save_plots(sweep: Sweep, folder: Path) -> list[Path]:
+def save_plots(sweep: Sweep, folder: Path, form: PictureFormat, dpi: int) -> list[Path]:
     """Write a picture for every result into ``plots/``; return the files."""
+    from pinarm.use.show.figure import UNDATED
+
     folder = folder / "plots"
     folder.mkdir(exist_ok=True)
     files = []
     for number, series in enumerate(sweep.results()[:PICTURES], 1):
         name = re.sub(r"[^A-Za-z0-9_.-]+", "_", series.name).strip("_")[:40]
-        files.append(folder / f"{number:02d}_{name}.png")
-        plot(sweep, series).savefig(files[-1], metadata={"Software": None})
+        files.append(folder / f"{number:02d}_{name}.{form}")
+        plot(sweep, series).savefig(files[-1], dpi=dpi, metadata=UNDATED[form])
     return files

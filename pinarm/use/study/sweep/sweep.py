@@ -16,6 +16,7 @@ from pinarm.errors import InputError, Interrupted, PinarmError, choices
 from pinarm.input.roots import given_root, noting_files
 from pinarm.input.units import DIMENSIONLESS, unit
 from pinarm.input.yaml.values import Values, written_unit
+from pinarm.use.result.presentation import Presentation
 from pinarm.use.scenario.scenario import Given, Scenario, declared_unit, load
 from pinarm.use.study.sweep.axes import MOST, Axis, Cases, Distribution, Sampling, draw
 from pinarm.use.study.sweep.case_solver import Solving
@@ -26,7 +27,8 @@ from pinarm.use.study.workers.choice import check_number, chosen_workers
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from pinarm.use.show.plot import Picture
+    from pinarm.use.show.figure import Picture
+    from pinarm.use.show.plot import PictureFormat
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +42,7 @@ class Sweep:
         cases: The values of every case.
         columns: Results and measures of accuracy, one number per case; NaN where a case failed.
         errors: Case -> why it failed.
+        presentation: In which units, and by which labels, results are shown.
     """
 
     name: str
@@ -48,6 +51,7 @@ class Sweep:
     cases: Cases = field(repr=False)
     columns: Sequence[Series] = field(repr=False)
     errors: Mapping[int, str] = field(repr=False)
+    presentation: Presentation = field(default_factory=Presentation, repr=False)
 
     def __len__(self) -> int:
         return len(self.cases)
@@ -89,17 +93,20 @@ class Sweep:
 
         return plot(self, self[name] if name else self.columns[0])
 
-    def save(self, folder: str | Path, *, plots: bool = True, parquet: bool = False) -> Path:
+    def save(
+        self, folder: str | Path, *, plots: PictureFormat | bool = True, dpi: int = 200, parquet: bool = False
+    ) -> Path:
         """Write ``sweep.yaml``, ``cases.csv``, ``cases.npz``, ``summary.json`` and plots; return the folder.
 
         Args:
             folder: The folder; see ``sweep_files.save``.
-            plots: Whether pictures are written.
+            plots: Format of the pictures, ``svg`` (the default), ``png`` or ``pdf``; ``False`` for none.
+            dpi: Pixels per inch of PNG.
             parquet: Whether the table is written as Parquet too, in parts of 100,000 cases, by pyarrow.
         """
         from pinarm.use.study.sweep.sweep_files import save
 
-        return save(self, Path(folder), plots=plots, parquet=parquet)
+        return save(self, Path(folder), plots=plots, dpi=dpi, parquet=parquet)
 
     def _repr_html_(self) -> str:
         """Return statistics and a plot, for notebooks."""
@@ -175,7 +182,8 @@ def sweep(
         solving.run(chosen_workers(workers, executor), Path(folder) if folder is not None else None)
     except KeyboardInterrupt:
         interrupted = True
-    swept = Sweep(scenario.name, scenario.content.title, definition, chosen, solving.columns(named), solving.failures())
+    swept = Sweep(scenario.name, scenario.content.title, definition, chosen, solving.columns(named), solving.failures(),
+                  scenario.content.presentation)  # fmt: skip
     if interrupted:
         said = f"interrupted with {solving.done} of {len(chosen)} cases solved"
         hint = "the same command again: it goes on from there" if folder is not None else ""

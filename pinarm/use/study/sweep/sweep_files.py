@@ -18,6 +18,7 @@ from pinarm.use.store.files import json_text, write, write_arrays, write_parts, 
 from pinarm.use.study.sweep.journal import JOURNAL
 
 if TYPE_CHECKING:
+    from pinarm.use.show.plot import PictureFormat
     from pinarm.use.study.sweep.sweep import Sweep
 
 WORST: dict[str, Callable[[Array], Any]] = {
@@ -27,7 +28,9 @@ WORST: dict[str, Callable[[Array], Any]] = {
 """Measures of accuracy, and which of their values is the worst."""
 
 
-def save(sweep: Sweep, folder: Path, *, plots: bool = True, parquet: bool = False) -> Path:
+def save(
+    sweep: Sweep, folder: Path, *, plots: PictureFormat | bool = True, dpi: int = 200, parquet: bool = False
+) -> Path:
     """Write a sweep.
 
     The folder gets ``sweep.yaml`` (what was asked), ``cases.csv`` and ``cases.npz`` (a line per case), ``summary.json``
@@ -51,7 +54,7 @@ def save(sweep: Sweep, folder: Path, *, plots: bool = True, parquet: bool = Fals
         if plots:
             from pinarm.use.study.sweep.plots import save_plots
 
-            save_plots(sweep, draft)
+            save_plots(sweep, draft, "svg" if plots is True else plots, dpi)
     return folder
 
 

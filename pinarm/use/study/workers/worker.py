@@ -6,7 +6,8 @@ import pickle
 import threading
 import time
 from collections import OrderedDict
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, Protocol, runtime_checkable
 
 from pinarm.input.roots import noting_files
 from pinarm.use.study.workers.chunk_order import Answers, ChunkOrder, FilesLacking, LostJob, answered, unpacked
@@ -33,6 +34,14 @@ def work(wanted: dict[str, str], order: bytes) -> bytes | dict[str, str]:
     return answered(session.answer(given), session.files.prefix)
 
 
+@runtime_checkable
+class Together(Protocol):
+    """A function of jobs that solves several of them at once."""
+
+    def together(self, jobs: Sequence[Any]) -> Iterator[Any]:
+        """Yield the answers of jobs, in their order, none of which raises."""
+
+
 class _Session:
     """A function and its files, on a worker.
 
@@ -50,11 +59,13 @@ class _Session:
         if lacking.digests:
             return lacking
         begin, answers = time.perf_counter(), list[Any]()
-        for job in unpacked(order.jobs, self.files.prefix):
+        jobs = unpacked(order.jobs, self.files.prefix)
+        coming = self.function.together(jobs) if isinstance(self.function, Together) else map(self._answer_of, jobs)
+        while len(answers) < len(jobs):
             if answers and time.perf_counter() - begin > order.budget:
                 break
             with noting_files() as files:
-                answer = self._answer_of(job)
+                answer = next(coming)
             lacking = self.files.unknown(files)
             if lacking.paths:
                 if not answers:

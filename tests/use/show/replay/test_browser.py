@@ -203,7 +203,7 @@ def test_plots_follow_and_lead(solved: Callable[..., Any], shown: Callable[..., 
         page.evaluate("document.querySelector('figcaption output').textContent")
         == f"{result['C_B'].values[60]:.4g} N·m"
     )
-    assert page.evaluate("document.getElementById('now').textContent") == "phi = −30.0°"
+    assert page.evaluate("document.getElementById('now').textContent") == "φ = −30.0°"
     box = page.evaluate(
         "(() => { const c = document.querySelector('figure .grid').getBoundingClientRect();"
         "const l = document.querySelector('figure .cursor').getBoundingClientRect();"
@@ -253,3 +253,72 @@ def test_names_from_files_are_text(scenario: Callable[..., Any], folder: Path, s
     assert page.evaluate("document.querySelector('figcaption span').textContent").startswith(evil)
     assert page.evaluate("document.images.length") == 0
     assert complaints(page) == []
+
+
+def test_the_key_n_names_points_where_they_are(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
+    """Beside its point by the camera of the page, at several instants; hidden at first, hidden again by the key."""
+    result = solved("slider_crank_gas")
+    page = shown(result)
+    layer = "getComputedStyle(document.getElementById('names')).display"
+    assert page.evaluate(layer) == "none"
+    press(page, "n")
+    assert page.evaluate(layer) == "block"
+    texts = page.evaluate("Array.from(document.querySelectorAll('#names span'), (span) => span.textContent)")
+    assert set(texts) == {"O, θ", "A", "G3", "B3, B, x", "crank", "rod", "piston"}
+    model, q = result.trajectory.mechanism.model, result.trajectory.q
+    for row in (10, 100, 333):
+        data = model.createData()
+        pin.framesForwardKinematics(model, data, q[row])
+        wanted = data.oMf[model.getFrameId("A", pin.FrameType.BODY)].translation.tolist()
+        page.evaluate(f"replay.show({float(result.trajectory.grid.t[row])!r})")
+        x, y = page.evaluate(
+            f"(() => {{ const p = new replay.view.THREE.Vector3(...{wanted})"
+            ".applyMatrix4(replay.view.world.matrixWorld).project(replay.view.viewer.camera);"
+            "const box = document.getElementById('names').getBoundingClientRect();"
+            "return [box.left + (p.x + 1) / 2 * box.width, box.top + (1 - p.y) / 2 * box.height]; })()"
+        )
+        left, top, bottom = page.evaluate(
+            "(() => { const box = Array.from(document.querySelectorAll('#names span'))"
+            ".find((span) => span.textContent === 'A').getBoundingClientRect();"
+            "return [box.left, box.top, box.bottom]; })()"
+        )
+        assert x < left < x + 20  # pixels
+        assert abs((top + bottom) / 2 - y) < 40
+    press(page, "n")
+    assert page.evaluate(layer) == "none"
+    assert complaints(page) == []
+
+
+@pytest.mark.parametrize("name", ["andrews_squeezing", "panda_quintic"])
+def test_names_do_not_cover_each_other(solved: Callable[..., Any], shown: Callable[..., Any], name: str) -> None:
+    page = shown(solved(name), named=True)
+    boxes = page.evaluate(
+        "Array.from(document.querySelectorAll('#names span'), (span) => { const b = span.getBoundingClientRect();"
+        "return [b.left, b.top, b.right, b.bottom]; })"
+    )
+    assert len(boxes) > 8
+    for k, (left, top, right, bottom) in enumerate(boxes):
+        assert all(left >= r or right <= x or top >= b - 1 or bottom <= y + 1 for x, y, r, b in boxes[:k])
+
+
+@pytest.mark.parametrize("name", ["slider_crank_gas", "gen411_arm_static"])
+def test_pictures_have_all_plots_in_sight(solved: Callable[..., Any], shown: Callable[..., Any], name: str) -> None:
+    """Ten plots are more than a window is high, three are not."""
+    result = solved(name)
+    page = shown(result)
+    page.evaluate("replay.picture(), replay.show(0)")
+    low = page.evaluate("document.getElementById('bar').getBoundingClientRect().top")
+    boxes = page.evaluate(
+        "Array.from(document.querySelectorAll('#plots svg'),"
+        "(svg) => { const b = svg.getBoundingClientRect(); return [b.top, b.bottom, b.right]; })"
+    )
+    assert len(boxes) == len(set(result.content.outputs))
+    assert all(top > 0 and bottom <= low and right <= 900 for top, bottom, right in boxes)
+    assert complaints(page) == []
+
+
+def test_symbols_are_as_in_plots(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
+    page = shown(solved("slider_crank_gas"), plots=["theta", "psi", "C"])
+    captions = page.evaluate("Array.from(document.querySelectorAll('figcaption span'), (span) => span.textContent)")
+    assert captions == ["θ [°]", "ψ [°]", "C [N·m]"]
+    assert page.evaluate("document.querySelector('figcaption em').textContent") == "θ"

@@ -81,5 +81,5 @@ def test_a_sweep_of_which_everything_fails_is_drawn_too(held: pinarm.Scenario, t
     ends = {"arguments.m": "1, -1, -2, 2 kg"}  # the ends are fine, or it would not begin
     sweep = pinarm.sweep(held, {**ends, "problem.over.pivot.from": "10, 95"}, results=["M @ pivot=5 deg"])
     assert len(sweep.errors) == 8
-    sweep.save(tmp_path / "out")
+    sweep.save(tmp_path / "out", plots="png")
     assert ink(tmp_path / "out" / "plots" / "01_M_pivot_5_deg.png") > 0.01

@@ -68,8 +68,8 @@ def test_one_worker_or_many_a_pause_or_none_give_the_same_bytes(held: pinarm.Sce
         "cases.npz",
         "summary.json",
         "manifest.json",
-        "01_min_M.png",
-        "02_max_M.png",
+        "01_min_M.svg",
+        "02_max_M.svg",
     }
 
 
@@ -123,10 +123,10 @@ def test_a_fault_of_the_program_is_not_kept(
 ) -> None:
     faulty = module(
         "from pinarm.use.study.sweep.cases import Row\n"
-        "def solve(task, job):\n    return Row((), 'a fault', (), final=False)\n"
+        "def solve(job):\n    return Row((), 'a fault', (), final=False)\n"
     )
     with monkeypatch.context() as patched:
-        patched.setattr(solving, "_solve_job", faulty.solve)
+        patched.setattr(solving, "CaseSolver", lambda task: faulty.solve)
         assert len(pinarm.sweep(held, MASSES, folder=tmp_path / "out", workers=1).errors) == 10
     assert not pinarm.sweep(held, MASSES, folder=tmp_path / "out", workers=1).errors
 
@@ -213,14 +213,15 @@ def test_a_killed_worker_loses_its_case_and_the_next_run_solves_it(
     held: pinarm.Scenario, tmp_path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hostile = module(
-        "import os, signal\nfrom pinarm.use.study.sweep.cases import solve_case\n"
-        "def solve(task, job):\n"
-        "    if job[2]['arguments.m'] == '2.0 kg':\n"
-        "        os.kill(os.getpid(), signal.SIGSEGV)\n"
-        "    return solve_case(task, job[2])\n"
+        "import os, signal\nfrom pinarm.use.study.sweep.together import CaseSolver\n"
+        "class Hostile(CaseSolver):\n"
+        "    def together(self, jobs):\n"
+        "        if any(job[2]['arguments.m'] == '2.0 kg' for job in jobs):\n"
+        "            os.kill(os.getpid(), signal.SIGSEGV)\n"
+        "        return super().together(jobs)\n"
     )
     with monkeypatch.context() as patched:
-        patched.setattr(solving, "_solve_job", hostile.solve)
+        patched.setattr(solving, "CaseSolver", hostile.Hostile)
         sweep = pinarm.sweep(held, {"arguments.m": "1:3:5 kg"}, folder=tmp_path / "out", workers=2)
     assert sweep.errors == {2: "its process died by SIGSEGV"}
     again = pinarm.sweep(held, {"arguments.m": "1:3:5 kg"}, folder=tmp_path / "out")
@@ -259,7 +260,7 @@ def test_two_sweeps_do_not_write_one_journal(held: pinarm.Scenario, tmp_path: Pa
 
 
 def start(path: Path, *arguments: str) -> "subprocess.Popen[str]":
-    command = [sys.executable, "-m", "pinarm", "sweep", str(path), "--over", "arguments.m=1:3:600 kg", "--no-plots"]
+    command = [sys.executable, "-m", "pinarm", "sweep", str(path), "--over", "arguments.m=1:3:20000 kg", "--no-plots"]
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a shell's background jobs ignore interrupts
     return subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                             start_new_session=True, preexec_fn=heard)  # fmt: skip
@@ -285,14 +286,14 @@ def test_an_interrupted_sweep_keeps_what_is_done_and_goes_on(path: Path, tmp_pat
     _, said = first.communicate(timeout=120)
     assert first.returncode == 130
     kept = len(entries(out))
-    assert 40 <= kept < 600
-    assert re.search(rf"interrupted with {kept} of 600 cases solved\n  try: the same command again", said)
+    assert 40 <= kept < 20_000
+    assert re.search(rf"interrupted with {kept} of 20000 cases solved\n  try: the same command again", said)
     assert "Traceback" not in said
     second = start(path, "-o", str(out), "-j", "2")
     second.communicate(timeout=120)
     assert second.returncode == 0
-    assert len(entries(out)) == len(set(entries(out))) == 600
-    assert len((out / "cases.csv").read_text().splitlines()) == 601
+    assert len(entries(out)) == len(set(entries(out))) == 20_000
+    assert len((out / "cases.csv").read_text().splitlines()) == 20_001
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="processes are looked up in /proc")

@@ -168,7 +168,7 @@ def killed(path: Path, tmp_path: Path, dask: Cluster, cases: int) -> None:
 def test_a_sweep_goes_on_after_the_death_of_a_worker_and_of_the_scheduler(
     path: Path, tmp_path: Path, start: Callable[..., Cluster]
 ) -> None:
-    killed(path, tmp_path, start(), 1000)
+    killed(path, tmp_path, start(), 300)
 
 
 @pytest.mark.slow
@@ -208,15 +208,16 @@ def test_a_job_that_kills_its_workers_is_the_only_one_that_fails(
 ) -> None:  # fmt: skip
     """Dask gives a chunk up when three workers have died with it: a nanny starts them again."""
     hostile = module(
-        "import os\nfrom pinarm.use.study.sweep.cases import solve_case\n"
-        "def solve(task, job):\n"
-        "    if job[2]['arguments.m'] == '2.0 kg':\n"
-        "        os._exit(9)\n"
-        "    return solve_case(task, job[2])\n"
+        "import os\nfrom pinarm.use.study.sweep.together import CaseSolver\n"
+        "class Hostile(CaseSolver):\n"
+        "    def together(self, jobs):\n"
+        "        if any(job[2]['arguments.m'] == '2.0 kg' for job in jobs):\n"
+        "            os._exit(9)\n"
+        "        return super().together(jobs)\n"
     )
     from pinarm.use.study.sweep import case_solver
 
-    monkeypatch.setattr(case_solver, "_solve_job", hostile.solve)
+    monkeypatch.setattr(case_solver, "CaseSolver", hostile.Hostile)
     dask = start(PYTHONPATH=os.pathsep.join((ROOT, str(tmp_path))), DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
     dask.start("worker", dask.address, "--nthreads", "1", "--nworkers", "1", "--local-directory", str(dask.folder))
     wait_for(dask.present)

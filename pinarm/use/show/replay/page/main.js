@@ -14,8 +14,8 @@ function legend(entries) {
 }
 
 class Player {
-  constructor(scene, motion, update) {
-    Object.assign(this, { scene, motion, update });
+  constructor(scene, motion, update, name) {
+    Object.assign(this, { scene, motion, update, name });
     this.playing = false;
     this.pending = false;
     this.value = motion.first;
@@ -24,6 +24,7 @@ class Player {
     this.decimals = steps > 0 ? Math.min(6, Math.max(0, Math.ceil(-Math.log10(steps)))) : 0;
     document.body.classList.toggle("still", motion.first === motion.last);
     this.element("play").addEventListener("click", () => this.toggle());
+    this.element("named").addEventListener("click", () => this.name());
     this.element("slider").addEventListener("input", (event) => this.visit(this.at(Number(event.target.value))));
     this.element("slider").addEventListener("keydown", (event) => event.preventDefault()); // the page's keys hold here too
     window.addEventListener("keydown", (event) => this.key(event));
@@ -133,6 +134,7 @@ class Player {
       Home: () => this.visit(this.motion.first), End: () => this.visit(this.motion.last),
       ArrowUp: () => this.faster(1), ArrowDown: () => this.faster(-1),
       l: () => this.element("loop").click(), r: () => this.element("home").click(),
+      n: () => this.name(),
     }[event.key];
     if (!action) return;
     event.preventDefault();
@@ -186,14 +188,21 @@ async function main() {
   const motion = new Motion(MeshCat && MeshCat.THREE, scene, array);
   const view = MeshCat && new View(MeshCat, scene, array, motion);
   const over = view && overlays(view, motion, scene, array);
+  const names = view && new Names(view, motion, scene.names);
   const player = new Player(scene, motion, (value) => {
     const at = view ? motion.place(value) : motion.locate(value);
     if (view) {
       over.update(at);
       view.draw();
+      names.draw();
     }
     curves.update(at, value);
+  }, () => {
+    if (!names) return;
+    names.toggle();
+    player.draw();
   });
+  if (names && scene.named) names.toggle(true);
   const curves = plots(scene, array, motion, (value) => player.visit(value));
   legend(scene.legend);
   document.getElementById("notes").textContent = [...(view ? [`grid ${shown(view.cell)} m`] : []), ...scene.notes].join(" · ");
@@ -211,6 +220,11 @@ async function main() {
   if (!player.fromAddress()) player.seek(motion.first);
   window.replay = {
     player, motion, view,
+    /** Lay out the page for a picture: every plot in sight. */
+    picture: () => {
+      curves.fit();
+      resize();
+    },
     /** Resolve when a value of the parameter is on the screen. */
     show: (value) => new Promise((done) => {
       player.visit(value);

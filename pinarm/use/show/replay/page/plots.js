@@ -3,11 +3,28 @@
 const SVG = "http://www.w3.org/2000/svg";
 const MARGIN = { left: 50, right: 16, top: 5, bottom: 17 };
 const HEIGHT = 104;
+const LEAST = 64; // pixels: height below which pictures get a further column of plots
 
 function plots(scene, array, motion, seek) {
   const made = scene.plots.map((plot) => new Plot(scene, plot, array(plot.values), motion, seek));
   document.getElementById("plots").append(...made.map((plot) => plot.figure));
-  return { update: (at, value) => made.forEach((plot) => plot.point(at, value)), resize: () => made.forEach((p) => p.draw()) };
+  const resize = () => made.forEach((plot) => plot.draw());
+  return { update: (at, value) => made.forEach((plot) => plot.point(at, value)), resize, fit: () => fit(made, resize) };
+}
+
+/** Make all plots visible at once, side by side where they are many: a picture cannot be scrolled. */
+function fit(made, resize) {
+  if (!made.length) return;
+  const aside = document.getElementById("plots");
+  document.body.classList.add("picture");
+  const caption = made[0].figure.offsetHeight - made[0].svg.clientHeight + 8;
+  const room = (columns) => (aside.clientHeight - 20) / Math.ceil(made.length / columns) - caption;
+  let columns = 1;
+  while (room(columns) < LEAST && columns < 4) columns += 1;
+  aside.style.setProperty("--columns", columns);
+  aside.style.setProperty("--share", `${[36, 46, 56, 62][columns - 1]}%`);
+  for (const plot of made) plot.height = Math.min(HEIGHT, Math.max(24, Math.floor(room(columns))));
+  resize();
 }
 
 function svg(name, attributes, parent) {
@@ -24,10 +41,12 @@ class Plot {
     this.figure = document.createElement("figure");
     const caption = document.createElement("figcaption");
     const label = document.createElement("span");
-    label.textContent = label.title = plot.label;
+    label.append(...lettered(plot.runs));
+    label.title = plot.label;
     label.style.color = plot.colour;
     this.now = document.createElement("output");
     caption.append(label, this.now);
+    this.height = HEIGHT;
     this.svg = svg("svg", { height: HEIGHT });
     this.figure.append(caption, this.svg);
     this.range = bounds(values);
@@ -54,14 +73,15 @@ class Plot {
 
   y(value) {
     const [low, high] = this.range;
-    return MARGIN.top + (HEIGHT - MARGIN.top - MARGIN.bottom) * (1 - (value - low) / (high - low));
+    return MARGIN.top + (this.height - MARGIN.top - MARGIN.bottom) * (1 - (value - low) / (high - low));
   }
 
   draw() {
     this.width = Math.max(40, this.svg.clientWidth - MARGIN.left - MARGIN.right);
     this.svg.replaceChildren();
-    const [right, bottom] = [MARGIN.left + this.width, HEIGHT - MARGIN.bottom];
-    for (const { place, text } of ticks(...this.range, 4)) {
+    this.svg.setAttribute("height", this.height);
+    const [right, bottom] = [MARGIN.left + this.width, this.height - MARGIN.bottom];
+    for (const { place, text } of ticks(...this.range, this.height < 80 ? 3 : 4)) {
       const y = this.y(place);
       svg("line", { class: "grid", x1: MARGIN.left, x2: right, y1: y, y2: y }, this.svg);
       svg("text", { x: MARGIN.left - 5, y: y + 3.5, "text-anchor": "end" }, this.svg).textContent = text;
@@ -69,9 +89,9 @@ class Plot {
     for (const { place, text } of ticks(...this.span(), 5)) {
       const x = this.x(place * this.scale);
       svg("line", { class: "grid", x1: x, x2: x, y1: MARGIN.top, y2: bottom }, this.svg);
-      svg("text", { x, y: HEIGHT - 4, "text-anchor": "middle" }, this.svg).textContent = text;
+      svg("text", { x, y: this.height - 4, "text-anchor": "middle" }, this.svg).textContent = text;
     }
-    svg("text", { x: 0, y: HEIGHT - 4 }, this.svg).textContent = this.axis;
+    svg("text", { x: 0, y: this.height - 4 }, this.svg).textContent = this.axis;
     const corners = Array.from(this.values, (value, k) => `${this.x(this.motion.rows[k]).toFixed(2)} ${this.y(value).toFixed(2)}`);
     if (this.motion.discrete) {
       for (const corner of corners) {

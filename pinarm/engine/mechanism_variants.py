@@ -1,0 +1,89 @@
+"""Variants of a mechanism: other values of its model's arguments, as far as these change numbers only."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.model_source import numeric
+from pinarm.input.roots import root_of
+from pinarm.input.xacro.expansion import expand_columns
+from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.geometry.model_variants import VariantsDiffer
+from pinarm.mechanics.loading.urdf_variants import model_variants
+
+
+def mechanism_variants(
+    mechanism: Mechanism, given: Mapping[str, float], columns: Mapping[str, Sequence[float]]
+) -> tuple[Mechanism, Flags]:
+    """Return a mechanism whose model and arguments are those of k variants, and which of them are such, shape (k,).
+
+    The others take other branches of the model, or have numbers that no body can have: they are to be read alone.
+
+    Args:
+        mechanism: The first of the variants: an open chain, whose force elements are springs and dampers of joints.
+        given: The arguments that it was read with [SI].
+        columns: Those that vary, with their values in all variants [SI].
+
+    Raises:
+        VariantsDiffer: They differ in more than numbers, or this is not known.
+        PinarmError: A file may not be read any more, or a number follows that cannot be computed.
+    """
+    _require_plain(mechanism)
+    source = mechanism.source
+    expanded = expand_columns(source.robot, given, columns, root=root_of(source.folder / "mechanism.yaml"))
+    if expanded is None or not expanded.columns:
+        raise VariantsDiffer("a model whose expansion is not recorded, or in which no number varies")
+    try:
+        numbers = {word: [*map(float, column)] for word, column in expanded.columns.items()}
+    except ValueError:
+        raise VariantsDiffer("texts of a model") from None
+    variants, possible = model_variants(mechanism.model, mechanism.xml, expanded.xml, numbers)
+    arguments = {name: _numbers(text) for name, text in expanded.arguments.items() if name in mechanism.arguments}
+    changed = replace(mechanism, model=variants, arguments=arguments)  # type: ignore[arg-type]  # arrays for numbers
+    return changed, possible & np.array(expanded.holds)
+
+
+def _require_plain(mechanism: Mechanism) -> None:
+    """Raise where more depends on the model than the motion of its links.
+
+    Raises:
+        VariantsDiffer: Says what.
+    """
+    source = mechanism.source
+    if mechanism.constraints or mechanism.frictions or mechanism.control:
+        raise VariantsDiffer("loops, couplings, friction or controllers")
+    require_joint_forces(mechanism.forces)
+    if source.model is not None or source.base is not None or mechanism.description.planar is not None:
+        raise VariantsDiffer("a model that is not read from a file as it is")
+
+
+def require_joint_forces(forces: Mapping[str, ForceElement]) -> None:
+    """Raise where force elements do more than push joints by their coordinates and velocities.
+
+    Raises:
+        VariantsDiffer: One depends on where links are.
+    """
+    if not forces:
+        return
+    from pinarm.mechanics.forces.joint_springs import SpringDamper
+
+    if others := [name for name, force in forces.items() if not isinstance(force, SpringDamper)]:
+        raise VariantsDiffer(f"the force element '{others[0]}'")
+
+
+def _numbers(text: str | Sequence[str]) -> float | Array:
+    """Return an argument, or those of all variants, shape (k,).
+
+    Raises:
+        VariantsDiffer: It is a word in some of them.
+    """
+    texts = [text] if isinstance(text, str) else text
+    found = [number for _, number in numeric({str(k): each for k, each in enumerate(texts)})]
+    if len(found) < len(texts):
+        raise VariantsDiffer("an argument that is a word in some variants")
+    return found[0] if isinstance(text, str) else np.array(found)

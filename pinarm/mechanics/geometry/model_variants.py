@@ -1,0 +1,169 @@
+"""Variants of a model: the same tree of joints and links, with other masses and lengths, as arrays over variants."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+
+ALIKE = ("name", "nq", "nv", "njoints", "names", "parents", "joints", "subtrees", "gravity", "armature")
+"""Attributes of Pinocchio's models that all variants have in common."""
+
+METHODS = ("getFrameId", "existFrame", "getJointId", "existJointName")
+"""Methods that find something by its name, which is the same in all variants."""
+
+PARAMETERS = 10
+"""Dynamic parameters of a body: m, m c, and Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the origin of its joint."""
+
+
+class VariantsDiffer(Exception):
+    """What was asked is computed of one model at a time: variants have to be solved one by one."""
+
+
+class VariantPlacement(NamedTuple):
+    """A placement in k variants, or in all of them, with k = 1.
+
+    Attributes:
+        rotation: Rotation matrix, shape (k, 3, 3).
+        translation: Place [m], shape (k, 3).
+    """
+
+    rotation: Array
+    translation: Array
+
+    @classmethod
+    def of(cls, place: pin.SE3) -> VariantPlacement:
+        """Return a placement that is the same in all variants."""
+        return cls(np.array(place.rotation)[None], np.array(place.translation)[None])
+
+    def __matmul__(self, inner: VariantPlacement) -> VariantPlacement:
+        """Return the placement of what is placed in what is placed."""
+        place = self.translation + np.matvec(self.rotation, inner.translation)
+        return VariantPlacement(self.rotation @ inner.rotation, place)
+
+
+@dataclass(frozen=True, eq=False)
+class VariantFrame:
+    """A frame of variants of a model.
+
+    Attributes:
+        name: Its name.
+        type: Its kind, as Pinocchio has it.
+        parentJoint: Index of its joint.
+        placed: Where it is on the joint; ``None`` where that is not known of all variants.
+    """
+
+    name: str
+    type: pin.FrameType
+    parentJoint: int
+    placed: VariantPlacement | None = field(repr=False)
+
+    @property
+    def placement(self) -> VariantPlacement:
+        """Where it is on the joint.
+
+        Raises:
+            VariantsDiffer: That is not known of all variants.
+        """
+        if self.placed is None:
+            raise VariantsDiffer(f"the placement of '{self.name}'")
+        return self.placed
+
+
+@dataclass(frozen=True, eq=False)
+class ModelVariants:
+    """Variants of one model, in the place of a ``pin.Model``.
+
+    It has what all variants have in common, such as ``nv`` and ``joints``. It is no ``pin.Model``, and anything else
+    that is asked of it raises ``VariantsDiffer``: no number of a single variant can be taken for that of another.
+
+    Attributes:
+        first: Pinocchio's model of one of them.
+        frames: Its frames, with the placements of all variants.
+        bodies: Indices of the joints whose bodies vary.
+        parameters: Their dynamic parameters, see ``PARAMETERS`` [kg, kg*m, kg*m^2], shape (k, len(bodies), 10).
+        moved: Indices of the joints whose placements vary.
+        turns: Their axes in those of their parents' joints, shape (k, len(moved), 3, 3).
+        shifts: Their places in the axes of their parents' joints [m], shape (k, len(moved), 3).
+    """
+
+    first: pin.Model = field(repr=False)
+    frames: Sequence[VariantFrame] = field(repr=False)
+    bodies: Sequence[int]
+    parameters: Array = field(repr=False)
+    moved: Sequence[int]
+    turns: Array = field(repr=False)
+    shifts: Array = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what all variants have in common.
+
+        Raises:
+            VariantsDiffer: They may differ in it.
+        """
+        if name in ALIKE or name in METHODS:
+            return getattr(self.first, name)
+        raise VariantsDiffer(f"'{name}' of a model, of which there are several variants")
+
+
+Model = Any
+"""A ``pin.Model``, of which Pinocchio has no types, or ``ModelVariants``."""
+
+
+def bodies_of(model: Model) -> tuple[Array, Array, Array]:
+    """Return masses [kg], centres of mass [m] and spatial inertias of the links in their joints' axes.
+
+    Shapes (.., njoints), (.., njoints, 3) and (.., njoints, 6, 6), with k variants in place of the dots.
+    """
+    if not isinstance(model, ModelVariants):
+        bodies = model.inertias.tolist()
+        return (
+            np.array([body.mass for body in bodies]), np.array([body.lever for body in bodies]),
+            np.array([body.matrix() for body in bodies]),
+        )  # fmt: skip
+    masses, levers, inertias = (np.repeat(x[None], len(model), axis=0) for x in bodies_of(model.first))
+    places, given = list(model.bodies), model.parameters
+    masses[:, places] = given[..., 0]
+    levers[:, places] = given[..., 1:4] / given[..., :1]
+    inertias[:, places] = spatial_inertias(given)
+    return masses, levers, inertias
+
+
+def spatial_inertias(parameters: Array) -> Array:
+    """Return ``[[m 1, -m [c]x], [m [c]x, I]]`` of dynamic parameters, shape (.., 10), as (.., 6, 6)."""
+    m, (x, y, z) = parameters[..., 0], np.moveaxis(parameters[..., 1:4], -1, 0)
+    xx, xy, yy, xz, yz, zz = np.moveaxis(parameters[..., 4:], -1, 0)
+    o = np.zeros_like(m)
+    rows = [
+        [m, o, o, o, z, -y], [o, m, o, -z, o, x], [o, o, m, y, -x, o],
+        [o, -z, y, xx, xy, xz], [z, o, -x, xy, yy, yz], [-y, x, o, xz, yz, zz],
+    ]  # fmt: skip
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+
+def placements_of(model: Model) -> tuple[Array, Array]:
+    """Return rotation matrices and places [m] of the joints in their parents' axes.
+
+    Shapes (.., njoints, 3, 3) and (.., njoints, 3), with k variants in place of the dots; 1 where all are alike.
+    """
+    if not isinstance(model, ModelVariants):
+        places = model.jointPlacements.tolist()
+        return np.array([place.rotation for place in places]), np.array([place.translation for place in places])
+    turns, shifts = placements_of(model.first)
+    return _spread(turns, model.turns, model.moved), _spread(shifts, model.shifts, model.moved)
+
+
+def _spread(common: Array, own: Array, places: Sequence[int]) -> Array:
+    """Return what k variants have, given what the first has at all joints, and what each has at some."""
+    alike = len(places) == 0 or bool((own == own[:1]).all())
+    spread = np.repeat(common[None], 1 if alike else len(own), axis=0)
+    spread[:, list(places)] = own[: len(spread)]
+    return spread

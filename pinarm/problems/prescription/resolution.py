@@ -1,0 +1,155 @@
+"""How a mechanism with more freedoms than laws follows them: ``resolve`` in files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import msgspec
+import numpy as np
+
+from pinarm.engine.kinematics.joint_motion import DeterminedMotion, JointMotion
+from pinarm.engine.kinematics.newton import start_configuration
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import InputError, Key, Place, within
+from pinarm.input.yaml.schema import InputStruct, Level, check_unit
+from pinarm.mechanics.joints import joint_of
+from pinarm.mechanics.laws.motion_law import MotionLaw
+from pinarm.problems.weights import Weight, comparable, reciprocal, weights_of
+
+if TYPE_CHECKING:
+    from pinarm.arrays import Array
+    from pinarm.engine.kinematics.posture import Posture
+    from pinarm.input.units import Unit
+    from pinarm.mechanics.joints import Joint
+
+
+class NearestPosture(InputStruct, frozen=True):
+    """At every instant the configuration on the path with the least ``sum_i (w_i (q_i - q0_i))^2`` over joints i.
+
+    Attributes:
+        nearest_to: Joint -> q0, such as ``{elbow: 90 deg}``. Joints that are left out are free to help the others.
+        weights: Joint -> w, of every joint of ``nearest_to``; the larger, the nearer it stays. Numbers without unit
+            where all of them turn, or all slide; else in 1/rad (or none) and 1/m. 1 where left out.
+        within: ``limits`` keeps the joints within the limits of the model; ``{elbow: [0 deg, 120 deg]}`` keeps some
+            joints within others. None are kept where it is left out.
+    """
+
+    nearest_to: Annotated[dict[str, Level], msgspec.Meta(min_length=1)]
+    weights: dict[str, Weight] = {}
+    within: Literal["limits"] | dict[str, tuple[Level, Level]] = {}
+
+    def posture(self, mechanism: Mechanism, followed: Mapping[str, MotionLaw]) -> Posture:
+        """Return the posture, its names and units checked.
+
+        Args:
+            mechanism: The mechanism.
+            followed: Coordinates that follow laws: their joints have no posture and no limits here.
+
+        Raises:
+            InputError: A joint does not exist or follows a law, or the posture is outside of the limits.
+            UnitError: A value has another dimension.
+        """
+        from pinarm.engine.kinematics.posture import Posture
+        from pinarm.mechanics.ball_joints import coordinate_name
+
+        model, target, weights = mechanism.model, *np.zeros((2, mechanism.model.nv))
+        units = {}
+        with within("nearest_to"):
+            for name, value in self.nearest_to.items():
+                units[name] = _free_joint(mechanism, name, followed).unit
+                with within(name):
+                    check_unit(value, units[name])
+                target[mechanism.joints[name].v] = value
+        weights[[mechanism.joints[name].v for name in units]] = self._weights(units)
+        lower, upper = self._limits(mechanism, followed)
+        for name, value in self.nearest_to.items():
+            low, high = (float(bound[mechanism.joints[name].v]) for bound in (lower, upper))
+            if not low <= value <= high:
+                with within("nearest_to", name):
+                    raise InputError(f"{value:g} {units[name]} is outside of the limits of {name}",
+                                     expected=f"a value from {low:g} to {high:g} {units[name]}")  # fmt: skip
+        places = np.zeros(model.nv, dtype=np.intp)
+        for joint in mechanism.joints.values():
+            places[joint.v] = joint.q
+        names = tuple(coordinate_name(model, v) for v in range(model.nv))
+        return Posture(target, weights, lower, upper, places, names)
+
+    def _weights(self, units: Mapping[str, Unit]) -> Array:
+        """Return the weights of the joints of the posture, shape (n,)."""
+        if self.weights:
+            with within("weights"):
+                return weights_of(self.weights, units, "joint of nearest_to")
+        if not comparable(units):
+            weights = ", ".join(f"{name}: 1 {reciprocal(measured)}" for name, measured in units.items())
+            raise InputError("angles and lengths have no common sum of squares: what is nearest depends on the unit",
+                             expected="weights with units, such as the reciprocals of the ranges of the joints",
+                             hint=f"resolve: {{weights: {{{weights}}}}}")  # fmt: skip
+        return np.ones(len(units))
+
+    def _limits(self, mechanism: Mechanism, followed: Mapping[str, MotionLaw]) -> tuple[Array, Array]:
+        """Return the lower and upper limits, infinite where there are none, each of shape (nv,)."""
+        lower, upper = np.full((2, mechanism.model.nv), np.inf) * np.array([[-1.0], [1.0]])
+        if isinstance(self.within, str):
+            for name, joint in mechanism.joints.items():
+                if name not in followed:
+                    lower[joint.v] = mechanism.model.lowerPositionLimit[joint.q]
+                    upper[joint.v] = mechanism.model.upperPositionLimit[joint.q]
+            return lower, upper
+        with within("within"):
+            for name, bounds in self.within.items():
+                joint = _free_joint(mechanism, name, followed)
+                for k, bound in enumerate(bounds):
+                    with within(name, k):
+                        check_unit(bound, joint.unit)
+                if not bounds[0] < bounds[1]:
+                    with within(name):
+                        raise InputError(f"{bounds[0]:g} is not below {bounds[1]:g}", expected="[lower, upper]")
+                lower[joint.v], upper[joint.v] = bounds
+        return lower, upper
+
+
+def joint_motion(
+    mechanism: Mechanism, motion: Mapping[str, MotionLaw], resolve: NearestPosture | None, place: Place
+) -> JointMotion:
+    """Return how the joints of a mechanism follow laws.
+
+    Args:
+        mechanism: The mechanism.
+        motion: Coordinate -> its law.
+        resolve: What chooses among the motions where there are fewer laws than degrees of freedom; ``None`` where
+            there are as many.
+        place: Gives errors their place.
+
+    Raises:
+        InputError: There are too few laws or too many, or the posture does not fit the mechanism.
+    """
+    if resolve is None:
+        with place("motion"):
+            return DeterminedMotion(mechanism, PrescribedCoordinates.of(mechanism, motion))
+    from pinarm.engine.kinematics.nearest_motion import NearestMotion
+
+    with place("resolve"):
+        posture = resolve.posture(mechanism, motion)
+    with place("motion"):
+        return NearestMotion.of(mechanism, motion, posture)
+
+
+def rough_start(mechanism: Mechanism, start: Mapping[str, float], resolve: NearestPosture | None) -> Array:
+    """Return the rough configuration from which a motion is assembled, shape (nq,): the start, else the posture."""
+    posture = resolve.nearest_to if resolve else {}
+    return start_configuration(mechanism, {**posture, **start})
+
+
+def _free_joint(mechanism: Mechanism, name: str, followed: Mapping[str, MotionLaw]) -> Joint:
+    """Return a joint that follows no law itself.
+
+    Raises:
+        InputError: It does, or does not exist.
+    """
+    with within(Key(name)):
+        joint = joint_of(mechanism.joints, name)
+        if name in followed:
+            raise InputError(f"'{name}' follows a law of its own", expected="a joint that the path leaves free")
+        return joint

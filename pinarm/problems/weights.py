@@ -1,0 +1,83 @@
+"""Weights by which quantities of different kinds are added: of drives that share a load, of joints near a posture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Self
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.errors import InputError, Key, UnitError, choices, within
+from pinarm.input.units import DIMENSIONLESS, Unit
+from pinarm.input.yaml.schema import Measured, check_unit
+
+
+class Weight(Measured):
+    """A positive number, bare or with the reciprocal of the unit of what it weighs, such as ``0.02 1/N``."""
+
+    above = 0.0
+
+    @classmethod
+    def read(cls, value: object, *, bare: bool = True) -> Self:
+        """Read a weight; see ``Measured.read``. A number without unit is one, in files too."""
+        return super().read(value, bare=True)
+
+    @property
+    def plain(self) -> bool:
+        """Whether it has no unit."""
+        return self.unit is None or self.unit.dimension == DIMENSIONLESS.dimension
+
+
+def comparable(units: Mapping[str, Unit]) -> bool:
+    """Return whether quantities have one dimension, so that they can be added without weights."""
+    return len({unit.dimension for unit in units.values()}) <= 1
+
+
+def weights_of(given: Mapping[str, Weight], units: Mapping[str, Unit], kind: str) -> Array:
+    """Return the weights of quantities in the order of their units, shape (n,).
+
+    Args:
+        given: Name -> weight.
+        units: Name -> unit of what is weighed.
+        kind: What the names are, for messages, such as ``drive of this run``.
+
+    Raises:
+        InputError: A name is unknown, or one has no weight.
+        UnitError: Quantities of different kinds do not have weights in reciprocal units.
+    """
+    check_names(given, units, kind)
+    if missing := [name for name in units if name not in given]:
+        raise InputError(f"no weight is given for {', '.join(missing)}", expected=f"one for every {kind.split()[0]}")
+    if not comparable(units) or not all(weight.plain for weight in given.values()):
+        for name, measured in units.items():
+            with within(name):
+                _check_reciprocal(given[name], measured)
+    return np.array([float(given[name]) for name in units])
+
+
+def check_names(given: Iterable[str], known: Iterable[str], kind: str) -> None:
+    """Raise where a name is none of those known.
+
+    Raises:
+        InputError: Says what it is not, and lists the names there are.
+    """
+    for name in given:
+        if name not in known:
+            with within(Key(name)):
+                expected, hint = choices(name, known)
+                raise InputError(f"'{name}' is no {kind}", expected=expected, hint=hint)
+
+
+def reciprocal(measured: Unit) -> str:
+    """Return the unit of a weight as files have it."""
+    return f"1/{measured}".replace("*", "/")
+
+
+def _check_reciprocal(weight: Weight, measured: Unit) -> None:
+    """Raise where a weight does not make what it weighs a pure number, as angles are."""
+    if weight.plain and measured.dimension != DIMENSIONLESS.dimension:
+        raise UnitError(f"the weight {weight:g} has no unit", hint=f"{weight:g} {reciprocal(measured)}",
+                        expected="a unit for every weight, where different kinds of quantities are weighed, or another "
+                        "weight has one")  # fmt: skip
+    check_unit(weight, DIMENSIONLESS / measured)

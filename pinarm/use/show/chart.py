@@ -1,0 +1,166 @@
+"""What a picture shows, as data: stacked panels of lines and texts. ``svg`` and ``figure`` draw it.
+
+Texts are as they stand, but for formulas between dollar signs, in TeX, as ``labels`` makes them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from pinarm.arrays import Array
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Okabe and Ito's palette."""
+
+WIDTH, HEIGHT, HEAD = 7.0, 1.7, 0.9
+"""Inches: of a picture, of a panel, and for heading and horizontal labels."""
+
+FLAT = 1e-9
+"""Range below which a curve is drawn as constant: rounding must not be blown up to the height of the panel."""
+
+
+Style = Literal["-", "--", ":", "-.", ""]
+"""Full, dashed, dotted or dash-dotted, as in matplotlib; no line where it is empty."""
+
+Marker = Literal["", "o", "s", "x", "mount"]
+"""Circle, square or cross, as in matplotlib, or what a mechanism stands on; none where it is empty."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line through points, or marks at points, or both.
+
+    Attributes:
+        x: Places along the horizontal axis, shape (n,).
+        y: Places along the vertical axis, shape (n,).
+        colour: ``#rrggbb``.
+        width: Of the line [points].
+        style: How it is dashed.
+        marker: What stands at its points.
+        size: Of the marks [points].
+        fill: Colour inside the marks; ``none`` for rings.
+        label: What the legend calls it; it is not in the legend where this is empty.
+        opacity: 0 to 1.
+    """
+
+    x: Array
+    y: Array
+    colour: str = "#000000"
+    width: float = 1.5
+    style: Style = "-"
+    marker: Marker = ""
+    size: float = 4.0
+    fill: str = ""
+    label: str = ""
+    opacity: float = 1.0
+
+
+@dataclass(frozen=True)
+class Note:
+    """A text at a point.
+
+    Attributes:
+        x: Place of the point along the horizontal axis.
+        y: Place of the point along the vertical axis.
+        text: What stands there.
+        dx: From the point to the middle of the text, to the right [points].
+        dy: From the point to the middle of the text, upwards [points].
+        colour: ``#rrggbb``.
+        size: Of the letters [points].
+    """
+
+    x: float
+    y: float
+    text: str
+    dx: float = 0.0
+    dy: float = 0.0
+    colour: str = "#24292f"
+    size: float = 8.0
+
+
+THINNEST = 1e-3
+"""Extent of a drawing that is all on a line, across it, relative to that along it."""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Lines and texts over one pair of axes.
+
+    Attributes:
+        lines: From the back to the front.
+        notes: Texts at points.
+        title: Small, above its left corner.
+        across: Name and unit of the horizontal axis.
+        up: Name and unit of the vertical axis; plots have them in the title instead, as long names collide.
+        equal: Whether a unit is as long on both axes.
+        framed: Whether axes, ticks and grid are drawn.
+        margin: Room beside the lines, relative to their extent.
+        ticks: Places of the ticks of the horizontal axis; round numbers where it is empty.
+        grid: Whether lines run through the picture at the ticks.
+    """
+
+    lines: Sequence[Line] = field(repr=False)
+    notes: Sequence[Note] = ()
+    title: str = ""
+    across: str = ""
+    up: str = ""
+    equal: bool = False
+    framed: bool = True
+    margin: float = 0.01
+    ticks: Sequence[float] = ()
+    grid: bool = True
+
+    def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return the ends of both axes: those of the lines, with a margin; see ``limits``."""
+        if self.equal:
+            low, high = extent(self.lines)
+            largest = float((high - low).max()) or 1.0
+            room = self.margin * (high - low) + THINNEST * largest
+            (x0, y0), (x1, y1) = (low - room).tolist(), (high + room).tolist()
+            return (x0, x1), (y0, y1)
+        across = np.concatenate([np.zeros(0), *(np.ravel(line.x) for line in self.lines)])
+        up = np.concatenate([np.zeros(0), *(np.ravel(line.y) for line in self.lines)])
+        return limits(across, self.margin), limits(up, 0.06)
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Panels below each other, with one horizontal axis.
+
+    Attributes:
+        title: Its heading.
+        panels: From above.
+        width: Of the page [inch].
+        height: Of the page [inch].
+        legend: Where lines are named: within each panel, or below all.
+    """
+
+    title: str
+    panels: Sequence[Panel]
+    width: float
+    height: float
+    legend: Literal["inside", "below"] = "inside"
+
+
+def limits(values: Array, margin: float = 0.0) -> tuple[float, float]:
+    """Return the ends of an axis: those of the finite values and a margin; about a constant, where they are one.
+
+    What differs by rounding only is a constant: see ``FLAT``.
+    """
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
+    size = max(abs(low), abs(high))
+    if high - low < FLAT * size or size < FLAT:
+        centre, half = ((low + high) / 2, 0.1 * size) if size >= FLAT else (0.0, 1.0)
+        return centre - half, centre + half
+    return low - margin * (high - low), high + margin * (high - low)
+
+
+def extent(lines: Sequence[Line]) -> tuple[Array, Array]:
+    """Return the lower left and the upper right corner of lines, shape (2,)."""
+    points = np.concatenate([np.stack([np.ravel(line.x), np.ravel(line.y)], axis=1) for line in lines])
+    return np.nanmin(points, axis=0), np.nanmax(points, axis=0)

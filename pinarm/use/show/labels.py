@@ -1,0 +1,121 @@
+"""How quantities are named in pictures: symbols as publications print them, units, and both without TeX."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Literal, NamedTuple
+
+from pinarm.engine.series import Series
+from pinarm.input.units import Unit
+from pinarm.use.result.presentation import DEGREE, SUBSCRIPTS, Presentation, unicode_letters
+
+PLAIN = Presentation()
+"""Of what is drawn without the choice of a scenario."""
+
+LONG = 70
+"""Letters of a name that an axis shows."""
+
+_GREEK = "alpha beta gamma delta epsilon theta lambda omega phi psi Delta Theta Omega Phi Psi Gamma Lambda"
+_SYMBOL = re.compile(rf"(?P<greek>{_GREEK.replace(' ', '|')})_?(?P<number>\d*)(?P<rate>d{{0,2}})"
+                     r"|(?P<letter>[A-Za-z])(_(?P<index>[A-Za-z0-9]+)|(?P<digits>\d+))")  # fmt: skip
+_DOLLAR = re.compile(r"(?<!\\)\$")
+_SCRIPT = re.compile(r"([_^])(?:\{([^{}]*)\}|(\\?[A-Za-z0-9]+))")
+
+
+class TextRun(NamedTuple):
+    """Letters that stand alike.
+
+    Attributes:
+        text: The letters.
+        at: On the line, below it or above it.
+        symbol: Whether they are of a formula, whose letters are slanted.
+    """
+
+    text: str
+    at: Literal["", "sub", "sup"] = ""
+    symbol: bool = False
+
+
+def shown(series: Series, how: Presentation = PLAIN) -> tuple[float, Unit | None]:
+    """Return what to divide by, and the unit to draw in, degrees as ``°``."""
+    measured = how.unit(series)
+    if measured is None or series.unit is None:
+        return 1.0, measured
+    scale = measured.factor / series.unit.factor
+    return scale, Unit(measured.factor, measured.dimension, "°") if measured == DEGREE else measured
+
+
+def axis_label(name: str, measured: Unit | None, how: Presentation = PLAIN, longest: int = LONG) -> str:
+    """Return the label of an axis: a name, or what stands for it, and its unit."""
+    text = unit_text(measured)
+    label = name_label(name, how, longest)
+    return label if text == "" else f"{label} [{plain(text)}]"
+
+
+def unit_text(measured: Unit | None) -> str:
+    """Return a unit as it is printed; nothing for plain numbers."""
+    text = str(measured or "?").replace("*", "·").replace("^2", "²").replace("^3", "³")
+    return {"1": "", "deg": "°"}.get(text, text)
+
+
+def name_label(name: str, how: Presentation = PLAIN, longest: int = LONG) -> str:
+    """Return what stands for a name: as the scenario says, else its symbol, of so many letters."""
+    if name in how.labels:
+        label = how.labels[name]
+        return f"${label.strip('$')}$" if "\\" in label else plain(label)
+    return symbol(name if len(name) <= longest else f"{name[: longest - 3]}...")
+
+
+def symbol(name: str) -> str:
+    """Return a name as publications print it: ``theta21d`` as a Greek letter with dot and index, ``C_B`` with an index.
+
+    Any other name is drawn as it stands.
+    """
+    found = _SYMBOL.fullmatch(name)
+    if found is None:
+        return plain(name)
+    accent = {0: "", 1: r"\dot", 2: r"\ddot"}[len(found["rate"] or "")]
+    letter = found["letter"] or f"\\{found['greek']}"
+    letter = f"{accent}{{{letter}}}" if accent else letter
+    index = found["number"] or found["index"] or found["digits"]
+    return f"${letter}_{{{index}}}$" if index else f"${letter}$"
+
+
+def plain(text: str) -> str:
+    """Return text that is drawn as it stands: a dollar sign would begin a formula."""
+    return text.replace("\\", "\\\\").replace("$", r"\$") if "$" in text else text
+
+
+def runs(label: str) -> list[TextRun]:
+    """Return a label without TeX, for SVG and HTML: letters of formulas by their characters, indices apart."""
+    found: list[TextRun] = []
+    for k, part in enumerate(_DOLLAR.split(label)):
+        if k % 2:
+            found += _formula(part)
+        elif part:
+            found.append(TextRun(part.replace(r"\$", "$").replace("\\\\", "\\") if r"\$" in part else part))
+    return found
+
+
+def unicode_label(label: str) -> str:
+    """Return a label as mere text, indices of digits below the line."""
+    return "".join(map(_unicode, runs(label)))
+
+
+def _unicode(run: TextRun) -> str:
+    if run.at == "sub" and run.text.isdigit():
+        return run.text.translate(SUBSCRIPTS)
+    return {"": "", "sub": "_", "sup": "^"}[run.at] + run.text
+
+
+def _formula(tex: str) -> Iterator[TextRun]:
+    """Yield a formula: what is between its indices, and these."""
+    end = 0
+    for script in _SCRIPT.finditer(tex):
+        if script.start() > end:
+            yield TextRun(unicode_letters(tex[end : script.start()]), "", symbol=True)
+        yield TextRun(unicode_letters(script[2] or script[3] or ""), "sub" if script[1] == "_" else "sup")
+        end = script.end()
+    if tex[end:]:
+        yield TextRun(unicode_letters(tex[end:]), "", symbol=True)

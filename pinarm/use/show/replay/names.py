@@ -1,0 +1,104 @@
+"""What the parts of a picture are called: links, points on them, joints of the tree, and joints that close loops."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.mechanism import Mechanism
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.use.result.presentation import Presentation
+from pinarm.use.show.labels import name_label, plain
+from pinarm.use.show.replay.overlays import BodyPoint, point_of
+from pinarm.use.show.replay.sticks import reach
+from pinarm.use.show.replay.tracks import Node
+
+TOGETHER = 1e-6
+"""Distance of two points, relative to the extent, up to which they are in one place."""
+
+MOST = 4
+"""Names that stand at one place."""
+
+Kind = Literal["part", "point", "joint"]
+
+
+@dataclass(frozen=True)
+class Name:
+    """A name at a point of a body.
+
+    Attributes:
+        text: A label, see ``labels``.
+        kind: What it names: a body, a point on one, or a joint.
+        at: Where it stands.
+    """
+
+    text: str
+    kind: Kind
+    at: BodyPoint
+
+
+def names_of(mechanism: Mechanism, nodes: Sequence[Node], how: Presentation) -> Iterator[Name]:
+    """Yield the names of links, points and joints.
+
+    A link with a mass or a shape is a part, any other a point. A part's name stands in the middle of its longest
+    stick, so that it is not at a joint; what does not move has no such name.
+
+    Args:
+        mechanism: The mechanism.
+        nodes: Its bodies.
+        how: Labels of the scenario.
+    """
+    model = mechanism.model
+    frames = {frame.name: k for k, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY}
+    for link in ElementTree.fromstring(mechanism.xml).findall("link"):
+        name = str(link.get("name"))
+        at = point_of(model, frames[name])
+        if link.find("inertial") is None and link.find("visual") is None:
+            yield Name(plain(name), "point", at)
+        elif at.node:
+            yield Name(plain(name), "part", _middle(model, nodes, at))
+    for index in range(1, model.njoints):
+        if nodes[index].carries:
+            yield Name(name_label(model.names[index], how), "joint", BodyPoint(index, np.zeros(3)))
+    for joint in mechanism.constraints:
+        if isinstance(joint, LoopJoint):
+            yield Name(plain(joint.name), "joint", point_of(model, joint.second))
+
+
+def _middle(model: pin.Model, nodes: Sequence[Node], origin: BodyPoint) -> BodyPoint:
+    """Return the middle of the longest stick from the origin of a link."""
+    ends = reach(model, nodes, origin.node) - origin.place
+    if not len(ends):
+        return BodyPoint(origin.node, np.asarray(model.inertias[origin.node].lever))
+    return BodyPoint(origin.node, origin.place + 0.5 * ends[int(np.linalg.norm(ends, axis=1).argmax())])
+
+
+def gathered(names: Sequence[Name], places: Array, size: float) -> list[Name]:
+    """Return names that stand in one place during the whole motion as one, points before joints.
+
+    Args:
+        names: The names.
+        places: Placements of the bodies at rows of the motion, shape (rows, njoints, 4, 4).
+        size: Extent of the picture [m].
+    """
+    groups: list[tuple[Array, list[Name]]] = []
+    for name in sorted(names, key=lambda name: ("part", "point", "joint").index(name.kind)):
+        path = name.at.path(places)
+        near = (group for there, group in groups if np.abs(there - path).max() < TOGETHER * size)
+        group = next((group for group in near if (group[0].kind == "part") == (name.kind == "part")), None)
+        if group is None:
+            groups.append((path, [name]))
+        elif name.text not in [known.text for known in group]:
+            group.append(name)
+    return [_as_one(group) for _, group in groups]
+
+
+def _as_one(group: Sequence[Name]) -> Name:
+    more = ", ..." if len(group) > MOST else ""
+    return replace(group[0], text=", ".join(name.text for name in group[:MOST]) + more)

@@ -1,0 +1,65 @@
+"""What a drawing shows of a mechanism, and how points of it come into the picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from pinarm.arrays import Array
+from pinarm.engine.mechanism import Mechanism
+from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.use.result.presentation import Presentation
+from pinarm.use.show.chart import Line, Marker, Style
+from pinarm.use.show.replay.framing import Framing, View, framing
+from pinarm.use.show.replay.names import Name, gathered, names_of
+from pinarm.use.show.replay.overlays import BodyPoint, Connection, pairs
+from pinarm.use.show.replay.sticks import sticks
+from pinarm.use.show.replay.tracks import nodes_of, placed
+from pinarm.use.show.stick_figure import StickFigure, stick_figure
+
+PATH, GROUND = "#8b949e", "#59595f"
+"""Colours of paths, and of what does not move."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a sketch shows of a mechanism.
+
+    Attributes:
+        figure: Its sticks.
+        pairs: Springs, cylinders, rods and loop joints.
+        names: What its parts, points and joints are called.
+        framing: The box of the motion, and from where it is seen.
+        view: How it comes into the picture.
+    """
+
+    figure: StickFigure
+    pairs: Sequence[Connection]
+    names: Sequence[Name]
+    framing: Framing
+    view: View
+
+    def flat(self, place: Array, at: BodyPoint) -> Array:
+        """Return where a point of a body is in the picture, shape (2,)."""
+        return self.view.flat(at.path(place[None]))[:, 0]
+
+
+def scene_of(mechanism: Mechanism, forces: Mapping[str, ForceElement], q: Array, how: Presentation) -> Scene:
+    """Return what is drawn of a motion through configurations, shape (rows, nq)."""
+    model = mechanism.model
+    nodes, places, joined = nodes_of(model, q), placed(model, q), pairs(mechanism, forces)
+    ends = [end for pair in joined for end in pair.ends]
+    seen = framing(model, nodes, list(sticks(model, nodes, range(len(nodes)))), places,
+                   [end.path(places) for end in ends])  # fmt: skip
+    names = gathered(list(names_of(mechanism, nodes, how)), places, seen.size)
+    return Scene(stick_figure(mechanism, nodes, ends), joined, names, seen, seen.view())
+
+
+def stroke(points: Array, colour: str, width: float, style: Style = "-", opacity: float = 1.0) -> Line:
+    """Return a line through points of the picture, shape (2, n)."""
+    return Line(points[0], points[1], colour, width, style, opacity=opacity)
+
+
+def mark(point: Array, colour: str, size: float, marker: Marker = "o") -> Line:
+    """Return a white mark at a point of the picture, shape (2,)."""
+    return Line(point[:1], point[1:], colour, 1.5, "", marker, size, "#ffffff")

@@ -1,0 +1,135 @@
+"""What a drawing shows of the bodies of a mechanism: sticks between their points, wheels, boxes, and their joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.mechanism import Mechanism
+from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.transmissions import ToothContact
+from pinarm.use.show.replay.overlays import BodyPoint
+from pinarm.use.show.replay.sticks import cuboid, reach
+from pinarm.use.show.replay.tracks import Node
+
+WHEEL = np.linspace(0.0, 2.0 * np.pi, 73)
+"""Angles of the points of a wheel's rim."""
+
+BOX = 0.35
+"""Largest edge of the box of an inertia, relative to the longest stick."""
+
+THIN = 0.45
+"""Width of the lines of wheels and boxes, relative to that of sticks."""
+
+EVEN = 1e-9
+"""Difference of two moments of inertia, relative to them, up to which they are the same."""
+
+
+@dataclass(frozen=True)
+class Stick:
+    """A polyline that is fixed to a body.
+
+    Attributes:
+        node: The body.
+        points: Its corners in the body [m], shape (k, 3).
+        weight: Its width, relative to that of others.
+    """
+
+    node: int
+    points: Array
+    weight: float = 1.0
+
+
+@dataclass(frozen=True)
+class StickFigure:
+    """What is drawn of the bodies.
+
+    Attributes:
+        sticks: Polylines.
+        pins: Bodies on joints that turn.
+        rails: Bodies on joints that slide: a body, and where its joint would be at zero.
+        mounts: Points of the world that the mechanism stands on [m], shape (3,).
+        tips: Points that carry nothing further; their paths are drawn.
+    """
+
+    sticks: Sequence[Stick]
+    pins: Sequence[int]
+    rails: Sequence[tuple[int, BodyPoint]]
+    mounts: Sequence[Array]
+    tips: Sequence[BodyPoint]
+
+
+def stick_figure(mechanism: Mechanism, nodes: Sequence[Node], joined: Sequence[BodyPoint]) -> StickFigure:
+    """Return the figure of a mechanism.
+
+    Args:
+        mechanism: The mechanism.
+        nodes: Its bodies.
+        joined: Points that springs and loop joints hold.
+    """
+    model, wheels = mechanism.model, dict(_wheels(mechanism))
+    drawn, tips, compact = list[Stick](), list[BodyPoint](), list[int]()
+    known = {(node.parent, tuple(node.placement.translation)) for node in nodes}
+    known |= {(end.node, tuple(end.place)) for end in joined}
+    for node in (k for k in range(1, len(nodes)) if nodes[k].carries):
+        points = reach(model, nodes, node)
+        ends = points[points.any(axis=1)]
+        drawn += [Stick(node, np.array([np.zeros(3), end])) for end in ends]
+        compact += [] if len(ends) else [node]
+        tips += [BodyPoint(node, end) for end in ends if (node, tuple(end)) not in known]
+    longest = max((float(np.linalg.norm(stick.points[-1])) for stick in drawn), default=np.inf)
+    drawn += [stick for node in compact for stick in _box(model, nodes, node, wheels, BOX * longest)]
+    own = [k for k, node in enumerate(nodes) if k and node.carries and (not node.parent or nodes[node.parent].carries)]
+    pins = [k for k in own if nodes[k].kind == "turn"]
+    rails = [(k, BodyPoint(nodes[k].parent, np.asarray(nodes[k].placement.translation))) for k in own
+             if nodes[k].kind == "slide"]  # fmt: skip
+    mounts = [np.asarray(nodes[k].placement.translation) for k in pins if not nodes[k].parent]
+    mounts += [end.place for end in joined if not end.node]
+    return StickFigure(drawn, pins, rails, mounts, tips)
+
+
+def _wheels(mechanism: Mechanism) -> Iterator[tuple[int, float]]:
+    """Yield the bodies that have teeth, with their pitch radii [m]."""
+    for coupling in mechanism.constraints:
+        contact = coupling.transmission if isinstance(coupling, Coupling) else None
+        if isinstance(contact, ToothContact):
+            yield from zip((contact.first, contact.second), contact.surfaces.radii, strict=True)
+
+
+def _box(
+    model: pin.Model, nodes: Sequence[Node], node: int, wheels: Mapping[int, float], largest: float
+) -> Iterator[Stick]:
+    """Yield a body that is all in one place: a wheel where it turns about an axis of symmetry, else its box.
+
+    The box is as large as its inertia says, and at most as ``largest`` says [m].
+    """
+    inertia, axis = model.inertias[node], nodes[node].axis
+    radius = wheels.get(node, _disc(inertia, axis) if nodes[node].kind == "turn" else 0.0)
+    if 0.0 < radius < np.inf:
+        across = np.cross(axis, np.eye(3)[int(np.abs(axis).argmin())])
+        across /= np.linalg.norm(across)
+        rim = radius * (np.outer(np.cos(WHEEL), across) + np.outer(np.sin(WHEEL), np.cross(axis, across)))
+        yield Stick(node, rim, THIN)
+        yield Stick(node, np.array([np.zeros(3), rim[0]]), THIN)
+    elif inertia.mass > 0.0:
+        edges, axes = cuboid(inertia)
+        edges *= min(1.0, largest / max(float(edges.max()), 1e-300))
+        corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+        for a in range(8):
+            for b in (a | bit for bit in (1, 2, 4) if not a & bit):
+                yield Stick(node, inertia.lever + (corners[[a, b]] * edges) @ axes.T, THIN)
+
+
+def _disc(inertia: pin.Inertia, axis: Array) -> float:
+    """Return the radius [m] of the disc that has an inertia, ``I = m r^2 / 2``; 0 where an axis is none of symmetry."""
+    moments, largest = inertia.inertia @ axis, float(np.abs(inertia.inertia).max())
+    own = float(axis @ moments)
+    others = np.linalg.eigvalsh(inertia.inertia - own * np.outer(axis, axis))
+    crossed = np.linalg.norm(moments - own * axis) > EVEN * largest
+    if inertia.mass <= 0.0 or own <= 0.0 or crossed or abs(others[-1] - others[-2]) > EVEN * largest:
+        return 0.0
+    return float(np.sqrt(2.0 * own / inertia.mass))

@@ -1,0 +1,162 @@
+"""The site: a page and an example for every kind, and a strict build that needs no network."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+
+import pytest
+import yaml
+from code_blocks import ROOT
+from site_generator.api_page import page as api_page
+from site_generator.errata import PLACE, with_errata
+from site_generator.families import TREE_JOINTS, definitions, families
+from site_generator.formulas import with_mathml
+from site_generator.gallery import ENTRIES
+from site_generator.key_tables import key_tables
+from site_generator.kind_pages import EXAMPLES, example_of, with_kind_links
+from site_generator.repository_pages import file_page, linked_files, with_site_links
+
+import pinarm
+from pinarm.use.show.replay.chromium import browser, chromium
+
+MEMBERS = [(family, member) for family in families() for member in family.members]
+
+
+def test_every_kind_has_an_example_and_every_example_is_of_a_kind():
+    wanted = {example_of(family, member) for family, member in MEMBERS}
+    scenarios = {path for path in EXAMPLES.rglob("*.yaml") if "problem" in yaml.safe_load(path.read_text())}
+    assert wanted == scenarios
+
+
+@pytest.mark.parametrize(("family", "member"), MEMBERS, ids=lambda part: part if isinstance(part, str) else part.name)
+def test_an_example_has_the_kind_that_it_is_of(family, member):
+    scenario = pinarm.load(example_of(family, member))
+    texts = [json.dumps(scenario.content.problem), example_of(family, member).read_text()]
+    texts.append((scenario.folder / scenario.content.mechanism).read_text())
+    key = "law" if family.name == "laws" else "kind"
+    assert family.members == TREE_JOINTS or any(re.search(rf"\b{key}: {member}\b", text) for text in texts)
+
+
+def test_every_key_of_every_kind_has_a_meaning():
+    for family, member in MEMBERS:
+        if family.members[member] in definitions():
+            rows = [row for row in key_tables(family.members[member]) if row.startswith("| `")]
+            assert all(len(row.split(" | ")[1].strip(" |")) > 1 for row in rows), f"{family.name} {member}\n{rows}"
+
+
+def test_a_table_of_keys_tells_value_unit_and_default():
+    rows = key_tables("PointSpring")
+    assert "| `stiffness` | Such as `2 kN/m`. | quantity in N/m | `0` |" in rows
+    assert "| `between` | The links, such as `[frame, lever]`. | list of 2: text | required |" in rows
+    assert any("[a law](../laws/index.md)" in row for row in key_tables("JointEffort"))
+    assert any(row.startswith("### Keys of `spring rates`") for row in key_tables("Bushing"))
+
+
+def test_names_in_the_table_of_kinds_are_links_where_they_are_kinds():
+    table = "| forces | gravity, `wrench`, `other` |\n| drives | `wrench` |"
+    assert with_kind_links(table).splitlines() == [
+        "| forces | gravity, [`wrench`](kinds/forces/wrench.md), `other` |", "| drives | `wrench` |",
+    ]  # fmt: skip
+
+
+def test_links_to_files_of_the_repository_lead_to_their_pages():
+    text = "[a](../../scenarios/gen411_arm_static.yaml) [b](../loops.md#x) [c](https://x.org) [d](../../README.md)"
+    assert list(linked_files(text, "start/page.md")) == ["scenarios/gen411_arm_static.yaml"]
+    assert with_site_links(text, "start/page.md") == (
+        "[a](../repository/scenarios/gen411_arm_static.yaml.md) [b](../loops.md#x) [c](https://x.org) [d](../index.md)"
+    )
+
+
+def test_files_are_shown_whole():
+    shown = file_page("scenarios/gen411_arm_static.yaml")
+    assert (ROOT / "scenarios/gen411_arm_static.yaml").read_text() in shown
+    assert "## mechanism.yaml" in file_page("models/gen411_arm")
+    assert "~~~~python" in file_page("examples/01_first_torque.ipynb")
+
+
+def test_formulas_are_mathml():
+    drawn = with_mathml(r'<span class="arithmatex">\(a &lt; \frac{1}{2}\)</span>')
+    assert "<mfrac>" in drawn
+    assert "&#x0003C;" in drawn  # the sign "less than", which is no tag
+    assert "arithmatex" not in drawn
+
+
+def test_every_misprint_of_the_answer_keys_is_listed():
+    entries = [
+        entry
+        for path in (ROOT / "scenarios").glob("*.yaml")
+        for entry in yaml.safe_load(path.read_text()).get("expect", [])
+    ]
+    wrong = [entry for entry in entries if entry.get("verdict") in ("misprint", "model_error")]
+    rows = with_errata(PLACE).splitlines()[2:]
+    assert len(rows) == len(wrong) > 25
+    assert (ROOT / "docs/misprints.md").read_text().count(PLACE) == 1
+
+
+def test_the_api_has_everything_that_is_public():
+    assert set(re.findall(r"heading: pinarm\.(\w+),", api_page())) == set(pinarm.__all__)
+
+
+def test_the_version_to_cite_is_the_version():
+    assert f"version = {{{pinarm.__version__}}}" in (ROOT / "docs/cite.md").read_text()
+    assert yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"] == pinarm.__version__
+
+
+class Loaded(HTMLParser):
+    """What a page loads when it is opened: not what it links to."""
+
+    def __init__(self):
+        super().__init__()
+        self.urls = []
+
+    def handle_starttag(self, tag, attributes):
+        given = dict(attributes)
+        loads = {"script": "src", "img": "src", "iframe": "src", "source": "src"}
+        if tag == "link" and given.get("rel") in ("stylesheet", "icon", "preload", "preconnect", "modulepreload"):
+            self.urls.append(given["href"])
+        elif tag in loads and given.get(loads[tag]):
+            self.urls.append(given[loads[tag]])
+
+
+@pytest.mark.slow
+def test_the_site_is_built_strictly_and_works_without_network(tmp_path):
+    """Building it solves the example of every kind. A search in it, opened as files, finds a page."""
+    site = tmp_path / "site"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NO_MKDOCS_2_WARNING": "1"}
+    done = subprocess.run([sys.executable, "-m", "mkdocs", "build", "--strict", "-d", str(site)], cwd=ROOT,
+                          env=environment, capture_output=True, text=True, timeout=1200)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    for family, member in MEMBERS:
+        text = (site / f"kinds/{family.name}/{member}.html").read_text(encoding="utf-8")
+        assert all(f'src="{member}_{name}.svg"' in text for name in family.pictures)
+    assert len(ENTRIES) >= 4
+    for page in set(site.rglob("*.html")) - {site / "404.html"}:  # which only a server shows
+        loaded = Loaded()
+        loaded.feed(page.read_text(encoding="utf-8"))
+        assert len(loaded.urls) > 5 or page.parent.name == "gallery"  # whose replays load nothing
+        assert [url for url in loaded.urls if url.startswith(("http", "//"))] == [], page
+        broken = [url for url in loaded.urls if not url.startswith("data:") and not (page.parent / url).exists()]
+        assert broken == [], page
+    search_offline(site)
+
+
+def search_offline(site):
+    """Search in the opened page; skipped where there is no Chromium."""
+    try:
+        chromium()
+    except pinarm.PinarmError:
+        return
+    ready = "<script>document.documentElement.dataset.ready = 'yes'</script></body>"
+    index = (site / "index.html").read_text(encoding="utf-8").replace("</body>", ready)
+    (site / "ready.html").write_text(index, encoding="utf-8")
+    with browser() as page:
+        page.open(site / "ready.html", "?q=torque_speed")
+        found = "[...document.querySelectorAll('.md-search-result__link')].map((link) => link.href).join(' ')"
+        page.evaluate(f"(async () => {{ while (!({found})) await new Promise((done) => setTimeout(done, 50)); }})()")
+        assert "kinds/forces/torque_speed.html" in page.evaluate(found)
+        asked = [event["params"]["request"]["url"] for event in page.events
+                 if event["method"] == "Network.requestWillBeSent"]  # fmt: skip
+        assert {url.split(":")[0] for url in asked} <= {"file", "data", "about", "blob"}

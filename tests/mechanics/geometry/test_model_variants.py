@@ -1,0 +1,78 @@
+"""Variants of random trees against Pinocchio's model of each variant alone."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
+from pinarm.mechanics.geometry.link_tree import LinkTree
+from pinarm.mechanics.geometry.model_variants import VariantFrame, VariantsDiffer, spatial_inertias
+from tests.mechanics.geometry.random_variants import random_variants
+
+ROUNDING = 1e-12
+"""Of chains of up to ten joints with lengths of about 1: some hundred operations."""
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("alike", [True, False])
+def test_motions_are_those_of_each_model_alone(seed: int, alike: bool) -> None:
+    rng = np.random.default_rng(seed)
+    pin.seed(seed)
+    joints, count, n = int(rng.integers(1, 10)), 7, 4
+    variants, models = random_variants(rng, joints, count)
+    q, v, a = rng.normal(size=(3, n, 1 if alike else count, joints))
+    found = moving(variants, q, v, a)
+    for k, model in enumerate(models):
+        own = 0 if alike else k
+        expected = moving(model, q[:, own], v[:, own], a[:, own])
+        _close(found[0].turns, expected[0].turns, k)
+        _close(found[0].places, expected[0].places, k)
+        for one, other in zip(found[1:], expected[1:], strict=True):
+            _close(one, other, k)
+        for frame in range(model.nframes):
+            for one, other in zip(found[0].frame(frame), expected[0].frame(frame), strict=True):
+                _close(one, other, k)
+
+
+def _close(found: np.ndarray, expected: np.ndarray, k: int) -> None:
+    """Compare variant k of an array; an axis of length 1 stands for all variants."""
+    own = found[:, k if found.shape[1] > 1 else 0]
+    np.testing.assert_allclose(own, np.broadcast_to(expected, own.shape), atol=ROUNDING, rtol=ROUNDING)
+
+
+def test_placements_are_those_of_pinocchio() -> None:
+    rng = np.random.default_rng(3)
+    variants, models = random_variants(rng, 6, 5)
+    q = rng.normal(size=(2, 1, 6))
+    links = LinkPlacements.at(variants, q)
+    for k, model in enumerate(models):
+        data = model.createData()
+        for row in range(len(q)):
+            pin.forwardKinematics(model, data, q[row, 0])
+            for joint in range(model.njoints):
+                np.testing.assert_allclose(links.places[row, k, joint], data.oMi[joint].translation, atol=ROUNDING)
+
+
+def test_bodies_are_those_of_pinocchio() -> None:
+    variants, models = random_variants(np.random.default_rng(1), 4, 3)
+    tree = LinkTree.of(variants)
+    for k, model in enumerate(models):
+        for joint in range(1, model.njoints):
+            body = model.inertias[joint]
+            assert tree.masses[k, joint] == pytest.approx(body.mass, rel=1e-14)
+            np.testing.assert_allclose(tree.levers[k, joint], body.lever, atol=1e-14)
+            np.testing.assert_allclose(tree.inertias[k, joint], body.matrix(), atol=1e-13)
+            np.testing.assert_allclose(spatial_inertias(body.toDynamicParameters()), body.matrix(), atol=1e-13)
+
+
+def test_nothing_of_a_single_variant_is_told() -> None:
+    variants, _ = random_variants(np.random.default_rng(2), 2, 3)
+    assert variants.nv == 2
+    assert len(variants) == 3
+    for name in ("inertias", "jointPlacements", "createData", "anything"):
+        with pytest.raises(VariantsDiffer, match=name):
+            getattr(variants, name)
+    with pytest.raises(TypeError):
+        pin.rnea(variants, variants.first.createData(), *np.zeros((3, 2)))
+    with pytest.raises(VariantsDiffer, match="tip"):
+        assert VariantFrame("tip", pin.FrameType.BODY, 1, None).placement

@@ -1,0 +1,44 @@
+"""Names: of parts, points, joints and loop joints, at their places, one for all that is in one place."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pinarm.use.result.presentation import Presentation
+from pinarm.use.show.replay.names import gathered, names_of
+from pinarm.use.show.replay.tracks import nodes_of, placed
+
+
+def found(result: Any, how: Presentation | None = None) -> dict[str, tuple[str, np.ndarray]]:
+    """Names of a run: text -> kind, and the place at the start."""
+    model, q = result.trajectory.mechanism.model, result.trajectory.q
+    nodes, places = nodes_of(model, q), placed(model, q)
+    names = gathered(list(names_of(result.trajectory.mechanism, nodes, how or Presentation())), places, 0.2)
+    return {name.text: (name.kind, name.at.path(places)[0]) for name in names}
+
+
+def test_a_slider_crank_has_the_names_of_its_file(solved: Callable[..., Any]) -> None:
+    """Crank of 45 mm along x, rod of 145 mm: O, A and B on a line."""
+    known = found(solved("slider_crank_gas"))
+    kinds = {text: kind for text, (kind, _) in known.items()}
+    assert kinds == {"crank": "part", "rod": "part", "piston": "part", r"O, $\theta$": "point", "G3": "point",
+                     "B3, B, x": "point", "A": "point"}  # fmt: skip
+    for text, x in ((r"O, $\theta$", 0.0), ("A", 0.045), ("B3, B, x", 0.19), ("G3", 0.09), ("crank", 0.0225)):
+        assert known[text][1] == pytest.approx([x, 0.0, 0.0], abs=1e-12)
+
+
+def test_points_that_meet_for_an_instant_keep_their_own_names(solved: Callable[..., Any]) -> None:
+    """Of the points of Andrews' mechanism only the four at P stay together."""
+    known = found(solved("andrews_squeezing"))
+    together = [text for text in known if text.startswith("P, P3, P4, P6")]
+    assert len(together) == 1
+    assert together[0].endswith(", ...")  # with the loop joints there are more than a picture should say
+    assert sum(text.partition(",")[0] in ("C", "D") for text in known) == 2
+
+
+def test_joints_have_the_labels_of_the_scenario(solved: Callable[..., Any]) -> None:
+    known = found(solved("slider_crank_gas"), Presentation(labels={"A": r"\alpha", "x": "stroke"}))
+    assert known[r"A, $\alpha$"][0] == "point"
+    assert "B3, B, stroke" in known

@@ -1,0 +1,28 @@
+"""Limits of axes: those of the numbers, and no blown-up rounding."""
+
+import numpy as np
+import pytest
+
+from pinarm.use.show.chart import Line, Panel, extent, limits
+
+
+def test_limits_are_those_of_the_numbers_with_a_margin() -> None:
+    assert limits(np.array([0.0, 10.0, np.nan]), 0.1) == pytest.approx((-1.0, 11.0))
+
+
+@pytest.mark.parametrize("values", [np.ones(3) + 1e-15 * np.arange(3), np.full(3, 1e-30), np.zeros(0), -np.ones(1)])
+def test_rounding_is_not_blown_up(values: np.ndarray) -> None:
+    low, high = limits(values)
+    assert high - low >= 0.19
+
+
+def test_the_extent_passes_over_gaps() -> None:
+    line = Line(np.array([0.0, np.nan, 2.0]), np.array([1.0, np.nan, 5.0]))
+    low, high = extent([line, Line(np.full(1, np.nan), np.full(1, np.nan))])
+    assert (low.tolist(), high.tolist()) == ([0.0, 1.0], [2.0, 5.0])
+    assert Panel([line], equal=True, margin=0.0).extent() == ((-0.004, 2.004), (0.996, 5.004))  # 4 m high
+
+
+def test_a_drawing_on_a_line_is_as_large_as_the_line() -> None:
+    (x0, x1), (y0, y1) = Panel([Line(np.array([0.0, 2.0]), np.zeros(2))], equal=True, margin=0.0).extent()
+    assert (x1 - x0, y1 - y0) == pytest.approx((2.004, 0.004))

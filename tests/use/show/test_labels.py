@@ -1,0 +1,63 @@
+"""Labels: symbols as publications print them, and the same without TeX."""
+
+import unicodedata
+
+import pytest
+
+from pinarm.input.units import unit
+from pinarm.use.result.presentation import Presentation
+from pinarm.use.show.labels import TextRun, axis_label, plain, runs, symbol, unicode_label
+
+
+@pytest.mark.parametrize("text", ["plain", "a_b", "$", "$\\foo{", "\\$", "a $b$ c", "$$$"])
+def test_plain_text_begins_no_formula(text: str) -> None:
+    from matplotlib.cbook import is_math_text
+
+    assert not is_math_text(plain(text))
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [
+        ("theta", r"$\theta$"),
+        ("theta21", r"$\theta_{21}$"),
+        ("theta21d", r"$\dot{\theta}_{21}$"),
+        ("phidd", r"$\ddot{\phi}$"),
+        ("C_B", "$C_{B}$"),
+        ("X53", "$X_{53}$"),
+        ("Cr", "Cr"),
+        ("hdd", "hdd"),
+        ("theta_dot", "theta_dot"),
+        ("joint.theta.effort", "joint.theta.effort"),
+        ("C_B$", r"C_B\$"),
+        ("C_$", r"C_\$"),
+    ],
+)
+def test_symbols_are_printed_as_publications_do(name: str, wanted: str) -> None:
+    assert symbol(name) == wanted
+
+
+@pytest.mark.parametrize(("label", "text"), [
+    (r"$\theta_{21}$", "θ₂₁"), (r"$\ddot{\phi}$", "φ̈"), ("$C_{B}$ [N·m]", "C_B [N·m]"), (r"a \$ b", "a $ b"),
+    (r"$\dot\psi_{12}^2$", "ψ̇₁₂^2"), ("plain_name", "plain_name"), (r"\\$ \$", r"\$ $"),
+])  # fmt: skip
+def test_labels_as_mere_text(label: str, text: str) -> None:
+    assert unicodedata.normalize("NFC", unicode_label(label)) == unicodedata.normalize("NFC", text)
+
+
+def test_indices_are_runs_of_their_own() -> None:
+    assert runs(r"$M_{collar}$ [N·m]") == [
+        TextRun("M", "", symbol=True), TextRun("collar", "sub"), TextRun(" [N·m]"),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", ["plain", "$", "$\\foo{", "\\$", "a $b$ c", "$$$", "x_1^2"])
+def test_plain_text_comes_back(text: str) -> None:
+    assert unicode_label(plain(text)) == text
+
+
+def test_an_axis_has_the_label_of_the_scenario_and_a_printed_unit() -> None:
+    how = Presentation(labels={"psd": r"\dot\psi", "h": "height", "cost": "5 $"})
+    assert axis_label("psd", unit("N*m^2"), how) == r"$\dot\psi$ [N·m²]"
+    assert axis_label("h", unit("1"), how) == "height"
+    assert unicode_label(axis_label("cost", None, how)) == "5 $ [?]"
