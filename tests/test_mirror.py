@@ -22,7 +22,6 @@ ELSEWHERE = {
         "mechanics/control/function mechanics/control/state_feedback problems/actuation/controls",
     ),
     "engine/motion/systems/test_coupled.py": ("the same motions", "engine/motion/systems/compiled_couplings"),
-    "mechanics/forces/test_flanks.py": ("elastic gears", "mechanics/elasticity"),
     "mechanics/test_rotors.py": ("rotors of drives", "engine/drive_parts"),
     "mechanics/friction/test_gear_loss.py": ("as of runs", "problems/actuation/gear_losses"),
     "mechanics/test_motors.py": (

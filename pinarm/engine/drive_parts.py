@@ -98,6 +98,7 @@ def elastic_gears(
     elastic = {name: drive for name, drive in description.drives.items() if drive.elasticity is not None}
     if not elastic:
         return {}
+    from pinarm.mechanics.forces.flanks import elastic_gear
     from pinarm.mechanics.rotors import deflection_of, rotor_name
 
     found = dict[str, ForceElement]()
@@ -105,5 +106,5 @@ def elastic_gears(
         with here("drives", name):
             along = deflection_of(joints[rotor_name(name)], coordinates[drive.coordinate])
             assert drive.elasticity is not None
-            found[f"elasticity of {name}"] = drive.elasticity.bind(model, along, drive.backlash)
+            found[f"elasticity of {name}"] = elastic_gear(model, along, drive.elasticity, drive.backlash)
     return found

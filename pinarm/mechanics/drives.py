@@ -10,9 +10,23 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
-from pinarm.input.yaml.schema import Inertia, InputStruct, NotNegative
-from pinarm.mechanics.elasticity import Elasticity
+from pinarm.input.yaml.schema import Inertia, InputStruct, NotNegative, Positive
 from pinarm.mechanics.motors import AnyMotor
+
+
+class Elasticity(InputStruct, frozen=True):
+    """A spring and damper between the rotor, reflected to the joint by the ratio, and the joint.
+
+    With the deflection w, the rotor's angle over the ratio less the joint's, the joint gets ``k w + c w'``. Behind a
+    backlash b it is ``k d + c w'`` with ``d = |w| - b/2``, towards the free travel, while flanks touch and this pushes.
+
+    Attributes:
+        stiffness: k at the joint, effort per deflection.
+        damping: c at the joint, effort per rate of the deflection.
+    """
+
+    stiffness: Positive
+    damping: NotNegative = 0.0
 
 
 class Drive(InputStruct, frozen=True):

@@ -7,11 +7,42 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.mechanics.forces.along_coordinate import AlongCoordinate, SpringAlong
+from pinarm.errors import within
+from pinarm.input.units import unit
+from pinarm.input.yaml.schema import check_unit
+from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.drives import Elasticity
+from pinarm.mechanics.forces.along_coordinate import AlongCoordinate, SpringAlong, effort_along
 from pinarm.mechanics.forces.breakpoints import Pieces
-from pinarm.mechanics.forces.force_element import Edge
+from pinarm.mechanics.forces.force_element import Edge, ForceElement
+
+
+def elastic_gear(
+    model: pin.Model, deflection: LinearCoordinate, elasticity: Elasticity, backlash: float
+) -> ForceElement:  # fmt: skip
+    """Return the spring and damper of an elastic gear, or its flanks.
+
+    Args:
+        model: Pinocchio's model.
+        deflection: w, of the rotor less what it drives.
+        elasticity: Stiffness and damping.
+        backlash: [rad or m].
+
+    Raises:
+        UnitError: A unit is not that of what is driven.
+    """
+    stiff = effort_along(deflection) / deflection.unit
+    given = ("stiffness", elasticity.stiffness, stiff), ("damping", elasticity.damping, stiff * unit("s"))
+    for key, value, expected in given:
+        with within("elasticity", key):
+            check_unit(value, expected)
+    with within("backlash"):
+        check_unit(backlash, deflection.unit)
+    spring = SpringAlong(model, deflection, float(elasticity.stiffness), float(elasticity.damping), 0.0)
+    return Flanks(model, deflection, spring, 0.5 * float(backlash)) if backlash else spring
 
 
 @dataclass(frozen=True, eq=False)
