@@ -17,17 +17,10 @@ FLOOR_PLAN = {
     "errors": "",
     "arrays": "",
     "input": "numbers units roots xml_text xml_names mjcf_includes formulas yaml csv_rows motion_tables xacro robots",
-<<<<<<< HEAD
-    "mechanics": "geometry joints laws motors coordinates ball_joints loops forces elasticity drives control rotors "
-    "loading couplings friction payloads points perturbation planar description",
-    "engine": "series kernel integration constraints dynamics mesh_inertias model_source kinematics statics friction "
-    "control motion checks quantities mechanism_parts drive_parts mechanism mechanism_variants",
-=======
     "mechanics": "geometry joints laws motors drives coordinates control rotors ball_joints loops forces loading "
     "couplings friction payloads points perturbation planar description",
-    "engine": "series kernel integration constraints dynamics model_source kinematics statics friction control motion "
-    "checks quantities mechanism_parts drive_parts mechanism mechanism_variants",
->>>>>>> 8a8ee0a4f7058d759a6402ee688d3b847da36c40
+    "engine": "series kernel integration constraints dynamics mesh_inertias model_source kinematics statics friction "
+    "control motion checks quantities mechanism_parts drive_parts mechanism mechanism_variants",
     "problems": "time_grid accuracy joint_values weights prescription loads actuation declaration events "
     "position_bands equilibria inverse kinematics states recording forward batch_table simplify",
     "use": "progress result assessments scenario output show store views study report",
