@@ -219,7 +219,8 @@ def energy_balance(*accounts: EnergyAccount) -> dict[str, float]:
 
     ``E(t) - E(0) + integral of the dissipated power``, less the rounding of its terms, relative to the largest energy
     exchanged: between kinetic and potential, and through dampers and drives. For a motion without loads it is the drift
-    of the energy. Where a motion has several parts, what impacts between them take is none of its errors.
+    of the energy. Where a motion has several parts, what impacts between them take is none of its errors. It is 0 where
+    so little is exchanged, as at rest, that ``LOST`` of it is rounding.
     """
     found = [account.columns() for account in accounts if account.solution.steps]
     if not found:
@@ -231,4 +232,6 @@ def energy_balance(*accounts: EnergyAccount) -> dict[str, float]:
     columns = [np.concatenate(column) for column in zip(*found, strict=True)]
     exchanged = max(*(float(np.ptp(column)) for column in columns), float(np.abs(columns[0]).max()))
     rounding = ROUNDING * max(float(np.abs(column).max()) for column in columns)
-    return {"energy": max(largest - rounding, 0.0) / exchanged if exchanged else 0.0}
+    if exchanged * LOST <= rounding:
+        return {"energy": 0.0}
+    return {"energy": max(largest - rounding, 0.0) / exchanged}

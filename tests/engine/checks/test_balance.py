@@ -178,3 +178,16 @@ class TestEnergyBalance:
         time = TimeGrid(end=5.0, samples=5)
         run = outcome(Forward(time=time, initial={"position": {"O": 0.4}}), arm, 1e-12)
         assert 0.0 < run.figures["energy"] < 1e-10
+
+    def test_a_body_that_is_held_at_rest_loses_nothing(self, mechanism):
+        """Within steps it moves by the rounding at which its loop closes, 1e-14 m: its only change of energy."""
+        held = mechanism(
+            '<robot name="r"><link name="base"/><link name="a"><inertial><origin xyz="0.3 0.1 0.2"/><mass value="2"/>'
+            '<inertia ixx="0.1" iyy="0.2" izz="0.15" ixy="0.01" ixz="0" iyz="0"/></inertial></link><joint name="root" '
+            'type="floating"><parent link="base"/><child link="a"/></joint><link name="t"/><joint name="tj" '
+            'type="fixed"><parent link="a"/><child link="t"/><origin xyz="0.1 0.2 0.3"/></joint><link name="g"/><joint '
+            'name="gj" type="fixed"><parent link="base"/><child link="g"/><origin xyz="0.1 0.2 0.3"/></joint></robot>',
+            loops={"hold": {"kind": "fixed", "between": ["g", "t"]}},
+        )
+        run = outcome(Forward(time=TimeGrid(end=1.0, samples=5)), held)
+        assert run.figures["energy"] == 0.0
