@@ -27,7 +27,7 @@ def test_one_state_is_one_row() -> None:
     assert as_rows(np.zeros((0, 3)), 3, "q").shape == (0, 3)
 
 
-@pytest.mark.parametrize("shape", [(2,), (5, 2), (3, 5), (2, 5, 3)])
+@pytest.mark.parametrize("shape", [(2,), (5, 2), (3, 5), (2, 5, 2)])
 def test_another_shape_is_refused_with_the_one_that_is_wanted(shape: tuple[int, ...]) -> None:
     with pytest.raises(InputError, match="v has the shape") as caught:
         as_rows(np.zeros(shape), 3, "v")

@@ -32,7 +32,8 @@ path, folder, target = sys.argv[1:]
 notebook = nbformat.read(path, as_version=4)
 notebook.cells.insert(0, nbformat.v4.new_code_cell("import warnings; warnings.simplefilter('error')"))
 kernel = AsyncKernelManager(kernel_name="python3", transport="ipc", ip=target + ".socket")
-NotebookClient(notebook, km=kernel, timeout=120, resources={"metadata": {"path": folder}}).execute()
+where = {"metadata": {"path": folder}}
+NotebookClient(notebook, km=kernel, timeout=120, resources=where, shutdown_kernel="immediate").execute()
 del notebook.cells[0]
 nbformat.write(notebook, target)
 """

@@ -138,6 +138,7 @@ def closed_chains(count: int, folder: Path) -> float:
 
 TENSIONS = "tensions of the rods, a tridiagonal system"
 WITHIN = "tolerance 1e-6, within steps; ends of steps keep it to rounding"
+LONG = "within single steps that are long for the tolerance of 1e-6, which last digits decide; its ends to rounding"
 Entry = tuple[str, str, str, Callable[[Path], float], float, str, str]
 ENTRIES: list[Entry] = [
     ("steps", "rk4 by steps of 1e-12 s over 1e-9 s", "Jacobi's functions",
@@ -157,7 +158,7 @@ ENTRIES: list[Entry] = [
        partial(many, periods, tolerance), 10 * tolerance, f"{tolerance:.0e} a step, relative to the time", when)
       for periods, tolerance, when in ((100, 1e-8, "fast"), (10_000, 1e-8, "slow"), (100_000, 1e-5, "command"))],
     *[("durations", f"double pendulum from 2.2 and 1 rad over {end / 2:.0e} periods of 2 s, energy conserved",
-       "energy of its bodies", partial(kept, rods(), None, {"A": 2.2, "B": 1.0}, {}, end), 1e-5, WITHIN, when)
+       "energy of its bodies", partial(kept, rods(), None, {"A": 2.2, "B": 1.0}, {}, end), 2e-3, LONG, when)
       for end, when in ((2e2, "fast"), (2e4, "slow"), (2e5, "command"))],
     *[("durations", f"four-bar over {end:.0e} turns of 1 s, energy conserved", "energy of its bodies",
        partial(kept, four_bar(), "B", {}, {"O": 6.0}, end), 1e-5, WITHIN, when)

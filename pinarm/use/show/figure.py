@@ -83,9 +83,9 @@ def _panel(axis: Axes, panel: Panel, *, last: bool) -> None:
     for note in panel.notes:
         _note(axis, note)
     if panel.equal:
-        axis.set_aspect("equal", adjustable="datalim")
         axis.set_xlim(*panel.extent()[0])
         axis.set_ylim(*panel.extent()[1])
+        axis.set_aspect("equal", adjustable="box")
     else:
         axis.margins(x=panel.margin)
         axis.set_ylim(*panel.extent()[1])

@@ -4,17 +4,18 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from pinarm.engine.dynamics.parallel import cores
 from pinarm.errors import InputError
+from pinarm.use.study.workers import choice
 from pinarm.use.study.workers.choice import check_number, chosen_workers
 from pinarm.use.study.workers.executor_workers import ExecutorWorkers
 from pinarm.use.study.workers.local_processes import LocalProcesses
 
 
-def test_processes_here_unless_there_is_an_executor() -> None:
+def test_processes_here_unless_there_is_an_executor(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(choice, "cores", lambda: 3)
     here = chosen_workers(None, None)
     assert isinstance(here, LocalProcesses)
-    assert (here.count(), chosen_workers(5, None).count()) == (cores(), 5)
+    assert (here.count(), chosen_workers(5, None).count()) == (3, 5)
     with ThreadPoolExecutor(3) as executor:
         there = chosen_workers(None, executor)
         assert isinstance(there, ExecutorWorkers)
