@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -46,8 +47,31 @@ class InverseOfTree:
         return np.asarray(demanded(self.dynamics, t, q, v, whole)[self.order])  # type: ignore[arg-type]
 
 
+class InverseByState(ABC):
+    """Inverse dynamics that is solved for one state after another.
+
+    Attributes:
+        count: Number k of drives.
+    """
+
+    count: int
+
+    def __call__(self, t: Array | float, q: Array, v: Array, a: Array) -> Array:
+        """Return the efforts of the drives, shape (..., k)."""
+        if q.ndim == 1:
+            return self.efforts(float(t), q, v, a)
+        times = np.broadcast_to(np.asarray(t, float), len(q)).tolist()
+        return np.array([self.efforts(*state) for state in zip(times, q, v, a, strict=True)]).reshape(
+            len(q), self.count
+        )
+
+    @abstractmethod
+    def efforts(self, t: float, q: Array, v: Array, a: Array) -> Array:
+        """Return the efforts that give the drives accelerations a, shape (k,), in one state."""
+
+
 @dataclass(frozen=True, eq=False)
-class InverseOfCouplings:
+class InverseOfCouplings(InverseByState):
     """Inverse dynamics of a tree with couplings, ``v = T u`` of its independent velocities u, the drives among them.
 
     What is not driven has no effort: ``T_p^T (M T u' + nle - loads) = 0``.
@@ -62,14 +86,8 @@ class InverseOfCouplings:
     basis: Array
     count: int
 
-    def __call__(self, t: Array | float, q: Array, v: Array, a: Array) -> Array:
-        """Return the efforts of the drives, shape (..., k)."""
-        if q.ndim == 1:
-            return self._state(float(t), q, v, a)
-        times = np.broadcast_to(np.asarray(t, float), len(q)).tolist()
-        return np.array([self._state(*state) for state in zip(times, q, v, a, strict=True)]).reshape(len(q), self.count)
-
-    def _state(self, t: float, q: Array, v: Array, a: Array) -> Array:
+    def efforts(self, t: float, q: Array, v: Array, a: Array) -> Array:
+        """Return the efforts that give the drives accelerations a; see ``InverseByState``."""
         driven, passive = self.basis[:, : self.count], self.basis[:, self.count :]
         whole = driven @ a
         demand = demanded(self.dynamics, t, q, v, whole)
@@ -101,7 +119,7 @@ def inverse_of_couplings(dynamics: Dynamics, closure: Closure, joints: Sequence[
 
 
 @dataclass(frozen=True, eq=False)
-class InverseOfLoops:
+class InverseOfLoops(InverseByState):
     """Inverse dynamics where other joints follow: ``M a + nle = loads + G^T lam``, see ``dynamics.equation``.
 
     Attributes:
@@ -116,14 +134,8 @@ class InverseOfLoops:
     laws: tuple[MotionLaw, ...]
     count: int
 
-    def __call__(self, t: Array | float, q: Array, v: Array, a: Array) -> Array:
-        """Return the efforts of the drives, shape (..., k)."""
-        if q.ndim == 1:
-            return self._state(float(t), q, v, a)
-        times = np.broadcast_to(np.asarray(t, float), len(q)).tolist()
-        return np.array([self._state(*state) for state in zip(times, q, v, a, strict=True)]).reshape(len(q), self.count)
-
-    def _state(self, t: float, q: Array, v: Array, a: Array) -> Array:
+    def efforts(self, t: float, q: Array, v: Array, a: Array) -> Array:
+        """Return the efforts that give the drives accelerations a; see ``InverseByState``."""
         state, wanted = self.rows.state(q, v), [law.on(t, t)(np.array([t]))[2][0] for law in self.laws]
         right = -self.rows.drift(state)
         right[len(right) - self.count - len(wanted) :] += [*wanted, *a]
