@@ -20,6 +20,7 @@ from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.bifurcation import undetermined_rest
+from pinarm.engine.motion.end_stops import impact_remarks
 from pinarm.engine.motion.hybrid_motion import FirstSegment, HybridSystem
 from pinarm.engine.motion.integrated_motion import IntegratedMotion, event_columns
 from pinarm.engine.motion.segments import SegmentedMotion
@@ -207,6 +208,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             *_uncertain(hybrid.guided, q, v),
             *motion.remarks(),
             *_motors(hybrid, motion),
+            *impact_remarks(mechanism.model, motion.events),
         ]
         return replace(whole, figures={**motion.cost(), **energy}, notes=(*remarks, *notes))
 

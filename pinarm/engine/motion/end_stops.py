@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
@@ -19,6 +20,7 @@ from pinarm.engine.constraints.nullspace import RowDecomposition
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.mechanics.coordinates import LinearCoordinate
 
 RESTING = 1e-6
@@ -110,3 +112,27 @@ class Contacts:
             if not pulling:
                 return after
             del back[min(pulling, key=pushes.__getitem__)]
+
+
+def impact_remarks(model: pin.Model, events: Iterable[EventRecord]) -> list[str]:
+    """Return for each end stop how often it was hit, when first, and the kinetic energy that its impacts took.
+
+    Impacts are impulses, without a duration: no force of theirs is among the reactions, which has to be said.
+    """
+    impacts = dict[str, list[EventRecord]]()
+    for event in events:
+        if event.before is not None:
+            impacts.setdefault(event.name, []).append(event)
+    return [
+        f"end stop '{name}': {len(hits)} impact{'s' if len(hits) > 1 else ''}, the first at t = {hits[0].t:.6g} s, "
+        f"take{'' if len(hits) > 1 else 's'} {sum(_lost(model, hit) for hit in hits):.3g} J; "
+        "they are impulses, whose forces are in no reaction"
+        for name, hits in impacts.items()
+    ]
+
+
+def _lost(model: pin.Model, hit: EventRecord) -> float:
+    """Return the kinetic energy that an impact took [J]."""
+    mass = mass_matrix(model, hit.q)
+    assert hit.before is not None
+    return float(hit.before @ mass @ hit.before - hit.v @ mass @ hit.v) / 2.0

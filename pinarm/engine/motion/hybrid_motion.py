@@ -301,7 +301,7 @@ class HybridSystem:
                 bound = self.bounds[end.hit]
                 q[bound.place] = bound.limit
                 v = self.contacts.impact(t, q, v, [end.hit])
-                motion.events.append(EventRecord(bound.name, t, q, v))
+                motion.events.append(EventRecord(bound.name, t, q, v, end.v))
             if end.control is not None and self.controls:
                 self.controls.switch(end.control)
             self._enter(t, q, v)

@@ -36,12 +36,14 @@ class EventRecord:
         t: When [s].
         q: Configuration, shape (nq,).
         v: Velocity, just after an impact, shape (nv,).
+        before: Velocity just before an impact, shape (nv,); ``None`` of an event, at which it does not jump.
     """
 
     name: str
     t: float
     q: Array
     v: Array
+    before: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -68,3 +68,23 @@ def test_what_is_thrown_up_from_the_stop_comes_back_once(fall):
     back = 2.0 * speed / G
     assert met == pytest.approx([back], abs=1e-12)
     assert height == pytest.approx(np.where(t < back, speed * t - 0.5 * G * t**2, 0.0), abs=1e-12)
+
+
+@pytest.mark.parametrize(("restitution", "lost"), [(0.0, 1.0), (0.5, 1.0), (1.0, 0.0)])
+def test_the_energy_that_impacts_take_is_told(mechanism, chain, restitution, lost):
+    """All of m g h of what comes to rest on the stop, nothing of what bounces for ever."""
+    model = mechanism(chain(WEIGHT), gravity={"direction": "-z", "magnitude": f"{G} m/s^2"})
+    problem = Forward(time=TimeGrid(end=3.0, samples=61), initial=InitialState(position={"weight": 0.5}),
+                      end_stops={"weight": EndStop(lower=0.0, restitution=restitution)})  # fmt: skip
+    found = problem.solve(model, Accuracy(tolerance=1e-12), lambda *path: nullcontext())
+    (note,) = (note for note in found.notes if note.startswith("end stop 'weight lower'"))
+    assert f"the first at t = {(2 * 0.5 / G) ** 0.5:.6g} s" in note
+    taken = float(note.partition(" J;")[0].rpartition(" ")[2])
+    assert taken == pytest.approx(lost * MASS * G * 0.5, rel=1e-3, abs=1e-9)  # three digits are told
+
+
+def test_a_motion_without_impacts_tells_none(mechanism, chain):
+    model = mechanism(chain(WEIGHT), gravity={"direction": "-z", "magnitude": f"{G} m/s^2"})
+    problem = Forward(time=TimeGrid(end=0.1, samples=3), initial=InitialState(position={"weight": 0.5}),
+                      end_stops={"weight": EndStop(lower=0.0)})  # fmt: skip
+    assert not problem.solve(model, Accuracy(), lambda *path: nullcontext()).notes
