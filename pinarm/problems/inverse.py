@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import msgspec
@@ -27,7 +28,7 @@ from pinarm.problems.actuation.effort_sharing import Share, drives_of
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import LOADS, bind_loads, schema_row
-from pinarm.problems.prescription.prescribed_laws import laws_of
+from pinarm.problems.prescription.prescribed_laws import laws_of, profile_remarks
 from pinarm.problems.prescription.resolution import NearestPosture, joint_motion, rough_start
 from pinarm.problems.time_grid import TimeGrid
 
@@ -110,4 +111,5 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"), locating_drives(place, "drives" if self.drives else "motion"):
             prescription = Prescription(mechanism, motion, drives, Dynamics.of(mechanism.model, forces), "t", unit("s"))
-            return prescription.outcome(grid, rough_start(mechanism, self.start, self.resolve))
+            found = prescription.outcome(grid, rough_start(mechanism, self.start, self.resolve))
+        return replace(found, notes=(*found.notes, *profile_remarks(mechanism, self.motion)))

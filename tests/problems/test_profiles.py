@@ -43,6 +43,18 @@ def test_an_prescribed_motion_is_that_of_the_composed_law(arm, kind):
         assert getattr(one, name) == pytest.approx(getattr(other, name), abs=1e-11), name
 
 
+def test_a_profile_is_said_to_load_nothing_of_what_it_runs_along(arm):
+    """A designer of a cam would size its shaft by an effort without the load of the follower."""
+    (note,) = (
+        Inverse(time=TIME, motion={"arm": Over(of="crank", profile=SWING), "crank": TURN})
+        .solve(arm, Accuracy(), place)
+        .notes
+    )
+    assert "efforts, reactions, loads and sizing at 'crank' are without it" in note
+    assert "joint.crank.effort + joint.arm.effort*joint.arm.velocity/joint.crank.velocity" in note
+    assert not Inverse(time=TIME, motion={"crank": TURN, "arm": SAME}).solve(arm, Accuracy(), place).notes
+
+
 def test_a_profile_may_run_along_a_task_coordinate(arm, mechanism, chain):
     """The tip's height drives the other joint: the tip is lifted and the arm turns as it says."""
     tall = mechanism(chain(*BODIES[:2]), coordinates={"height": {"kind": "point", "point": "arm_link", "along": "y"}})

@@ -315,12 +315,16 @@ class Wrench(InputStruct, frozen=True, tag_field="kind", tag="wrench"):
 class PointSpring(InputStruct, frozen=True, tag_field="kind", tag="point_spring"):
     """Spring, damper and constant pull between the origins of two links.
 
+    It pulls with ``stiffness (length - free_length) + damping length' + force``. A gas strut pushes: give the negative
+    of its force when extended, how much the force grows by length as stiffness, and its extended length as
+    ``free_length``.
+
     Attributes:
         between: The links, such as ``[frame, lever]``.
         stiffness: Such as ``2 kN/m``.
         damping: Such as ``50 N*s/m``.
         free_length: Length at which the spring is free.
-        force: Constant pull on the two points towards each other.
+        force: Constant pull on the two points towards each other; negative for a push.
     """
 
     between: tuple[str, str]

@@ -63,3 +63,17 @@ def _settle(
         _settle(law.of, (*before, name), mechanism, motion, found, place, span)
     with place("motion", name):
         found[name] = law.along(found[law.of], *span)
+
+
+def profile_remarks(mechanism: Mechanism, motion: Mapping[str, Motion]) -> list[str]:
+    """Return what efforts along profiles mean: each has a drive of its own, which a cam has not."""
+    remarks = []
+    for name, law in motion.items():
+        if isinstance(law, Over):
+            own, along = (f"joint.{x}" if x in mechanism.joints else f"coordinate.{x}" for x in (name, law.of))
+            remarks.append(
+                f"'{name}' is moved along its profile over '{law.of}' by a drive of its own: efforts, reactions, loads "
+                f"and sizing at '{law.of}' are without it. The shaft of a cam carries "
+                f"{along}.effort + {own}.effort*{own}.velocity/{along}.velocity"
+            )
+    return remarks

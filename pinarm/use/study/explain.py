@@ -26,6 +26,7 @@ from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run
 
 if TYPE_CHECKING:
+    from pinarm.mechanics.forces.force_element import ForceElement
     from pinarm.problems.actuation.controls import ControlOfRun
     from pinarm.use.show.chart import Chart
     from pinarm.use.show.figure import Picture
@@ -145,11 +146,24 @@ class Explanation:
         mechanism = self.mechanism
         direction = mechanism.model.gravity.linear
         lines = [f"gravity: {', '.join(f'{x:g}' for x in direction)} m/s^2" if direction.any() else "no gravity"]
-        lines += [": ".join(filter(None, (f"force {name}", one.description))) for name, one in mechanism.forces.items()]
+        lines += [
+            ": ".join(filter(None, (f"force {name}", one.description))) + self._pulling(one)
+            for name, one in mechanism.forces.items()
+        ]
         lines += [f"drive {name} at {drive.coordinate}" for name, drive in mechanism.drives.items()]
         acting = [*mechanism.control, *self.control]
         lines += [f"controller of {', '.join(one.drives)}: {one.description}" for one in acting]
         return [*lines, *(f"note: {note}" for note in mechanism.notes)]
+
+    def _pulling(self, element: ForceElement) -> str:
+        """Return how an element between two points pulls or pushes in the configuration, at rest; empty of others."""
+        measures = element.measures()
+        if not {"length", "tension"} <= measures.keys():
+            return ""
+        state = np.zeros(1), self.q[None], np.zeros((1, self.mechanism.model.nv))
+        length, tension = (float(measures[name].values(*state)[0]) for name in ("length", "tension"))
+        acts = f"pulls with {tension:.4g} N" if tension >= 0.0 else f"pushes with {-tension:.4g} N"
+        return f", {length:.4g} m long {self.where}, {acts}"
 
     def _modelled(self) -> list[str]:
         """Return which joints are solved for, why the others are not, and whether the compiled kernel is missing."""
