@@ -129,7 +129,7 @@ class ControlledSystem:
 
     def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the mechanism's states; loads that are evaluated next have the integrals of these."""
-        self.memory.integral = self.integrals(v).copy()
+        self.memory.integral, self.memory.instants = self.integrals(v).copy(), t
         return self.inner.whole(t, q, v[..., : self.inner.manifold.nv])
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:

@@ -68,6 +68,8 @@ class PresentEfforts(ControlLoad):
         """Return what a continuous controller knows in states, with the integrals last remembered."""
         memory, controller = self.memory, self.memory.continuous[number]
         integral = memory.integral[..., memory.integrals[number]]
+        if integral.ndim > q.ndim:  # one of the states that were completed together
+            integral = integral[np.abs(memory.instants - t).argmin()]
         reference = reference_of(controller.references, t, self.span)
         measured, mode = controller.measure(q, v), memory.modes[number]
         return Given(t, q, v, measured, reference, integral, mode, memory.applied)

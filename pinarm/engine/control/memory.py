@@ -54,6 +54,8 @@ class ControlMemory:
         """States of the continuous controllers."""
         self.integral = np.zeros(self.integrals[-1].stop if self.integrals else 0)
         """Integrals in the states that are evaluated, shape (..., m)."""
+        self.instants = np.zeros(1)
+        """Instants of these states where there are several [s], shape (n,)."""
         self.waiting = [dict[int, Array]() for _ in self.sampled]
         self.done = 0
         self.times: list[float] = []

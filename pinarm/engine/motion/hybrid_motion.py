@@ -354,11 +354,11 @@ class HybridSystem:
             raise
         motion.segments.append(MotionSegment(system, solution, acting))
         end = self._note_events(motion, solution, system, [key for key, _ in watched])
-        if self.controls:
-            self._remember(system, solution)
         if end is None and solution.end < self.cuts[-1]:
             q, v = (x[0] for x in system.whole(np.array([solution.end]), *solution.states(np.array([solution.end]))))
-            return SegmentEnd(solution.end, q, v)
+            end = SegmentEnd(solution.end, q, v)
+        if self.controls:  # after all states in between have been asked for
+            self._remember(system, solution)
         return end
 
     def _spans(self, mode: Mode, t: float) -> list[tuple[float, float]]:

@@ -131,7 +131,9 @@ class _Step:
                 raise InputError(f"the run does not come to {begin:.6g} s", expected="an instant before its end")
         ends = run.run.grid.cuts[-1]
         bounds = [
-            float(given) if given is not None else float(run.at({"t": at}, asked.of)[asked.of].values[0])
+            float(given)
+            if given is not None
+            else float(run.at({"t": f"{at!r} s", "side": "left"}, asked.of)[asked.of].values[0])
             for given, at in ((asked.initial, begin), (asked.final, ends))
         ]
         return cls(run, asked.of, begin, (bounds[0], bounds[1]))

@@ -27,6 +27,22 @@ def cart(tmp_path):
     return pinarm.Mechanism.load(tmp_path / "cart.urdf", values={"gravity": {"magnitude": "10 m/s^2"}})
 
 
+@pytest.fixture
+def slide(tmp_path):
+    """Make a slide of 60 kg without weight, with friction that holds up to a force."""
+
+    def made(friction):
+        (tmp_path / "slide.urdf").write_text(
+            '<robot name="slide"><link name="base"/><link name="door"><inertial><mass value="60"/><inertia ixx="1" '
+            'iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="x" type="prismatic"><parent '
+            'link="base"/><child link="door"/><axis xyz="1 0 0"/><limit lower="-9" upper="9" effort="1" velocity="1"/>'
+            "</joint></robot>"
+        )
+        return pinarm.Mechanism.load(tmp_path / "slide.urdf", values=friction and {"friction": {"x": friction}})
+
+    return made
+
+
 def forward(mechanism, control, end="1 s", outputs=("x",), **problem):
     time = {"end": end, "samples": 51}
     return {"pinarm": 1, "mechanism": mechanism, "outputs": list(outputs),
@@ -166,6 +182,31 @@ def test_a_controller_moves_what_friction_holds(period):
     assert np.abs(slip[t < 1.0]).max() < 1e-12
     assert slip[-1] > 0.1
     assert abs(result["joint.slip.velocity"].values[-1]) < 1e-9  # it sticks again, short of the reference
+
+
+def test_an_integral_overcomes_friction_that_holds(slide):
+    """Without it the slide stops 50 N / kp short of its reference, with it the friction is made up for."""
+    control = {"kind": "pid", "drive": "x", "follows": {"law": "constant", "value": "0.1 m"}, "kp": "1000 N/m",
+               "kd": "600 N*s/m"}  # fmt: skip
+    short, whole = (
+        pinarm.run(forward(slide({"constant": "50 N"}), [{**control, "ki": ki}], "12 s"))["x"].values[-1]
+        for ki in ("0 N/m/s", "400 N/m/s")
+    )
+    assert short == pytest.approx(0.05, abs=1e-6)
+    assert whole == pytest.approx(0.1, abs=1e-4)
+
+
+def test_an_integral_goes_on_where_a_reference_jumps(slide):
+    """From the jump on, the run is that of a run that begins there with the integral reached: the sum of errors."""
+    reference = {"law": "steps", "points": [["0 s", "0.1 m"], ["1 s", "0.3 m"], ["2 s", "0.2 m"]]}
+    control = [{"kind": "pid", "drive": "x", "follows": reference, "kp": "2000 N/m", "ki": "900 N/m/s",
+                "kd": "700 N*s/m"}]  # fmt: skip
+    result = pinarm.run(forward(slide({}), control, "3 s", ("x", "control.x.error", "control.x.effort")))
+    t, error = result["t"].values, result["control.x.error"].values
+    effort = result["control.x.effort"].values
+    rest = (effort - 2000.0 * error + 700.0 * result["joint.x.velocity"].values) / 900.0
+    exact = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (error[1:] + error[:-1]))])
+    assert np.abs(rest - exact).max() < 1e-2 * np.abs(exact).max()  # by trapezoids between rows
 
 
 @pytest.mark.parametrize("period", [None, 0.05])

@@ -57,6 +57,12 @@ def test_a_later_step_down_counts_from_its_beginning(step):
     assert later.number("response.settling_time")[0] == pytest.approx(whole - 1.0, abs=1e-9)
 
 
+def test_values_that_are_left_out_are_those_of_the_run_where_the_step_begins_and_ends(step):
+    found = pinarm.run({**step, "response": {"of": "x", "begin": "0.2 s"}})
+    assert found.number("response.initial")[0] == pytest.approx(exact(0.2), abs=1e-8)
+    assert found.number("response.final")[0] == pytest.approx(exact(4.0), abs=1e-8)
+
+
 def test_what_the_run_does_not_come_to_is_told(step):
     short = pinarm.run({**step, "problem": {**step["problem"], "time": {"end": "0.2 s", "samples": 5}}})
     section = short.sections["response"]
