@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,6 +44,12 @@ SAME = 1e-9
 
 MOST_RIVALS = 20
 """Rows beside the highest one that are refined at most: those that may rise most."""
+
+FEW, PARTS = 16, 4
+"""Rows of an interval below which it is looked into by itself, and in how many parts, of 17 states each."""
+
+MOST_INTERVALS = 100
+"""Intervals with few rows up to which they are; thousands of them, as between samples of controllers, are rows enough."""
 
 Spot = tuple[int, float]
 """An interval of the run and a value of its parameter within it."""
@@ -206,11 +213,22 @@ class Lookup:
                 bracket = max(low, min(start, end)), min(high, max(start, end))
                 if bracket[0] <= bracket[1]:
                     spots.append(self._refined(interval, height, bracket))
+        spots += self._between_few_rows(height)
         top, interval, t = max(spots, key=lambda spot: spot[0])
         if top <= values[best] + slack:
             interval = next(k for k, (_, _, rows) in enumerate(self.intervals) if rows.start <= best < rows.stop)
             t = float(run.grid.t[best])
         return self._row(interval, t)
+
+    def _between_few_rows(self, height: Callable[[Quantities], Array]) -> list[tuple[float, int, float]]:
+        """Return the largest height in each interval that has few rows, which may pass an extreme between them."""
+        few = [(k, (start, end)) for k, (start, end, rows) in enumerate(self.intervals)
+               if start != end and rows.stop - rows.start < FEW]  # fmt: skip
+        spots = []
+        for interval, (start, end) in few if len(few) <= MOST_INTERVALS else ():
+            cuts = np.linspace(start, end, PARTS + 1)
+            spots += [self._refined(interval, height, (min(pair), max(pair))) for pair in pairwise(cuts.tolist())]
+        return spots
 
     def _refined(
         self, interval: int, height: Callable[[Quantities], Array], bracket: tuple[float, float]

@@ -196,6 +196,18 @@ def test_an_integral_overcomes_friction_that_holds(slide):
     assert whole == pytest.approx(0.1, abs=1e-4)
 
 
+def test_friction_holds_what_an_integral_moves_until_it_exceeds_it(slide):
+    """The slide swings about its reference until it rests within 50 N / kp of it, and an integral grows on."""
+    control = {"kind": "pid", "drive": "x", "follows": {"law": "constant", "value": "0.1 m"}, "kp": "20000 N/m",
+               "ki": "2000 N/m/s", "kd": "300 N*s/m"}  # fmt: skip
+    result = pinarm.run(forward(slide({"constant": "50 N"}), [control], "2 s", ("x", "control.x.effort")))
+    x, effort = result["x"].values, result["control.x.effort"].values
+    assert np.ptp(x[-10:]) < 1e-12
+    assert abs(x[-1] - 0.1) < 50.0 / 20000.0
+    rise = np.diff(effort[-10:]) / np.diff(result["t"].values[-10:])
+    assert rise == pytest.approx(2000.0 * (0.1 - x[-1]), rel=1e-6)
+
+
 def test_an_integral_goes_on_where_a_reference_jumps(slide):
     """From the jump on, the run is that of a run that begins there with the integral reached: the sum of errors."""
     reference = {"law": "steps", "points": [["0 s", "0.1 m"], ["1 s", "0.3 m"], ["2 s", "0.2 m"]]}

@@ -175,8 +175,8 @@ def test_a_top_next_to_the_end_is_found_beside_an_equal_row_at_the_start(scenari
 
 
 def test_places_of_smooth_curves_take_few_states(scenario: Callable[..., Any], monkeypatch: Any) -> None:
-    """Two samples are as high, 12.9 deg beside the top: two calls each and one for the row that is told."""
-    lookup, calls = scenario("statics").run().lookup, []
+    """Two samples are as high, 3.9 deg beside the top: two calls each and one for the row that is told."""
+    lookup, calls = scenario("statics").varied({"problem.over.pivot.samples": 24}).run().lookup, []
     plain = type(lookup).quantities_at
     monkeypatch.setattr(type(lookup), "quantities_at", lambda *asked: calls.append(asked) or plain(*asked))
     assert lookup.at("max", "M")["alpha"].values == pytest.approx([math.pi / 2], abs=1e-9)
@@ -184,3 +184,15 @@ def test_places_of_smooth_curves_take_few_states(scenario: Callable[..., Any], m
     calls.clear()
     assert lookup.at({"pivot": "30 deg"}, "M")["M"].values == pytest.approx([10.0], rel=1e-15)
     assert len(calls) <= 5
+
+
+@pytest.mark.parametrize("samples", [3, 5, 9, 41])
+def test_an_extreme_between_few_rows_is_found(scenario: Callable[..., Any], samples: int) -> None:
+    """At 3 samples all rows are at passages through 0 of ``alpha = sin(2 pi t)``, and no row is above another."""
+    law = {"law": "harmonic", "amplitude": "1 rad", "pulsation": "1 rev/s"}
+    given = scenario("inverse").varied(
+        {"problem.motion": {"pivot": law}, "problem.time": {"end": "1 s", "samples": samples}}
+    )
+    lookup = given.run().lookup
+    assert lookup.at("max", "alpha")["alpha"].values == pytest.approx([1.0], rel=1e-14)
+    assert lookup.at("min", "alpha")["alpha"].values == pytest.approx([-1.0], rel=1e-14)
