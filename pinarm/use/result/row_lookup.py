@@ -49,7 +49,7 @@ FEW, PARTS = 16, 4
 """Rows of an interval below which it is looked into by itself, and in how many parts, of 17 states each."""
 
 MOST_INTERVALS = 100
-"""Intervals with few rows up to which they are; thousands of them, as between samples of controllers, are rows enough."""
+"""Intervals with few rows up to which they are; thousands, as between samples of controllers, are rows enough."""
 
 Spot = tuple[int, float]
 """An interval of the run and a value of its parameter within it."""
