@@ -25,6 +25,7 @@ from pinarm.engine.motion.hybrid_motion import FirstSegment, HybridSystem
 from pinarm.engine.motion.integrated_motion import IntegratedMotion, event_columns
 from pinarm.engine.motion.segments import SegmentedMotion
 from pinarm.engine.motion.small_motions import integrate_to_size
+from pinarm.engine.motion.stick_slip import remarks_on_rest
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import along
@@ -209,6 +210,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             *motion.remarks(),
             *_motors(hybrid, motion),
             *impact_remarks(mechanism.model, motion.events),
+            *remarks_on_rest(segment.system for segment in motion.segments),
         ]
         return replace(whole, figures={**motion.cost(), **energy}, notes=(*remarks, *notes))
 

@@ -9,7 +9,9 @@ from pinarm.mechanics.forces.joint_definitions import JointEffort
 from pinarm.mechanics.laws import Constant
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.equilibria import Equilibria
+from pinarm.problems.forward import Forward
 from pinarm.problems.states import Range, Statics
+from pinarm.problems.time_grid import TimeGrid
 
 G, MASS, LENGTH = 9.81, 0.7, 0.83
 
@@ -76,3 +78,11 @@ def test_friction_beside_the_drive_is_in_its_band(rubbing_parallelogram):
     assert crank_at == pytest.approx(0.5, rel=1e-12)
     middle = 3.0 * G * LENGTH * np.sin(0.5)
     assert [side[0] for side in band(found)] == pytest.approx([middle - 2.8, middle + 2.8], rel=1e-12)
+
+
+def test_joints_that_friction_holds_together_are_named(rubbing_parallelogram):
+    """At rest the four joints share what they hold: a force between them is that of the share, which has to be said."""
+    outcome = Forward(time=TimeGrid(end=0.1, samples=3)).solve(rubbing_parallelogram, Accuracy(), place)
+    (note,) = (note for note in outcome.notes if note.startswith("friction holds"))
+    assert all(name in note for name in ("crank", "coupler", "rocker", "pin"))
+    assert "only its sum is determined" in note

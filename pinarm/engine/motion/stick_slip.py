@@ -7,7 +7,7 @@ friction that holds a joint reaches its bound.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -292,3 +292,22 @@ class FrictionalSystem:
         linear = {name: one for name, one in named.items() if isinstance(one, LinearCoordinate)}
         others = {name: one for name, one in named.items() if name not in linear}
         return SelectedDrives(linear, others, own, self.closure).efforts(t, q, demand)
+
+
+def remarks_on_rest(systems: Iterable[System]) -> list[str]:
+    """Return what is to be said of joints that friction holds together: only the sum of what it does is determined."""
+    together = dict[str, None]()
+    for system in systems:
+        inner = getattr(system, "inner", None)  # controllers wrap what friction makes of a motion
+        frictional = system if isinstance(system, FrictionalSystem) else inner
+        if not isinstance(frictional, FrictionalSystem):
+            continue
+        for group in frictional.slip.stuck:
+            names = dict.fromkeys(frictional.friction.contacts[i].name for i in group.members)
+            if len(names) > 1:
+                together[", ".join(names)] = None
+    return [
+        f"friction holds {names} together: only its sum is determined. They are taken to share it in proportion to "
+        "what each can hold, and the forces between them follow from that"
+        for names in together
+    ]
