@@ -50,6 +50,7 @@ def cluster(address: str) -> Iterator[Executor]:
 
 
 def _quieten() -> None:
-    """Let Dask print no messages: that the connection is lost is told by the work that was under way."""
-    for name in [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]:
-        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    """Let Dask print no messages, nor its event loop: that the connection is lost is told by the work under way."""
+    for name in [*logging.root.manager.loggerDict, "tornado.application"]:
+        if name.partition(".")[0] == "distributed" or name == "tornado.application":
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
