@@ -40,7 +40,7 @@ from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
 from pinarm.problems.joint_values import check_levels, check_rates, followers_of, rates_of_coordinates
 from pinarm.problems.loads import LOADS, bind_loads, schema_row
-from pinarm.problems.prescription.prescribed_laws import laws_of
+from pinarm.problems.prescription.prescribed_laws import laws_of, profile_remarks
 from pinarm.problems.time_grid import TimeGrid
 
 if TYPE_CHECKING:
@@ -211,6 +211,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             *_motors(hybrid, motion),
             *impact_remarks(mechanism.model, motion.events),
             *remarks_on_rest(segment.system for segment in motion.segments),
+            *profile_remarks(mechanism, self.motion),
         ]
         return replace(whole, figures={**motion.cost(), **energy}, notes=(*remarks, *notes))
 

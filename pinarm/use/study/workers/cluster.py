@@ -51,6 +51,6 @@ def cluster(address: str) -> Iterator[Executor]:
 
 def _quieten() -> None:
     """Let Dask print no messages, nor its event loop: that the connection is lost is told by the work under way."""
-    for name in [*logging.root.manager.loggerDict, "tornado.application"]:
-        if name.partition(".")[0] == "distributed" or name == "tornado.application":
-            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]
+    for name in (*names, "tornado.application"):
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
