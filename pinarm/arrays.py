@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinarm.errors import InputError
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
@@ -45,3 +48,17 @@ def same_rows(*arrays: Array) -> None:
     if len({len(array) for array in arrays}) > 1:
         rows = ", ".join(str(len(array)) for array in arrays)
         raise InputError(f"the arrays have {rows} rows", expected="as many in each")
+
+
+def distinct(x: ArrayLike) -> NDArray[Any]:
+    """Return the different values of an array, ascending: ``np.unique``, which imports ``numpy.ma`` for nothing."""
+    ascending = np.sort(x, axis=None)
+    kept: NDArray[Any] = ascending[np.concatenate([[True], ascending[1:] != ascending[:-1]])[: len(ascending)]]
+    return kept
+
+
+def others(places: Indices, count: int) -> Indices:
+    """Return those of the places 0 to count - 1 that are not among the given ones, ascending."""
+    left = np.ones(count, dtype=bool)
+    left[places] = False
+    return np.flatnonzero(left)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pinarm.arrays import as_rows, real, same_rows
+from pinarm.arrays import as_rows, distinct, others, real, same_rows
 from pinarm.errors import InputError
 
 
@@ -38,3 +38,13 @@ def test_arrays_of_one_call_have_the_same_number_of_rows() -> None:
     same_rows(np.zeros((4, 2)), np.ones((4, 7)))
     with pytest.raises(InputError, match="4, 3 rows"):
         same_rows(np.zeros((4, 2)), np.zeros((3, 2)))
+
+
+@pytest.mark.parametrize("given", [[], [3], [2, 1, 2, 0, 0], [0.5, -0.0, 0.0, 0.5], [[3, 1], [1, 2]]])
+def test_distinct_values_are_those_of_numpy(given: list[float]) -> None:
+    assert distinct(np.array(given)).tolist() == np.unique(np.array(given)).tolist()
+
+
+@pytest.mark.parametrize(("places", "count"), [([], 3), ([1, 3], 5), ([4, 0, 1], 5), ([0], 1), ([], 0)])
+def test_other_places_are_those_of_numpy(places: list[int], count: int) -> None:
+    assert others(np.array(places, np.intp), count).tolist() == np.setdiff1d(np.arange(count), places).tolist()

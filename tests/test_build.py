@@ -40,6 +40,7 @@ def test_the_library_is_compiled_and_nothing_else_is_left(hook, checkout):
     assert files(checkout) - before == {hook.LIBRARY}
 
 
+@pytest.mark.slow
 @WITH_COMPILER
 def test_two_places_give_the_same_bytes(hook, checkout, tmp_path_factory):
     """A wheel is the same wherever it is built."""

@@ -17,8 +17,8 @@ FLOOR_PLAN = {
     "errors": "",
     "arrays": "",
     "input": "numbers units roots xml_text xml_names mjcf_includes formulas yaml csv_rows motion_tables xacro robots",
-    "mechanics": "geometry joints laws motors drives coordinates control rotors ball_joints loops forces loading "
-    "couplings friction payloads points perturbation planar description",
+    "mechanics": "geometry joints laws motors drives coordinates paths control rotors ball_joints loops forces "
+    "couplings loading friction payloads points perturbation planar description",
     "engine": "series kernel integration constraints dynamics mesh_inertias model_source kinematics statics friction "
     "control motion checks quantities mechanism_parts drive_parts mechanism mechanism_variants",
     "problems": "time_grid accuracy joint_values weights prescription loads actuation declaration events "
@@ -36,6 +36,14 @@ EXCEPTIONS = {
 """Imports that go upwards, inside functions, and why. No circle runs over them either."""
 
 COSTLY = {"matplotlib", "pandas", "meshcat", "scipy"}
+LATE = {
+    "use/show/figure.py": {"matplotlib"},
+    "engine/constraints/nullspaces/sparse_rows.py": {"scipy"},
+    "engine/constraints/nullspaces/sparse_nullspace.py": {"scipy"},
+    "engine/dynamics/many_points.py": {"scipy"},
+}
+"""Modules that are imported by functions only, and what they need."""
+
 FILES = sorted(path.relative_to(PACKAGE) for path in PACKAGE.rglob("*.py"))
 
 
@@ -145,18 +153,29 @@ def module_level(tree: ast.Module) -> Iterator[str]:
 
 @pytest.mark.parametrize("file", FILES, ids=str)
 def test_costly_modules_are_imported_where_they_are_used(file: Path) -> None:
-    allowed = {"matplotlib"} if file.as_posix() in ("use/show/figure.py",) else set()
+    allowed = LATE.get(file.as_posix(), set())
     assert not {name.partition(".")[0] for name in module_level(tree_of(file))} & (COSTLY - allowed)
 
 
-@pytest.mark.parametrize(("option", "loaded"), [("--plots=svg", ["numpy.ma"]), ("--no-plots", [])])  # np.unique
-def test_a_run_imports_nothing_costly(option: str, loaded: list[str], tmp_path: Path) -> None:
-    scenario = PACKAGE.parent / "scenarios" / "gen411_arm_static.yaml"
+RUNS = [
+    ("gen411_arm_static", "--plots=svg", []),
+    ("gen411_arm_swing", "--no-plots", []),
+    ("four_bar_equal_rods", "--no-plots", ["numpy.random"]),  # for configurations of no special kind
+    ("slider_crank_gas", "--plots=svg", []),
+    ("four_bar_shaking", "--no-plots", []),
+]
+FRICTION = "'pinarm.mechanics.friction.contact', 'pinarm.engine.motion.segmented.stick_slip'"
+
+
+@pytest.mark.parametrize(("name", "option", "loaded"), RUNS)
+def test_a_run_imports_nothing_costly(name: str, option: str, loaded: list[str], tmp_path: Path) -> None:
+    scenario = PACKAGE.parent / "scenarios" / f"{name}.yaml"
     code = (
         "import sys; from pinarm.cli.main import main\n"
         f"assert main(['run', {str(scenario)!r}, '-o', {str(tmp_path / 'out')!r}, {option!r}]) == 0\n"
         "print('loaded:', sorted({m.partition('.')[0] for m in sys.modules}.union(sys.modules)"
-        " & {'scipy', 'matplotlib', 'pandas', 'meshcat', 'rich', 'numpy.ma', 'numpy.random'}))"
+        " & {'scipy', 'matplotlib', 'pandas', 'meshcat', 'rich', 'numpy.ma', 'numpy.random',"
+        f" {FRICTION}}}))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=PACKAGE.parent, check=False)
     assert done.returncode == 0, done.stderr

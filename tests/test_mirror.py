@@ -10,6 +10,13 @@ PACKAGE = Path(pinarm.__file__).parent
 TESTS = Path(__file__).parent
 
 ELSEWHERE = {
+    "loops/test_cams.py": (
+        "cams in machines", "mechanics/couplings/cam mechanics/couplings/cams/cam_coupling mechanics/friction/cam "
+        "engine/motion/segmented/separations",
+    ),
+    "loops/test_cables.py": (
+        "cables in machines", "mechanics/loops/cable mechanics/forces/cable mechanics/paths",
+    ),
     "cli/test_main.py": ("what commands print and write", "cli/options use/scenario/file_kind "
         "use/scenario/json_schema use/study/run"),
     "engine/control/test_controls.py": (
@@ -18,10 +25,10 @@ ELSEWHERE = {
         "mechanics/control/definition mechanics/control/controller mechanics/control/kinds mechanics/control/signals",
     ),
     "engine/control/test_controlled_mechanisms.py": (
-        "controllers on mechanisms", "engine/motion/controlled_motion mechanics/control/computed_torque "
+        "controllers on mechanisms", "engine/motion/segmented/controlled_motion mechanics/control/computed_torque "
         "mechanics/control/function mechanics/control/state_feedback problems/actuation/controls",
     ),
-    "engine/motion/systems/test_coupled.py": ("the same motions", "engine/motion/systems/compiled_couplings"),
+    "engine/motion/systems/test_coupled.py": ("the same motions", "engine/motion/systems/compiled/compiled_couplings"),
     "mechanics/test_rotors.py": ("rotors of drives", "engine/drive_parts"),
     "mechanics/friction/test_gear_loss.py": ("as of runs", "problems/actuation/gear_losses"),
     "mechanics/test_motors.py": (
@@ -34,8 +41,14 @@ ELSEWHERE = {
     "engine/dynamics/test_equation.py": (
         "routes to one acceleration", "engine/dynamics/mass_matrix mechanics/geometry/buffers",
     ),
+    "engine/constraints/nullspaces/test_sparse_rows.py": (
+        "the same numbers", "engine/constraints/nullspaces/sparse_nullspace",
+    ),
+    "engine/constraints/nullspaces/test_nullspace.py": (
+        "of few joints", "engine/constraints/nullspaces/dense_nullspace",
+    ),
     "engine/friction/test_switching.py": (
-        "what joints at rest begin to do", "engine/friction/balance engine/friction/response",
+        "what joints at rest begin to do", "engine/friction/balance engine/friction/response engine/friction/slip",
     ),
     "engine/integration/methods/test_collocation.py": ("a part of it", "engine/integration/methods/collocation_window"),
     "engine/integration/methods/test_orders.py": (
@@ -44,22 +57,24 @@ ELSEWHERE = {
     ),
     "engine/kernel/test_library.py": ("its structures", "engine/kernel/structures"),
     "engine/kernel/test_tree.py": ("what is refused", "engine/kernel/checks"),
-    "engine/kinematics/test_nearest_motion.py": (
-        "nearest to a posture on a path", "engine/kinematics/limited_path engine/kinematics/nearest "
-        "engine/kinematics/nearest_start engine/kinematics/posture",
+    "engine/kinematics/redundancy/test_nearest_motion.py": (
+        "nearest to a posture on a path", "engine/kinematics/redundancy/limited_path "
+        "engine/kinematics/redundancy/nearest "
+        "engine/kinematics/redundancy/nearest_start engine/kinematics/redundancy/posture",
     ),
     "mechanics/loading/sdf/test_reader.py": (
-        "SDF models", "mechanics/loading/sdf/names mechanics/loading/sdf/poses",
+        "SDF models", "mechanics/loading/sdf/names mechanics/loading/sdf/poses "
+        "mechanics/loading/sdf/spanning_tree",
     ),
     "problems/actuation/test_effort_sharing.py": ("weights of drives", "problems/weights"),
     "engine/kinematics/test_newton.py": (
         "positions that laws ask for", "engine/kinematics/continuation engine/kinematics/joint_motion "
         "engine/kinematics/prescribed",
     ),
-    "engine/motion/test_end_stops.py": ("impacts", "engine/motion/hybrid_motion problems/events"),
+    "engine/motion/segmented/test_end_stops.py": ("impacts", "engine/motion/segmented/hybrid_motion problems/events"),
     "engine/motion/test_trajectory.py": (
         "rows of a motion", "engine/motion/integrated_motion engine/motion/outcome engine/motion/prescribed_motion "
-        "engine/motion/segments",
+        "engine/motion/segmented/segments",
     ),
     "engine/quantities/test_names.py": (
         "quantities asked by name", "engine/quantities/ball_quantities engine/quantities/evaluation "
@@ -85,8 +100,8 @@ ELSEWHERE = {
     "input/yaml/test_document.py": ("what YAML means", "input/yaml/parser"),
     "input/yaml/test_schema.py": ("keys of the file", "mechanics/description"),
     "loops/test_compiled.py": (
-        "compiled loops against Python", "engine/kernel/loops engine/motion/systems/compiled_loops "
-        "engine/motion/systems/compiled_points engine/motion/systems/compiled_rows",
+        "compiled loops against Python", "engine/kernel/loops engine/motion/systems/compiled/compiled_loops "
+        "engine/motion/systems/compiled/compiled_points engine/motion/systems/compiled/compiled_rows",
     ),
     "loops/test_in_time.py": (
         "loops in motion, against multipliers", "engine/dynamics/pinocchio_constraints "
@@ -100,7 +115,8 @@ ELSEWHERE = {
     ),
     "loops/test_many_rows.py": (
         "many rows against each alone", "engine/constraints/batch_jacobians engine/constraints/row_measures "
-        "engine/constraints/multipliers engine/constraints/nullspace_batch engine/kinematics/continuation_batch "
+        "engine/constraints/multipliers engine/constraints/nullspaces/nullspace_batch "
+        "engine/kinematics/continuation_batch "
         "engine/motion/systems/batch_rows",
     ),
     "loops/test_redundancy.py": (
@@ -127,8 +143,10 @@ ELSEWHERE = {
         "mechanics/loading/mjcf_geoms mechanics/loading/mjcf_joints mechanics/loading/mjcf_names "
         "mechanics/loading/mjcf_settings",
     ),
-    "mechanics/loading/test_urdf_writer.py": ("of models with points", "mechanics/points"),
-    "mechanics/loading/test_urdf.py": ("what files make of it", "mechanics/loading/model_tree"),
+    "mechanics/loading/urdf/test_writer.py": ("of models with points", "mechanics/points"),
+    "mechanics/loading/sdf/test_joints.py": ("joints of SDF", "mechanics/loading/sdf/gearboxes"),
+    "mechanics/loading/urdf/test_reader.py": (
+        "what files make of it", "mechanics/loading/model_tree mechanics/loading/urdf/elements"),
     "mechanics/planar/test_linkage.py": ("mistakes with their lines", "mechanics/planar/drawing"),
     "mechanics/test_coordinates.py": ("joints by their coordinates", "mechanics/joints"),
     "engine/statics/test_shared_efforts.py": ("efforts of one row", "engine/statics/effort_distribution"),
@@ -156,9 +174,11 @@ ELSEWHERE = {
     ),
     "physics/test_friction.py": (
         "friction in every kind of problem", "engine/friction/columns engine/friction/given_efforts "
-        "engine/friction/sliding engine/motion/known_friction engine/motion/stick_slip engine/quantities/friction_law "
+        "engine/friction/sliding engine/motion/known_friction engine/motion/segmented/stick_slip "
+        "engine/quantities/friction_law "
         "mechanics/friction/thread",
     ),
+    "physics/test_shared_friction.py": ("what joints at rest share", "engine/motion/systems/frictional"),
     "use/assessments/loads/test_loads.py": (
         "joints as they are asked", "use/assessments/loads/joint use/assessments/loads/number",
     ),
@@ -186,7 +206,7 @@ ELSEWHERE = {
     "use/output/test_folder.py": ("which files are ours", "use/output/manifest"),
     "use/store/test_new.py": ("what is written for a model", "use/store/first_files"),
     "use/study/accuracy/test_error_estimate.py": (
-        "errors that are found", "engine/checks/residuals use/study/accuracy/common_rows "
+        "errors that are found", "engine/checks/free_masses engine/checks/residuals use/study/accuracy/common_rows "
         "use/study/accuracy/integration_settings "
         "use/study/accuracy/solved",
     ),

@@ -1,7 +1,7 @@
 """Every scenario that is shipped runs, meets its answer key, and tells the same of a row among few rows or many."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import msgspec
@@ -25,15 +25,31 @@ def test_there_are_scenarios() -> None:
 
 
 LONG = re.compile("forty|machine_on_mounts_shaking")
-CASES = [pytest.param(file, marks=pytest.mark.slow if LONG.match(file.stem) else ()) for file in FILES]
 
 
-@pytest.fixture(scope="module", params=CASES, ids=lambda file: file.stem)
+def cases(slow: Callable[[Path], object]) -> pytest.MarkDecorator:
+    """Return the mark of a test of all results, some of them slow."""
+    marked = [pytest.param(file, id=file.stem, marks=pytest.mark.slow if slow(file) else ()) for file in FILES]
+    return pytest.mark.parametrize("result", marked, indirect=True)
+
+
+def of_a_kind(file: Path) -> tuple[str, str]:
+    """Return the mechanism of a scenario and the kind of its problem."""
+    scene = pinarm.load(file)
+    return str(scene.content.mechanism), scene.content.problem["kind"]
+
+
+FIRST = {key: file for file in reversed(FILES) for key in [of_a_kind(file)]}.values()
+"""A scenario of each mechanism and kind of problem: others have the same quantities."""
+
+
+@pytest.fixture(scope="module")
 def result(request) -> pinarm.Result:
     """Return what comes out of a scenario, solved once for all that is asked of it."""
     return pinarm.load(request.param).run()
 
 
+@cases(lambda file: LONG.match(file.stem))
 def test_it_runs_and_meets_its_answer_key(result: pinarm.Result) -> None:
     findings = pinarm.check(FOLDER / f"{result.name}.yaml", result=result)
     assert findings
@@ -73,6 +89,7 @@ def parts(result: pinarm.Result, seed: int) -> Iterator[tuple[np.ndarray, Trajec
         yield row, on_interval(motion, run.grid.cuts, number, run.grid.t[row])
 
 
+@cases(lambda file: LONG.match(file.stem) or file not in FIRST)
 def test_no_figure_depends_on_how_many_rows_are_looked_at(result: pinarm.Result) -> None:
     """Rounding: 1e-10 of the largest value with the same unit, or of 1, for forces that are zero in all rows."""
     seed, sizes = len(result.name), {}

@@ -8,13 +8,16 @@ from functools import cache
 from typing import Any, get_args
 
 import pinarm
+from pinarm.engine.integration.methods import METHODS
 from pinarm.mechanics.control.kinds import Control
 from pinarm.mechanics.coordinates import CoordinateDefinition
 from pinarm.mechanics.couplings.kinds import CouplingDefinition
 from pinarm.mechanics.forces.kinds import Force
 from pinarm.mechanics.laws import Law
 from pinarm.mechanics.loops.kinds import Loop
+from pinarm.mechanics.motors import AnyMotor
 from pinarm.problems import KINDS, problem_class
+from pinarm.use.assessments import ASSESSMENTS
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,7 @@ class Kinds:
         members: Name in files -> name of the definition in the JSON Schemas; text in place of it for a kind that a
             model file says, and no key.
         pictures: What is drawn of the examples: names in ``kind_pages.PICTURES``.
+        sign: How the example of a member says it, a regular expression with ``{member}`` for its name.
     """
 
     name: str
@@ -37,6 +41,7 @@ class Kinds:
     text: str
     members: Mapping[str, str]
     pictures: Sequence[str] = ("positions", "curves")
+    sign: str = r"\bkind: {member}\b"
 
 
 @cache
@@ -74,6 +79,30 @@ COORDINATES = """Every joint of one degree of freedom is a coordinate. A mechani
 {NAME: {kind: ...}}`. A coordinate may follow a law, be driven, and be asked: `coordinate.NAME.position`, `.velocity`,
 `.acceleration`."""
 
+ASSESSED = """An assessment is a key of a scenario: what is concluded from the run. Its section of the result has
+tables, numbers and remarks, which terminal, result folder, notebook and report show. More is in
+[Assessments](../../assessments.md)."""
+DRIVES = """A drive stands in the mechanism file: `drives: {NAME: {joint: J, ratio: N, ...}}`. Its gear and rotor count
+in every problem; its motor and the losses of the gear act in the motion where a controller commands it. More is in
+[Control](../../control.md)."""
+FRICTION = """A mechanism file gives joints, loop joints and couplings dry friction that sticks: `friction: {NAME:
+{...}}`. Its load is the reaction itself. What every problem makes of it is told in [Friction](../../friction.md)."""
+INTEGRATORS = """`accuracy: {method: ..., tolerance: ...}` of a scenario says how a motion is integrated over time;
+`accuracy: {target: 1e-6}` looks for the cheapest tolerance that keeps the error. What each is worth is told in
+[How accuracy is known](../../theory.md), and `tradeoff` draws it."""
+
+RUBBING = {
+    "joint": "Friction",
+    "screw": """Friction along the thread of a screw, a loop joint or a coupling: `radius` is the mean one of the
+thread, `flank` the angle of its flank in the axial section. The same of a worm, a gear whose first joint is the worm,
+with `lead_angle`. Forces in N, velocities in m/s, both along the thread.""",
+    "teeth": """Friction of the mean slip of the flanks of a `gear` or `rack` with a `pressure_angle`; `teeth` is the
+number of teeth of the first wheel.""",
+    "belt": """A `belt` with a pretension is held on its wheels by friction alone. It slips where the tensions of its
+strands differ by more than the factor `exp(mu theta)`; until then it sticks. Its wheels are two degrees of freedom.""",
+}
+"""What has friction -> its definition, or what it is."""
+
 TREE_JOINTS = {
     "revolute": """Turns about an axis; turns are counted. `type="revolute"` has limits, `type="continuous"` has none.
 Coordinate J [rad].""",
@@ -93,11 +122,39 @@ def families() -> list[Kinds]:
     """Return the families in the order of the site."""
     return [
         Kinds("problems", "Problems", "a problem", PROBLEMS, {kind: problem_class(kind).__name__ for kind in KINDS}),
-        Kinds("joints", "Joints", "a joint", JOINTS, TREE_JOINTS, ("solids", "curves")),
+        Kinds("joints", "Joints", "a joint", JOINTS, TREE_JOINTS, ("solids", "curves"), ""),
         Kinds("loop_joints", "Loop joints", "a loop joint", LOOPS, _union(Loop), ("solids", "curves")),
         Kinds("couplings", "Couplings", "a coupling", COUPLINGS, _union(CouplingDefinition)),
         Kinds("forces", "Forces", "a force", FORCES, _union(Force)),
-        Kinds("laws", "Laws of motion", "a law", LAWS, _union(Law), ("curves",)),
+        Kinds("laws", "Laws of motion", "a law", LAWS, _union(Law), ("curves",), r"\blaw: {member}\b"),
         Kinds("controllers", "Controllers", "a controller", CONTROLLERS, _union(Control)),
+        Kinds(
+            "drives",
+            "Drives",
+            "a drive",
+            DRIVES,
+            {"gear": "Drive", "elasticity": "Elasticity", **_union(AnyMotor)},
+            ("curves",),
+            r"\bkind: {member}\b|\b{member}: {{|\befficiency: ",
+        ),
+        Kinds("friction", "Friction", "friction", FRICTION, RUBBING, ("positions", "curves"), r"\bmu: "),
         Kinds("coordinates", "Coordinates", "a coordinate", COORDINATES, _union(CoordinateDefinition)),
+        Kinds(
+            "assessments",
+            "Assessments",
+            "an assessment",
+            ASSESSED,
+            {name: struct for name, (_, struct) in ASSESSMENTS.items()},
+            ("positions", "curves"),
+            r"\n{member}:",
+        ),
+        Kinds(
+            "integrators",
+            "Integrators",
+            "an integrator",
+            INTEGRATORS,
+            {name: f"{entry.summary}." for name, entry in METHODS.items()},
+            ("curves",),
+            r"\bmethod: {member}\b",
+        ),
     ]

@@ -79,7 +79,7 @@ def _value(schema: Mapping[str, Any]) -> str:
         return " or ".join(dict.fromkeys(_value(part) for part in schema["anyOf"] if part != {"type": "null"}))
     if "$ref" in schema:
         name = schema["$ref"].rpartition("/")[2]
-        return f"[{_title(name)}](#{name.lower()})"
+        return f"[{_title(name)}]({_place(name)})"
     if "enum" in schema:
         return ", ".join(f"`{value}`" for value in schema["enum"])
     return _container(schema)
@@ -106,6 +106,15 @@ def _family(schema: Mapping[str, Any]) -> str:
         if len(names) > 1 and names >= set(family.members.values()):
             return f"[{family.one}](../{family.name}/index.md)"
     return ""
+
+
+def _place(name: str) -> str:
+    """Return where a definition is explained: on a page of its own where it is a member of a family."""
+    for family in families():
+        for member, definition in family.members.items():
+            if definition == name:
+                return f"../{family.name}/{member}.md"
+    return f"#{name.lower()}"
 
 
 def _parts(schema: Any) -> list[str]:

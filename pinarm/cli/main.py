@@ -8,6 +8,7 @@ interrupted. Results go to stdout; progress to stderr, where that is a terminal.
 from __future__ import annotations
 
 import argparse
+import atexit
 import gc
 import os
 import sys
@@ -19,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from pinarm import __version__
 from pinarm.cli.options import EXAMPLES, add
-from pinarm.cli.streams import flush_output, give_up_output, open_streams, unwritable
+from pinarm.cli.streams import flush_output, give_up, open_streams, unwritable
 from pinarm.errors import InputError, NumericsError, PinarmError, printable
 from pinarm.input.roots import file_root
 
@@ -34,6 +35,7 @@ OK, MISSED, BAD_INPUT, NUMERICS_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     gc.set_threshold(100_000, 20, 20)  # importing makes much that stays: looking through it for garbage costs 10 %
+    atexit.register(gc.freeze)  # nor when the program ends
     given = sys.argv[1:] if arguments is None else arguments
     if "_ARGCOMPLETE" in os.environ:
         _complete(os.environ.get("COMP_LINE", ""))
@@ -44,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             code = int(options.command(options))
         flush_output()
     except BrokenPipeError:  # the reader of our output has seen enough
-        give_up_output()
+        give_up(sys.stdout)
         return OK
     except (PinarmError, OSError) as error:
         if options.traceback:
@@ -69,14 +71,15 @@ def _complete(line: str) -> None:
 
 
 def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
-    """Return the parser; of the commands only those among the arguments know their options: these take time."""
+    """Return the parser: of one command where the arguments begin with it, as all together take time."""
     parser = argparse.ArgumentParser(
         prog="pinarm", description="Rigid-multibody simulation of mechanisms.", epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument("--version", action="version", version=f"pinarm {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", prog="pinarm")
-    for name, (call, explained) in COMMANDS.items():
+    for name in arguments[:1] if {*arguments[:1]} & {*COMMANDS} else COMMANDS:
+        call, explained = COMMANDS[name]
         command = commands.add_parser(name, help=explained)
         command.set_defaults(command=call)
         if name in arguments:
@@ -138,25 +141,45 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _validate(options: argparse.Namespace) -> int:
-    from pinarm.use.scenario.scenario import load
     from pinarm.use.study.run import scenario_files
 
     mistakes = []
     for path in (file for given in options.paths for file in scenario_files(given)):
         try:
-            load(path, options.values).validate()
+            said = _validated(path, options.values)
         except PinarmError as error:
             if options.traceback:
                 raise
             mistakes.append((path, error))
         else:
             if not options.json:
-                print(f"{path}: valid")
+                print(f"{path}: {said}")
     if options.json:
         _print_json({"mistakes": [{"file": str(path), "error": str(error)} for path, error in mistakes]})
     for _, mistake in mistakes:
         _tell(mistake)
     return BAD_INPUT if mistakes else OK
+
+
+def _validated(path: Path, values: Sequence[str]) -> str:
+    """Return what has been checked of a scenario, or a mechanism file, that is valid.
+
+    Raises:
+        PinarmError: It is not; the message says where.
+    """
+    from pinarm.use.study.run import is_mechanism_file
+
+    if not is_mechanism_file(path):
+        from pinarm.use.scenario.scenario import load
+
+        load(path, values).validate()
+        return "valid"
+    from pinarm.use.study.explain import explain
+
+    found = explain(path, values)
+    loops = "its loops close, " if found.mechanism.closure.size else ""
+    return (f"valid mechanism file: keys, names, units and the model are right, {loops}"
+            f"mobility {found.mobility.mobility} {found.where}")  # fmt: skip
 
 
 def _quantities(options: argparse.Namespace) -> int:
@@ -358,8 +381,10 @@ def _tell(error: PinarmError) -> None:
 
 def _say(text: str) -> None:
     """Print text on stderr, where there is room for it: the exit code says the rest."""
-    with suppress(OSError):
+    try:
         print(printable(text), file=sys.stderr, flush=True)
+    except OSError:
+        give_up(sys.stderr)
 
 
 def _progress(text: str) -> None:

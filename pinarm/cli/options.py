@@ -48,7 +48,8 @@ def add(command: str, parser: ArgumentParser) -> None:
 
 def _values(command: ArgumentParser) -> None:
     command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="values",
-                         help="replace a value of the scenario, such as problem.time.end='3 s'")  # fmt: skip
+                         help="replace a value of the scenario, such as problem.time.end='3 s'; a key that has dots in "
+                         "quotes: 'problem.motion.\"tcp.y\".value=3 mm'")  # fmt: skip
 
 
 def _plots(command: ArgumentParser) -> None:

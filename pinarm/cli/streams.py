@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import sys
+from typing import TextIO
 
 from pinarm.errors import InputError
 
@@ -39,7 +40,7 @@ def flush_output() -> None:
     try:
         sys.stdout.flush()
     except OSError as error:
-        give_up_output()
+        give_up(sys.stdout)
         raise error if isinstance(error, BrokenPipeError) else unwritable(error) from None
 
 
@@ -49,8 +50,8 @@ def unwritable(error: OSError) -> InputError:
     return InputError(f"{what}: {error.strerror or error}")
 
 
-def give_up_output() -> None:
-    """Send what is still to be printed to the null device, so that the interpreter does not fail over it at its end."""
+def give_up(stream: TextIO) -> None:
+    """Send what is still to be written to the null device, so that the interpreter does not fail over it at its end."""
     null = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(null, sys.stdout.fileno())
+    os.dup2(null, stream.fileno())
     os.close(null)

@@ -29,7 +29,7 @@ from pinarm.engine.mechanism_parts import (
     marked,
     named_parts,
     naming_arguments,
-    open_closings,
+    only_joints,
     symbols_of,
     tying,
 )
@@ -42,10 +42,12 @@ from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import Values, varied
 from pinarm.mechanics.ball_joints import Ball, positions_of
 from pinarm.mechanics.coordinates import Coordinate
-from pinarm.mechanics.couplings.coupling import mimic_coupling
+from pinarm.mechanics.couplings.coupling import JointRelation, mimic_coupling
 from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector, gravity_words
 from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.geometry.model_variants import ModelVariants
 from pinarm.mechanics.joints import Joint, links_of
+from pinarm.mechanics.loops.closing_frames import proposals
 from pinarm.mechanics.perturbation import perturbed
 
 if TYPE_CHECKING:
@@ -431,9 +433,18 @@ class Mechanism:
         return PinocchioLayout.of(self.xml, self.model, self.joints, self.balls)
 
     @cached_property
+    def relations(self) -> tuple[JointRelation, ...]:
+        """Couplings: relations between joint coordinates."""
+        return tuple(one for one in self.constraints if isinstance(one, JointRelation))
+
+    @cached_property
     def closure(self) -> Closure:
         """Return the rows of the constraints."""
-        return Closure.of(self.model, self.constraints)
+        if not isinstance(self.model, ModelVariants):
+            return Closure.of(self.model, self.constraints)
+        from pinarm.engine.constraints.variant_closure import VariantClosure  # of sweeps only
+
+        return VariantClosure(self.model, self.constraints)
 
     @cached_property
     def massive(self) -> bool:
@@ -551,7 +562,7 @@ def _build(
     joints, balls, loops, coordinates = parts
     mimics = [mimic_coupling(mimic, joints, model) for mimic in robot.mimics]
     constraints: tuple[Constraint, ...] = (
-        *mimics, *loops, *couplings_of(robot, description, model, joints, here),
+        *mimics, *loops, *couplings_of(robot, description, model, joints, key, here),
         *geared_rotors(joints, description, coordinates),
     )  # fmt: skip
     frictions = frictions_of(robot, description, model, joints, constraints, here)
@@ -563,6 +574,6 @@ def _build(
         description.title or model.name, model, robot.xml, joints, balls, coordinates, tying(constraints, frictions),
         dict(description.drives), forces, symbols, resolved,
         {name: units[name].si for name in resolved if name in units}, description, source, carried,
-        (*robot.notes, *open_closings(model, loops)), frictions, tuple(description.control),
+        (*robot.notes, *proposals(model, only_joints(loops))), frictions, tuple(description.control),
         here if description.control else nowhere,
     )  # fmt: skip

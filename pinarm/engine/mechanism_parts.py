@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -23,18 +23,15 @@ from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.constraint import Constraint
-    from pinarm.mechanics.couplings.coupling import Coupling
+    from pinarm.mechanics.couplings.coupling import JointRelation
     from pinarm.mechanics.friction.contact import FrictionContact
+    from pinarm.mechanics.loops.cable import CableLoop
     from pinarm.mechanics.loops.kinds import Loop
     from pinarm.mechanics.payloads import Payload
     from pinarm.mechanics.points import PointDefinition
 
 Locate = Callable[..., AbstractContextManager[None]]
 """``with locate("forces", "spring"):`` gives errors of the block that place of a file."""
-
-
-CLOSING = "closing_"
-"""Beginning of the names of frames at which exporters open loops."""
 
 
 def frictions_of(
@@ -44,10 +41,10 @@ def frictions_of(
     """Return the joints with friction that sticks: those of the mechanism file, and others of the model."""
     if not robot.friction and not description.friction:
         return ()
-    from pinarm.mechanics.couplings.coupling import Coupling
+    from pinarm.mechanics.couplings.coupling import JointRelation
     from pinarm.mechanics.friction.definition import Friction
 
-    others = [constraint for constraint in constraints if isinstance(constraint, LoopJoint | Coupling)]
+    others = [constraint for constraint in constraints if isinstance(constraint, LoopJoint | JointRelation)]
     contacts: list[FrictionContact] = []
     for name, definition in description.friction.items():
         with here("friction", name):
@@ -64,13 +61,13 @@ class NamedParts(NamedTuple):
     Attributes:
         joints: Joints with one coordinate.
         balls: Ball joints.
-        loops: Joints that close loops.
+        loops: Joints that close loops, and cables.
         coordinates: Coordinates of all of these, and those defined beside them.
     """
 
     joints: dict[str, Joint]
     balls: dict[str, Ball]
-    loops: list[LoopJoint]
+    loops: list[LoopJoint | CableLoop]
     coordinates: dict[str, Coordinate]
 
 
@@ -93,7 +90,12 @@ def named_parts(
     check_start(description, joints, balls, here)
     turns = {**ball_coordinates(model, balls), **ball_angles(balls)}
     loops = loop_joints_of(model, key, robot.loops, description.loops, here)
-    turns |= loop_coordinates_of(model, loops, {*joints, *turns}, here)
+    if description.closures:
+        from pinarm.mechanics.loops.closing_frames import closures_of
+
+        with here("closures"):
+            loops += closures_of(model, description.closures, only_joints(loops))
+    turns |= loop_coordinates_of(model, only_joints(loops), {*joints, *turns}, here)
     with here("coordinates"):
         coordinates = {**coordinates_of(model, joints, description.coordinates, turns), **turns}
     return NamedParts(joints, balls, loops, coordinates)
@@ -143,8 +145,8 @@ def check_start(
 
 def loop_joints_of(
     model: pin.Model, key: str, drawn: Mapping[str, Loop], said: Mapping[str, Loop], here: Locate
-) -> list[LoopJoint]:
-    """Return the loop joints of a drawing or of a model's file, and those that the mechanism file says beside.
+) -> list[LoopJoint | CableLoop]:
+    """Return the loop joints and cables of a drawing or a model's file, and those that the mechanism file says beside.
 
     Args:
         model: Pinocchio's model.
@@ -154,13 +156,18 @@ def loop_joints_of(
         here: Gives errors their place.
     """
     with here(key):
-        loops = [loop.bind(model, name) for name, loop in drawn.items()]
+        loops: list[LoopJoint | CableLoop] = [loop.bind(model, name) for name, loop in drawn.items()]
     for name, loop in said.items():
         with here("loops", name):
             if name in drawn:
                 raise InputError(f"the model has a loop joint '{name}' already", expected="a name of its own")
             loops.append(loop.bind(model, name))
     return loops
+
+
+def only_joints(loops: Iterable[LoopJoint | CableLoop]) -> list[LoopJoint]:
+    """Return the loop joints, without cables."""
+    return [loop for loop in loops if isinstance(loop, LoopJoint)]
 
 
 def arguments_of(
@@ -215,24 +222,6 @@ def loaded(
     return model, carried
 
 
-def open_closings(model: pin.Model, loops: Sequence[LoopJoint]) -> Iterator[str]:
-    """Yield a note on each pair of frames at which an exporter opened a loop, and which no loop joint ties.
-
-    onshape-to-robot and its relatives write links ``closing_NAME_1`` and ``closing_NAME_2`` into a URDF, which has no
-    loops; the kind of the joint is not in the file.
-    """
-    links = {frame.name: index for index, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY}
-    tied = {frozenset((loop.first, loop.second)) for loop in loops}
-    for first, index in links.items():
-        base = first.removesuffix("_1")
-        second = links.get(f"{base}_2")
-        if not first.startswith(CLOSING) or base == first or second is None or frozenset((index, second)) in tied:
-            continue
-        ends, name = f"{first}, {base}_2", base.removeprefix(CLOSING)
-        yield (f"an exporter opened a loop at {first} and {base}_2, and the file does not say by which joint: such as "
-               f"loops: {{{name}: {{kind: revolute, axis: z, between: [{ends}]}}}}")  # fmt: skip
-
-
 def marked(model: pin.Model, points: Mapping[str, PointDefinition], here: Locate) -> pin.Model:
     """Return the model with the points of its mechanism file."""
     if not points:
@@ -246,18 +235,23 @@ def marked(model: pin.Model, points: Mapping[str, PointDefinition], here: Locate
 
 
 def couplings_of(
-    robot: RobotModel, description: MechanismDescription, model: pin.Model, joints: Mapping[str, Joint], here: Locate
-) -> list[Coupling]:
-    """Return the couplings.
+    robot: RobotModel, description: MechanismDescription, model: pin.Model, joints: Mapping[str, Joint], key: str,
+    here: Locate,
+) -> list[JointRelation]:  # fmt: skip
+    """Return the couplings, those of the model and those of the mechanism file; see ``named_parts``.
 
     Raises:
-        InputError: One has the name of a loop joint.
+        InputError: One has the name of a loop joint, or of a coupling of the model.
     """
-    couplings = []
+    with here(key):
+        drawn = [definition.bind(joints, model, name) for name, definition in robot.couplings.items()]
+    couplings: list[JointRelation] = [*drawn]
     for name, definition in description.couplings.items():
         with here("couplings", name):
             if name in description.loops or name in robot.loops:
                 raise InputError(f"the coupling '{name}' has the name of a loop joint", expected="a name of its own")
+            if name in robot.couplings:
+                raise InputError(f"the model has a coupling '{name}' already", expected="a name of its own")
             couplings.append(definition.bind(joints, model, name))
     return couplings
 

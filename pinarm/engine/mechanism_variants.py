@@ -7,14 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import numeric
 from pinarm.input.roots import root_of
 from pinarm.input.xacro.expansion import expand_columns
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.geometry.model_variants import VariantsDiffer
-from pinarm.mechanics.loading.urdf_variants import model_variants
+from pinarm.mechanics.geometry.model_variants import ModelVariants, VariantsDiffer
+from pinarm.mechanics.loading.urdf.variants import model_variants
+from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 
 def mechanism_variants(
@@ -25,7 +26,7 @@ def mechanism_variants(
     The others take other branches of the model, or have numbers that no body can have: they are to be read alone.
 
     Args:
-        mechanism: The first of the variants: an open chain, whose force elements are springs and dampers of joints.
+        mechanism: The first of the variants, whose force elements are springs and dampers of joints.
         given: The arguments that it was read with [SI].
         columns: Those that vary, with their values in all variants [SI].
 
@@ -44,6 +45,15 @@ def mechanism_variants(
     return changed, possible & np.array(expanded.holds)
 
 
+def some_variants(mechanism: Mechanism, places: Indices) -> Mechanism:
+    """Return the mechanism of some of its variants."""
+    variants = mechanism.model
+    assert isinstance(variants, ModelVariants)
+    columns = {name: np.asarray(value) for name, value in mechanism.arguments.items()}
+    arguments = {name: column[places] if column.ndim else float(column) for name, column in columns.items()}
+    return replace(mechanism, model=variants.some(places), arguments=arguments)  # type: ignore[arg-type]
+
+
 def _require_plain(mechanism: Mechanism) -> None:
     """Raise where more depends on the model than the motion of its links.
 
@@ -51,8 +61,10 @@ def _require_plain(mechanism: Mechanism) -> None:
         VariantsDiffer: Says what.
     """
     source = mechanism.source
-    if mechanism.constraints or mechanism.frictions or mechanism.control or mechanism.balls:
-        raise VariantsDiffer("loops, couplings, friction, controllers or ball joints")
+    if mechanism.frictions or mechanism.control or mechanism.balls:
+        raise VariantsDiffer("friction, controllers or ball joints")
+    if not all(isinstance(constraint, LoopJoint) for constraint in mechanism.constraints):
+        raise VariantsDiffer("couplings or cables")
     require_joint_forces(mechanism.forces)
     if source.model is not None or source.base is not None or mechanism.description.planar is not None:
         raise VariantsDiffer("a model that is not read from a file as it is")

@@ -61,7 +61,7 @@ def robot_of_model(
     Raises:
         ModelError: It has a joint that pinarm does not have, or a field of gravity that turns.
     """
-    from pinarm.mechanics.loading.urdf_writer import written
+    from pinarm.mechanics.loading.urdf.writer import written
 
     check_declared(arguments, {})
     text, defects = written(model), description.defects or "noted"

@@ -12,13 +12,13 @@ from pinarm.errors import InputError, Location, ModelError, PinarmError
 if TYPE_CHECKING:
     from xml.dom.minidom import Document
 
-MAX_BYTES = 2_000_000
+MAX_BYTES = 4_000_000
 """Largest size of all files of a model together, and of its expansion; example-robot-data has at most 0.2 MB."""
-MAX_ELEMENTS = 50_000
+MAX_ELEMENTS = 100_000
 """The largest robot of example-robot-data has 3900."""
 MAX_COMMENTS = 5000
 """The largest robot of example-robot-data has 237; xacro takes time quadratic in their number."""
-MAX_LINKS = 2000
+MAX_LINKS = 6000
 """Largest number of links, and of joints; Pinocchio's parser recurses along chains and crashes at 10,000."""
 MAX_DEPTH = 100
 """Largest depth of XML, and of nested macros; of properties that use properties half of it."""

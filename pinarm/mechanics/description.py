@@ -13,6 +13,7 @@ from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import Acceleration, InputStruct, Level, Positive
 from pinarm.mechanics.joints import AXES, Direction, unit_vector
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects
+from pinarm.mechanics.loops.closing_frames import Closure
 
 if TYPE_CHECKING:
     from pinarm.mechanics.control.kinds import Control
@@ -95,6 +96,8 @@ class MechanismDescription(InputStruct, frozen=True):
         gravity: ``none`` for none; that of the model, or 9.81 m/s^2 downwards, where it is left out.
         coordinates: Coordinates beside those of the joints.
         loops: Joints that close loops of the tree.
+        closures: Kind of joint between every two frames ``closing_NAME_1`` and ``closing_NAME_2`` of the model that no
+            loop joint ties, as onshape-to-robot leaves them; or NAME -> its kind. It turns about, or slides along, z.
         start: Rough joint coordinates near which the loops close, where they do not near 0; a scenario's own ``start``
             replaces them joint by joint. Ball joints as there.
         couplings: Gears, racks and screws between joints.
@@ -131,6 +134,7 @@ class MechanismDescription(InputStruct, frozen=True):
     gravity: Gravity | Literal["none"] | None = None
     coordinates: dict[str, CoordinateDefinition] = {}
     loops: dict[str, Loop] = {}
+    closures: Closure | dict[str, Closure] | None = None
     start: dict[str, Level] = {}
     couplings: dict[str, CouplingDefinition] = {}
     drives: dict[str, Drive] = {}

@@ -10,7 +10,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
-from pinarm.input.yaml.schema import Inertia, InputStruct, NotNegative, Positive
+from pinarm.input.yaml.schema import Inertia, InputStruct, NotNegative, Positive, Ratio
 from pinarm.mechanics.motors import AnyMotor
 
 
@@ -52,7 +52,8 @@ class Drive(InputStruct, frozen=True):
     Attributes:
         joint: Joint that it drives; this or ``along``.
         along: Coordinate that it drives.
-        ratio: N, motor turns per turn of the joint, or radians per metre; negative where they turn against each other.
+        ratio: N, motor turns per turn of the joint, or radians per metre; a number, or a fraction such as ``43/17``;
+            negative where they turn against each other.
         efficiency: eta, between 0 (excluded) and 1.
         rotor_inertia: J of everything that turns with the motor, about its axis [kg*m^2].
         elasticity: Of the gear or the shaft between rotor and joint; the rotor then has a motion of its own.
@@ -63,7 +64,7 @@ class Drive(InputStruct, frozen=True):
 
     joint: str = ""
     along: str = ""
-    ratio: float = 1.0
+    ratio: Ratio = 1.0
     efficiency: Annotated[float, msgspec.Meta(gt=0, le=1)] = 1.0
     rotor_inertia: Inertia = 0.0
     elasticity: Elasticity | None = None
@@ -121,4 +122,4 @@ class Drive(InputStruct, frozen=True):
 
     def speed(self, v: Array) -> Array:
         """Return the motor's speed [rad/s], shape (n,)."""
-        return self.ratio * v
+        return float(self.ratio) * v

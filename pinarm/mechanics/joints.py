@@ -89,9 +89,8 @@ def frame_of(model: pin.Model, name: str) -> int:
     Raises:
         InputError: The model has no link of that name.
     """
-    for index, frame in enumerate(model.frames):
-        if frame.name == name and frame.type == pin.FrameType.BODY:
-            return index
+    if (index := model.getFrameId(name, pin.FrameType.BODY)) < model.nframes:
+        return int(index)
     expected, hint = choices(name, links_of(model))
     raise InputError(f"the model has no link '{name}'", expected=expected, hint=hint)
 

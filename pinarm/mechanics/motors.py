@@ -13,6 +13,7 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import (
+    Current,
     Inductance,
     InputStruct,
     MotorSpeed,
@@ -46,6 +47,10 @@ class Actuator(Protocol):
         """Return values of shape (...) whose zeros are where the effort stops being smooth; always as many."""
         ...
 
+    def excess(self, command: Array, state: Array, v: Array) -> Array:
+        """Return the part of the command that a limit of the motor keeps from its effect, shape (...); else 0."""
+        ...
+
 
 class MotorDefinition(Protocol):
     """A motor as a file describes it."""
@@ -65,12 +70,14 @@ class DcMotor(InputStruct, frozen=True, tag_field="kind", tag="dc"):
     """A motor with brushes, or a brushless one with its electronics: ``L i' = V - R i - k w``, torque ``k i``.
 
     At rest it gives the stall torque ``k V / R``; without load it turns at ``V / k``. What its rotor takes, and its
-    speed ratio, are the drive's: ``rotor_inertia``, ``ratio``.
+    speed ratio, are the drive's: ``rotor_inertia``, ``ratio``. At the limit of the current its electronics lower the
+    voltage to what holds it, ``R i + k w``, until the commanded voltage would take the current back.
 
     Attributes:
         resistance: R of the winding [ohm].
         constant: k, torque per current [N*m/A], which is voltage per speed [V*s/rad] too.
         inductance: L of the winding [H]; without one the current follows the voltage at once.
+        current_limit: Largest current of its electronics in both directions [A]; no limit where it is left out.
     """
 
     supply: ClassVar[str] = "voltage"
@@ -78,6 +85,7 @@ class DcMotor(InputStruct, frozen=True, tag_field="kind", tag="dc"):
     resistance: Resistance
     constant: TorqueConstant
     inductance: Inductance = 0.0
+    current_limit: Current | None = None
 
     def check(self) -> None:
         """Refuse a constant of 0."""
@@ -148,35 +156,55 @@ class Winding:
         """Number of states: the current where there is an inductance."""
         return 1 if self.motor.inductance else 0
 
+    @property
+    def most(self) -> float:
+        """Largest current [A]; infinite for no limit."""
+        return np.inf if self.motor.current_limit is None else float(self.motor.current_limit)
+
     def current(self, voltage: Array, state: Array, v: Array) -> Array:
-        """Return the current, without inductance ``(V - k N v) / R`` [A]."""
+        """Return the current, without inductance ``(V - k N v) / R`` within its limit [A]."""
         if self.states:
             return np.asarray(state[..., 0])
-        return np.asarray((voltage - self.motor.constant * self.ratio * v) / self.motor.resistance)
+        return np.asarray(np.clip(self._over(voltage, 0.0, v) / self.motor.resistance, -self.most, self.most))
+
+    def _over(self, voltage: Array, current: Array | float, v: Array) -> Array:
+        """Return the voltage that is left to change a current, ``V - R i - k N v`` [V]."""
+        return np.asarray(voltage - self.motor.resistance * current - self.motor.constant * self.ratio * v)
+
+    def excess(self, command: Array, state: Array, v: Array) -> Array:
+        """Return the commanded voltage less the one that holds the current at its limit, else 0 [V]."""
+        current = self.current(command, state, v)
+        over = self._over(command, current, v)
+        held = ((current >= self.most) & (over > 0.0)) | ((current <= -self.most) & (over < 0.0))
+        return np.asarray(np.where(held, over, 0.0))
 
     def rates(self, command: Array, state: Array, v: Array) -> Array:
-        """Return the rate of the current, ``(V - R i - k N v) / L`` [A/s], shape (..., s)."""
+        """Return the rate of the current, ``(V - R i - k N v) / L``, 0 at its limit [A/s], shape (..., s)."""
         if not self.states:
             return np.zeros((*np.shape(command), 0))
-        motor = self.motor
-        rate = (command - motor.resistance * state[..., 0] - motor.constant * self.ratio * v) / motor.inductance
-        return np.asarray(rate)[..., None]
+        over = self._over(command, state[..., 0], v) - self.excess(command, state, v)
+        return np.asarray(over / self.motor.inductance)[..., None]
 
     def effort(self, command: Array, state: Array, v: Array) -> Array:
         """Return the effort at the joint, ``N k i`` [N*m or N]."""
         return np.asarray(self.ratio * self.motor.constant * self.current(command, state, v))
 
     def parts(self, command: Array, state: Array, v: Array) -> dict[str, Array]:
-        """Return effort, voltage and current."""
-        return {
+        """Return effort, voltage and current, and the distance of this to its limit, ``current_margin`` [A]."""
+        current = self.current(command, state, v)
+        found = {
             "effort": self.effort(command, state, v),
-            "voltage": command,
-            "current": self.current(command, state, v),
+            "voltage": np.asarray(command - self.excess(command, state, v)),
+            "current": current,
         }
+        return found if np.isinf(self.most) else {**found, "current_margin": self.most - np.abs(current)}
 
     def kinks(self, command: Array, state: Array, v: Array) -> list[Array]:
-        """Return nothing: it is linear."""
-        return []
+        """Return the voltages that are left at both limits of the current, and its distances to them."""
+        if np.isinf(self.most):
+            return []
+        left = [self._over(command, limit, v) for limit in (self.most, -self.most)]
+        return [*left, *(state[..., 0] - limit for limit in (self.most, -self.most))] if self.states else left
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,6 +268,10 @@ class TorqueSource:
             if curve is not None:
                 found[name] = curve.at(speed) - np.abs(torque)
         return found
+
+    def excess(self, command: Array, state: Array, v: Array) -> Array:
+        """Return the commanded torque less the one that it gives [N*m]."""
+        return np.asarray(command - self.torque(command, v))
 
     def kinks(self, command: Array, state: Array, v: Array) -> list[Array]:
         """Return the distances of the command to the peak torque, and of the speed to the bends of its curve."""

@@ -35,12 +35,14 @@ class GearedRotor:
         rotor: Its joint, whose coordinate is that of the driven side.
         coordinate: What the motor drives.
         size: One row.
+        side: It holds both ways.
     """
 
     name: str
     rotor: Joint
     coordinate: Coordinate
     size: int = 1
+    side: float = 0.0
 
     @property
     def follower(self) -> int | None:

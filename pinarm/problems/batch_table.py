@@ -9,8 +9,8 @@ import numpy as np
 from pinarm.arrays import Indices
 from pinarm.engine.integration.batch_solution import Ensemble
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.hybrid_motion import HybridSystem
 from pinarm.engine.motion.integrated_motion import event_columns, states
+from pinarm.engine.motion.segmented.hybrid_motion import HybridSystem
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.forward import Forward

@@ -12,7 +12,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.end_stops import Bound
+from pinarm.engine.motion.segmented.end_stops import Bound
 from pinarm.errors import InputError, Key, Place
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, check_unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate

@@ -13,19 +13,19 @@ from msgspec.structs import replace as replace_fields
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import LOST, energy_of
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import VANISHED
+from pinarm.engine.constraints.nullspaces.nullspace import VANISHED
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import friction_columns
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.bifurcation import undetermined_rest
-from pinarm.engine.motion.end_stops import impact_remarks
-from pinarm.engine.motion.hybrid_motion import FirstSegment, HybridSystem
 from pinarm.engine.motion.integrated_motion import IntegratedMotion, event_columns
-from pinarm.engine.motion.segments import SegmentedMotion
+from pinarm.engine.motion.segmented.end_stops import Bound, impact_remarks
+from pinarm.engine.motion.segmented.hybrid_motion import FirstSegment, HybridSystem
+from pinarm.engine.motion.segmented.segments import SegmentedMotion
+from pinarm.engine.motion.segmented.separations import Separation, opening_remarks, separations_of
 from pinarm.engine.motion.small_motions import integrate_to_size
-from pinarm.engine.motion.stick_slip import remarks_on_rest
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import along
@@ -107,7 +107,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         """Return the columns that controllers add to a row."""
         if not self.control and not mechanism.control:
             return {}
-        from pinarm.engine.motion.controlled_motion import control_schema
+        from pinarm.engine.motion.segmented.controlled_motion import control_schema
 
         motion = laws_of(mechanism, self.motion, nowhere, (self.time.start, self.time.end))
         controls = self._controls(mechanism, row.dynamics, motion, nowhere)
@@ -135,7 +135,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, place))
         controls = self._controls(mechanism, dynamics, motion, place)
         initial = self._start(mechanism, place)
-        bounds = bounds_of(mechanism, self.end_stops, place)
+        bounds: tuple[Bound | Separation, ...] = bounds_of(mechanism, self.end_stops, place)
+        bounds = (*bounds, *separations_of(mechanism.closure))
         watches = watches_of(mechanism, self.events, place)
         for name in self.end_stops:
             if name in self.motion:
@@ -149,7 +150,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
                 accuracy.integrator(), accuracy.max_steps, least_size=accuracy.least_size(mechanism),
                 frictions=mechanism.frictions, controls=controls,
             )  # fmt: skip
-            hybrid.system()
+            hybrid.closed_system  # noqa: B018  refuses laws that contradict each other
         return hybrid
 
     def _losing(self, mechanism: Mechanism) -> Mechanism:
@@ -209,8 +210,9 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             *_uncertain(hybrid.guided, q, v),
             *motion.remarks(),
             *_motors(hybrid, motion),
-            *impact_remarks(mechanism.model, motion.events),
-            *remarks_on_rest(segment.system for segment in motion.segments),
+            *impact_remarks(mechanism.model, hybrid.bounds, motion.events),
+            *opening_remarks(hybrid.bounds, motion.events),
+            *_rest(hybrid, motion),
             *profile_remarks(mechanism, self.motion),
         ]
         return replace(whole, figures={**motion.cost(), **energy}, notes=(*remarks, *notes))
@@ -255,6 +257,15 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         rates = tuple((mechanism.coordinate(name), float(rate)) for name, rate in others.items())
         followers = followers_of(mechanism, {*self.start, *self.initial.position}, self.initial.velocity)
         return Initial(q, v, positions, velocities, rates, followers)
+
+
+def _rest(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:
+    """Return what is to be said of joints that friction holds together."""
+    if not hybrid.frictions:
+        return []
+    from pinarm.engine.motion.systems.frictional import remarks_on_rest
+
+    return remarks_on_rest(segment.system for segment in motion.segments)
 
 
 def _motors(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:

@@ -22,13 +22,13 @@ from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import InputStruct, Level
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.laws import Motion
-from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.actuation.effort_sharing import Share, drives_of
+from pinarm.problems.actuation.omitted_drives import omitted_drives_remarks
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import LOADS, bind_loads, schema_row
-from pinarm.problems.prescription.prescribed_laws import laws_of, profile_remarks
+from pinarm.problems.prescription.prescribed_laws import grid_of, laws_of, profile_remarks
 from pinarm.problems.prescription.resolution import NearestPosture, joint_motion, rough_start
 from pinarm.problems.time_grid import TimeGrid
 
@@ -108,8 +108,12 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
         """Return the motion of the joints and the efforts of the drives."""
         motion, drives, forces = prepared or self.prepare(mechanism, accuracy, place)
         laws = [*motion.laws, *(law for force in forces.values() for law in force.laws())]
-        grid = Grid.cover(self.time.instants(), laws)
+        grid = grid_of(mechanism, motion, self.time.instants(), laws)
         with place("motion"), locating_drives(place, "drives" if self.drives else "motion"):
             prescription = Prescription(mechanism, motion, drives, Dynamics.of(mechanism.model, forces), "t", unit("s"))
             found = prescription.outcome(grid, rough_start(mechanism, self.start, self.resolve))
-        return replace(found, notes=(*found.notes, *profile_remarks(mechanism, self.motion)))
+        remarks = [
+            *omitted_drives_remarks(mechanism, self.drives, [*self.motion]),
+            *profile_remarks(mechanism, self.motion),
+        ]
+        return replace(found, notes=(*found.notes, *remarks))

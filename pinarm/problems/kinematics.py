@@ -18,11 +18,10 @@ from pinarm.errors import Place
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import InputStruct, Level
 from pinarm.mechanics.laws import Motion
-from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.joint_values import check_levels
-from pinarm.problems.prescription.prescribed_laws import laws_of
+from pinarm.problems.prescription.prescribed_laws import grid_of, laws_of
 from pinarm.problems.prescription.resolution import NearestPosture, joint_motion, rough_start
 from pinarm.problems.time_grid import TimeGrid
 
@@ -78,7 +77,7 @@ class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematic
         """Return the motion of the joints."""
         motion = prepared or self.prepare(mechanism, accuracy, place)
         laws = [*motion.laws, *(law for force in mechanism.forces.values() for law in force.laws())]
-        grid = Grid.cover(self.time.instants(), laws)
+        grid = grid_of(mechanism, motion, self.time.instants(), laws)
         with place("motion"):
             prescription = Prescription(mechanism, motion, None, mechanism.dynamics, "t", unit("s"))
             return prescription.outcome(grid, rough_start(mechanism, self.start, self.resolve))

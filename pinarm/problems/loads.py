@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.kinematics.closed_configurations import generic_near
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, Place, nowhere
@@ -64,6 +63,8 @@ def schema_row(
     Raises:
         InputError: A load names something that does not exist.
     """
+    from pinarm.engine.kinematics.closed_configurations import generic_near
+
     forces = bind_loads(mechanism, loads, nowhere)
     row = Trajectory.schema_row(mechanism, generic_near(mechanism, start), parameter, measured, drives.closure)
     names = (*drives.coordinates(mechanism),)

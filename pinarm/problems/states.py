@@ -29,6 +29,7 @@ from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.mechanics.laws.motion_law import FILE_KEYS, Grid, MotionLaw
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.actuation.effort_sharing import Share, drives_of
+from pinarm.problems.actuation.omitted_drives import omitted_drives_remarks
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import LOADS, bind_constant_loads, schema_row
@@ -116,8 +117,8 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
         prescribed, drives, forces = prepared or self.prepare(mechanism, accuracy, place)
         rest = np.zeros(len(prescribed.names))
         with place(), locating_drives(place):
-            return _prescription(mechanism, prescribed, drives, forces, self.over, (rest, rest)).outcome(
-                _grid(self.over), start_configuration(mechanism, self.start))  # fmt: skip
+            known = _prescription(mechanism, prescribed, drives, forces, self.over, (rest, rest))
+            return _outcome(self, known)
 
 
 class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
@@ -193,8 +194,7 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
         """Return the states and the efforts of the drives."""
         prescribed, drives, forces, rates = prepared or self.prepare(mechanism, accuracy, place)
         with place(), locating_drives(place):
-            return _prescription(mechanism, prescribed, drives, forces, self.over, rates).outcome(
-                _grid(self.over), start_configuration(mechanism, self.start))  # fmt: skip
+            return _outcome(self, _prescription(mechanism, prescribed, drives, forces, self.over, rates))
 
 
 def _schema_row(problem: Statics | State, mechanism: Mechanism, drives: Actuation) -> Trajectory:
@@ -214,6 +214,13 @@ def _prescription(
     return Prescription(
         mechanism, DeterminedMotion(mechanism, prescribed), drives, dynamics, *_parameter(over, mechanism), rates
     )
+
+
+def _outcome(problem: Statics | State, known: Prescription) -> Outcome:
+    """Return the states of a problem, and what is to be said of its drives."""
+    found = known.outcome(_grid(problem.over), start_configuration(known.mechanism, problem.start))
+    remarks = omitted_drives_remarks(known.mechanism, problem.drives, [*problem.over, *problem.hold])
+    return replace(found, notes=(*found.notes, *remarks))
 
 
 def _parameter(over: Mapping[str, Range], mechanism: Mechanism) -> tuple[str, Unit]:

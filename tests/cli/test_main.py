@@ -364,9 +364,7 @@ def test_the_shell_is_told_how_a_line_may_go_on(line: str, offered: set[str], tm
 # ------------------------------------------------------------------------------------------------------ streams
 
 
-@pytest.mark.parametrize(
-    "arguments", [["schema"], ["check", "a.yaml"], ["run", "a.yaml", "--no-plots"], ["validate", "a.yaml"]]
-)
+@pytest.mark.parametrize("arguments", [["schema"], ["run", "a.yaml", "--no-plots"]])
 def test_a_reader_that_leaves_is_no_error(arguments: list[str]) -> None:
     """As in ``pinarm check ... | head -1``: not a traceback, and not the exit code of a missed expectation."""
     end, start = os.pipe()
@@ -423,8 +421,12 @@ def test_wrong_usage_is_exit_2(arguments: list[str], capsys: pytest.CaptureFixtu
 # ------------------------------------------------------------------------------------ what is no scenario, help
 
 
-@pytest.mark.parametrize("command", ["run", "check", "validate", "sweep", "tradeoff"])
-@pytest.mark.parametrize(("file", "said"), [("pendulum.urdf", "a model"), ("pendulum.yaml", "a mechanism file")])
+@pytest.mark.parametrize(
+    ("command", "file", "said"),
+    [(command, *kind) for command in ["run", "check", "validate", "sweep", "tradeoff"]
+     for kind in [("pendulum.urdf", "a model"), ("pendulum.yaml", "a mechanism file")]
+     if (command, kind[0]) != ("validate", "pendulum.yaml")],
+)  # fmt: skip
 def test_what_is_no_scenario_is_told_with_what_to_do(
     capsys: pytest.CaptureFixture[str], command: str, file: str, said: str
 ) -> None:
@@ -433,6 +435,17 @@ def test_what_is_no_scenario_is_told_with_what_to_do(
     assert f"{file}: this is {said}, not a scenario" in err
     assert f"python -m pinarm explain {file}" in err
     assert "python -m pinarm new " in err
+
+
+def test_a_mechanism_file_is_validated_as_one(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", "pendulum.yaml"]) == 0
+    said = "pendulum.yaml: valid mechanism file: keys, names, units and the model are right, mobility 1 in the closed"
+    assert capsys.readouterr().out.startswith(said)
+    text = (here / "pendulum.yaml").read_text()
+    (here / "pendulum.yaml").write_text(f"{text}drives: {{motor: {{joint: pivto}}}}\n")
+    assert main(["validate", "pendulum.yaml"]) == 2
+    err = capsys.readouterr().err
+    assert "pivto" in err and "try: pivot" in err
 
 
 def test_mechanism_files_of_a_folder_are_passed_over(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -475,7 +488,7 @@ def test_help_has_examples_that_parse(capsys: pytest.CaptureFixture[str], comman
     ("template", "key", "drives"),
     [("four_bar", "drives: [O]", "drives: [O, C]"), ("slider_crank", "drives: [O]", "drives: [O, x]"),
      ("scissor_lift", "drives: [spindle]", "drives: [spindle, O]"),
-     ("arm", "  motion:", "  drives: [elbow]\n  motion:"), ("cam", "  motion:", "  drives: [O]\n  motion:")],
+     ("arm", "  motion:", "  drives: [elbow]\n  motion:"), ("cam", "  motion:", "  drives: [O, lift]\n  motion:")],
 )  # fmt: skip
 def test_too_many_and_too_few_drives_are_the_same_mistake_at_their_line(
     here: Path, capsys: pytest.CaptureFixture[str], template: str, key: str, drives: str

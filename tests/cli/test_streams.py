@@ -15,7 +15,8 @@ SCENARIO = Path(__file__).parents[2] / "scenarios" / "gen411_arm_static.yaml"
 
 def shell(tail: str) -> "subprocess.CompletedProcess[str]":
     command = f"'{sys.executable}' -m pinarm explain '{SCENARIO}' {tail}"
-    return subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=60)
+    buffered = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
+    return subprocess.run(["sh", "-c", command], env=buffered, capture_output=True, text=True, timeout=60)
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")

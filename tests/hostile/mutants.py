@@ -3,7 +3,7 @@
 ``python tests/hostile/mutants.py --count 100000 --folder results/mutants`` tries the mutants of all kinds and goes on
 where it was interrupted; ``--kind urdf`` those of one, ``--show urdf 17`` prints a mutant and what becomes of it. The
 number of a mutant decides all that is done to it. A process of its own tries them with a limit on its memory; where it
-dies, or a mutant takes longer than a minute, this is noted and the next one is tried.
+dies, or a mutant takes more than a minute of the processor, this is noted and the next one is tried.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import os
 import re
 import resource
 import shutil
+import signal
 import sys
 import tempfile
 import time
@@ -36,8 +37,8 @@ from pinarm.use.study.sweep.cases import Row
 from pinarm.use.study.sweep.journal import Journal, Sources
 from pinarm.use.study.sweep.value_syntax import read_cases
 
-PATIENCE = 60.0
-"""Seconds after which a mutant hangs; the slowest honest ones take two."""
+EFFORT, PATIENCE = 60.0, 1200.0
+"""Time of the processor after which a mutant hangs, and time without an answer [s]; honest ones take 2 s."""
 MEMORY = 4_000_000_000
 """Largest address space of the process that tries them [bytes]."""
 LARGEST = 100_000
@@ -355,6 +356,7 @@ def _try_all(name: str, first: int, last: int, pipe: Connection) -> None:
         os.chdir(folder)
         for number in range(first, last):
             pipe.send((number, None))
+            signal.setitimer(signal.ITIMER_PROF, EFFORT)  # its signal ends the process
             pipe.send((number, tried(name, kind, number, Path(folder))))
         os.chdir("/")
     pipe.close()
@@ -366,22 +368,26 @@ def outcomes(name: str, first: int, last: int) -> Iterator[tuple[int, str]]:
     number = first - 1
     while first < last:
         ours, theirs = context.Pipe(duplex=False)
-        process = context.Process(target=_try_all, args=(name, first, last, theirs), daemon=True)
+        process = context.Process(target=_try_all, args=(name, first, last, theirs))
         process.start()
         theirs.close()
         found: str | None = None
-        with contextlib.suppress(EOFError):
-            while first < last:
-                if not ours.poll(PATIENCE):
-                    found = f"it hangs: no answer after {PATIENCE:g} s"
-                    break
-                number, said = ours.recv()
-                if said is not None:
-                    yield number, said
-                    first = number + 1
-        process.kill()
-        process.join()
+        try:
+            with contextlib.suppress(EOFError):
+                while first < last:
+                    if not ours.poll(PATIENCE):
+                        found = f"it hangs: no answer after {PATIENCE:g} s"
+                        break
+                    number, said = ours.recv()
+                    if said is not None:
+                        yield number, said
+                        first = number + 1
+        finally:  # no daemon, which could not start the processes of a sweep
+            process.kill()
+            process.join()
         if first < last:
+            if process.exitcode == -signal.SIGPROF:
+                found = f"it hangs: {EFFORT:g} s of the processor"
             yield max(number, first), found or f"the process died (exit code {process.exitcode})"
             first = max(number, first) + 1
 

@@ -298,7 +298,7 @@ BOUNDS = {
     "text is too long": BODIES["doubling sums"],
     "does not go with text": "<x v=\"${3*'a'}\"/>",
     "power is too large": "<x v='${9**9**9}'/>",
-    "too many characters": macro("m", f"<x v='{'a' * 9000}'/>" * 20) + "<xacro:m/>" * 20,
+    "too many characters": macro("m", f"<x v='{'a' * 9000}'/>" * 20) + "<xacro:m/>" * 30,
     "includes itself": "<xacro:include filename='model.urdf.xacro'/>",
     "Property names must be": f"<xacro:property name='{'-' * 9000}a' value='1'/>",
     "unknown name 'a.b'": "<xacro:property name='a' value='bbb'/><x v='${a.b}'/>",

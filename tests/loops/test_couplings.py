@@ -248,7 +248,7 @@ class TestGearedFiveBar:
 
     R1, R2, ALPHA = 0.2, 0.4, np.deg2rad(20.0)
 
-    @pytest.mark.parametrize("cut", ["M", "A", "B"])
+    @pytest.mark.parametrize("cut", ["M", *(pytest.param(cut, marks=pytest.mark.slow) for cut in "AB")])
     def test_every_body_obeys_newton_and_euler_with_a_push_along_the_line_of_action(self, tmp_path, cut):
         linkage = five_bar()
         mesh = gear("O", "C", -self.R1 / self.R2, pressure_angle="20 deg")

@@ -22,7 +22,10 @@ CUTS = {
         ["F", "D"], ["B", "D"], ["E", "x"], ["alpha", "D"], ["F", "y"],
     ] for name, linkage in LINKAGES.items()
 }  # fmt: skip
-by_linkage = pytest.mark.parametrize("name", LINKAGES)
+LONG = ("screw jack", "manipulator")
+by_linkage = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in LINKAGES]
+)
 
 
 def crank_of(name):

@@ -24,7 +24,11 @@ CASES = {
 TOLERANCE = 1e-10
 """Of integrations whose ends are compared to 1e-6: some hundred steps, errors that grow on the way."""
 PLAIN = [name for name, (*_, joint) in CASES.items() if "_" not in joint]
-each = pytest.mark.parametrize("case", CASES)
+SAME_KIND = ("coupler", "rocker", "spatial rocker")
+"""Revolute joints as the crank is one."""
+each = pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=pytest.mark.slow if case in SAME_KIND else ()) for case in CASES]
+)
 
 
 def pair(case, folder, *, tree=(), loop=()):

@@ -8,8 +8,8 @@ from motions import driven, free
 from pinarm.engine.constraints import closure
 from pinarm.engine.constraints.batch_jacobians import BLOCK, BatchJacobians
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.constraints.nullspace import RowDecomposition
-from pinarm.engine.constraints.nullspace_batch import free_motions
+from pinarm.engine.constraints.nullspaces.nullspace import split_rows
+from pinarm.engine.constraints.nullspaces.nullspace_batch import free_motions
 from pinarm.engine.kinematics.continuation_batch import BatchContinuation
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.systems.batch_rows import BatchRows
@@ -64,7 +64,7 @@ class TestFreeMotions:
             seen[places] += 1
             for k in range(0, len(places), 37):
                 state = four_bar.closure.state(q[places[k]])
-                right = RowDecomposition.of(four_bar.closure.rows(state)).free
+                right = split_rows(four_bar.closure.rows(state)).free
                 assert len(motions) == right.shape[1]
                 assert motions[:, k].T @ motions[:, k] == pytest.approx(right @ right.T, abs=1e-8)  # 1e-15 / 1e-7
         assert (seen == 1).all()

@@ -228,3 +228,112 @@ def test_computed_torque_of_ideal_motors_is_that_of_joints(servo, tmp_path, peri
 def test_curves_that_are_none_are_refused(servo, tmp_path, motor, said):
     with pytest.raises(InputError, match=said):
         ideal(tmp_path, **motor)
+
+
+LIMIT = 8.0
+"""Of the current [A]; 12 V at rest would drive 24 A."""
+
+
+def test_a_current_limit_without_inductance_is_a_parabola_then_an_exponential(servo):
+    """At the limit ``J v' = N k I``; the winding takes over where ``12 - k N v = R I``."""
+    result = run(servo(current_limit=f"{LIMIT} A"), OPEN_LOOP, "1 s", ("x", "control.servo.current_margin"))
+    t, a = result["t"].values, N * K * LIMIT / INERTIA
+    free = (12.0 - R * LIMIT) / (K * N)
+    instant, tau = free / a, R * INERTIA / (K * N) ** 2
+    speed = np.where(t < instant, a * t, 12.0 / (K * N) - (12.0 / (K * N) - free) * np.exp(-(t - instant) / tau))
+    assert np.abs(result["joint.x.velocity"].values - speed).max() < 1e-7
+    assert f"servo is at its current limit from t = 0 s to {instant:.6g} s" in " ".join(result.notes())
+    held = t < instant
+    assert result["control.servo.voltage"].values[held] == pytest.approx(R * LIMIT + K * N * speed[held], abs=1e-9)
+    assert result["control.servo.voltage"].values[~held] == pytest.approx(12.0, abs=1e-12)
+    assert np.abs(result["control.servo.current_margin"].values[held]).max() < 1e-12
+    assert result.figures["energy"] < 1e-7
+
+
+@pytest.mark.parametrize("period", [{}, {"period": "10 ms"}])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_current_limit_with_inductance_holds_and_lets_go(servo, period, sign):
+    """Three parts: both eigenvalues, constant current, both eigenvalues again, each from where the other ended."""
+    inductance = 5e-3
+    control = {**OPEN_LOOP, "bias": [f"{12 * sign} V"], **period}
+    result = run(servo(inductance="5 mH", current_limit=f"{LIMIT} A"), control, "1 s")
+    t = result["t"].values
+    fine = np.linspace(0.0, 0.01, 200001)  # the current passes the limit, linear between points 50 ns apart
+    currents = step(inductance, fine[::200])[:, 2]
+    start = next(k for k, i in enumerate(currents) if i > LIMIT) - 1
+    inside = fine[200 * start : 200 * start + 201]
+    near = step(inductance, inside)[:, 2]
+    reached = float(np.interp(LIMIT, near, inside))
+    speed = float(step(inductance, [reached])[0, 1])
+    a = N * K * LIMIT / INERTIA
+    leaves = reached + ((12.0 - R * LIMIT) / (K * N) - speed) / a
+    m = np.array([[-0.0, N * K / INERTIA, 0], [-K * N / inductance, -R / inductance, 12 / inductance], [0, 0, 0]])
+    after = [expm(m * max(at - leaves, 0.0)) @ [speed + a * (leaves - reached), LIMIT, 1.0] for at in t]
+    early = step(inductance, t)
+    current = np.where(t < reached, early[:, 2], np.where(t < leaves, LIMIT, np.array(after)[:, 1]))
+    rate = np.where(t < reached, early[:, 1], np.where(t < leaves, speed + a * (t - reached), np.array(after)[:, 0]))
+    assert np.abs(result["control.servo.current"].values - sign * current).max() < 2e-6
+    assert np.abs(result["joint.x.velocity"].values - sign * rate).max() < 1e-6
+    assert (t[(t > reached) & (t < leaves)]).size > 5
+    assert any("servo is at its current limit from t = " in note for note in result.notes())
+    assert result.figures["energy"] < 1e-7
+
+
+STALLED = {"initial": {"position": {"x": "0 rad"}}, "end_stops": {"x": {"upper": "1e-9 rad", "restitution": 0}}}
+"""The load is held by a stop: only the controller and the motor move on."""
+
+
+def against_the_stop(servo_mechanism, end="1 s", **keys):
+    control = {"kind": "pid", "drive": "servo", "follows": {"law": "constant", "value": "1 rad"}, "kp": "0.4 N*m/rad",
+               "ki": "2 N*m/rad/s", **keys}  # fmt: skip
+    return run(servo_mechanism, control, end, ("control.servo.command", "control.servo.torque"), **STALLED)
+
+
+@pytest.mark.parametrize(("keys", "time"), [({}, 0.2), ({"tracking_time": "50 ms"}, 0.05)])
+def test_an_integral_follows_a_motor_at_its_peak_torque(servo, tmp_path, keys, time):
+    """With e = 1 and kp e < T0, the part p = ki x rises by ki e until kp e + p = T0; then
+    ``p' = ki e - (kp e + p - T0) / T_t``, whose end is ``T0 - kp e + ki e T_t``."""
+    motor = ideal(tmp_path, peak=[["0 rad/s", "0.5 N*m"], ["400 rad/s", "0 N*m"]])
+    result = against_the_stop(motor, **keys)
+    t = result["t"].values
+    instant = (0.5 - 0.4) / 2.0
+    exact = np.where(t < instant, 0.4 + 2.0 * t, 0.5 + 2.0 * time * (1.0 - np.exp(-(t - instant) / time)))
+    assert np.abs(result["control.servo.command"].values - exact).max() < 1e-7  # the stop is 1 nrad away
+    assert np.abs(result["control.servo.torque"].values - np.minimum(exact, 0.5)).max() < 1e-7
+
+
+def test_a_sampled_integral_follows_it_too(servo, tmp_path):
+    """``x_k = x_(k-1) + T (e - (u_(k-1) - u_given) / (ki T_t))``, by hand."""
+    motor = ideal(tmp_path, peak=[["0 rad/s", "0.5 N*m"], ["400 rad/s", "0 N*m"]])
+    result = against_the_stop(motor, "0.1 s", period="10 ms")
+    part, u, commands = 0.0, 0.0, []
+    for _ in range(11):
+        part += 0.01 * (2.0 - (u - min(u, 0.5)) / 0.2)
+        u = 0.4 + part
+        commands.append(u)
+    t = result["t"].values
+    expected = np.array(commands)[np.minimum((t / 0.01 + 1e-6).astype(int), 9)]
+    between = np.abs(t / 0.01 - np.round(t / 0.01)) > 1e-3  # rows at samples have one of both sides
+    assert np.abs(result["control.servo.command"].values - expected)[between].max() < 1e-7
+    assert commands[9] > 0.5 > commands[3]
+
+
+def test_a_voltage_controller_follows_a_current_at_its_limit(servo):
+    """At rest the limit is R I = 4 V: the command tends to ``4 V + ki e T_t``."""
+    control = {"kind": "pid", "drive": "servo", "follows": {"law": "constant", "value": "1 rad"}, "kp": "2 V/rad",
+               "ki": "20 V/rad/s"}  # fmt: skip
+    mechanism = servo(current_limit=f"{LIMIT} A")
+    result = run(mechanism, control, "2 s", ("control.servo.command", "control.servo.voltage"), **STALLED)
+    assert result["control.servo.command"].values[-1] == pytest.approx(4.0 + 20.0 * 0.1, abs=1e-6)
+    assert result["control.servo.voltage"].values[-1] == pytest.approx(4.0, abs=1e-9)
+
+
+def test_mistakes_of_limits_are_told(servo, tmp_path):
+    with pytest.raises(InputError, match="0 is out of bounds"):
+        servo(current_limit="0 A")
+    motor = ideal(tmp_path, peak=LINE)
+    with pytest.raises(InputError, match="without kp there is no time") as caught:
+        against_the_stop(motor, kp="0 N*m/rad")
+    assert "tracking_time" in str(caught.value)
+    with pytest.raises(InputError, match=r"a tracking time of 0\.001 s and a period of 0\.01 s"):
+        against_the_stop(motor, period="10 ms", tracking_time="1 ms")

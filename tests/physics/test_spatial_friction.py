@@ -71,6 +71,7 @@ def test_motion_from_rest_begins_along_the_acceleration(write):
         assert found[f"loop.sleeve.friction.{part}"].values == pytest.approx(value, rel=1e-11)  # at both ends too
 
 
+@pytest.mark.slow
 def test_a_collar_thrown_along_its_shaft_slides_in_a_curve(write):
     """Against the plane equations of its motion, ``J w' = - r mu m g r w / |u|``, ``m z'' = P - mu m g z' / |u|``."""
     push = 10.0
@@ -95,6 +96,7 @@ def test_a_collar_thrown_along_its_shaft_slides_in_a_curve(write):
     assert len(found.outcome.motion.motion.segments) > 1  # its slip turns by more than 60 deg
 
 
+@pytest.mark.slow
 def test_rest_with_more_than_one_motion_is_refused(write):
     """Where the collar comes to rest, and where it is at rest at first."""
     for start, said in (("{velocity: {way: 0.8 m/s, spin: 40 rad/s}}", r"t = 1\.44188[67]\d* s.*at rest and may begin"),

@@ -172,6 +172,7 @@ def test_a_motor_does_not_leap_over_a_notch_of_its_curve(wheel, method):
     assert run.v[-1, 0] == pytest.approx(49.6, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_steps_of_one_length_that_pass_a_kick_are_called_too_large(wheel):
     kick = {"kick": JointEffort(joint="wheel", over="wheel", effort=KICK)}
     assert any("past whole pieces of a load" in note for note in spun(wheel, kick, method="rk4", step=0.05).notes)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags, Indices
+from pinarm.arrays import Array, Indices
 from pinarm.engine.checks.figures import relative
 from pinarm.engine.checks.sample import SAMPLE, sampled
 from pinarm.engine.dynamics.dynamics import Dynamics
@@ -21,7 +21,7 @@ from pinarm.mechanics.geometry.vectors import crossed
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Solution
-    from pinarm.engine.motion.segments import SegmentedMotion
+    from pinarm.engine.motion.segmented.segments import SegmentedMotion
 
 Whole = Callable[[Array, Array, Array], tuple[Array, Array]]
 """Rows of integrated states to rows of those of the mechanism: ``t, q, v -> q, v``."""
@@ -32,6 +32,9 @@ ROUNDING = 1e-15
 LOST = 1e-3
 """Energy that nothing accounts for, relative to the energy exchanged, from which on it is noted, and contradicts bounds
 of the error that are far below it."""
+
+TOGETHER = 64
+"""Links whose virtual powers are looked at together: of all, they would take the square of the memory."""
 
 MANY = 2000
 """Steps between samples of controllers from which on each is one part: they are short beside the motion."""
@@ -89,13 +92,46 @@ def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array
         speeds, shape (rows,) [W].
     """
     model, lam = run.mechanism.model, run.lam.at(rows)
-    links, twists, rates, columns = moving(model, run.q[rows], run.v[rows], run.a[rows])
-    moved, held = LinkTree.of(model).supports, run.closure.load(links, columns, run.q[rows], lam)
+    every = len(rows) == len(run)
+    links, twists, rates, columns = run.link_motion if every else moving(model, run.q[rows], run.v[rows], run.a[rows])
+    held = run.closure.load(links, columns, run.q[rows], lam)
     wrenches = demands(model, links, twists, rates)
-    asked = np.where(moved, links.at_world(wrenches) @ columns, 0.0)  # part by part and link by link
+    asked, sizes = _asked(links, columns, links.at_world(wrenches))
     supplied = run.tau[rows] + loads[rows] + run.friction_loads[rows] + held - model.armature * run.a[rows]
-    terms = np.abs(supplied) + np.abs(held) + np.abs(asked).sum(axis=(0, -2)) + _weights(links, columns, moved)
-    return supplied - asked.sum(axis=(0, -2)), terms, _most_powers(wrenches, twists)
+    return supplied - asked, np.abs(supplied) + np.abs(held) + sizes, _most_powers(wrenches, twists)
+
+
+def _asked(links: LinkPlacements, columns: Array, wrenches: Array) -> tuple[Array, Array]:
+    """Return the virtual power that wrenches of links ask for, and the most that its parts and weights could have.
+
+    Weights: m g times the path of the mass centre. Links are looked at some at a time, with the joints that move any of
+    them.
+
+    Args:
+        links: Where they are.
+        columns: Twists that unit velocities of the joints give to what lies beyond, in the world's frame, shape
+            (n, .., 6, nv).
+        wrenches: Of the links by parts, at the world's origin, shape (3, n, .., njoints, 6).
+
+    Returns:
+        Two of shape (n, .., nv) [W per rad/s or m/s].
+    """
+    tree = LinkTree.of(links.model)
+    moved, size = tree.supports, np.linalg.norm(links.model.gravity.linear)
+    centres = links.places + np.matvec(links.turns, tree.levers)
+    states = np.broadcast_shapes(columns.shape[:-2], wrenches.shape[1:-2], tree.masses.shape[:-1])
+    asked, most = (np.zeros((*states, columns.shape[-1])) for _ in range(2))
+    for start in range(0, len(moved), TOGETHER):
+        some = slice(start, start + TOGETHER)
+        joints = np.flatnonzero(moved[some].any(axis=0))
+        here, ways = moved[some][:, joints], columns[..., joints]
+        powers = np.where(here, wrenches[..., some, :] @ ways, 0.0)  # part by part and link by link
+        linear, angular = (part.swapaxes(-2, -1)[..., None, :, :] for part in (ways[..., :3, :], ways[..., 3:, :]))
+        paths = linear + crossed(angular, centres[..., some, None, :])
+        lengths = np.where(here, np.sqrt((paths * paths).sum(axis=-1)), 0.0)
+        asked[..., joints] += powers.sum(axis=(0, -2))
+        most[..., joints] += np.abs(powers).sum(axis=(0, -2)) + size * np.vecmat(tree.masses[..., some], lengths)
+    return asked, most
 
 
 def _most_powers(wrenches: Array, twists: Array) -> Array:
@@ -107,16 +143,6 @@ def _most_powers(wrenches: Array, twists: Array) -> Array:
     """
     sizes, speeds = (np.linalg.norm(x.reshape(*x.shape[:-1], 2, 3), axis=-1) for x in (wrenches, twists))
     return np.asarray((sizes.sum(axis=0) * speeds).sum(axis=(-2, -1)))
-
-
-def _weights(links: LinkPlacements, columns: Array, moved: Flags) -> Array:
-    """Return the most that weights can do: m g times the paths of mass centres when one joint moves, shape (n, nv)."""
-    tree = LinkTree.of(links.model)
-    centres = links.places + np.matvec(links.turns, tree.levers)
-    linear, angular = (part.swapaxes(-2, -1)[..., None, :, :] for part in (columns[..., :3, :], columns[..., 3:, :]))
-    paths = linear + crossed(angular, centres[..., None, :])
-    lengths = np.where(moved, np.sqrt((paths * paths).sum(axis=-1)), 0.0)
-    return np.asarray(np.vecmat(tree.masses, lengths) * np.linalg.norm(links.model.gravity.linear))
 
 
 def demands(model: Model, links: LinkPlacements, twists: Array, rates: Array) -> Array:

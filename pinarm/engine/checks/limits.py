@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pinarm.engine.constraints.constraint import one_sided
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.input.units import Unit, unit
+from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import RADIAN, Joint
 
@@ -46,9 +47,79 @@ class Excess:
                 f"{self.unit}, first at {where} ({self.rows} of {len(run)} rows)")  # fmt: skip
 
 
+@dataclass(frozen=True)
+class Opening(Excess):
+    """A cam or a cable that would have to pull, or push, where it cannot: ``joint`` is its name, the limit 0.
+
+    Attributes:
+        kind: ``cam`` or ``cable``.
+        opens: What happens there in truth, in words.
+        whereabouts: Where it is at the first row, in words; may be empty.
+    """
+
+    kind: str
+    opens: str
+    whereabouts: str
+
+    def words(self, run: Trajectory) -> str:
+        """Return it as a sentence."""
+        where = f"{run.parameter} = {self.at:.6g} {'' if str(run.unit) == '1' else run.unit}".rstrip()
+        where += f", {self.whereabouts}" if self.whereabouts else ""
+        act = f"would have to {'push' if self.kind == 'cable' else 'pull'} with {-self.value:.6g} {self.unit}"
+        return (f"{self.kind} {self.joint} {act}: {self.opens}, first at {where} ({self.rows} of {len(run)} rows); "
+                "from there on it moves otherwise")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Flaw(Excess):
+    """A cam that cannot be made: ``joint`` is its name, ``value`` how many rows show it.
+
+    Attributes:
+        kind: ``cam``.
+        flaw: What is wrong, in words.
+        whereabouts: Where it is at the first row, in words.
+    """
+
+    kind: str
+    flaw: str
+    whereabouts: str
+
+    def words(self, run: Trajectory) -> str:
+        """Return it as a sentence."""
+        return f"{self.kind} {self.joint} {self.flaw}, first at {self.whereabouts} ({self.rows} of {len(run)} rows)"
+
+
 def excesses(run: Trajectory) -> list[Excess]:
-    """Return the limits that a run goes beyond, joint by joint; efforts are those of drives, or of couplings."""
-    return [excess for joint in run.mechanism.joints.values() for excess in _of(run, joint)]
+    """Return the limits that a run goes beyond, joint by joint; efforts are those of drives, or of couplings.
+
+    Then cams and cables that would have to act against their sense, and cams that cannot be made.
+    """
+    found = [excess for joint in run.mechanism.joints.values() for excess in _of(run, joint)]
+    return [*found, *_openings(run), *_flaws(run)]
+
+
+def _flaws(run: Trajectory) -> Iterator[Flaw]:
+    for one in run.mechanism.relations:
+        rows = np.flatnonzero(one.flawed(run.q))
+        if len(rows):
+            first, count = rows[0], len(rows)
+            yield Flaw(one.name, "outline", DIMENSIONLESS, 0.0, float(count), float(run.grid.t[first]), count,
+                       one.kind, one.flaw, one.whereabouts(run.q[first]))  # fmt: skip
+
+
+def _openings(run: Trajectory) -> Iterator[Opening]:
+    sided = one_sided(run.mechanism.constraints)
+    if not sided or run.no_efforts:
+        return
+    lam, places = np.asarray(run.lam), run.closure.slices()
+    for one in sided:
+        push = one.push(run.q, lam[:, places[one.name].start])
+        rows = np.flatnonzero(push < -ROUNDING * np.abs(push).max())
+        if len(rows):
+            yield Opening(
+                one.name, "contact", one.push_unit(), 0.0, float(push.min()), float(run.grid.t[rows[0]]), len(rows),
+                one.kind, one.opens, one.whereabouts(run.q[rows[0]]),
+            )  # fmt: skip
 
 
 def _of(run: Trajectory, joint: Joint) -> Iterator[Excess]:

@@ -12,10 +12,10 @@ import numpy as np
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.checks.figures import relative
+from pinarm.engine.checks.free_masses import ConstrainedMasses, FreeMasses, MassMatrices, TreeMasses
 from pinarm.engine.checks.sample import SAMPLE, sampled
-from pinarm.engine.checks.singularity import nearest_singularity
+from pinarm.engine.constraints.nullspaces.nullspace import MANY
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.masses import MASSLESS, NOTHING
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_tree import LinkTree
 
@@ -32,10 +32,12 @@ def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: 
         most: Largest number of rows that are looked at.
 
     Returns:
+        Of rows at which all constraints hold:
         ``closure``, ``closure rate`` and ``closure acceleration``: largest gap of a loop [m or rad], and of its two
         derivatives. ``regularity``: smallest singular value of the constraints' rows relative to the largest, of as
         many as are independent at any row, looked for between rows where it becomes small; 0 at a singular position.
-        ``least regular at``: where that is.
+        ``least regular at``: where that is. ``relative regularity``: the smallest singular value there relative to its
+        largest value in the run.
         ``condition``: largest condition number of the mass matrix of the free motions, scaled to a diagonal of ones.
         ``return trip``: largest difference of the accelerations that the efforts give by forward dynamics to those of
         the table, relative to the largest acceleration that efforts and loads would give if none of them cancelled;
@@ -45,19 +47,26 @@ def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: 
     if run.no_efforts and not run.mechanism.closure.size:
         return {}
     rows = sampled(len(run), most)
+    if run.opened is not None:  # what is open is not to be closed
+        rows = rows[~run.opened[rows]]
+    if not len(rows):
+        return {}
     found = _Looked.at(run, rows)
     figures: dict[str, Any] = {}
     if run.mechanism.closure.size:
-        gaps = found.gaps.max(axis=0).tolist()
-        figures.update(zip(("closure", "closure rate", "closure acceleration"), gaps, strict=True))
+        gaps = zip(("closure", "closure rate", "closure acceleration"), found.gaps.max(axis=0), strict=True)
+        figures.update(gaps)
         if run.unknown:  # rates that are NaN
-            figures = {name: gap for name, gap in figures.items() if not np.isnan(gap)}
+            figures = {name: gap for name, gap in figures.items() if not np.isnan(gap).any()}
+        from pinarm.engine.checks.singularity import nearest_singularity
+
         values = run.mechanism.closure.values_of(found.own)
-        figures |= zip(("regularity", "least regular at"), nearest_singularity(run, motion, rows, values), strict=True)
+        names = ("regularity", "least regular at", "relative regularity")
+        figures |= zip(names, nearest_singularity(run, motion, rows, values), strict=True)
     if run.no_efforts:
         return figures
     alike = found.of_one_freedom(run)
-    condition = np.max([measure.condition for measure in alike], axis=0)
+    condition = np.max([measure.masses.condition for measure in alike], axis=0)
     if not np.isfinite(condition).all():
         return figures
     trips = [measure.return_trip(run) for measure in alike]
@@ -96,11 +105,15 @@ class _Looked:
 
     def of_one_freedom(self, run: Trajectory) -> list[_Alike]:
         """Return those with as many free motions together: at singular positions there are more."""
-        mass, found = run.dynamics.mass_matrices(run.q[self.rows]), []
-        for some, split in run.mechanism.closure.splits(run.q[self.rows], self.own).parts:
-            free_mass = split.free.swapaxes(-2, -1) @ mass[some] @ split.free
-            particular = split.particular(self.right[some])
-            found.append(_Alike(self.rows[some], split.free, mass[some], free_mass, particular, self.guided[some]))
+        q, model, closure = run.q[self.rows], run.mechanism.model, run.mechanism.closure
+        if model.nv > MANY and not closure.size:
+            return [_Alike(self.rows, TreeMasses(model, q), np.zeros_like(run.v[self.rows]), self.guided)]
+        mass, found = None if model.nv > MANY else run.dynamics.mass_matrices(q), []
+        for some, split in closure.splits(q, self.own).parts:
+            here = (
+                ConstrainedMasses(model, q[some], split.free) if mass is None else MassMatrices(mass[some], split.free)
+            )
+            found.append(_Alike(self.rows[some], here, split.particular(self.right[some]), self.guided[some]))
         return found
 
 
@@ -110,39 +123,19 @@ class _Alike:
 
     Attributes:
         rows: Their places in the run, shape (n,).
-        free: T, bases of their free motions, shape (n, nv, f).
-        mass: M, shape (n, nv, nv).
-        free_mass: ``T^T M T``, shape (n, f, f).
+        masses: Along their free motions.
         particular: The shortest accelerations that the constraints allow, shape (n, nv).
         guided: Loads of the drives along task coordinates, shape (n, nv).
     """
 
     rows: Indices
-    free: Array
-    mass: Array
-    free_mass: Array
+    masses: FreeMasses
     particular: Array
     guided: Array
 
-    @property
-    def condition(self) -> Array:
-        """Return the largest condition number of T^T M T scaled to a diagonal of ones; infinite if one is singular.
-
-        A motion may move no mass at some positions only, such as a light crank at the dead centre of its slider.
-        Shape (), or (k,) of variants.
-        """
-        if not self.free_mass.shape[-1]:
-            return np.ones(self.free_mass.shape[1:-2])
-        square = np.maximum(np.diagonal(self.free_mass, axis1=-2, axis2=-1), 0.0)
-        idle = (square <= NOTHING * square.max(axis=(0, -1), keepdims=True)).any(axis=(0, -1))
-        size = np.sqrt(np.where(idle[..., None], 1.0, square))
-        values = np.linalg.eigvalsh(self.free_mass / (size[..., :, None] * size[..., None, :]))
-        idle |= ~(values[..., 0].min(axis=0) > MASSLESS)
-        return np.where(idle, np.inf, (values[..., -1] / np.where(idle, 1.0, values[..., 0])).max(axis=0))
-
     def return_trip(self, run: Trajectory) -> tuple[Array, Array]:
         """Return the largest difference of accelerations, and the largest one that efforts and loads could give."""
-        model, free, rows = run.mechanism.model, self.free, self.rows
+        model, masses, rows = run.mechanism.model, self.masses, self.rows
         still = np.zeros_like(run.a)
 
         def resistance(dynamics: Dynamics, part: slice) -> Array:
@@ -151,11 +144,10 @@ class _Alike:
 
         resisting, supplied = run.gather(resistance), run.tau[rows] + run.friction_loads[rows] + self.guided
         pull = run.mechanism.gravity * np.sqrt(LinkTree.of(model).masses.sum(axis=-1))
-        weights = pull[..., None] * np.sqrt(np.maximum(np.diagonal(self.mass, axis1=-2, axis2=-1), 0.0))
-        moving = supplied - resisting - np.matvec(self.mass, self.particular)
+        weights = pull[..., None] * np.sqrt(np.maximum(masses.diagonal, 0.0))
+        moving = supplied - resisting - masses.times(self.particular)
         most = np.abs(supplied) + np.abs(resisting) + weights
-        loads = np.stack([np.vecmat(moving, free), np.vecmat(most, np.abs(free))], axis=-1)
-        back, given = np.moveaxis(free @ np.linalg.solve(self.free_mass, loads), -1, 0)
+        back, given = masses.responses(moving, most)
         return _largest(self.particular + back - run.a[rows]), np.maximum(_largest(run.a[rows]), _largest(given))
 
 

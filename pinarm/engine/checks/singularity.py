@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pinarm.arrays import Array, Indices
-from pinarm.engine.constraints.nullspace import RANK
+from pinarm.arrays import Array, Indices, distinct
+from pinarm.engine.constraints.nullspaces.nullspace import RANK
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import PinarmError
 
@@ -21,34 +23,85 @@ NEAR = 0.1
 ROUNDS, EVENLY = 10, 4
 """How often instants between rows are looked at; at first so many on either side, evenly, as rows may be far apart."""
 
+SAME = 1e-10
+"""Difference of regularities, relative to them, that is rounding: of positions that a motion takes twice the first
+counts, whatever the processor."""
+
 FLAT = 0.05
 """Part of the regularity by which it changes from one instant to the next where it is not looked for any closer."""
 
 
+class NearestSingularity(NamedTuple):
+    """Where a run is nearest to a singular position; of variants in arrays of shape (k,).
+
+    Attributes:
+        regularity: The least regularity ``s_r / max s_1`` that was found.
+        at: The parameter there.
+        relative: ``s_r`` there, relative to its largest value in the run: 1 where the loops transmit alike everywhere,
+            however large or small the ratios of gears and arms are.
+    """
+
+    regularity: float | Array
+    at: float | Array
+    relative: float | Array
+
+
 def nearest_singularity(
     run: Trajectory, motion: SolvedMotion | None, rows: Indices, values: Array
-) -> tuple[float, float]:
-    """Return the least regularity that was found, and the parameter at which it is.
+) -> NearestSingularity:
+    """Return where a run is nearest to a singular position.
 
-    It is ``s_r / max s_1``, s being the singular values of G in descending order, r its rank, and ``max s_1`` the
-    largest in the run: a single row has one singular value, which vanishes at a singular position like any other.
+    The regularity is ``s_r / max s_1``, s being the singular values of G in descending order, r its rank, and
+    ``max s_1`` the largest in the run: a single row has one singular value, which vanishes at a singular position like
+    any other.
 
     Args:
         run: The table of states.
         motion: What they are states of; none where nothing is looked for between rows.
         rows: Those of its rows that have been looked at, shape (n,).
-        values: Singular values of the constraints there, descending, shape (n, s).
+        values: Singular values of the constraints there, descending, shape (n, s), of variants (n, k, s): what is told
+            of these has the shape (k,), and is NaN where it would have to be looked for between rows.
     """
     rank = run.mechanism.closure.rank(values)
     if not rank:  # a second bearing in line with the first holds nothing that could be lost
-        return 1.0, float(run.grid.t[rows[0]])
-    largest = float(values[:, 0].max())
-    regular = values[:, rank - 1] / largest
-    least = int(np.argmin(regular))
-    best = float(regular[least]), float(run.grid.t[rows[least]])
-    if motion is None or run.separate or not 0 < least < len(rows) - 1 or not RANK < best[0] < NEAR:
+        one = np.ones(values.shape[1:-1])
+        return NearestSingularity(one, float(run.grid.t[rows[0]]) * one, one)
+    t, largest = run.grid.t[rows], values[..., 0].max(axis=0)
+    regular = values[..., rank - 1] / largest
+    if values.ndim > 2:
+        return _of_variants(t, regular, NEAR if not run.separate else RANK)
+    between = None if motion is None or run.separate else partial(_between, run, motion, rank, float(largest))
+    least, at = _least(t, regular, between)
+    return NearestSingularity(least, at, least / float(regular.max()))
+
+
+def _of_variants(t: Array, regular: Array, near: float) -> NearestSingularity:
+    """Return the same of variants, given their regularity at rows, shape (n, k)."""
+    least = _first_least(regular)
+    lowest = np.take_along_axis(regular, least[None], axis=0)[0]
+    looked_for = (least > 0) & (least < len(t) - 1) & (lowest > RANK) & (lowest < near)
+    lowest = np.where(looked_for, np.nan, lowest)
+    return NearestSingularity(lowest, t[least], lowest / regular.max(axis=0))
+
+
+def _first_least(regular: Array) -> Indices:
+    """Return where each regularity is least, at the first of rows that differ by rounding: shape (n, ..) to (..)."""
+    return np.asarray(np.argmax(regular <= (1.0 + SAME) * regular.min(axis=0), axis=0))
+
+
+def _least(t: Array, regular: Array, at: Callable[[Array], Array] | None) -> tuple[float, float]:
+    """Return the least regularity, and the parameter there.
+
+    Args:
+        t: Values of the parameter at which it is known, shape (n,).
+        regular: The regularity there, shape (n,).
+        at: The regularity at other values of the parameter, shape (n,); ``None`` where nothing is between them.
+    """
+    least = int(_first_least(regular))
+    best = float(regular[least]), float(t[least])
+    if at is None or not 0 < least < len(t) - 1 or not RANK < best[0] < NEAR:
         return best
-    t, here = run.grid.t[rows[least - 1 : least + 2]], regular[least - 1 : least + 2]
+    t, here = t[least - 1 : least + 2], regular[least - 1 : least + 2]
     if t[0] > t[2]:
         t, here = t[::-1], here[::-1]
     for round_ in range(ROUNDS):
@@ -56,7 +109,7 @@ def nearest_singularity(
         if not len(between):
             break
         try:
-            found = _smallest(run, motion.positions(between), rank) / largest
+            found = at(between)
         except PinarmError:  # singular: nothing closer can be looked at
             break
         best = min(best, *zip(found.tolist(), between.tolist(), strict=True))
@@ -87,10 +140,10 @@ def _lowest(t: Array, values: Array) -> Array:
     vertex = t[1] - 0.5 * (falling * right + rising * left) / (rising - falling) if rising > falling else t[1]
     inside = np.array([*crossing, vertex])
     apart = 1e-9 * (t[2] - t[0])
-    return np.unique(inside[np.abs(inside[:, None] - t).min(axis=1) > apart])
+    return distinct(inside[np.abs(inside[:, None] - t).min(axis=1) > apart])
 
 
-def _smallest(run: Trajectory, q: Array, rank: int) -> Array:
-    """Return the singular value that is lost at singular positions, at configurations of shape (n, nq), shape (n,)."""
+def _between(run: Trajectory, motion: SolvedMotion, rank: int, largest: float, t: Array) -> Array:
+    """Return the regularity at values of the parameter, shape (n,)."""
     closure = run.mechanism.closure
-    return np.asarray(closure.values_of(closure.at(q)[1])[:, rank - 1])
+    return np.asarray(closure.values_of(closure.at(motion.positions(t))[1])[:, rank - 1] / largest)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pinarm.engine.checks.sample import sampled
-from pinarm.engine.constraints.nullspace import UNCLOSED, RowDecomposition
+from pinarm.engine.constraints.nullspaces.nullspace import UNCLOSED
 from pinarm.engine.motion.trajectory import Trajectory
 
 ROUNDED = 1e-13
@@ -21,7 +21,7 @@ def unclosed(run: Trajectory) -> list[str]:
     gaps, matrices = closure.at(run.q[rows])
     if (np.abs(gaps) <= ROUNDED * closure.reach).all():  # nearly always
         return []
-    reached = closure.splits(run.q[rows], matrices).each(closure.size, RowDecomposition.reached, gaps)
+    reached = closure.splits(run.q[rows], matrices).each(closure.size, lambda split, gap: split.reached(gap), gaps)
     left = np.abs(gaps - reached)
     worst = left.max(axis=0)
     if (worst <= ROUNDED * closure.reach).all():

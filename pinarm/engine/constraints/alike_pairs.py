@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.constraints.elimination import Row
+from pinarm.engine.constraints.nullspaces.elimination import Row
 from pinarm.engine.constraints.row_measures import EvaluatedPair, EvaluatedRows, PairMeasure, RowMeasure
 
 BLOCK = 2048

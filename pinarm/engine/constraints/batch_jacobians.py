@@ -10,15 +10,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.alike_pairs import BLOCK, AlikePairs, alike_pairs
 from pinarm.engine.constraints.constraint import Constraint
-from pinarm.engine.constraints.elimination import Row
+from pinarm.engine.constraints.nullspaces.elimination import Row
 from pinarm.engine.constraints.row_measures import EvaluatedRows, RowMeasure, row_measure
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.geometry.model_variants import Model
 
 __all__ = ["BLOCK", "BatchJacobians", "EvaluatedJacobians", "rows_of"]
 
@@ -36,7 +36,7 @@ class BatchJacobians:
     size: int
 
     @classmethod
-    def of(cls, model: pin.Model, ones: Sequence[Constraint | Coordinate]) -> BatchJacobians | None:
+    def of(cls, model: Model, ones: Sequence[Constraint | Coordinate]) -> BatchJacobians | None:
         """Return the measures of a model; ``None`` where one of them cannot be had at many configurations."""
         parts, size = [], 0
         for one in ones:
@@ -46,6 +46,10 @@ class BatchJacobians:
             parts.append((size, measure))
             size += measure.size
         return cls(tuple(parts), size)
+
+    def repeated(self, n: int) -> BatchJacobians:
+        """Return the measures for n rows of all variants of a model, row by row."""
+        return BatchJacobians(tuple((start, part.repeated(n)) for start, part in self.parts), self.size)
 
     @cached_property
     def alike(self) -> tuple[AlikePairs, ...]:
@@ -57,8 +61,13 @@ class BatchJacobians:
         """Number of measures that differ in more than their joints."""
         return len(self.parts) - sum(len(pairs.places) - 1 for pairs in self.alike)
 
+    def each(self, q: Array) -> EvaluatedJacobians:
+        """Return the rows at configurations, shape (nv, n), each measure by itself."""
+        cosine, sine = np.cos(q), np.sin(q)
+        return EvaluatedJacobians([(start, measure.at(q, cosine, sine)) for start, measure in self.parts])
+
     def at(self, q: Array) -> EvaluatedJacobians:
-        """Return the rows at configurations, shape (nv, n)."""
+        """Return the rows at configurations, shape (nv, n), measures that are alike together."""
         cosine, sine = np.cos(q), np.sin(q)
         known = dict(rows for pairs in self.alike for rows in pairs.at(q, cosine, sine))
         return EvaluatedJacobians([
@@ -119,7 +128,7 @@ class EvaluatedJacobians:
         return found
 
 
-def rows_of(model: pin.Model, coordinates: Sequence[Coordinate], q: Array) -> Array:
+def rows_of(model: Model, coordinates: Sequence[Coordinate], q: Array) -> Array:
     """Return the rows J of coordinates at configurations q, shape (n, nq), as an array of shape (n, d, nv)."""
     found = np.zeros((len(q), len(coordinates), model.nv))
     for d, coordinate in enumerate(coordinates):

@@ -5,17 +5,25 @@ An open chain has no rows; nothing else distinguishes it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
-from pinarm.engine.constraints.nullspace import RANK, UNCLOSED, VANISHED, RowDecomposition, RowDecompositions
+from pinarm.engine.constraints.nullspaces.nullspace import (
+    MANY,
+    RANK,
+    UNCLOSED,
+    VANISHED,
+    RowDecompositions,
+    SplitRows,
+    split_rows,
+)
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
@@ -27,7 +35,7 @@ if TYPE_CHECKING:
 SMALL = 0.01
 """Part of its reach below which a row may be that of a joint which repeats others but is a little out of line."""
 
-MANY, KEPT = 8, 64
+SEVERAL, KEPT = 8, 64
 """Number of configurations from which on it pays to look at them together, fewer where constraints are alike; and up to
 which this is kept."""
 
@@ -105,9 +113,9 @@ class Closure:
         rows = self.rows(self.state(pin.integrate(self.model, pin.neutral(self.model), anywhere)))
         return bool((np.abs(rows) > SMALL * self.reach[:, None]).any())
 
-    def split(self, rows: Array) -> RowDecomposition:
+    def split(self, rows: Array) -> SplitRows:
         """Return given rows G, shape (m, nv), taken apart."""
-        return RowDecomposition.of(rows, self.reach)
+        return split_rows(rows, self.reach)
 
     def with_guides(self, names: Sequence[str], coordinates: Sequence[Coordinate]) -> Closure:
         """Return the closure with the rows of guided coordinates after its own."""
@@ -175,7 +183,7 @@ class Closure:
         """Return the rows at many configurations, evaluated together; ``None`` where each is looked at by itself."""
         if not self.size or not self.batch_jacobians:
             return None
-        if len(q) * len(self.constraints) < MANY * self.batch_jacobians.kinds:
+        if len(q) * len(self.constraints) < SEVERAL * self.batch_jacobians.kinds:
             return None
         return self._kept(q.tobytes(), len(q)) if len(q) <= KEPT else self._together(q)
 
@@ -193,6 +201,27 @@ class Closure:
             return measured.splits
         return RowDecompositions.of(rows, self.reach)
 
+    def free_motions(self, q: Array) -> Iterator[tuple[Indices, Array]]:
+        """Yield places of configurations, shape (N, nq), and T there; see ``nullspace_batch.free_motions``."""
+        from pinarm.engine.constraints.nullspaces.nullspace_batch import free_motions
+
+        return free_motions(self, q)
+
+    def stresses(self, q: Array) -> list[Array]:
+        """Return multipliers of length 1 that do nothing, each of shape (n, m), at configurations, shape (n, nq).
+
+        Where there are fewer than at another configuration, 0 stands for the others.
+        """
+        found: list[Array] = []
+        for i, one in enumerate(q if self.size else ()):
+            split = self.split(self.rows(self.state(one)))
+            free = split.scale[:, None] * split.redundant
+            free /= np.linalg.norm(free, axis=0)
+            found += [np.zeros((len(q), self.size)) for _ in range(free.shape[1] - len(found))]
+            for stress, column in zip(found, free.T, strict=False):
+                stress[i] = column
+        return found
+
     def drifts(self, q: Array, v: Array) -> Array:
         """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""
         if measured := self._measured(q):
@@ -205,28 +234,35 @@ class Closure:
     def singular_values(self, q: Array) -> Array:
         """Return the singular values of G at a configuration, descending, lengths in the unit of the mechanism.
 
-        Rows are not brought to the length 1: where bars are in line a row itself may vanish.
+        Of many joints only the largest and the last are computed. Rows are not brought to the length 1: where bars are
+        in line a row itself may vanish.
         """
         return self.values_of(self.rows(self.state(q)))
 
     def values_of(self, rows: Array) -> Array:
         """Return the singular values of given rows G, shape (.., m, nv), as ``singular_values`` does."""
-        return np.asarray(np.linalg.svd(rows * self.scale / self.measure[:, None], compute_uv=False))
+        scaled = rows * self.scale / self.measure[:, None]
+        if rows.size and self.model.nv > MANY:
+            from pinarm.engine.constraints.nullspaces.sparse_nullspace import extreme_values
+
+            values = [extreme_values(each) for each in scaled.reshape(-1, *rows.shape[-2:])]
+            return np.reshape(values, (*rows.shape[:-2], -1))
+        return np.asarray(np.linalg.svd(scaled, compute_uv=False))
 
     def rank(self, values: Array) -> int:
-        """Return the rank that singular values, shape (n, s), have at most; see ``values_of``."""
-        least = np.maximum(RANK * values[:, :1], VANISHED * self.coarseness)
-        return int((values > least).sum(axis=1).max())
+        """Return the rank that singular values, shape (n, .., s), have at most; see ``values_of``."""
+        least = np.maximum(RANK * values[..., :1], VANISHED * self.coarseness)
+        return int((values > least).sum(axis=-1).max())
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> Array:
         """Return what multipliers, shape (n, m), do to the links, shape (n, njoints, 6).
 
         [f; m] at the world's origin, world axes [N, N*m]. Couplings whose forces are not known do nothing to them.
         """
-        total = np.zeros((len(lam), self.model.njoints, 6))
+        total = np.zeros((*lam.shape[:-1], self.model.njoints, 6))
         for constraint, rows in zip(self.constraints, self.slices().values(), strict=True):
-            for joint, wrench in constraint.wrenches(links, lam[:, rows]).items():
-                total[:, joint] += wrench
+            for joint, wrench in constraint.wrenches(links, lam[..., rows]).items():
+                total[..., joint, :] += wrench
         return total
 
     def added_wrenches(self, links: LinkPlacements, lam: Array) -> Array:
@@ -245,13 +281,14 @@ class Closure:
             q: Configurations, shape (n, nq).
             lam: Multipliers, shape (n, m).
         """
-        total, moved = np.zeros((*q.shape[:-1], self.model.nv)), LinkTree.of(self.model).supports
+        moved = LinkTree.of(self.model).supports
+        total = np.zeros((*np.broadcast_shapes(q.shape[:-1], lam.shape[:-1]), self.model.nv))
         for constraint, part in zip(self.constraints, self.slices().values(), strict=True):
-            wrenches = constraint.wrenches(links, lam[:, part])
+            wrenches = constraint.wrenches(links, lam[..., part])
             for joint, wrench in wrenches.items():
                 total += moved[joint] * np.vecmat(wrench, columns)
             if not wrenches:
-                total += np.vecmat(lam[:, part], Closure.of(self.model, [constraint]).at(q)[1])
+                total += np.vecmat(lam[..., part], replace(self, constraints=(constraint,)).at(q)[1])
         return total
 
 

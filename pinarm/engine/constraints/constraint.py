@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 
@@ -25,6 +26,14 @@ class Constraint(Protocol):
     @property
     def size(self) -> int:
         """Number m of rows."""
+        ...
+
+    @property
+    def side(self) -> float:
+        """Sense in which its multiplier can act, 1 or -1, as of a cam that only pushes; 0 where it holds both ways.
+
+        A constraint with a side may open: its gap then has that sign.
+        """
         ...
 
     def unit(self, row: int) -> Unit:
@@ -56,11 +65,13 @@ class GuidedCoordinate:
         name: Name of the coordinate.
         coordinate: The coordinate.
         size: One row.
+        side: It holds both ways.
     """
 
     name: str
     coordinate: Coordinate
     size: int = 1
+    side: float = 0.0
 
     def unit(self, row: int) -> Unit:
         """Return the coordinate's unit."""
@@ -81,3 +92,39 @@ class GuidedCoordinate:
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
         """Return the force on the links whose points the coordinate measures."""
         return self.coordinate.wrenches(links, lam[:, 0])
+
+
+class OneSidedConstraint(Constraint, Protocol):
+    """A constraint of one row that pushes only, or pulls only, and opens where it would have to do the other."""
+
+    @property
+    def kind(self) -> str:
+        """Its kind, as files call it."""
+        ...
+
+    @property
+    def opens(self) -> str:
+        """What happens where it opens, in words."""
+        ...
+
+    def push(self, q: Array, lam: Array) -> Array:
+        """Return with what it acts [N, or N*m], negative against its sense; shape (n,).
+
+        Args:
+            q: Configurations, shape (n, nq).
+            lam: Its multipliers, shape (n,).
+        """
+        ...
+
+    def push_unit(self) -> Unit:
+        """Return the unit of that."""
+        ...
+
+    def whereabouts(self, q: Array) -> str:
+        """Return what tells a configuration, shape (nq,), apart for it, in words; may be empty."""
+        ...
+
+
+def one_sided(constraints: Iterable[Constraint]) -> list[OneSidedConstraint]:
+    """Return the constraints with a side."""
+    return [cast("OneSidedConstraint", one) for one in constraints if one.side]

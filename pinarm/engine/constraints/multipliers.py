@@ -10,7 +10,7 @@ import numpy as np
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import RowDecompositions
+from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions
 
 BLOCK = 512
 """Number of rows whose G is held at once."""
@@ -34,7 +34,7 @@ class Multipliers:
     @classmethod
     def known(cls, lam: Array, m: int) -> Multipliers:
         """Return multipliers that have been computed, shape (n, m + g)."""
-        return cls(lam[:, :m].__getitem__, lam[:, m:])
+        return cls(lam[..., :m].__getitem__, lam[..., m:])
 
     @classmethod
     def zero(cls, n: int, m: int) -> Multipliers:
@@ -51,11 +51,11 @@ class Multipliers:
             held: ``M a + nle - loads - tau``, shape (n, nv).
             along: Efforts of the drives along the coordinates, shape (n, g).
         """
-        m = closure.size - along.shape[1]
+        m = closure.size - along.shape[-1]
 
         def own(rows: Indices) -> Array:
-            found = np.empty((len(rows), m))
-            with one_blas_thread(held.shape[1]):
+            found = np.empty((len(rows), *held.shape[1:-1], m))
+            with one_blas_thread(held.shape[-1]):
                 for start in range(0, len(rows), BLOCK):
                     some = rows[start : start + BLOCK]
                     found[start : start + BLOCK] = block(some)
@@ -63,7 +63,7 @@ class Multipliers:
 
         def block(some: Indices) -> Array:
             g = closure.at(q[some])[1]
-            force = held[some] - np.vecmat(along[some], g[:, m:])
+            force = held[some] - np.vecmat(along[some], g[..., m:, :])
             splits = RowDecompositions.of(g[:, :m], closure.reach[:m]) if along.size else closure.splits(q[some], g)
             return splits.multipliers(force)
 
@@ -83,6 +83,21 @@ class Multipliers:
 
         return cls(own, np.concatenate([part.along for part in parts]))
 
+    def spread(self, rows: Indices, m: int) -> Multipliers:
+        """Return the multipliers of m constraint rows, of which these belong to some; the others are 0.
+
+        Args:
+            rows: Which of the m rows these are, shape (k,).
+            m: Number of rows.
+        """
+
+        def own(wanted: Indices) -> Array:
+            found = np.zeros((len(wanted), m))
+            found[:, rows] = self.own(wanted)
+            return found
+
+        return Multipliers(own, self.along)
+
     def __len__(self) -> int:
         return len(self.along)
 
@@ -94,7 +109,7 @@ class Multipliers:
 
     def at(self, rows: Indices) -> Array:
         """Return the multipliers at k of the rows, shape (k, m + g)."""
-        return np.hstack([self.own(rows), self.along[rows]])
+        return np.concatenate([self.own(rows), self.along[rows]], axis=-1)
 
     def some(self, rows: Indices) -> Multipliers:
         """Return the multipliers at some of the rows."""

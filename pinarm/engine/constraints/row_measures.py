@@ -7,18 +7,18 @@ the n configurations along their last axis, or 1 where a number is the same in a
 from __future__ import annotations
 
 from collections.abc import Container, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
-from pinarm.engine.constraints.elimination import Row
+from pinarm.engine.constraints.nullspaces.elimination import Row
 from pinarm.mechanics.coordinates import Coordinate, DistanceCoordinate, FrameCoordinate, LinearCoordinate
-from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.coupling import Coupling, JointRelation
 from pinarm.mechanics.geometry.chains import Chain, Placed
+from pinarm.mechanics.geometry.model_variants import Model
 from pinarm.mechanics.geometry.vectors import dot
 from pinarm.mechanics.joints import UNIVERSE
 from pinarm.mechanics.loops.loop_joints import LoopJoint
@@ -61,6 +61,10 @@ class PairMeasure:
     def size(self) -> int:
         """Number of rows."""
         return len(self.pair.along)
+
+    def repeated(self, n: int) -> PairMeasure:
+        """Return the measure for n rows of all variants."""
+        return replace(self, chain=self.chain.repeated(n))
 
     def at(self, q: Array, cosine: Array, sine: Array) -> EvaluatedPair:
         """Return its rows at configurations q; cos(q) and sin(q) serve all measures. Each of shape (nv, n)."""
@@ -128,6 +132,10 @@ class SumMeasure:
         """Return the sum that a coordinate is."""
         return cls({int(i): coordinate.weights[i : i + 1] for i in np.flatnonzero(coordinate.weights)}, constant)
 
+    def repeated(self, n: int) -> SumMeasure:
+        """Return the measure itself, which is the same in all variants."""
+        return self
+
     def at(self, q: Array, cosine: Array, sine: Array) -> EvaluatedSum:
         """Return its row at configurations q, shape (nv, n)."""
         return EvaluatedSum(self, q)
@@ -159,10 +167,59 @@ class EvaluatedSum:
         return {}
 
 
-RowMeasure = PairMeasure | SumMeasure
+@dataclass(frozen=True, eq=False)
+class RelationMeasure:
+    """A relation between joint coordinates whose row depends on them.
+
+    Attributes:
+        relation: The relation.
+        size: One row.
+    """
+
+    relation: JointRelation
+    size: int = 1
+
+    def repeated(self, n: int) -> RelationMeasure:
+        """Return the measure itself, which is the same in all variants."""
+        return self
+
+    def at(self, q: Array, cosine: Array, sine: Array) -> EvaluatedRelation:
+        """Return its row at configurations q, shape (nv, n)."""
+        return EvaluatedRelation(self.relation, q)
 
 
-def row_measure(model: pin.Model, one: Constraint | Coordinate) -> RowMeasure | None:
+@dataclass(frozen=True, eq=False)
+class EvaluatedRelation:
+    """The row of a relation at many configurations.
+
+    Attributes:
+        relation: The relation.
+        q: Configurations, shape (nv, n).
+    """
+
+    relation: JointRelation
+    q: Array
+
+    def gap(self) -> list[Array]:
+        """Return what is not closed."""
+        return [self.relation.gaps_at(self.q.T)]
+
+    def rows(self, wanted: Container[int]) -> dict[int, Row]:
+        """Return the coefficients of the joints that it couples."""
+        if 0 not in wanted:
+            return {}
+        rows = self.relation.rows_at(self.q.T)
+        return {0: {int(v): rows[:, v] for v in self.relation.joints}}
+
+    def drift(self, wanted: Container[int], v: Array) -> dict[int, Array]:
+        """Return ``G' v``."""
+        return {0: self.relation.drifts_at(self.q.T, v.T)} if 0 in wanted else {}
+
+
+RowMeasure = PairMeasure | SumMeasure | RelationMeasure
+
+
+def row_measure(model: Model, one: Constraint | Coordinate) -> RowMeasure | None:
     """Return what a constraint or coordinate measures; ``None`` where it cannot be had at many configurations."""
     if isinstance(one, GuidedCoordinate):
         return row_measure(model, one.coordinate)
@@ -170,6 +227,8 @@ def row_measure(model: pin.Model, one: Constraint | Coordinate) -> RowMeasure | 
         return SumMeasure.of(one)
     if isinstance(one, Coupling):
         return SumMeasure.of(one.coordinate, one.constant)
+    if isinstance(one, JointRelation):
+        return RelationMeasure(one)
     if isinstance(one, LoopJoint):
         first, second, pair = one.first, one.second, one.pair
     elif isinstance(one, FrameCoordinate):

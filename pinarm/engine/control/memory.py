@@ -15,7 +15,8 @@ import numpy as np
 from pinarm.arrays import Array, Indices
 from pinarm.engine.control.sampler import Sampler, reference_after
 from pinarm.engine.control.schedule import Schedule
-from pinarm.mechanics.control.controller import Controller
+from pinarm.mechanics.control.controller import NOTHING, Controller, Given
+from pinarm.mechanics.control.motor_control import MotorController
 
 
 class ControlMemory:
@@ -100,13 +101,21 @@ class ControlMemory:
         while self.due(t):
             for number, sample, measures in self.schedule.actions[self.done]:
                 if measures:
-                    command = self.samplers[number].sample(sample, t, q, v)
+                    command = self.samplers[number].sample(sample, t, q, v, self._excess(number, t, q, v))
                     self.waiting[number][sample] = command
                     self.commands[self.places[number]] = command
                 if not measures or not self.samplers[number].sampling.delay:
                     self.apply(number, self.waiting[number].pop(sample))
             self.done += 1
         self.note(t)
+
+    def _excess(self, number: int, t: float, q: Array, v: Array) -> Array:
+        """Return what motors withhold of the commands of a sampled controller, shape (k,); empty without motors."""
+        for one, place in zip(self.continuous, self.integrals, strict=True):
+            if isinstance(one, MotorController) and one.source is self.sampled[number]:
+                states = self.integral.reshape(-1)[place]
+                return one.excess(Given(t, q, v, NOTHING, NOTHING, states, applied=self.applied))
+        return NOTHING
 
     def apply(self, number: int, command: Array) -> None:
         """Put a command of a sampled controller into force, within its limits."""

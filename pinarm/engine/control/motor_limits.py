@@ -14,10 +14,16 @@ from pinarm.mechanics.control.motor_control import MotorController
 from pinarm.mechanics.motors import TorqueSource
 
 if TYPE_CHECKING:
-    from pinarm.engine.motion.segments import SegmentedMotion
+    from pinarm.engine.motion.segmented.segments import SegmentedMotion
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
 """Quadrature within a step, where efforts are smooth: degree 7, the order of the dense output."""
+
+AT_LIMIT = {"margin": "gives its peak torque", "current_margin": "is at its current limit"}
+"""Distance of a motor to a limit -> what it does where that is 0."""
+
+ROUNDING = 1e-9
+"""Of such a distance, relative to the largest of the run: a current is integrated."""
 
 TOUCHING = 1e-9
 """Part of the motion by which two stretches are apart that are told as one."""
@@ -73,7 +79,7 @@ def motor_remarks(motion: SegmentedMotion) -> list[str]:
     record = motion.dynamics.forces[CONTROL]
     assert isinstance(record, RecordedEfforts)
     motors = [one for one in record.continuous if isinstance(one, MotorController)]
-    if not any(isinstance(motor, TorqueSource) for one in motors for motor in one.actuators):
+    if not motors:
         return []
     nodes = Nodes.of(motion)
     parts = record.parts(nodes.t, nodes.q, nodes.v)[len(record.sampled) :]
@@ -85,12 +91,12 @@ def _remarks(one: object, part: dict[str, Array], nodes: Nodes) -> Iterator[str]
     if not isinstance(one, MotorController):
         return
     for k, (drive, motor) in enumerate(zip(one.drives, one.actuators, strict=True)):
-        if not isinstance(motor, TorqueSource):
-            continue
-        torque = part["torque"][:, k]
-        if motor.peak is not None and (stretches := nodes.stretches(part["margin"][:, k] == 0.0)):
-            yield _at_peak(drive, stretches)
-        if motor.continuous is not None:
+        for name, does in AT_LIMIT.items():
+            margin = part[name][:, k] if name in part else np.full(len(nodes.t), np.nan)
+            if stretches := nodes.stretches(margin <= ROUNDING * np.nanmax(margin, initial=1.0)):
+                yield _at_limit(f"{drive} {does}", stretches)
+        if isinstance(motor, TorqueSource) and motor.continuous is not None:
+            torque = part["torque"][:, k]
             rms, speed = nodes.mean(torque**2) ** 0.5, nodes.mean(np.abs(motor.ratio * nodes.v[:, one.joints[k].v]))
             if rms > (allowed := float(motor.continuous.at(np.array(speed)))):
                 yield (
@@ -99,10 +105,10 @@ def _remarks(one: object, part: dict[str, Array], nodes: Nodes) -> Iterator[str]
                 )
 
 
-def _at_peak(drive: str, stretches: list[tuple[float, float]]) -> str:
-    """Return how long a drive gives its peak torque."""
+def _at_limit(words: str, stretches: list[tuple[float, float]]) -> str:
+    """Return how long a drive is at a limit, by the words for it."""
     (start, end), total = stretches[0], sum(end - start for start, end in stretches)
     if len(stretches) == 1:
-        return f"{drive} gives its peak torque from t = {start:.6g} s to {end:.6g} s"
+        return f"{words} from t = {start:.6g} s to {end:.6g} s"
     first = f"the first from t = {start:.6g} s to {end:.6g} s"
-    return f"{drive} gives its peak torque for {total:.6g} s in {len(stretches)} stretches, {first}"
+    return f"{words} for {total:.6g} s in {len(stretches)} stretches, {first}"

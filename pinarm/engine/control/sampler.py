@@ -26,8 +26,16 @@ class Sampler:
         self.mode: int | None = None
         self.last: Array | None = None
 
-    def sample(self, number: int, t: float, q: Array, v: Array) -> Array:
-        """Return the command of a sample, before the limits [N*m or N], shape (k,)."""
+    def sample(self, number: int, t: float, q: Array, v: Array, excess: Array) -> Array:
+        """Return the command of a sample, before the limits [N*m or N], shape (k,).
+
+        Args:
+            number: Of the sample.
+            t: Its instant [s].
+            q: Configuration of the mechanism, shape (nq,).
+            v: Its velocity, shape (nv,).
+            excess: What motors withhold of the commands in force; see ``Given``.
+        """
         controller, sampling = self.controller, self.sampling
         measured = controller.measure(q, v)
         if self.coarse:
@@ -38,7 +46,7 @@ class Sampler:
             before = measured[:, 0].copy() if self.last is None else self.last
             self.last = measured[:, 0].copy()
             measured[:, 1] = (self.last - before) / sampling.period
-        given = Given(t, q, v, measured, self.reference[number], self.integral)
+        given = Given(t, q, v, measured, self.reference[number], self.integral, excess=excess)
         if controller.integrals:
             self.integral = controller.clamped(self.integral + sampling.period * controller.rates(given))
             given = given._replace(integral=self.integral)

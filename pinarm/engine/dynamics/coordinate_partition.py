@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Indices, others
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.errors import InputError
 
@@ -62,7 +62,7 @@ class CoordinatePartition:
             InputError: The rows contradict or repeat each other.
         """
         bound_v = _pivots(rows, names, given)
-        free_v = np.setdiff1d(np.arange(model.nv), bound_v)
+        free_v = others(bound_v, model.nv)
         scalar_q = np.zeros(model.nv, dtype=np.intp)
         for joint in model.joints[1:]:
             scalar_q[joint.idx_v : joint.idx_v + joint.nv] = joint.idx_q
@@ -72,7 +72,7 @@ class CoordinatePartition:
         basis[bound_v] = -solve @ rows[:, free_v]
         particular[bound_v] = solve
         bound_q = scalar_q[bound_v]
-        free_q = np.setdiff1d(np.arange(model.nq), bound_q)
+        free_q = others(bound_q, model.nq)
         return cls(model, rows, basis, particular, free_v, free_q, bound_v, bound_q, scalar_q)
 
     def configuration(self, free: Array, w: Array) -> Array:

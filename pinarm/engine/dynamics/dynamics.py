@@ -19,6 +19,7 @@ from pinarm.arrays import Array, as_rows, same_rows
 from pinarm.engine.dynamics.parallel import Parallel
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, VariantsDiffer
+from pinarm.mechanics.geometry.pinocchio_data import WIDE, new_data
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ class Dynamics:
     @classmethod
     def of(cls, model: pin.Model, forces: Mapping[str, ForceElement] = NO_FORCES) -> Dynamics:
         """Return the dynamics of a model under the given forces."""
-        return cls(model, dict(forces), model.createData())
+        return cls(model, dict(forces), new_data(model))
 
     @classmethod
     def of_variants(cls, variants: ModelVariants, forces: Mapping[str, ForceElement] = NO_FORCES) -> Dynamics:
@@ -203,6 +204,8 @@ class Dynamics:
 
     def unchecked(self) -> Accelerations:
         """Return the same of a few states, as lean as can be: to be checked by whoever takes them."""
+        if self.model.nv > WIDE:  # Pinocchio's pool of buffers grows as nv^3
+            return self.accelerations()
         aba, parallel, nv = pin.abaInParallel, self._parallel, self.model.nv
         steady, changing, tau = self.steady, self.changing, np.zeros((0, nv))
 
@@ -287,7 +290,7 @@ class Dynamics:
         rotors = self.model.copy()
         for joint in range(rotors.njoints):
             rotors.inertias[joint] = pin.Inertia.Zero()
-        data, q = rotors.createData(), pin.neutral(rotors)
+        data, q = new_data(rotors), pin.neutral(rotors)
         counted = [pin.computeKineticEnergy(rotors, data, q, unit) for unit in np.eye(rotors.nv)]
         return np.asarray(0.5 * rotors.armature - counted)
 

@@ -6,7 +6,7 @@ With the rows G of all constraints (loop joints, couplings, coordinates that fol
     G(q) a = b,    b = -G' v, plus w'' in the row of a coordinate that follows the law w(t)        (2)
 
 Let T be a basis of the velocities that the rows allow, ``G T = 0``, and a_p the shortest solution of (2), both from the
-singular values of G (``engine.constraints.nullspace``). All solutions of (2) are ``a = a_p + T u``. The multipliers do
+singular values of G (``engine.constraints.nullspaces``). All solutions of (2) are ``a = a_p + T u``. The multipliers do
 no work along T, ``T^T G^T = 0``; so with the force ``f = tau + loads - nle`` equation (1), multiplied by T^T, gives
 
     T^T M T u = T^T (f - M a_p)        (3)
@@ -33,11 +33,11 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import RowDecomposition, RowDecompositions, solved
+from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions, SplitRows, solved
 from pinarm.engine.dynamics.dynamics import Dynamics
 
 
-def solve(rows: RowDecomposition, mass: Array, force: Array, right: Array) -> Array:
+def solve(rows: SplitRows, mass: Array, force: Array, right: Array) -> Array:
     """Return the a of (1) and (2): the one that minimises ``a^T M a / 2 - f . a`` while ``G a = b``, shape (.., nv).
 
     Args:

@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import RowDecomposition
+from pinarm.engine.constraints.nullspaces.nullspace import MANY, SplitRows
 from pinarm.engine.dynamics.mass_matrix import mass_matrices
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.ball_joints import coordinate_name
@@ -37,6 +37,8 @@ def require_masses(closure: Closure, q: Array, t: float) -> None:
     Raises:
         DynamicsError: Names the joints that move without mass, and the links beyond them.
     """
+    if closure.model.nv > MANY and massive(closure.model):
+        return  # M is definite in all directions; elsewhere it is looked at as a matrix
     mass = mass_matrices(closure.model, q)
     if closure.size:
         splits = closure.splits(q, closure.at(q)[1])
@@ -48,7 +50,7 @@ def require_masses(closure: Closure, q: Array, t: float) -> None:
         _require(closure.model, closure.split(rows).free, mass[i], q[i], t)
 
 
-def _definite_along(split: RowDecomposition, mass: Array) -> Array:
+def _definite_along(split: SplitRows, mass: Array) -> Array:
     """Return whether masses, shape (n, nv, nv), are definite along the free motions of all rows, shape (n, 1)."""
     if not split.free.shape[-1]:
         return np.ones((len(mass), 1))

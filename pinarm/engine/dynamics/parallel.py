@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -15,6 +16,10 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.mass_matrix import mass_matrices
 from pinarm.mechanics.geometry.model_cache import cached_by_model
+from pinarm.mechanics.geometry.pinocchio_data import WIDE, new_data
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 FEW, MANY = 2**8, 2**15
 """Numbers in v of all states: up to which a call is over before threads gain anything, and from which on it takes so
@@ -22,9 +27,6 @@ long, 5 ms, that they gain more than they ever wait for one another. In between 
 
 RARELY = 32
 """Number of calls after which the number of threads that was slower is tried again; more where it was much slower."""
-
-WIDE = 64
-"""Coordinates up to which every thread gets buffers of its own: Pinocchio's take 65 nv^3 bytes."""
 
 
 def cores() -> int:
@@ -97,39 +99,43 @@ class Parallel:
 
     def rnea(self, q: Array, v: Array, a: Array) -> Array:
         """Return efforts, shape (n, nv), at configurations, shape (n, nq), with velocities and accelerations."""
-        return self._rows(pin.rneaInParallel, q, v, a)
+        return self._rows(pin.rneaInParallel, pin.rnea, q, v, a)
 
     def aba(self, q: Array, v: Array, tau: Array) -> Array:
         """Return accelerations, shape (n, nv), at configurations, shape (n, nq), with velocities and efforts."""
-        return self._rows(pin.abaInParallel, q, v, tau)
+        return self._rows(pin.abaInParallel, pin.aba, q, v, tau)
 
-    def transmitted(self, q: Array, v: Array, a: Array, outside: Array) -> Array:
-        """Return the wrench of the parent on the child at every joint, in the child's axes, shape (n, njoints, 6).
+    def transmitted(self, links: LinkPlacements, q: Array, v: Array, a: Array, acting: Array) -> Array:
+        """Return the wrench of the parent on the child at every joint's origin, world axes, shape (n, njoints, 6).
 
         Args:
+            links: Where the links are.
             q: Configurations, shape (n, nq).
             v: Velocities, shape (n, nv).
             a: Accelerations, shape (n, nv).
-            outside: Wrenches [f; m] on the links at their joints' origins, in their axes, shape (n, njoints, 6).
+            acting: Wrenches [f; m] on the links about the world's origin, world axes, shape (n, njoints, 6).
         """
-        model, data, inner = self.model, self.model.createData(), np.empty_like(outside)
-        acting, loaded = pin.StdVec_Force(), np.flatnonzero(outside.any(axis=(0, 2))).tolist()
-        acting.extend([pin.Force.Zero() for _ in range(model.njoints)])
+        outside = links.inwards(acting)
+        model, data, inner = self.model, new_data(self.model), np.empty_like(outside)
+        forces, loaded = pin.StdVec_Force(), np.flatnonzero(outside.any(axis=(0, 2))).tolist()
+        forces.extend([pin.Force.Zero() for _ in range(model.njoints)])
         for k in range(len(q)):
             for joint in loaded:
-                acting[joint] = pin.Force(outside[k, joint])
-            pin.rnea(model, data, q[k], v[k], a[k], acting)
+                forces[joint] = pin.Force(outside[k, joint])
+            pin.rnea(model, data, q[k], v[k], a[k], forces)
             inner[k] = [wrench.vector for wrench in data.f.tolist()]
         inner[:, 0] = 0.0  # of the world, not of a joint
-        return inner
+        return links.outwards(inner)
 
     def mass_matrices(self, q: Array) -> Array:
         """Return M at configurations, shape (n, nq), as an array of shape (n, nv, nv); armatures are in it."""
         return mass_matrices(self.model, q)
 
-    def _rows(self, call: Callable[..., Array], q: Array, *others: Array) -> Array:
+    def _rows(self, call: Callable[..., Array], single: Callable[..., Array], q: Array, *others: Array) -> Array:
         nv, size = self.model.nv, len(q) * self.model.nv
-        most = threads() if size > FEW and nv <= WIDE else 1
+        if nv > WIDE:
+            return np.array([single(self.model, self._data, *each) for each in zip(q, *others, strict=True)])
+        most = threads() if size > FEW else 1
         pace = self._paces[call, size.bit_length()]
         number = pace.choice(most) if size < MANY else most
         pool = self.one if number == 1 else _several(self.model)
@@ -137,6 +143,10 @@ class Parallel:
         found = call(number, pool, q.T, *(x.T for x in others))
         pace.note(number, (perf_counter() - start) / max(size, 1))
         return found.reshape(nv, len(q)).T
+
+    @cached_property
+    def _data(self) -> pin.Data:
+        return new_data(self.model)
 
     @cached_property
     def _paces(self) -> defaultdict[tuple[Callable[..., Array], int], ThreadTiming]:

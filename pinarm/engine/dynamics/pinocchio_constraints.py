@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import RANK, VANISHED
+from pinarm.engine.constraints.nullspaces.nullspace import RANK, VANISHED
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
@@ -26,6 +26,9 @@ from pinarm.mechanics.loops.loop_joints import LoopJoint
 if TYPE_CHECKING:
     from pinarm.engine.constraints.constraint import Constraint
     from pinarm.engine.integration.integrator import Acceleration
+
+TiedPoint = tuple[int, pin.SE3, int, pin.SE3]
+"""Joint of a link and a frame there, whose origin coincides with that of another: joint, and frame on its link."""
 
 PROXIMAL, ITERATIONS = 1e-10, 3
 """Proximal term of accelerations, relative to the smallest Delassus diagonal, and iterations."""
@@ -128,7 +131,7 @@ class PointConstraints:
         for point in tied.needed:
             states.append(point.createData())
         pin.initConstraintDynamics(model, data, tied.needed, states)
-        inverse = inverse_mass(model, data, q)
+        inverse = inverse_mass(model, q)
         if inverse is None:
             return None
         rows = _rows(model, data, list(tied.needed), q)
@@ -173,10 +176,6 @@ class PointConstraints:
         """Return references to the points and their buffers: walking Pinocchio's vectors costs more than they do."""
         return [(self.tied.needed[k], self.states[k]) for k in range(len(self.states))]
 
-    def joint_at(self, index: int) -> int:
-        """Return the joint whose velocity stands at an index in v."""
-        return next(int(joint.id) for joint in self.tied.model.joints if joint.idx_v == index)
-
     def factorise(self, q: Array) -> None:
         """Decompose mass matrix and rows at a configuration."""
         pin.crba(self.tied.model, self.data, q, pin.Convention.WORLD)
@@ -198,6 +197,11 @@ class PointConstraints:
         """Return what the rows ask of the acceleration last computed, ``-G' v``, shape (m,)."""
         return np.asarray(self.data.primal_rhs_contact).ravel()
 
+    def squares(self) -> Array:
+        """Return the squares of the singular values of the rows, ascending, shape (m,)."""
+        rows = self.rows()
+        return np.asarray(np.linalg.eigvalsh(rows @ rows.T))  # quicker than singular values, and exact enough
+
     def step(self, right: Array) -> Array:
         """Return the least change x, measured by the masses, with ``rows x = right``, shape (nv,)."""
         m, both = len(right), self._right
@@ -209,20 +213,25 @@ class PointConstraints:
         return np.zeros(3 * len(self.states) + self.tied.model.nv)
 
 
-def _points_of(model: pin.Model, constraint: Constraint) -> list[pin.RigidConstraintModel] | None:
+def joint_at(model: pin.Model, index: int) -> pin.JointModel:
+    """Return the joint whose velocity stands at an index in v."""
+    return next(joint for joint in model.joints if joint.idx_v == index)
+
+
+def tied_points(model: pin.Model, constraint: Constraint) -> list[TiedPoint] | None:
+    """Return the pairs of points that tie the links of a loop joint; ``None`` where it is not one of points."""
     if not isinstance(constraint, LoopJoint) or constraint.pair.points is None:
         return None
     one, two = model.frames[constraint.first], model.frames[constraint.second]
-    found = []
-    for point in constraint.pair.points:
-        shift = pin.SE3(np.eye(3), np.asarray(point, float))
-        found.append(
-            pin.RigidConstraintModel(
-                pin.ContactType.CONTACT_3D, model, one.parentJoint, one.placement * shift, two.parentJoint,
-                two.placement * shift, pin.LOCAL,
-            )
-        )  # fmt: skip
-    return found
+    shifts = [pin.SE3(np.eye(3), np.asarray(point, float)) for point in constraint.pair.points]
+    return [(one.parentJoint, one.placement * shift, two.parentJoint, two.placement * shift) for shift in shifts]
+
+
+def _points_of(model: pin.Model, constraint: Constraint) -> list[pin.RigidConstraintModel] | None:
+    tied = tied_points(model, constraint)
+    if tied is None:
+        return None
+    return [pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, model, *ends, pin.LOCAL) for ends in tied]
 
 
 def _rows(model: pin.Model, data: pin.Data, points: Sequence[pin.RigidConstraintModel], q: Array) -> Array:
@@ -274,7 +283,7 @@ def _unevenness(model: pin.Model, data: pin.Data, points: Sequence[pin.RigidCons
     """
     found = 1.0
     for q in places_of(model):
-        rows, inverse = _rows(model, data, points, q), inverse_mass(model, data, q)
+        rows, inverse = _rows(model, data, points, q), inverse_mass(model, q)
         if inverse is None:
             continue
         delassus = rows @ inverse @ rows.T
@@ -293,7 +302,7 @@ def _grown(basis: Array, rows: Array, least: float) -> Array:
     return np.vstack([basis, vt[s > max(RANK * float(np.linalg.norm(rows)), least)]])
 
 
-def inverse_mass(model: pin.Model, data: pin.Data, q: Array) -> Array | None:
+def inverse_mass(model: pin.Model, q: Array) -> Array | None:
     """Return the inverse of M, shape (nv, nv); ``None`` where M is singular."""
     mass = mass_matrix(model, q)
     size = np.sqrt(np.diag(mass))

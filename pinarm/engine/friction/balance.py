@@ -27,9 +27,6 @@ if TYPE_CHECKING:
 PARALLEL = 1e-9
 """Square of the sine between the free parts of two slips, in the measure of the masses, that rounding leaves."""
 
-SHARED, ROUNDS = 1e-14, 100
-"""Change of the shares of a group's members, relative to the friction, at which they have settled; rounds at most."""
-
 
 @dataclass(frozen=True, eq=False)
 class SlipGroup:
@@ -146,25 +143,30 @@ class FrictionBalance:
         mu, constant = np.array([contact.law.resting if rest else contact.law.slipping(speed) for contact, rest, speed
                                  in zip(self.contacts, resting, self.speed, strict=True)]).reshape(-1, 2).T  # fmt: skip
         slips = (direction != 0.0).astype(float)
-        f = np.zeros(len(slips))
-        shares = self._shares(f, stuck)
-        for _ in range(ROUNDS):
-            fixed, ways = self._eliminated(slips, shares, stuck)
-            loads = self.response.loads.reduced(fixed, ways)
-            slipping = Slipping(self.contacts, direction, mu * slips, constant * slips, loads)
-            if not slipping.require_one_root():
-                return None
-            before = f
-            f = fixed + ways @ slipping.friction()
-            if all(len(group.members) == 1 for group in stuck):
-                break
-            shares = self._shares(f, stuck)
-            if np.abs(f - before).max(initial=0.0) <= SHARED * np.abs(f).max(initial=0.0):
-                break
+        limits = self._shared_limits(direction, mu * slips, constant * slips, stuck)
+        fixed, ways = self._eliminated(slips, self._shares(limits, stuck), stuck)
+        loads = self.response.loads.reduced(fixed, ways)
+        slipping = Slipping(self.contacts, direction, mu * slips, constant * slips, loads)
+        if not slipping.require_one_root():
+            return None
+        f = fixed + ways @ slipping.friction()
         held = np.array([group.ratios @ f[list(group.members)] for group in stuck])
-        most = self.limits(f)
+        most = self.limits(f) if limits is None else limits
         bounds = np.array([(group.ratios * group.units) @ most[list(group.members)] for group in stuck])
         return FrictionSolution(f, self.response.at(f), held, bounds)
+
+    def _shared_limits(self, direction: Array, mu: Array, constant: Array, stuck: Sequence[SlipGroup]) -> Array | None:
+        """Return the limits by which the members of groups share, shape (k,); ``None`` where each has one member."""
+        if all(len(group.members) == 1 for group in stuck):
+            return None
+        from pinarm.engine.friction.sharing import SharedFriction
+
+        members = [i for group in stuck if len(group.members) > 1 for i in group.members]
+        if not self.response.loads.response.any():
+            return self.limits(np.zeros(len(mu)))
+        mu, constant = mu.copy(), constant.copy()
+        mu[members], constant[members] = np.array([self.contacts[i].law.resting for i in members]).T
+        return self.limits(SharedFriction(self.contacts, self.response, stuck, direction, mu, constant).solve())
 
     def _eliminated(self, slips: Array, shares: Array, stuck: Sequence[SlipGroup]) -> tuple[Array, Array]:
         """Return friction as ``fixed + ways x`` of the friction x of joints that slip, stuck ones not accelerating."""
@@ -175,14 +177,13 @@ class FrictionBalance:
         back = shares @ np.linalg.inv(rows @ shares)
         return -back @ self.response.acceleration[[group.first for group in stuck]], own - back @ rows @ own
 
-    def _shares(self, f: Array, stuck: Sequence[SlipGroup]) -> Array:
+    def _shares(self, limits: Array | None, stuck: Sequence[SlipGroup]) -> Array:
         """Return the friction of all joints for ``phi = 1`` of each stuck group, shape (k, g)."""
-        found = np.zeros((len(f), len(stuck)))
-        limits = self.limits(f) if any(len(group.members) > 1 for group in stuck) else f
+        found = np.zeros((len(self.contacts), len(stuck)))
         for g, group in enumerate(stuck):
             members = list(group.members)
             own = [self.contacts[i].name == self.contacts[group.first].name for i in members]
-            shared = group.units * (limits[members] if limits[members].any() else own)
+            shared = group.units * (limits[members] if limits is not None and limits[members].any() else own)
             found[members, g] = shared / (group.ratios @ shared)
         return found
 

@@ -7,7 +7,7 @@ that the constraints and laws allow, ``A = J T (T^T M T)^-1 T^T J^T``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,16 +16,17 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import RowDecomposition
+from pinarm.engine.constraints.nullspaces.nullspace import SplitRows, split_rows
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.friction.slipping import CarriedLoads
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import left_open
-from pinarm.mechanics.friction.contact import FrictionContact, JointContact
+from pinarm.mechanics.friction.contact import FrictionContact, JointContact, slip_drifts, slip_rows
+from pinarm.mechanics.friction.coupling_contact import CouplingContact
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 DRIVEN = 1e-9
@@ -93,6 +94,18 @@ class SlipEquation:
         return SlipResponse(solved.alpha, solved.mobility, loads, solved.driven, solved.slips @ solved.split.free,
                             solved.split.free)  # fmt: skip
 
+    @cached_property
+    def decomposed(self) -> Callable[[Array], SplitRows]:
+        """Takes rows of the constraints, shape (m, nv), apart; those of couplings alone are always the same."""
+        last: list[SplitRows] = []
+
+        def decomposed(rows: Array) -> SplitRows:
+            if not last or not np.array_equal(last[0].rows, rows):
+                last[:] = [split_rows(rows)]
+            return last[0]
+
+        return decomposed
+
     @property
     def transmission(self) -> BearingReactions:
         """What the bearings carry."""
@@ -101,7 +114,7 @@ class SlipEquation:
     def require_determined(self, q: Array) -> None:
         """Raise where the load of a bearing is not determined by rigid bodies; see ``BearingReactions``."""
         if self.loaded and self.closure.size:
-            self.transmission.require_determined(RowDecomposition.of(self.closure.rows(self.closure.state(q))), q)
+            self.transmission.require_determined(split_rows(self.closure.rows(self.closure.state(q))), q)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +142,14 @@ class BearingReactions:
             lam: Multipliers, shape (n, m).
             f: Friction [N*m or N], shape (n, k).
         """
-        model, data = self.closure.model, self.dynamics.data
+        model, data, slices = self.closure.model, self.dynamics.data, self.closure.slices()
+        named = {name: lam[:, rows] for name, rows in slices.items()}
+        if all(isinstance(contact, CouplingContact) or not contact.law.loaded for contact in self.contacts):
+            found = np.zeros((len(a), len(self.contacts), 6))
+            for i, contact in enumerate(self.contacts):
+                if isinstance(contact, CouplingContact):
+                    found[:, i] = contact.carried(named)
+            return found
         links = LinkPlacements.at(model, q[None]).some(np.zeros(len(a), dtype=np.intp))
         acting, inner = links.inwards(self._acting(links, t, q, v, lam, f)), np.empty((len(a), model.njoints, 6))
         outside = pin.StdVec_Force()
@@ -140,8 +160,7 @@ class BearingReactions:
                 outside[joint] = pin.Force(acting[k, joint])
             pin.rnea(model, data, q, v, a[k], outside)
             inner[k] = [wrench.vector for wrench in data.f.tolist()]
-        joints, slices = links.outwards(inner), self.closure.slices()
-        named = {name: lam[:, rows] for name, rows in slices.items()}
+        joints = links.outwards(inner)
         return np.array([contact.transmitted(links, joints, named) for contact in self.contacts]).swapaxes(0, 1)
 
     def _acting(self, links: LinkPlacements, t: float, q: Array, v: Array, lam: Array, f: Array) -> Array:
@@ -161,7 +180,7 @@ class BearingReactions:
         Raises:
             DynamicsError: Says which.
         """
-        couplings = [constraint for constraint in self.closure.constraints if isinstance(constraint, Coupling)]
+        couplings = [constraint for constraint in self.closure.constraints if isinstance(constraint, JointRelation)]
         left = left_open(self.closure.model, couplings)
         for contact in self.contacts:
             reaction = left.get(contact.index) if isinstance(contact, JointContact) and contact.law.loaded else None
@@ -171,7 +190,7 @@ class BearingReactions:
                     expected="couplings that say how they act on bodies, or friction without a load: constant",
                 )
 
-    def require_determined(self, rows: RowDecomposition, q: Array) -> None:
+    def require_determined(self, rows: SplitRows, q: Array) -> None:
         """Raise where multipliers that do nothing load a bearing.
 
         Args:
@@ -206,7 +225,7 @@ class _Solved:
     t: float
     q: Array
     v: Array
-    split: RowDecomposition
+    split: SplitRows
     slips: Array
     a: Array
     lam: Array
@@ -222,17 +241,17 @@ class _Solved:
         state, ddw = closure.state(q, v), equation.targets(t)[2]
         right = -closure.drift(state)
         right[len(right) - len(ddw) :] += ddw
-        split = RowDecomposition.of(closure.rows(state))
+        split = equation.decomposed(closure.rows(state))
         mass = mass_matrix(model, q)
         force = equation.efforts + dynamics.loads(t, q, v) - pin.nonLinearEffects(model, dynamics.data, q, v)
         a = solve(split, mass, force, right)
-        slips = np.array([contact.row(state) for contact in equation.contacts])
-        drift = np.array([contact.drift(state) for contact in equation.contacts])
+        slips = slip_rows(model, equation.contacts, q[None])[0]
+        drift = slip_drifts(model, equation.contacts, q[None], v[None])[0]
         free = slips @ split.free
         ways = split.free @ np.linalg.solve(split.free.T @ mass @ split.free, free.T)  # (nv, k)
         driven = np.linalg.norm(free, axis=1) <= DRIVEN * np.linalg.norm(slips, axis=1)
         lam = split.multipliers(mass @ a - force)
-        multipliers = np.array([split.multipliers(mass @ way - slip) for way, slip in zip(ways.T, slips, strict=True)])
+        multipliers = np.array([split.multipliers(each) for each in ways.T @ mass - slips])
         return cls(equation, t, q, v, split, slips, a, lam, ways, multipliers, slips @ a + drift, driven)
 
     @property

@@ -13,7 +13,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.balance import FrictionBalance, FrictionSolution
 from pinarm.engine.friction.response import SlipEquation
-from pinarm.engine.friction.switching import Slip
+from pinarm.engine.friction.slip import Slip
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.forces.force_element import ForceElement
@@ -66,8 +66,7 @@ class SlidingFriction(ForceElement):
 
     def balance(self, t: float, q: Array, v: Array) -> FrictionBalance:
         """Return the laws and what friction does in a state, shapes (nq,) and (nv,)."""
-        slips = slip_rows(self.closure.model, self.contacts, q[None])[0] @ v
-        return FrictionBalance(self.contacts, self.equation.at(t, q, v), sizes(self.contacts, slips))
+        return FrictionBalance(self.contacts, self.equation.at(t, q, v), sizes(self.contacts, self._slips(q, v)))
 
     def solution(self, t: float, q: Array, v: Array) -> FrictionSolution:
         """Return the friction in a state, of stuck joints too.
@@ -75,7 +74,7 @@ class SlidingFriction(ForceElement):
         Raises:
             DynamicsError: There is none, or more than one.
         """
-        direction = self.directions(slip_rows(self.closure.model, self.contacts, q[None])[0] @ v)
+        direction = self.directions(self._slips(q, v))
         found = self.balance(t, q, v).solve(direction, self.slip.stuck, np.zeros(len(self.contacts), dtype=bool))
         if found is None:
             rubbing = (contact.name for contact, s in zip(self.contacts, self.direction, strict=True) if s)
@@ -86,12 +85,55 @@ class SlidingFriction(ForceElement):
             )  # fmt: skip
         return found
 
+    def solutions(self, t: Array, q: Array, v: Array) -> list[FrictionSolution]:
+        """Return the friction in states of one interval: where nothing moves and no load changes, solved once."""
+        if len(t) > 1 and (q == q[0]).all() and (v == v[0]).all() and self._lasts(t, q, v):
+            return [self.solution(float(t[0]), q[0], v[0])] * len(t)
+        return [self.solution(*row) for row in zip(t, q, v, strict=True)]
+
+    def extremes(self, t: Array, q: Array, v: Array, told: Sequence[FrictionSolution]) -> list[Array]:
+        """Return the frictions at which what joints at rest share is least or greatest, by states, shape (e, k) each.
+
+        Args:
+            t: Instants [s], shape (n,).
+            q: Configurations, shape (n, nq).
+            v: Velocities, shape (n, nv).
+            told: The friction in these states; where it is the same solution, so are the extremes.
+        """
+        from pinarm.engine.friction.extremes import extreme_frictions
+
+        found = list[Array]()
+        for i, each in enumerate(told):
+            if i and each is told[i - 1]:
+                found.append(found[-1])
+                continue
+            balance, slips = self.balance(float(t[i]), q[i], v[i]), self._slips(q[i], v[i])
+            found.append(extreme_frictions(balance, self.directions(slips), self.slip.stuck, each.f))
+        return found
+
+    def _slips(self, q: Array, v: Array) -> Array:
+        return np.asarray(slip_rows(self.closure.model, self.contacts, q[None])[0] @ v)
+
+    def _lasts(self, t: Array, q: Array, v: Array) -> bool:
+        """Return whether what drives and loads do is the same at all instants, the state being the same."""
+        equation, forces = self.equation, self.equation.dynamics.forces.values()
+        loads, targets = equation.dynamics.loads(t, q, v), [equation.targets(instant)[2] for instant in t]
+        if not ((loads == loads[0]).all() and (np.array(targets) == targets[0]).all()):
+            return False
+        first, *others = ([force.wrenches(instant, q[0], v[0]) for force in forces] for instant in t)
+        return all(
+            np.array_equal(wrench, before[joint])
+            for other in others
+            for before, now in zip(first, other, strict=True)
+            for joint, wrench in now.items()
+        )
+
     def friction(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the friction of joints that slip [N*m or N], shape (.., k)."""
         flat_q, flat_v = q.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1])
         if self.equation.loaded:
             instants = np.broadcast_to(t, q.shape[:-1]).ravel()
-            found = np.array([self.solution(*row).f for row in zip(instants, flat_q, flat_v, strict=True)])
+            found = np.array([each.f for each in self.solutions(instants, flat_q, flat_v)])
         else:
             slips = np.matvec(slip_rows(self.closure.model, self.contacts, flat_q), flat_v)
             speeds = sizes(self.contacts, slips)

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,11 +47,11 @@ class CarriedLoads:
 
     def at(self, f: Array) -> Array:
         """Return the wrenches under friction f, shape (k, 6)."""
-        return np.asarray(self.wrench + np.einsum("ijw,j->iw", self.response, f))
+        return np.asarray(self.wrench + np.vecmat(f, self.response))
 
     def reduced(self, fixed: Array, ways: Array) -> CarriedLoads:
         """Return the wrenches as functions of x for ``f = fixed + ways x``, shapes (k,) and (k, m)."""
-        return CarriedLoads(self.at(fixed), np.einsum("ijw,jm->imw", self.response, ways))
+        return CarriedLoads(self.at(fixed), ways.T @ self.response)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +77,16 @@ class Slipping:
         """Joints that slip and whose friction depends on their load."""
         return [int(i) for i in np.flatnonzero(self.mu * self.direction != 0.0)]
 
+    @cached_property
+    def _most(self) -> Array:
+        """C of the joints that rub, its rows times |s|, shape (r, r)."""
+        some, size = self._rubbing, self.mu * np.abs(self.direction)
+        rows = [size[i] * self.contacts[i].bearing.most(self.loads.response[i, some]) for i in some]
+        return np.array(rows).reshape(len(some), len(some))
+
     def contraction(self) -> float:
         """Return the spectral radius of C, its rows times |s|: below 1 there is exactly one root."""
-        some, size = self._rubbing, self.mu * np.abs(self.direction)
-        most = np.array([size[i] * self.contacts[i].bearing.most(self.loads.response[i, some]) for i in some])
-        return float(np.abs(np.linalg.eigvals(most)).max()) if most.any() else 0.0
+        return float(np.abs(np.linalg.eigvals(self._most)).max(initial=0.0))
 
     def require_one_root(self) -> bool:
         """Return whether (1) has a root.
@@ -88,7 +94,8 @@ class Slipping:
         Raises:
             DynamicsError: It has several, or that it has one is not known.
         """
-        if self.contraction() < CONTRACTING:
+        bound = float(self._most.sum(axis=1).max(initial=0.0))  # of the spectral radius, and much cheaper
+        if bound < CONTRACTING or self.contraction() < CONTRACTING:
             return True
         some = self._rubbing
         coupled = [i for i in some if self.contacts[i].bearing.most(self.loads.response[i, some]).any()]
@@ -120,10 +127,10 @@ class Slipping:
 
     def resistance(self, f: Array) -> Array:
         """Return ``mu N(w0 + W f) + c`` [N*m or N], shape (k,)."""
-        wrench = self.loads.at(f)
-        normal = np.array([contact.bearing.load(w) if mu else 0.0
-                           for contact, w, mu in zip(self.contacts, wrench, self.mu, strict=True)])  # fmt: skip
-        return np.asarray(self.mu * normal + self.constant)
+        wrench, found = self.loads.at(f), self.constant.copy()
+        for i in np.flatnonzero(self.mu).tolist():
+            found[i] += self.mu[i] * self.contacts[i].bearing.load(wrench[i])
+        return found
 
     def friction(self) -> Array:
         """Return the root f, shape (k,), of an equation that has one.

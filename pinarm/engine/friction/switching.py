@@ -12,12 +12,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.friction.balance import FrictionBalance, FrictionSolution, SlipGroup, groups_of
+from pinarm.engine.friction.slip import Slip
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.contact import FrictionContact
 from pinarm.mechanics.friction.slip_vectors import sizes, unit_vectors
@@ -27,19 +27,6 @@ MARGIN = 1e-9
 
 MANY = 6
 """Number of groups at rest up to which all 3^n combinations are tried."""
-
-
-class Slip(NamedTuple):
-    """What the joints with friction do on a stretch of the motion.
-
-    Attributes:
-        direction: 1 or -1 of a joint that slips, 0 of one at rest, for each of k joints; of a slip with several
-            components a unit vector, the direction from which it does not turn away by more than 60 deg.
-        stuck: Groups of joints that friction keeps at rest.
-    """
-
-    direction: tuple[float, ...] = ()
-    stuck: tuple[SlipGroup, ...] = ()
 
 
 def decided(balance: FrictionBalance, moving: Array, broken: Array) -> Slip:

@@ -155,6 +155,9 @@ class _Driver:
         if interval.sampling:
             nq = self.solution.manifold.nq
             interval.sampling.act(t, y[:nq], y[nq:])
+            self.stopped = bool(self.solution.steps) and self.ends_under_loads(t, y[:nq], y[nq:])
+            if self.stopped:
+                return t, y
         span = interval.span(t)
         self.stepper.begin(span, y)
         if not self.stepper.finite:
@@ -167,6 +170,11 @@ class _Driver:
             if self.watches:
                 self.stopped = self.locate_crossings(known)
         return t, self.stepper.y.copy()
+
+    def ends_under_loads(self, t: float, q: Array, v: Array) -> bool:
+        """Return whether loads that have jumped at t [s] end the integration; see ``Watch.loaded``."""
+        state = np.array([t]), q[None], v[None]
+        return any(watch.value(*state)[0] < 0.0 for watch in self.watches if watch.loaded)
 
     def locate_crossings(self, first: int) -> bool:
         """Record the crossings from the step of an index on; return whether one of them stops the integration."""

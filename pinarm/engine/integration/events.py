@@ -21,6 +21,10 @@ BESIDE = 1e-3
 """Part of a step up to which roots outside of it are told from those within: one at an end may be on either side. Signs
 between the roots decide what is a crossing."""
 
+SAME_INSTANT = 1e-13
+"""Difference of two instants, relative to the time or the step, that is rounding of their roots: what is watched at the
+instant that ends the integration is recorded, whichever comes first."""
+
 CONVERGED, MOST_PARTS = 1e-3, 4096
 """Size of the last coefficients of a series that has converged, over the largest; and most steps tried for it."""
 
@@ -33,11 +37,14 @@ class Watch:
         value: ``(t, q, v) -> g`` of many states at once, shape (n,).
         direction: 1 for rising crossings, -1 for falling ones, 0 for both.
         stops: Whether the integration ends at the first crossing.
+        loaded: Whether it depends on loads, and is not negative as long as the motion lasts: where loads jump at a
+            sample and it is negative then, the integration ends there.
     """
 
     value: Callable[[Array, Array, Array], Array]
     direction: int
     stops: bool
+    loaded: bool = False
 
 
 def possible_crossings(solution: Solution, watches: Sequence[Watch], first: int, y: Array) -> Indices:
@@ -92,13 +99,36 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
     for number, watch in enumerate(watches):
         for low, high in _brackets(watch.value(t, *states), watch.direction):
             crossings.append((_refined(solution, index, watch, step.t + step.h * low, step.t + step.h * high), number))
-    for instant, number in sorted(crossings):
+    within, stop = _until_stop(sorted(crossings), watches, SAME_INSTANT * max(abs(step.t), abs(step.h)))
+    for instant, number in within:
         q, v = solution.states_in(np.array([index]), np.array([instant]))
         solution.crossings.append(Crossing(number, instant, q[0], v[0]))
-        if watches[number].stops:
-            solution.steps[index] = step._replace(until=instant)
-            return True
-    return False
+    if stop is not None:
+        solution.steps[index] = step._replace(until=stop)
+    return stop is not None
+
+
+def _until_stop(
+    crossings: Sequence[tuple[float, int]], watches: Sequence[Watch], slack: float
+) -> tuple[list[tuple[float, int]], float | None]:
+    """Return the crossings up to the one that stops the integration, which comes last, and its instant.
+
+    Of those that stop at one instant it is that of the first watched value. What else is crossed at that instant
+    counts, be it by rounding after it.
+
+    Args:
+        crossings: Instants and numbers of the watched values, in order of time.
+        watches: The watched values.
+        slack: Difference of instants that are one [s].
+    """
+    stops = [(instant, number) for instant, number in crossings if watches[number].stops]
+    if not stops:
+        return list(crossings), None
+    first = stops[0][0]
+    instant, stopping = min((each for each in stops if each[0] <= first + slack), key=lambda each: each[1])
+    before = [(min(t, instant), number) for t, number in crossings
+              if not watches[number].stops and t <= first + slack]  # fmt: skip
+    return [*before, (instant, stopping)], instant
 
 
 @cache

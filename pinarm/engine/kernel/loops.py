@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Indices, distinct
 from pinarm.engine.kernel.checks import loops_are_sound
 from pinarm.engine.kernel.library import pointer
 from pinarm.engine.kernel.structures import (
@@ -109,7 +109,7 @@ class CompiledLoops:
     def _links(self) -> list[Indices]:
         """Links that move either frame of each loop joint, children before their parents."""
         supports = [np.array(one.tolist(), np.intp) - 1 for one in self.tree.model.supports]
-        return [np.unique(np.concatenate([supports[joint] for joint in self._joints(one)]))[:0:-1] for one in self.tied]
+        return [distinct(np.concatenate([supports[joint] for joint in self._joints(one)]))[:0:-1] for one in self.tied]
 
     def _joints(self, one: Tied) -> list[int]:
         """Return the joints at whose links a loop joint is, or that a coupling couples."""

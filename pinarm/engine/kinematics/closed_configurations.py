@@ -84,7 +84,7 @@ def beside(mechanism: Mechanism, q: Array) -> list[Array]:
 def generic(mechanism: Mechanism, q: Sequence[Array]) -> Array:
     """Return the first of some closed configurations, shape (nq,), whose rank most of them have."""
     closure = mechanism.closure
-    ranks = [len(closure.split(closure.rows(closure.state(configuration))).values) for configuration in q]
+    ranks = [closure.split(closure.rows(closure.state(configuration))).rank for configuration in q]
     counted = Counter(ranks)
     usual = max(counted, key=lambda rank: (counted[rank], rank))
     return q[ranks.index(usual)]

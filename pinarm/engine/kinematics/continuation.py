@@ -5,6 +5,8 @@ The equations are those of ``engine.following``; ``engine.sweeps`` solves many r
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,8 +35,9 @@ def follow_branch(
     _check_regular(mechanism, prescribed, q[0], float(t[0]))
     prescribed.check_mobility(mechanism, q[0])
     v[0], a[0] = solver.rates(q[0], w[1, 0], w[2, 0], t[0])
-    for begin, end, part in grid.intervals():
-        target, row = prescribed.on(begin, end), max(part.start, 1)
+    before = 0
+    for interval, (begin, end, part) in enumerate(grid.intervals()):
+        row, target, within = max(part.start, 1), _across(prescribed, grid, before, interval), prescribed.on(begin, end)
         while row < part.stop:
             last, ahead = (q[row - 1], v[row - 1], a[row - 1]), slice(row - 1, part.stop)
             found = sweep.ahead(t[ahead], w[:, ahead], *last) if sweep and row > part.start else NOTHING
@@ -42,7 +45,26 @@ def follow_branch(
                 found = tuple(x[None] for x in solver.advance(*last, t[row - 1], t[row], target))
             rows = slice(row, row + len(found[0]))
             (q[rows], v[rows], a[rows]), row = found, rows.stop
+            before, target = interval, within
     return q, v, a
+
+
+def _across(
+    prescribed: PrescribedCoordinates, grid: Grid, first: int, last: int
+) -> Callable[[float], tuple[Array, Array, Array]]:
+    """Return ``t -> w, w', w''`` on several intervals, by the pieces of the laws on each; where they meet, the later.
+
+    Between rows of a table that are far apart a law may have whole pieces.
+
+    Args:
+        prescribed: The coordinates with their laws.
+        grid: Its cuts bound the intervals.
+        first: The first interval.
+        last: The last one.
+    """
+    pieces = [prescribed.on(*grid.cuts[k : k + 2]) for k in range(first, last + 1)]
+    meetings = grid.cuts[first + 1 : last + 1]
+    return lambda t: pieces[bisect_right(meetings, t)](t)
 
 
 def _check_regular(mechanism: Mechanism, prescribed: PrescribedCoordinates, q: Array, t: float) -> None:

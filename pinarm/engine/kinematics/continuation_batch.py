@@ -18,7 +18,7 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.batch_jacobians import BLOCK, BatchJacobians, EvaluatedJacobians
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.elimination import Elimination, Order, dense
+from pinarm.engine.constraints.nullspaces.elimination import Elimination, Order, dense
 from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch
 from pinarm.engine.kinematics.newton import CLOSED, CONTRACTION
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates

@@ -10,8 +10,9 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import RowDecomposition
+from pinarm.engine.constraints.nullspaces.nullspace import split_rows
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import looser
 
@@ -49,7 +50,7 @@ def loosenings(closure: Closure, q: Array, degree: int, rank: int) -> tuple[Loos
     found = []
     for joint, kind, changed in _looser(closure):
         less = kind != joint.kind and changed.size - rank < degree
-        if less and len(changed.split(changed.rows(changed.state(q))).values) == rank:
+        if less and changed.split(changed.rows(changed.state(q))).rank == rank:
             found.append(Loosening(((joint.name, kind),), changed.size - rank))
     least = min((one.degree for one in found), default=degree)
     if least and degree <= PAIRS:
@@ -82,7 +83,7 @@ def _pairs(closure: Closure, q: Array, rank: int) -> Iterator[Loosening]:
             wrenches, axis = _transmitted(changed, q, index), _axis(model, q, index)
             for name, columns, more in (("spherical", wrenches[:, 3:], 2), ("cylindrical", wrenches[:, :3] @ axis, 1)):
                 wider = np.column_stack([rows, columns])
-                left = len(RowDecomposition.of(wider, changed.reach).values)
+                left = split_rows(wider, changed.reach).rank
                 if left == rank + more:
                     changes = ((joint.name, kind),) if kind != joint.kind else ()
                     yield Loosening((*changes, (str(model.names[index]), name)), changed.size - left)
@@ -99,7 +100,7 @@ def _transmitted(closure: Closure, q: Array, joint: int) -> Array:
 
 def _axis(model: pin.Model, q: Array, joint: int) -> Array:
     """Return the axis of a hinge, in its own axes, shape (3,)."""
-    data = model.createData()
+    data = new_data(model)
     pin.computeJointJacobians(model, data, q)
     jacobian = np.asarray(pin.getJointJacobian(model, data, joint, pin.LOCAL)).reshape(6, -1)
     return jacobian[3:, model.joints[joint].idx_v]

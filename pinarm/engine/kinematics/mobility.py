@@ -10,13 +10,16 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import ACTS, RowDecomposition
+from pinarm.engine.constraints.nullspaces.nullspace import ACTS, SplitRows
 from pinarm.engine.kinematics.loosening import Loosening, loosenings
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
+
+SPINNING = 1e-9
+"""Largest ratio of singular values of a joint's columns at which one of its motions moves nothing that is held."""
 
 COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 
@@ -32,6 +35,8 @@ class Mobility:
         regularity: Smallest of their singular values that counts, relative to the largest; 0 at singular positions.
         undetermined: Joint -> components of its reaction that rigid bodies do not determine, in its own axes.
         loosenings: What could be loosened, with the degree of hyperstatism and the mobility that it leaves.
+        spins: Links that turn about an axis of their own by themselves, such as rods between two ball joints, by the
+            joints that they turn on. Each is one of the degrees of freedom.
     """
 
     joints: int
@@ -40,6 +45,7 @@ class Mobility:
     regularity: float
     undetermined: dict[str, list[str]]
     loosenings: tuple[Loosening, ...]
+    spins: tuple[str, ...] = ()
 
     @property
     def mobility(self) -> int:
@@ -64,13 +70,31 @@ def mobility_of(mechanism: Mechanism, q: Array) -> Mobility:
     closure = mechanism.closure
     matrix = closure.rows(closure.state(q))
     split, values = closure.split(matrix), closure.values_of(matrix)
-    rank, rows = len(split.values), closure.size
+    rank, rows = split.rank, closure.size
     regularity = float(values[rank - 1] / values[0]) if rank else 1.0
     found = loosenings(closure, q, rows - rank, rank) if rows > rank else ()
-    return Mobility(mechanism.model.nv, rows, rank, regularity, _undetermined(closure, split, q), found)
+    return Mobility(mechanism.model.nv, rows, rank, regularity, _undetermined(closure, split, q), found,
+                    _spins(mechanism, matrix))  # fmt: skip
 
 
-def _undetermined(closure: Closure, split: RowDecomposition, q: Array) -> dict[str, list[str]]:
+def _spins(mechanism: Mechanism, matrix: Array) -> tuple[str, ...]:
+    """Return the ball joints that turn about an axis while all other joints stand still, under the rows G, (m, nv).
+
+    Loops hold what is on them, but not this motion: ``G_b w = 0`` for a direction w of the columns of the joint.
+    """
+    model, found = mechanism.model, list[str]()
+    for index in range(1, model.njoints):
+        joint = model.joints[index]
+        columns = matrix[:, joint.idx_v : joint.idx_v + joint.nv]
+        if not joint.shortname().startswith("JointModelSpherical") or not columns.any():
+            continue
+        values = np.linalg.svd(columns, compute_uv=False)
+        if len(values) < joint.nv or values[-1] <= SPINNING * values[0]:
+            found.append(str(model.names[index]))
+    return tuple(found)
+
+
+def _undetermined(closure: Closure, split: SplitRows, q: Array) -> dict[str, list[str]]:
     """Return the components that self-stresses act on, of loop joints in frame 1, of tree joints in their own axes."""
     model, found, links = closure.model, dict[str, set[int]](), LinkPlacements.at(closure.model, q[None])
     stresses = (split.scale[:, None] * split.redundant).T

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import SMALL, Closure
-from pinarm.engine.constraints.nullspace import RANK, UNCLOSED, VANISHED
+from pinarm.engine.constraints.nullspaces.nullspace import MANY, RANK, UNCLOSED, VANISHED
 from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch, part_of_leap
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import AssemblyError, InputError
@@ -42,6 +42,10 @@ REACH = 0.3
 SINGULAR = 1e-6
 """Smallest ratio of singular values of J that still determines velocities. Near a stretched position Newton's method
 leaves an angle of the square root of ``CLOSED``, so a smaller ratio is not told from 0."""
+
+NEAR_SINGULAR = 1e-3
+"""Ratio of singular values of J below which a branch that ends is taken to end at a singular position: near one it
+falls as the root of the distance, and steps end at ``SMALLEST`` of an interval, at about 3e-5."""
 
 AGREED, SHORT = 1e-7, 1e-3
 """Largest disagreement of redundant rows, relative to their terms: loops closed to rounding leave 1e-12. And the length
@@ -145,21 +149,20 @@ class NewtonSolver:
             if self.closed(state, gap, w):
                 break
             rows = weight[:, None] * self.rows(state)
-            still = np.zeros(self.model.nv)
-            step = np.linalg.lstsq(
-                np.vstack([rows, damping * np.eye(len(still))]),
-                np.concatenate([gap / self.measure, still]),
-                rcond=RANK,
-            )[0]
+            step = _damped(rows, gap / self.measure, damping)
             turning = rows[self.curved].any(axis=0)  # the turns of a screw are many and need no caution
             step *= min(1.0, 0.5 / np.abs(step[turning]).max(initial=1e-300))
             trial = self.closure.state(self.moved(state.q, step))
             trial_gap = weight * self.gap(trial, w)
-            if np.linalg.norm(trial_gap / self.measure) < np.linalg.norm(gap / self.measure):
+            if self._size(trial_gap) < self._size(gap):
                 state, gap, damping = trial, trial_gap, damping / 10
             else:
                 damping = max(1e-3, damping * 10)
         return state.q, gap
+
+    def _size(self, gap: Array) -> float:
+        """Return the size of gaps: of many loops that of the worst, as a step of all of them opens each a little."""
+        return float(np.linalg.norm(gap / self.measure, np.inf if self.model.nv > MANY else None))
 
     def _polish(self, q: Array, w: Array) -> Array:
         """Take further Newton steps while they close what is left: from 1e-12 two end at rounding.
@@ -212,7 +215,7 @@ class NewtonSolver:
                     raise _too_fast(t, to)
                 pending.append(t + part * h)
             else:
-                raise self.unreachable(*self.closest(q, target(to)[0], np.ones(len(self.names))), to)
+                raise self._lost(q, t, to, target(to)[0])
         return q, v, a
 
     def continues(self, turned: Array, predicted: Array, found: Array) -> bool:
@@ -289,8 +292,31 @@ class NewtonSolver:
         reached = self.whole.split(self.whole.rows(state)).reached(gap)
         return bool((np.abs(reached) <= strict).all())
 
-    def unreachable(self, q: Array, gap: Array, t: float) -> AssemblyError:
-        """Return that a position is out of reach; the closest configuration has this gap [m or rad], shape (m + k,)."""
+    def _lost(self, q: Array, t: float, to: float, w: Array) -> AssemblyError:
+        """Return why a branch that has come to q at t does not go on: values w out of reach at ``to``, or what else."""
+        closest, gap = self.closest(q, w, np.ones(len(self.names)))
+        if not self.closed(self.closure.state(closest), gap, w):
+            return self.unreachable(closest, gap, to, f", as it does up to {t:.9g}")
+        values = np.linalg.svd(self.rows(self.closure.state(q)), compute_uv=False)
+        ratio = float(values[self.model.nv - 1] / values[0])
+        singular = f"singular position: the smallest singular value of the rows is {ratio:.1e} of the largest"
+        return AssemblyError(
+            f"the motion cannot be followed beyond {t:.9g}, though the loops close at {to:.9g} on another branch",
+            expected="laws and velocities that are continuous, along positions that are not singular",
+            hint=f"a motion that keeps clear of the {singular}" if ratio < NEAR_SINGULAR
+            else f"another start, which chooses the branch; at {t:.9g} it is {format_configuration(self.model, q)}",
+            t=t, q=q,
+        )  # fmt: skip
+
+    def unreachable(self, q: Array, gap: Array, t: float, followed: str = "") -> AssemblyError:
+        """Return that a position is out of reach.
+
+        Args:
+            q: The closest configuration, shape (nq,).
+            gap: What is left open there [m or rad], shape (m + k,).
+            t: The instant.
+            followed: Up to where the mechanism can follow the motion, as text.
+        """
         owners = list(zip(self.names, self.units, strict=True))
         sizes = {owner: float(np.linalg.norm(gap[[other == owner for other in owners]])) for owner in owners}
         worst = max(sizes, key=sizes.__getitem__)
@@ -302,7 +328,7 @@ class NewtonSolver:
         wanted = "a motion that the mechanism can follow" if self.coordinates else "loops that close"
         return AssemblyError(
             f"{what}: {worst[0]} {missed} by {sizes[worst]:.3g} {worst[1]}{beside}",
-            expected=f"{wanted}; the closest it comes is {format_configuration(self.model, q)}",
+            expected=f"{wanted}{followed}; the closest it comes is {format_configuration(self.model, q)}",
             hint="other values of the law, or another start that chooses the branch" + self._out_of_line(gap),
             t=t, q=q, gap=gap,
         )  # fmt: skip
@@ -326,11 +352,24 @@ def _too_fast(t: float, to: float) -> InputError:
     )
 
 
+def _damped(rows: Array, right: Array, damping: float) -> Array:
+    """Return the x that minimises ``|rows x - right|^2 + damping^2 |x|^2``, the shortest one without damping."""
+    nv = rows.shape[1]
+    if nv > MANY:
+        from pinarm.engine.constraints.nullspaces.sparse_nullspace import damped
+
+        return damped(rows, right, damping)
+    whole, still = np.vstack([rows, damping * np.eye(nv)]), np.zeros(nv)
+    return np.asarray(np.linalg.lstsq(whole, np.concatenate([right, still]), rcond=RANK)[0])
+
+
 def _solve(rows: Array, right: Array) -> Array:
     """Return x with ``rows x = right``; where there are more rows than unknowns they agree, to rounding."""
     if rows.shape[0] == rows.shape[1]:
         return np.asarray(np.linalg.solve(rows, right))
-    return np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0])
+    return (
+        _damped(rows, right, 0.0) if rows.shape[1] > MANY else np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0])
+    )
 
 
 def check_rank(rows: Array, names: Sequence[str], t: float) -> None:

@@ -131,7 +131,7 @@ class PrescribedCoordinates:
         def target(t: float) -> tuple[Array, Array, Array]:
             instant = np.array([t])
             values = [function(instant) for function in functions]
-            w, dw, ddw = (np.array([value[k][0] for value in values]) for k in range(3))
+            w, dw, ddw = np.ascontiguousarray(np.array(values).reshape(len(values), 3).T)
             return w, dw, ddw
 
         return target

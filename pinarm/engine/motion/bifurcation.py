@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Indices, distinct
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import RANK
-from pinarm.engine.motion.segments import MotionSegment, SegmentedMotion
+from pinarm.engine.constraints.nullspaces.nullspace import RANK
+from pinarm.engine.motion.segmented.segments import MotionSegment, SegmentedMotion
 
 REGULAR, SLOW = 1e-3, 0.07
 """Smallest singular value of the rows, relative to its largest in the run, and speed, relative to the largest, below
@@ -159,7 +159,7 @@ class _Usual:
         found = []
         for segment in segments:
             steps, nq = segment.solution.steps, segment.solution.manifold.nq
-            some = [steps[k] for k in np.unique(np.linspace(0, len(steps) - 1, USUAL).astype(int))]
+            some = [steps[k] for k in distinct(np.linspace(0, len(steps) - 1, USUAL).astype(int))]
             t, y = np.array([step.t for step in some]), np.array([step.y for step in some])
             found.append(segment.system.whole(t, y[:, :nq], y[:, nq:])[0])
         values = closure.values_of(closure.at(np.concatenate(found))[1])

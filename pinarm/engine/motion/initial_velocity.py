@@ -8,7 +8,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import RowDecomposition
+from pinarm.engine.constraints.nullspaces.nullspace import split_rows
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
@@ -37,7 +37,7 @@ def velocity_with_rates(
     rows, model = closure.with_guides(prescribed.names, prescribed.coordinates), closure.model
     state, mass, joints = rows.state(q), mass_matrix(model, q), list(initial.velocities)
     rates, along = np.array([rate for _, rate in initial.rates]), np.array([one.row(state) for one, _ in initial.rates])
-    split = RowDecomposition.of(np.vstack([rows.rows(state), np.eye(model.nv)[joints], along]))
+    split = split_rows(np.vstack([rows.rows(state), np.eye(model.nv)[joints], along]))
     laws = prescribed.on(span[0], span[1])(span[0])[1]
     v = solve(split, mass, mass @ initial.v, np.concatenate([np.zeros(closure.size), laws, initial.v[joints], rates]))
     left = np.abs(along @ v - rates)

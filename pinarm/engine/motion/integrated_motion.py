@@ -10,9 +10,9 @@ import numpy as np
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.friction.columns import friction_columns
-from pinarm.engine.motion.hybrid_motion import HybridSystem
 from pinarm.engine.motion.outcome import Outcome
-from pinarm.engine.motion.segments import SegmentedMotion
+from pinarm.engine.motion.segmented.hybrid_motion import HybridSystem
+from pinarm.engine.motion.segmented.segments import SegmentedMotion
 from pinarm.engine.motion.standstill import at_rest, directions, lossy, pace_of
 from pinarm.engine.motion.systems import CompletedStates
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
@@ -50,11 +50,18 @@ class IntegratedMotion:
             return Outcome(rows, self, events=tuple(self.motion.events))
         followed = zip(self.hybrid.prescribed.coordinates, self.hybrid.prescribed.laws, strict=True)
         known = replace(self, pace=pace_of(self.mechanism, rows.v, rows.a, followed, grid))
-        return Outcome(known._directed(rows), known, events=tuple(self.motion.events))
+        others = tuple(map(known._directed, rows.others))
+        return Outcome(replace(known._directed(rows), others=others), known, events=tuple(self.motion.events))
 
     def at(self, grid: Grid) -> Trajectory:
         """Return the states at the rows of a grid; accelerations are those of the equation of motion there."""
-        rows = states(self.mechanism, self.hybrid, grid, self.motion.complete(grid))
+        motion = self.motion.complete(grid)
+        others = tuple(self._table(grid, other) for other in motion.others)
+        return replace(self._table(grid, motion), others=others)
+
+    def _table(self, grid: Grid, motion: CompletedStates) -> Trajectory:
+        """Return completed states as a table, with what controllers did and with events."""
+        rows = states(self.mechanism, self.hybrid, grid, motion)
         if self.hybrid.controls:
             rows = self._controlled(rows, self.hybrid.controls)
         alike = np.zeros(len(grid.t), dtype=np.intp)
@@ -63,7 +70,7 @@ class IntegratedMotion:
 
     def _controlled(self, rows: Trajectory, controls: Controls) -> Trajectory:
         """Return states with the efforts of the controllers as those of drives, and their columns."""
-        from pinarm.engine.motion.controlled_motion import ControlledRows
+        from pinarm.engine.motion.segmented.controlled_motion import ControlledRows
 
         done = ControlledRows.of(self.motion, rows.grid, rows.q, rows.v)
         driven = np.zeros(self.mechanism.model.nv, dtype=bool) if rows.driven is None else rows.driven.copy()
@@ -93,9 +100,9 @@ def states(mechanism: Mechanism, hybrid: HybridSystem, grid: Grid, motion: Compl
     """Return completed states as a table."""
     return Trajectory(
         mechanism, "t", unit("s"), grid, motion.q, motion.v, motion.a, motion.tau, motion.lam,
-        hybrid.system().closure, hybrid.dynamics,
+        hybrid.closed_system.closure, hybrid.dynamics,
         driven=driven_along(hybrid.prescribed.coordinates, mechanism.model.nv), drives=tuple(hybrid.prescribed.names),
-        columns=friction_columns(mechanism.frictions, motion.friction),
+        columns=friction_columns(mechanism.frictions, motion.friction), opened=motion.opened,
     )  # fmt: skip
 
 

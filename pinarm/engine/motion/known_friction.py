@@ -18,7 +18,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.batch_jacobians import rows_of
-from pinarm.engine.constraints.nullspace import RowDecomposition
+from pinarm.engine.constraints.nullspaces.nullspace import split_rows
 from pinarm.engine.friction.columns import BANDS, band_column, friction_columns
 from pinarm.engine.friction.response import BearingReactions
 from pinarm.engine.friction.slipping import CarriedLoads, Slipping
@@ -133,7 +133,7 @@ class KnownFriction:
         """
         run = self.run
         m, dynamics = run.mechanism.closure.size, run.intervals()[0][1]
-        split = RowDecomposition.of(run.closure.rows(run.closure.state(run.q[0]))[:m])
+        split = split_rows(run.closure.rows(run.closure.state(run.q[0]))[:m])
         BearingReactions(run.mechanism.frictions, run.mechanism.closure, dynamics).require_determined(split, run.q[0])
 
     def friction(self, directions: Array, *, at_rest: bool) -> Array:
@@ -196,7 +196,7 @@ class KnownFriction:
         own = run.mechanism.closure.at(run.q)[1]
         found = np.empty((len(run), run.v.shape[1], len(coordinates)))
         for i in range(len(run)):
-            free = RowDecomposition.of(own[i]).free
+            free = split_rows(own[i]).free
             found[i] = free @ np.linalg.lstsq(along[i] @ free, np.eye(len(coordinates)))[0]
         return found
 

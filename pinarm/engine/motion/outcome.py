@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, distinct
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.mechanics.laws.motion_law import Grid
 
@@ -69,6 +69,6 @@ def positions_by_interval(motion: SolvedMotion, cuts: Sequence[float], t: Array)
     """
     sign = 1.0 if cuts[0] <= cuts[-1] else -1.0
     intervals = np.searchsorted(sign * np.array(cuts[1:-1]), sign * t)
-    rows = [(k, np.flatnonzero(intervals == k)) for k in np.unique(intervals).tolist()]
+    rows = [(k, np.flatnonzero(intervals == k)) for k in distinct(intervals).tolist()]
     parts = [on_interval(motion, cuts, k, t[here]).q for k, here in rows]
     return np.concatenate(parts)[np.argsort(np.concatenate([here for _, here in rows]))]

@@ -69,7 +69,7 @@ class Prescription:
         rows = known._rows(states)
         pace = known._pace(rows)
         rows = known.solved(rows, pace)
-        motion = None if rows.numbered else PrescribedMotion(known, grid.cuts, grid.t, rows.q, pace)
+        motion = None if rows.numbered else PrescribedMotion(known, grid.cuts, grid.t, rows.q, start, pace)
         return Outcome(
             rows, motion, figures=states.motion.figures(states), notes=(*states.motion.jumps, *known._notes(rows))
         )
@@ -175,6 +175,7 @@ class PrescribedMotion:
         cuts: Bounds of the intervals between jumps.
         t: Values of the parameter at which it has been solved, shape (n,).
         q: Configurations there, shape (n, nq): they tell the branch in their neighbourhood.
+        start: Rough configuration from which the first of them was found, shape (nq,).
         pace: What rounding of velocities and accelerations is judged against, shape (2, nv); ``None`` where no
             direction is asked for.
     """
@@ -183,6 +184,7 @@ class PrescribedMotion:
     cuts: Sequence[float]
     t: Array
     q: Array
+    start: Array
     pace: Array | None
 
     def at(self, grid: Grid) -> Trajectory:

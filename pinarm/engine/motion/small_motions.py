@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pinarm.arrays import Array
-from pinarm.engine.motion.hybrid_motion import FirstSegment, HybridSystem
-from pinarm.engine.motion.segments import SegmentedMotion
+from pinarm.engine.motion.segmented.hybrid_motion import FirstSegment, HybridSystem
+from pinarm.engine.motion.segmented.segments import SegmentedMotion
 from pinarm.errors import IntegrationError
 
 SMALL = 0.1

@@ -16,7 +16,8 @@ from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.coupling import JointRelation
+from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.model_variants import ModelVariants
 from pinarm.mechanics.laws.motion_law import Grid
 
@@ -72,8 +73,11 @@ class Trajectory:
         directions: Directions of the joints, 1, 0 or -1, where drives have losses, shape (n, nv); see
             ``motion.standstill``.
         sampled: Whether the rows were given, and nothing is known between them.
+        opened: Whether a one-sided constraint, such as a cable, is open, shape (n,); ``None`` where none ever is.
         unknown: Why velocities or accelerations, which are NaN then, are not known; empty where they are.
         remedy: What to try where they are not.
+        others: The same motion with other efforts, multipliers and frictions that hold it as well: quantities that
+            differ in them are not determined by rigid bodies, and lie between.
     """
 
     mechanism: Mechanism
@@ -94,8 +98,10 @@ class Trajectory:
     drives: tuple[str, ...] = ()
     directions: Array | None = field(default=None, repr=False)
     sampled: bool = False
+    opened: Flags | None = field(default=None, repr=False)
     unknown: str = ""
     remedy: str = ""
+    others: tuple[Trajectory, ...] = field(default=(), repr=False)
 
     @classmethod
     def schema_row(
@@ -115,6 +121,11 @@ class Trajectory:
         closure = closure or mechanism.closure
         lam = Multipliers.known(np.zeros((1, closure.size)), mechanism.closure.size)
         return cls(mechanism, parameter, measured, grid, q, idle, idle, idle, lam, closure, dynamics)
+
+    @cached_property
+    def link_motion(self) -> tuple[LinkPlacements, Array, Array, Array]:
+        """The motion of the links in all rows; see ``link_placements.moving``."""
+        return moving(self.mechanism.model, self.q, self.v, self.a)
 
     def __len__(self) -> int:
         return len(self.grid.t)
@@ -145,9 +156,10 @@ class Trajectory:
         q, v, a, tau = (array[rows] for array in (self.q, self.v, self.a, self.tau))
         columns = {name: replace(series, values=series.values[rows]) for name, series in self.columns.items()}
         directions = None if self.directions is None else self.directions[rows]
+        opened = None if self.opened is None else self.opened[rows]
         return replace(
             self, grid=self.grid.some(rows), q=q, v=v, a=a, tau=tau, lam=self.lam.some(rows), columns=columns,
-            directions=directions,
+            directions=directions, opened=opened, others=tuple(other.some(rows) for other in self.others),
         )  # fmt: skip
 
     @cached_property
@@ -175,16 +187,15 @@ class Trajectory:
         """Return an array over all rows from a function of the dynamics on each interval and its rows."""
         return np.concatenate([value(dynamics, rows) for rows, dynamics in self.intervals()])
 
-    def couplings_at(self, joint: int) -> dict[str, float]:
-        """Return the couplings that move a joint without a drive, by its index in v: name -> weight of the joint."""
+    def couplings_at(self, joint: int) -> dict[str, Array]:
+        """Return the couplings that move a joint without a drive, by its index in v.
+
+        Name -> coefficient of the joint in the row of G, shape (n,).
+        """
         if self.driven is None or self.driven[joint]:
             return {}
-        couplings = (constraint for constraint in self.mechanism.constraints if isinstance(constraint, Coupling))
-        return {
-            coupling.name: float(coupling.coordinate.weights[joint])
-            for coupling in couplings
-            if coupling.coordinate.weights[joint]
-        }
+        couplings = (constraint for constraint in self.mechanism.constraints if isinstance(constraint, JointRelation))
+        return {one.name: one.rows_at(self.q)[:, joint] for one in couplings if joint in one.joints}
 
     def rotor_at(self, joint: int) -> str | None:
         """Return the drive whose motor moves a joint by a rotor that is one of its own, by the joint's index in v."""
@@ -197,7 +208,7 @@ class Trajectory:
     def effort(self, joint: int) -> Array:
         """Return the effort along a joint [N*m or N], by its index in v, shape (n,).
 
-        That of its drive; of a joint without one, what couplings do along it: ``sum_k w_k lam_k``. Where a motor acts
+        That of its drive; of a joint without one, what couplings do along it: ``sum_k G_k lam_k``. Where a motor acts
         on a rotor that is a joint of its own, what the gear gives: ``tau - N^2 J a`` of the rotor less losses.
         """
         if (drive := self.rotor_at(joint)) is not None:

@@ -26,6 +26,7 @@ COLUMNS = {
     "control.*.effort": "effort of the controller of a drive, at its joint",
     "control.*.reference": "what a controlled coordinate should be",
     "control.*.voltage": "voltage of a motor, within its limits", "control.*.current": "current of a motor",
+    "control.*.current_margin": "largest current of a motor less the amount of its current",
     "control.*.torque": "torque of an ideal motor, within its peak torque",
     "control.*.margin": "peak torque of a motor at its speed less the torque that it gives",
     "control.*.continuous_margin": "continuous torque of a motor at its speed less the torque that it gives",

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.quantities.reactions import SAMPLE, Reactions
-from pinarm.engine.quantities.row_kinematics import RowKinematics
+
+if TYPE_CHECKING:
+    from pinarm.engine.quantities.reactions import Reactions
+    from pinarm.engine.quantities.row_kinematics import RowKinematics
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +32,13 @@ class Evaluation:
     @cached_property
     def reactions(self) -> Reactions:
         """What the joints transmit."""
+        from pinarm.engine.quantities.reactions import SAMPLE, Reactions
+
         return Reactions(self.run, SAMPLE if self.judged else 0)
 
     @cached_property
     def kinematics(self) -> RowKinematics:
         """Coordinates, frames, energies and momenta, row by row."""
+        from pinarm.engine.quantities.row_kinematics import RowKinematics
+
         return RowKinematics(self.run)

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.evaluation import Evaluation
@@ -32,6 +32,12 @@ MAX_DEPTH = 50
 """Symbols may stand for symbols; deeper nesting would exhaust the interpreter's stack."""
 
 OPERATORS = set("+-*/(), ")
+
+EXTREMES = {"least": np.min, "greatest": np.max}
+"""Last words of names, and what they tell of values that rigid bodies with friction allow in one row."""
+
+OPEN = 1e-9
+"""Width of these values, relative to the largest of all rows, that rounding leaves."""
 
 
 @dataclass
@@ -98,9 +104,57 @@ class Quantities:
         """
         if name not in self._known:
             with one_blas_thread(self.trajectory.mechanism.model.nv):
-                self._known[name] = self._require_known(self._find(name))
-                self._require_axes(self._known[name])
+                found = self._extreme(name)
+                if found is None:
+                    found = self._require_known(self._find(name))
+                    found = replace(found, doubt=found.doubt or self._left_open(name, found))
+                self._require_axes(found)
+                self._known[name] = found
         return self._known[name]
+
+    @cached_property
+    def _others(self) -> list[Quantities]:
+        """Those of the same motion with other frictions that hold it as well."""
+        others = self.trajectory.others
+        return [Quantities(other, self.symbols, self.undetermined, self.whole) for other in others]
+
+    def _extreme(self, name: str) -> Series | None:
+        """Return the least or greatest value of a quantity that friction may leave open; ``None`` of another name."""
+        base, _, extreme = name.rpartition(".")
+        if extreme not in EXTREMES or not base:
+            return None
+        try:
+            told = self[base]
+        except InputError:  # the last word belongs to a name
+            return None
+        return replace(told, name=name, values=EXTREMES[extreme](self._values(told, base), axis=0), doubt="")
+
+    def _values(self, told: Series, name: str) -> Array:
+        return np.array([told.values, *(other[name].values for other in self._others)])
+
+    def open_rows(self, name: str) -> Flags:
+        """Return in which rows joints at rest share a load in a way that leaves a quantity open, shape (n,)."""
+        told = self[name]
+        if not self._others or self._extreme(name) is not None:
+            return np.zeros(told.values.shape, dtype=bool)
+        values = self._values(told, name)
+        return np.asarray(np.ptp(values, axis=0) > OPEN * np.abs(values).max(initial=0.0))
+
+    def _left_open(self, name: str, told: Series) -> str:
+        """Return what is in doubt about a quantity that joints at rest leave open; nothing elsewhere."""
+        if not self._others:
+            return ""
+        values, self._known[name] = self._values(told, name), told
+        rows = np.flatnonzero(self.open_rows(name))
+        if not len(rows):
+            return ""
+        run, row = self.trajectory, int(rows[0])
+        low, high = values[:, row].min(), values[:, row].max()
+        return (
+            f"not determined in {len(rows)} of {len(run)} rows, as several frictions hold one motion: at "
+            f"{run.parameter} = {run.grid.t[row]:.6g} {run.unit} anything from {low:.6g} to {high:.6g} "
+            f"{told.unit or ''}; '{name}.least' and '{name}.greatest' tell it for all rows"
+        )
 
     def _require_axes(self, series: Series) -> None:
         """Raise where a quantity of variants has not the axis of these, and would be spread along another.

@@ -22,10 +22,11 @@ from pinarm.engine.constraints.constraint import GuidedCoordinate
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.joint_axes import loop_axis, tree_axis
-from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import OpenReaction, left_open
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.vectors import crossed, joined
+from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 if TYPE_CHECKING:
@@ -52,9 +53,8 @@ class Reactions:
         self.loops = {
             constraint.name: constraint for constraint in self.closure.constraints if isinstance(constraint, LoopJoint)
         }
-        self.couplings = {
-            constraint.name: constraint for constraint in self.closure.constraints if isinstance(constraint, Coupling)
-        }
+        self.couplings = {one.name: one for one in self.closure.constraints if isinstance(one, JointRelation)}
+        self.cables = {one.name: one for one in self.closure.constraints if isinstance(one, CableLoop)}
 
     @cached_property
     def _links(self) -> LinkPlacements:
@@ -62,7 +62,9 @@ class Reactions:
 
     def links(self, rows: Indices) -> LinkPlacements:
         """Return where the links are at some rows; only those of short runs are kept."""
-        return self._links.some(rows) if len(self.run) <= BLOCK else LinkPlacements.at(self.model, self.run.q[rows])
+        if len(self.run) > BLOCK:
+            return LinkPlacements.at(self.model, self.run.q[rows])
+        return self._links if len(rows) == len(self.run) and (np.diff(rows) == 1).all() else self._links.some(rows)
 
     @cached_property
     def origins(self) -> Array:
@@ -109,9 +111,8 @@ class Reactions:
         return np.concatenate([self._transmitted(dynamics, rows) for rows in _blocks(part.start, part.stop)])
 
     def _transmitted(self, dynamics: Dynamics, rows: Indices) -> Array:
-        run, links = self.run, self.links(rows)
-        outside = links.inwards(self._acting(dynamics, rows))
-        return links.outwards(dynamics.recursions.transmitted(run.q[rows], run.v[rows], run.a[rows], outside))
+        run, acting = self.run, self._acting(dynamics, rows)
+        return dynamics.recursions.transmitted(self.links(rows), run.q[rows], run.v[rows], run.a[rows], acting)
 
     def _acting(self, dynamics: Dynamics, rows: Indices) -> Array:
         """Return what loads and constraints do to the links at k rows, shape (k, njoints, 6).
@@ -124,7 +125,7 @@ class Reactions:
                 for joint, wrench in force.wrenches(run.grid.t[i], run.q[i], run.v[i]).items():
                     found[k, joint] += wrench
         if self.closure.size:
-            found += self.closure.wrenches(self.links(rows), self.multipliers[rows])
+            found = found + self.closure.wrenches(self.links(rows), self.multipliers[rows])
         for contact, f in zip(run.mechanism.frictions, run.friction.T, strict=True):
             for joint, wrench in contact.wrenches(self.links(rows), f[rows]).items():
                 found[:, joint] += wrench
@@ -206,12 +207,17 @@ class Reactions:
         frame = self.loops[name].second
         return np.concatenate([self.links(rows).frame(frame)[1] for rows in _blocks(0, len(self.run))])
 
+    def cable_lengths(self, name: str) -> Array:
+        """Return the lengths of the path of a cable [m], shape (n,)."""
+        path = self.cables[name].path
+        return np.array([path.value(self.closure.state(q)) for q in self.run.q])
+
     def _loop(self, name: str, lam: Array) -> Array:
-        rows, part = np.zeros((len(lam), 6)), self.closure.slices()[name]
-        held = np.flatnonzero(lam[:, part].any(axis=1))
+        rows, part = np.zeros((*lam.shape[:-1], 6)), self.closure.slices()[name]
+        held = np.flatnonzero(lam[..., part].reshape(len(lam), -1).any(axis=1))
         for block in _blocks(0, len(held)):
             some = held[block]
-            rows[some] = self.loops[name].wrench(self.links(some), lam[some, part])
+            rows[some] = self.loops[name].wrench(self.links(some), lam[some][..., part])
         return rows
 
     @cached_property
@@ -228,7 +234,7 @@ class Reactions:
         return [np.concatenate(both, axis=1) for both in parts]
 
     def multiplier(self, name: str) -> tuple[Array, list[Array]]:
-        """Return the multiplier of a coupling [N or N*m], and what each self-stress adds to it, shape (n,)."""
+        """Return the multiplier of a constraint of one row [N or N*m], and what self-stresses add to it, shape (n,)."""
         row = self.closure.slices()[name].start
         return self.multipliers[:, row], [stress[:, row] for stress in self.stresses]
 
@@ -247,16 +253,11 @@ class Reactions:
     @cached_property
     def stresses(self) -> list[Array]:
         """Multipliers of length 1 that do nothing, each of shape (n, m), at a sample of the rows; 0 at the others."""
-        run, closure, m = self.run, self.closure, self.run.mechanism.closure.size
-        found: list[Array] = []
-        for i in sampled(len(run), self.sample if m else 0):
-            split = run.mechanism.closure.split(closure.rows(closure.state(run.q[i]))[:m])
-            free = split.scale[:, None] * split.redundant
-            free /= np.linalg.norm(free, axis=0)
-            while len(found) < free.shape[1]:
-                found.append(np.zeros((len(run), closure.size)))
-            for k in range(free.shape[1]):
-                found[k][i, :m] = free[:, k]
+        run, own, rows = self.run, self.run.mechanism.closure, sampled(len(self.run), self.sample)
+        found = []
+        for stress in own.stresses(run.q[rows]):
+            found.append(np.zeros((len(run), *stress.shape[1:-1], self.closure.size)))
+            found[-1][rows, ..., : own.size] = stress
         return found
 
     @cached_property
@@ -269,12 +270,12 @@ class Reactions:
         return [self._loop(name, stress) for stress in self.stresses]
 
     def _stressed(self, stress: Array) -> Array:
-        rows, some = np.zeros((len(stress), self.model.njoints, 6)), np.flatnonzero(stress.any(axis=1))
+        rows = np.zeros((*stress.shape[:-1], self.model.njoints, 6))
+        some = np.flatnonzero(stress.reshape(len(stress), -1).any(axis=1))
         acting = self.closure.added_wrenches(self.links(some), stress[some])
         for joint in range(1, self.model.njoints):
-            rows[some, joint] = _moved(
-                -acting[:, list(self.model.subtrees[joint])].sum(axis=1), -self.origins[some, joint]
-            )
+            carried = -acting[..., list(self.model.subtrees[joint]), :].sum(axis=-2)
+            rows[some, ..., joint, :] = _moved(carried, -self.origins[some, ..., joint, :])
         return rows
 
 

@@ -11,7 +11,7 @@ from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
+from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.joints import frame_of
 
@@ -33,7 +33,7 @@ class RowKinematics:
     @cached_property
     def data(self) -> pin.Data:
         """Pinocchio's buffers; every pass over the rows fills them anew."""
-        return self.model.createData()
+        return new_data(self.model)
 
     def coordinate(self, name: str, coordinate: Coordinate) -> Array:
         """Return a coordinate with its two derivatives, shape (n, .., 3)."""
@@ -73,7 +73,7 @@ class RowKinematics:
             return
         frame = frame_of(self.model, name)
         joint = self.model.frames[frame].parentJoint
-        links, twists, rates = self._moving
+        links, twists, rates, _ = self.run.link_motion
         (turns, places), turned = links.frame(frame), links.turns[..., joint, :, :]
         arms = places - links.places[..., joint, :]
         u, omega, du, alpha = (np.matvec(turned, part) for x in (twists, rates)
@@ -81,11 +81,6 @@ class RowKinematics:
         swept = crossed(omega, arms)
         rows = places, u + swept, du + crossed(omega, u) + crossed(alpha, arms) + crossed(omega, swept), omega, alpha
         self._frames[name], self._turns[name] = np.stack(np.broadcast_arrays(*rows), axis=-2), turns
-
-    @cached_property
-    def _moving(self) -> tuple[LinkPlacements, Array, Array]:
-        """Placements of the links, and their twists with the derivatives of these, see ``moving``."""
-        return moving(self.model, self.run.q, self.run.v, self.run.a)[:3]
 
     @cached_property
     def energies(self) -> Array:

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.nullspace import ACTS
+from pinarm.engine.constraints.nullspaces.nullspace import ACTS
 from pinarm.engine.quantities.family import AXES, NEWTON, NEWTON_METRE, Asked, Family
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
@@ -64,7 +64,7 @@ class WrenchFamily(Family):
         doubt = f"hyperstatic of degree {len(added)}: rigid bodies do not determine it"
         if self.evaluation.undetermined != "minimum_norm":
             raise self._hyperstatic(asked, doubt)
-        return doubt
+        return f"least multipliers; {doubt}"
 
     def _hyperstatic(self, asked: Asked, doubt: str) -> InputError:
         """Return the refusal of a component that is not determined, with the joints that share it."""

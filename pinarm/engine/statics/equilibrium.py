@@ -10,7 +10,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import RowDecomposition
+from pinarm.engine.constraints.nullspaces.nullspace import SplitRows
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.kinematics.newton import assembled
@@ -116,7 +116,7 @@ class ForceBalance:
         values = np.array([float(law.value) for law in self.held.laws if isinstance(law, Constant)])
         return assembled(self.mechanism.closure, self.held, q, values, 0.0)
 
-    def split(self, q: Array) -> RowDecomposition:
+    def split(self, q: Array) -> SplitRows:
         """Return the rows of what is held, taken apart at a configuration."""
         return self.rows.split(self.rows.rows(self.rows.state(q)))
 

@@ -12,7 +12,6 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.batch_jacobians import rows_of
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.constraints.nullspace_batch import free_motions
 from pinarm.engine.statics.effort_distribution import UNIQUE, EffortDistribution
 from pinarm.errors import DrivesError, DynamicsError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, driven_along
@@ -65,15 +64,18 @@ class SelectedDrives:
             DynamicsError: The efforts are not determined at a dead point.
             DrivesError: There are too many drives, or they cannot carry the load, or not within their limits.
         """
-        effort, good, k = np.empty((len(q), len(self.named))), np.empty(len(q), dtype=bool), len(self.joints)
-        for places, free in free_motions(self.own, q):
-            effort[places], good[places] = self.distribution.efforts(*self._system(q[places], demand[places], free))
+        states, k = demand.shape[:-1], len(self.joints)
+        load = demand.reshape(-1, demand.shape[-1])
+        flat = np.broadcast_to(q, (*states, q.shape[-1])).reshape(len(load), -1)
+        effort, good = np.empty((len(flat), len(self.named))), np.empty(len(flat), dtype=bool)
+        for places, free in self.own.free_motions(flat):
+            effort[places], good[places] = self.distribution.efforts(*self._system(flat[places], load[places], free))
         if not good.all():
             row = int(good.argmin())
-            raise self._refusal(t[row], q[row : row + 1], demand[row : row + 1])
-        weights = np.array([joint.weights for joint in self.joints.values()]).reshape(k, demand.shape[1])
-        tau = effort[:, :k] @ weights
-        return tau, Multipliers.least(self.closure, q, demand - tau, effort[:, k:])
+            raise self._refusal(t[row * len(q) // len(flat)], flat[row : row + 1], load[row : row + 1])
+        weights = np.array([joint.weights for joint in self.joints.values()]).reshape(k, demand.shape[-1])
+        tau, along = (effort[:, :k] @ weights).reshape(demand.shape), effort[:, k:].reshape(*states, -1)
+        return tau, Multipliers.least(self.closure, q, demand - tau, along)
 
     def _system(self, q: Array, demand: Array, free: Array) -> tuple[Array, Array, Array]:
         """Return ``(S T)^T``, shape (n, f, d), the load ``T^T demand``, shape (n, f), and the least singular value."""
@@ -83,6 +85,6 @@ class SelectedDrives:
 
     def _refusal(self, t: float, q: Array, demand: Array) -> DynamicsError | DrivesError:
         """Return why the drives' efforts cannot be had at a configuration, q and demand being one row."""
-        ((_, free),) = free_motions(self.own, q)
+        ((_, free),) = self.own.free_motions(q)
         (ways,), (load,), (least,) = self._system(q, demand, free)
         return self.distribution.refusal(t, self.named, ways, load, float(least))

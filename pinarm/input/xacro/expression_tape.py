@@ -15,6 +15,8 @@ from functools import partial
 from itertools import repeat
 from typing import Any
 
+import numpy as np
+
 from pinarm.errors import ExpressionError, ModelError
 from pinarm.input.xacro.arithmetic import Scalars, evaluate
 
@@ -154,6 +156,9 @@ class Tape:
         for function, registers in self.steps:
             operands = [values[register] for register in registers]
             if any(isinstance(operand, ArgumentColumn) for operand in operands):
+                if isinstance(function, _Binary) and (column := function.of_columns(*operands)) is not None:
+                    values.append(column)
+                    continue
                 spread = (each if isinstance(each, ArgumentColumn) else repeat(each, count) for each in operands)
                 values.append(ArgumentColumn(map(function, *spread)))
             else:
@@ -164,6 +169,46 @@ class Tape:
             checked = given if isinstance(given, ArgumentColumn) else repeat(given, count)
             holds = [so_far and bool(value) == outcome for so_far, value in zip(holds, checked, strict=True)]
         return values, holds
+
+
+@dataclass(frozen=True)
+class _Binary:
+    """An arithmetic operator between two values.
+
+    Attributes:
+        plain: The algebra of numbers.
+        symbol: The operator.
+    """
+
+    plain: Scalars
+    symbol: str
+
+    def __call__(self, left: Any, right: Any) -> Any:
+        return self.plain.binary(self.symbol, left, right)
+
+    def of_columns(self, left: Any, right: Any) -> ArgumentColumn | None:
+        """Return a column that is computed as an array, bit by bit the same; ``None`` where that is not sure.
+
+        The four operations of IEEE 754 are the same everywhere. Of others, of integers, which have no bounds in Python,
+        and of a division by 0, which is an error, every number is computed by itself.
+        """
+        if self.symbol not in _EXACT or not (_are_floats(left) and _are_floats(right)):
+            return None
+        one, other = np.array(left, dtype=np.float64), np.array(right, dtype=np.float64)
+        if self.symbol == "/" and not other.all():
+            return None
+        with np.errstate(all="ignore"):  # what overflows is infinite in Python, too
+            return ArgumentColumn(_EXACT[self.symbol](one, other).tolist())
+
+
+_EXACT = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide}
+
+
+def _are_floats(values: Any) -> bool:
+    """Tell whether a column holds floats only, or a constant is a number: with floats Python takes integers as such."""
+    if isinstance(values, ArgumentColumn):
+        return set(map(type, values)) == {float}
+    return type(values) in (float, int)
 
 
 @dataclass(frozen=True)
@@ -188,7 +233,7 @@ class _Recorder:
         return self.tape.record(partial(self.plain.unary, symbol), operand)
 
     def binary(self, symbol: str, left: Any, right: Any) -> Any:
-        return self.tape.record(partial(self.plain.binary, symbol), left, right)
+        return self.tape.record(_Binary(self.plain, symbol), left, right)
 
     def compare(self, symbols: Sequence[str], operands: Sequence[Any]) -> Any:
         return self.tape.record(lambda *values: self.plain.compare(symbols, values), *operands)

@@ -20,6 +20,7 @@ import numpy as np
 from pinarm.errors import InputError, Key, Location, PinarmError, within
 from pinarm.input.roots import similar_file
 from pinarm.input.yaml.deferred import with_types
+from pinarm.input.yaml.key_path import steps_of
 from pinarm.input.yaml.parser import Builder, Path_
 from pinarm.input.yaml.schema import InputStruct, convert, reading_from
 from pinarm.input.yaml.validation_messages import explain, failing_path, unknown_key
@@ -114,7 +115,7 @@ class Document:
         """Return the document with the value at a path such as ``problem.time.end`` replaced.
 
         Args:
-            name: The path; missing keys are created.
+            name: The path, see ``key_path``; missing keys are created.
             value: Plain data.
             option: Location of the value, for messages.
 
@@ -123,7 +124,7 @@ class Document:
         """
         data, node = (copied := _copy(self.data)), None
         path: Path_ = ()
-        *parents, last = name.split(".")
+        *parents, last = steps_of(name, data, option)
         for key in parents:
             node = step_into(data, key, option, create=True)
             data, path = data[node], (*path, node)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -14,6 +15,7 @@ import msgspec
 import numpy as np
 
 from pinarm.errors import InputError, PinarmError, UnitError, within
+from pinarm.input.numbers import DECIMAL
 from pinarm.input.units import DIMENSIONLESS, Unit, read_quantity, unit
 from pinarm.input.yaml.deferred import Deferred, with_types
 
@@ -46,6 +48,7 @@ class Measured(float):
         least: Lower bound in SI.
         above: Strict lower bound in SI.
         forms: What may stand for it in a file, as JSON Schemas.
+        examples: Values that a message shows where the unit is missing.
     """
 
     unit: Unit | None = None
@@ -55,6 +58,7 @@ class Measured(float):
     least: ClassVar[float | None] = None
     above: ClassVar[float | None] = None
     forms: ClassVar[Sequence[Mapping[str, Any]]] = ({"type": "number"}, {"type": "string"})
+    examples: ClassVar[str] = "30 deg; 50 % or 0.5 1 for one without"
 
     @classmethod
     def read(cls, value: object, *, bare: bool = True) -> Self:
@@ -80,7 +84,7 @@ class Measured(float):
             raise UnitError(
                 f"'{shown}' has no unit",
                 hint=hint,
-                expected="a number with its unit, such as 30 deg; 50 % or 0.5 1 for one without",
+                expected=f"a number with its unit, such as {cls.examples}",
             )
         return cls._of(number, written)
 
@@ -120,12 +124,12 @@ def _unit_of(value: object) -> Unit | None:
     return value.unit if isinstance(value, Measured) else None
 
 
-def quantity(text: str = "", **expected: float | None) -> Any:
+def quantity(text: str = "", **expected: float | str | None) -> Any:
     """Return the annotation of a quantity: a subclass of ``Measured``.
 
     Args:
         text: Unit whose dimension it must have; any dimension if empty.
-        expected: ``least``, ``above``, ``order`` or ``along``; see ``Measured``.
+        expected: ``least``, ``above``, ``order``, ``along`` or ``examples``; see ``Measured``.
     """
     return type("Measured", (Measured,), {"expected": unit(text) if text else None, **expected})
 
@@ -141,8 +145,39 @@ Span, Lead, Position, Tension = quantity("m", above=0.0), quantity("m"), quantit
 LoadRating, ServiceSpeed = quantity("N", above=0.0), quantity("rad/s", above=0.0)
 Stiffness, Damping = quantity("N/m", least=0.0), quantity("N*s/m", least=0.0)
 MotorSpeed, MotorTorque = quantity("rad/s", least=0.0), quantity("N*m", least=0.0)
+Current = quantity("A", above=0.0)
 Resistance, Inductance, TorqueConstant = quantity("ohm", above=0.0), quantity("H", least=0.0), quantity("N*m/A")
 RotationStiffness, RotationDamping = quantity("N*m/rad", least=0.0), quantity("N*m*s/rad", least=0.0)
+GAINS = "20 N*m{0}/rad or 1500 N{0}/m; 1500 V{0}/m where the drive takes a voltage"
+Gain, IntegralGain, RateGain = (
+    quantity(examples=GAINS.format("")), quantity(examples=GAINS.format("/s")), quantity(examples=GAINS.format("*s")),
+)  # fmt: skip
+
+
+_FRACTION = re.compile(rf"({DECIMAL})\s*/\s*({DECIMAL})")
+
+
+class _Fraction(Measured):
+    """A number without unit, which may be a fraction of two, such as ``17/43`` of teeth."""
+
+    @classmethod
+    def read(cls, value: object, *, bare: bool = True) -> Self:
+        """Read ``0.5``, or ``"17/43"``.
+
+        Raises:
+            InputError: It is neither, or not finite.
+        """
+        if not isinstance(value, str):
+            return super().read(value)
+        given = _FRACTION.fullmatch(value.strip())
+        if not given:
+            raise InputError(f"'{value[:40]}' is no ratio", expected="a number, or a fraction of two such as 17/43")
+        if not float(given[2]):
+            raise InputError(f"'{value[:40]}' divides by 0", expected="a fraction such as 17/43")
+        return super().read(float(given[1]) / float(given[2]))
+
+
+Ratio: Any = _Fraction
 
 
 class InputStruct(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
 import msgspec
 
-from pinarm.errors import InputError, PinarmError, choices
+from pinarm.errors import InputError, PinarmError, UnitError, choices
+from pinarm.input.numbers import leading_number
+from pinarm.input.units import read_quantity, unit
 from pinarm.input.yaml.schema import InputStruct, convert
 
 Keys = tuple[str | int, ...]
@@ -56,6 +59,7 @@ def explain(error: msgspec.ValidationError, data: Any, path: Keys, struct: type[
     if isinstance(cause, PinarmError):
         mistake = type(cause)(cause.message, expected=cause.expected, hint=cause.hint, location=cause.location)
         mistake.path = cause.path
+        mistake.hint = _as_neighbours(mistake.hint, data, path) if isinstance(mistake, UnitError) else mistake.hint
         return mistake
     if match := re.fullmatch(r"Object contains unknown field `(.*)`", message, re.DOTALL):
         expected, hint = choices(match[1], _keys(struct, data, path), most=40)
@@ -72,6 +76,42 @@ def explain(error: msgspec.ValidationError, data: Any, path: Keys, struct: type[
     expected, what = _in_words(wanted), _in_words(found_kind) or repr(shown)[:40]
     quoted = f"'{shown}'" if expected == "text" and isinstance(shown, int | float) else ""
     return InputError(f"this is {what}", expected=expected, hint=quoted)
+
+
+def _as_neighbours(hint: str, data: Any, path: Keys) -> str:
+    """Return the value that a hint suggests in the unit that the values nearest to it in the file have: mm, not m.
+
+    Args:
+        hint: The value as it stands, and a unit of SI; other hints stay.
+        data: The content of the file.
+        path: Where the value is.
+    """
+    parts = leading_number(hint)
+    if not parts or not parts[1]:
+        return hint
+    try:
+        dimension = unit(parts[1]).dimension
+    except UnitError:
+        return hint
+    for length in range(len(path) - 1, -1, -1):
+        written = Counter(text for text in _units(_at(data, list(path[:length]))) if unit(text).dimension == dimension)
+        if written:
+            return f"{parts[0]} {written.most_common(1)[0][0]}"
+    return hint
+
+
+def _units(data: Any) -> Iterator[str]:
+    """Yield the units of the quantities in data, as they are written."""
+    if isinstance(data, dict | list):
+        for value in data.values() if isinstance(data, dict) else data:
+            yield from _units(value)
+    elif isinstance(data, str):
+        try:
+            measured = read_quantity(data)[1]
+        except UnitError:  # text
+            return
+        if measured is not None:
+            yield measured.text
 
 
 def _in_words(kinds: str) -> str:

@@ -1,8 +1,10 @@
 """Other values for a file: what Python says as a mapping and the shell as ``key=value``, spelled in one way.
 
 ``{"problem.time.end": "3 s", "arguments.m_A": 0.2}`` and ``["problem.time.end=3 s", "arguments.m_A=0.2"]`` are the
-same. Keys are paths, their steps joined by dots, indices of lists included (``expect.0.rtol``). A value is what the
-file would have there: text with a unit, a number, a word, a list or a map, which replaces the whole that stood there.
+same. Keys are paths, their steps joined by dots, indices of lists included (``expect.0.rtol``); steps that have dots
+stand in quotes (``problem.motion."tcp.y".value``), which may be left out where the file has that key. A value is what
+the file would have there: text with a unit, a number, a word, a list or a map, which replaces the whole that stood
+there.
 
 A bare number is in SI. It is allowed where the file has an SI unit at that place (0.2 for a value in kg), or none.
 Where the file has another unit (mm, deg, rpm) it is refused, since 200 might be meant in either.
@@ -19,6 +21,7 @@ import numpy as np
 from pinarm.errors import InputError, Location, UnitError
 from pinarm.input.units import read_quantity, unit
 from pinarm.input.yaml.document import Document, step_into
+from pinarm.input.yaml.key_path import steps_of
 
 Values = Mapping[str, object] | Sequence[str]
 """Path -> value, or texts such as ``problem.time.end=3 s``."""
@@ -57,7 +60,7 @@ def written_unit(data: Any, path: str) -> str:
 def value_at(data: Any, path: str) -> Any:
     """Return what stands at a path of plain data; ``None`` where nothing does."""
     try:
-        for key in path.split("."):
+        for key in steps_of(path, data, Location(path)):
             data = data[step_into(data, key, Location(path), create=False)]
     except (InputError, KeyError):
         return None

@@ -84,6 +84,8 @@ class Given(NamedTuple):
         integral: Integrals of the errors, shape (..., m).
         mode: State of a controller that switches, shape (...).
         applied: Commands of all sampled controllers in force, within their limits, shape (..., k of these).
+        excess: What limits of motors keep of the commands of this controller from their effect, shape (..., k); empty
+            where its drives have no motors.
     """
 
     t: Array | float
@@ -94,6 +96,7 @@ class Given(NamedTuple):
     integral: Array
     mode: Array | int = 0
     applied: Array = NOTHING
+    excess: Array = NOTHING
 
     @property
     def error(self) -> Array:

@@ -76,6 +76,11 @@ class MotorController(Controller):
         v, commands = given.v[..., self._velocities], self.commands(given)
         return [(commands[..., k], given.integral[..., place], v[..., k]) for k, place in enumerate(self._states)]
 
+    def excess(self, given: Given) -> Array:
+        """Return what limits of the motors keep of the commands from their effect, shape (..., k)."""
+        each = zip(self.actuators, self.inputs(given), strict=True)
+        return np.stack([motor.excess(*inputs) for motor, inputs in each], axis=-1)
+
     def command(self, given: Given) -> Array:
         """Return the efforts at the joints, shape (..., k)."""
         each = zip(self.actuators, self.inputs(given), strict=True)
@@ -93,7 +98,9 @@ class MotorController(Controller):
 
     def rates(self, given: Given) -> Array:
         """Return the rates of the integrals and of the motors' states, shape (..., m)."""
-        own = self.source.rates(self._of_source(given)) if self.own else np.zeros((*np.shape(given.t), 0))
+        own = np.zeros((*np.shape(given.t), 0))
+        if self.own:
+            own = self.source.rates(self._of_source(given)._replace(excess=self.excess(given)))
         if self.own == self.integrals:
             return own
         each = zip(self.actuators, self.inputs(given), strict=True)

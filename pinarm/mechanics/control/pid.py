@@ -8,11 +8,12 @@ from functools import cached_property
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.errors import within
-from pinarm.input.units import unit
-from pinarm.input.yaml.schema import AnyQuantity, check_unit
+from pinarm.errors import InputError, UnitError, within
+from pinarm.input.units import Unit, unit
+from pinarm.input.yaml.schema import Duration, Gain, IntegralGain, RateGain, check_unit
 from pinarm.mechanics.control.controller import Controller, Given, Plant, Switch
 from pinarm.mechanics.control.definition import OneDriveDefinition, references
+from pinarm.mechanics.control.signals import Signal
 from pinarm.mechanics.laws import Law
 
 
@@ -23,6 +24,11 @@ class Pid(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind", tag="
     the integral, ``ki integral of e``, is kept within the limits of the effort (clamp): it does not wind up. Sampled,
     the integral is the sum of the errors times the period, the present one included.
 
+    Where a limit of the drive's motor, its peak torque or its largest current, keeps a part of the command from its
+    effect, the integral follows what is given (back-calculation): ``x' = e - (u - u_given) / (ki T_t)`` with the
+    tracking time T_t. With T_t = kp/ki the integral's part tends to ``u_given - kd e'`` as ``exp(-t / T_t)``, and does
+    not wind up. Source: Åström, Hägglund, PID Controllers, 1995, section 3.5.
+
     Good values for an inertia J: ``kp = J w^2``, ``kd = 2 d J w``, with the pulsation w of the closed loop and its
     damping ratio d, 0.7 to 1; ``ki`` at most ``0.1 kp w``; a period below ``0.1 / w``.
 
@@ -31,12 +37,14 @@ class Pid(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind", tag="
         kp: Effort per error.
         ki: Effort per error and second.
         kd: Effort per rate of the error.
+        tracking_time: T_t [s]; kp/ki where it is left out.
     """
 
     follows: Law
-    kp: AnyQuantity
-    ki: AnyQuantity = 0.0
-    kd: AnyQuantity = 0.0
+    kp: Gain
+    ki: IntegralGain = 0.0
+    kd: RateGain = 0.0
+    tracking_time: Duration | None = None
 
     def bind(self, plant: Plant) -> Controller:
         """Return the controller of one mechanism.
@@ -46,13 +54,48 @@ class Pid(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind", tag="
         """
         joints, (commanded,) = self.joints(plant), self.units(plant)
         signals = self.signals(plant)
-        laws, gains = references(self.follows, signals), []
+        laws = references(self.follows, signals)
+        gains = []
         for key, per in (("kp", "1"), ("ki", "s"), ("kd", "1/s")):
             with within(key):
-                check_unit(getattr(self, key), commanded / signals[0].unit / unit(per))
+                _check_gain(getattr(self, key), commanded, signals[0], per)
             gains.append(np.array([float(getattr(self, key))]))
-        bounds, sampling = self.bounds([commanded]), self.sampling(signals)
-        return PidController(tuple(self.drives), joints, signals, laws, *bounds, sampling, *gains)
+        (kp, ki, kd), bounds, sampling = gains, self.bounds([commanded]), self.sampling(signals)
+        drives = tuple(self.drives)
+        return PidController(drives, joints, signals, laws, *bounds, sampling, kp, ki, kd, self._tracking())
+
+    def _tracking(self) -> float:
+        """Return T_t [s]; infinite where it is not given and kp is 0.
+
+        Raises:
+            InputError: It is shorter than half of the period.
+        """
+        if self.tracking_time is None:
+            kp, ki = float(self.kp), float(self.ki)
+            return abs(kp / ki) if kp and ki else np.inf
+        if self.period and not float(self.tracking_time) > float(self.period) / 2:  # the integral would not settle
+            with within("tracking_time"):
+                raise InputError(f"a tracking time of {float(self.tracking_time):g} s and a period of "
+                                 f"{float(self.period):g} s", expected="more than half of the period")  # fmt: skip
+        return float(self.tracking_time)
+
+
+def _check_gain(gain: float, commanded: Unit, measured: Signal, per: str) -> None:
+    """Check the unit of a gain; ``per`` is that of the time in it.
+
+    Raises:
+        UnitError: Says which unit the drive and the coordinate ask for.
+    """
+    try:
+        check_unit(gain, commanded / measured.unit / unit(per))
+    except UnitError as error:
+        time = {"1": "", "s": "/s", "1/s": "*s"}[per]
+        raise UnitError(
+            error.message,
+            expected=f"{commanded}{time}/{measured.unit}: the drive takes {commanded}, and '{measured.name}' is in "
+            f"{measured.unit}",
+            hint=f"20 {commanded}{time}/{measured.unit}",
+        ) from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +106,13 @@ class PidController(Controller):
         kp: Effort per error, shape (k,).
         ki: Effort per error and second, shape (k,).
         kd: Effort per rate of the error, shape (k,).
+        tracking_time: Time in which the integral follows a motor at its limit [s].
     """
 
     kp: Array = field(repr=False)
     ki: Array = field(repr=False)
     kd: Array = field(repr=False)
+    tracking_time: float = np.inf
 
     def command(self, given: Given) -> Array:
         """Return ``kp e + ki x + kd e'``."""
@@ -85,12 +130,13 @@ class PidController(Controller):
         return len(self.joints) if self.ki.any() else 0
 
     def rates(self, given: Given) -> Array:
-        """Return e, or 0 where the integral's part is at a limit and e would take it further."""
+        """Return e, or 0 where the integral's part is at a limit and e would take it further; see ``Pid`` of motors."""
         if not self.integrals:
             return super().rates(given)
         error, part = given.error[..., 0], self.ki * given.integral
         out = ((part >= self.upper) & (self.ki * error > 0.0)) | ((part <= self.lower) & (self.ki * error < 0.0))
-        return np.where(out, 0.0, error)
+        own = np.where(out, 0.0, error)
+        return own - given.excess / (self.ki * self.tracking_time) if given.excess.size else own
 
     def clamped(self, integral: Array) -> Array:
         """Return integrals whose parts are within the limits."""

@@ -1,7 +1,8 @@
-"""A coupling of one mechanism, and what files say of any: a sum of joint coordinates that stays constant."""
+"""Couplings of one mechanism: relations between joint coordinates, most of them sums that stay constant."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import LinearCoordinate, sum_of
@@ -17,15 +18,130 @@ from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.joints import Joint, joint_of
-from pinarm.mechanics.loading.model_tree import Mimic
 
 if TYPE_CHECKING:
     from pinarm.mechanics.couplings.transmissions import Transmission
+    from pinarm.mechanics.forces.force_element import Edge
+    from pinarm.mechanics.laws.motion_law import MotionLaw
+    from pinarm.mechanics.loading.model_tree import Mimic
+
+
+class JointRelation(ABC):
+    """An equation between joint coordinates, held by forces on the bodies that it couples; a constraint of one row.
+
+    Its multiplier is the effort at the joint whose coefficient in the row is 1.
+    """
+
+    name: str
+    kind: str
+    missing: str
+    size: int = 1
+
+    @property
+    def side(self) -> float:
+        """Sense in which its multiplier can act, 1 or -1; 0 where it holds both ways."""
+        return 0.0
+
+    def flawed(self, q: Array) -> Flags:
+        """Return at which configurations, shape (n, nq), no part of its kind can do what it says, shape (n,)."""
+        return np.zeros(len(q), dtype=bool)
+
+    @property
+    def flaw(self) -> str:
+        """What is wrong there, in words."""
+        return ""
+
+    def whereabouts(self, q: Array) -> str:
+        """Return what tells a configuration, shape (nq,), apart for it, in words; may be empty."""
+        return ""
+
+    @property
+    def in_pieces(self) -> bool:
+        """Whether its row is made of pieces, along the coordinate of a joint."""
+        return False
+
+    def edges(self) -> Sequence[Edge]:
+        """Return where one piece meets the next: steps of integrations end there."""
+        return ()
+
+    def passages(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
+        """Return when one piece meets the next where joints follow laws, by their index in v, between instants [s]."""
+        return []
+
+    def passed(self, q: Array, v: Array) -> bool:
+        """Return whether a step may have gone past a piece; see ``ForceElement.passed``."""
+        return False
+
+    @property
+    @abstractmethod
+    def joints(self) -> Indices:
+        """Indices in v of the joints that it couples, ascending."""
+
+    @property
+    @abstractmethod
+    def known(self) -> bool:
+        """Whether the wrenches on bodies that do what the multiplier does are known."""
+
+    @abstractmethod
+    def unit(self, row: int) -> Unit:
+        """Return the unit of the gap."""
+
+    @abstractmethod
+    def gaps_at(self, q: Array) -> Array:
+        """Return what is not closed [m or rad] at configurations, shape (n, nq), as an array of shape (n,)."""
+
+    @abstractmethod
+    def rows_at(self, q: Array) -> Array:
+        """Return the row of G at configurations, shape (n, nq), as an array of shape (n, nv)."""
+
+    @abstractmethod
+    def drifts_at(self, q: Array, v: Array) -> Array:
+        """Return ``G' v`` in states, shapes (n, nq) and (n, nv), as an array of shape (n,)."""
+
+    def gap(self, state: Kinematics) -> Array:
+        """Return what is not closed [m or rad], shape (1,)."""
+        return self.gaps_at(state.q[None])
+
+    def rows(self, state: Kinematics) -> Array:
+        """Return the row of G, shape (1, nv)."""
+        return self.rows_at(state.q[None])
+
+    def drift(self, state: Kinematics) -> Array:
+        """Return ``G' v``, shape (1,)."""
+        return self.drifts_at(state.q[None], state.v[None])
+
+    @abstractmethod
+    def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
+        """Return what multipliers, shape (n, 1), do to links: joint index -> [f; m] at the world's origin, (n, 6).
+
+        Their virtual power is lam times the row. Nothing where they are not known: the multipliers are then efforts at
+        the coupled joints only.
+        """
+
+    @abstractmethod
+    def transmitted(self, links: LinkPlacements, lam: Array) -> tuple[Array, Array]:
+        """Return where the second member is acted on [m], (n, 3), and [f; m] on it there, world axes, (n, 6).
+
+        lam are multipliers, shape (n, 1); the wrenches must be known.
+        """
+
+    @abstractmethod
+    def parts(self) -> dict[str, Unit]:
+        """Return the names of single forces, moments and measures of what transmits it, with their units."""
+
+    @abstractmethod
+    def part(self, name: str, q: Array, lam: Array) -> Array:
+        """Return one of them at configurations, shape (n, nq), with multipliers, shape (n,), as an array (n,)."""
+
+    @property
+    @abstractmethod
+    def description(self) -> str:
+        """What transmits it, in words."""
 
 
 @dataclass(frozen=True, eq=False)
-class Coupling:
-    """A coupling of one mechanism, ready for evaluation; its multiplier is the effort at a joint of weight 1.
+class Coupling(JointRelation):
+    """A sum of joint coordinates that stays constant; its multiplier is the effort at a joint of weight 1.
 
     Attributes:
         name: Its name.
@@ -47,43 +163,60 @@ class Coupling:
     missing: str = ""
     size: int = 1
 
+    @property
+    def joints(self) -> Indices:
+        """Indices in v of the joints with a weight."""
+        return np.flatnonzero(self.coordinate.weights)
+
+    @property
+    def known(self) -> bool:
+        """Whether there is a transmission."""
+        return self.transmission is not None
+
     def unit(self, row: int) -> Unit:
         """Return the unit of the gap."""
         return self.coordinate.unit
 
-    def gap(self, state: Kinematics) -> Array:
-        """Return ``sum_i w_i q_i - c``, shape (1,)."""
-        return np.array([self.coordinate.value(state) - self.constant])
+    def gaps_at(self, q: Array) -> Array:
+        """Return ``sum_i w_i q_i - c`` at every configuration."""
+        return np.asarray(q[:, self.coordinate.places] @ self.coordinate.weights - self.constant)
 
-    def rows(self, state: Kinematics) -> Array:
-        """Return the row of G: the weights, shape (1, nv)."""
-        return self.coordinate.weights[None]
+    def rows_at(self, q: Array) -> Array:
+        """Return the weights at every configuration."""
+        return np.broadcast_to(self.coordinate.weights, (len(q), len(self.coordinate.weights)))
 
-    def drift(self, state: Kinematics) -> Array:
-        """Return ``G' v = 0``, shape (1,)."""
-        return np.zeros(1)
+    def drifts_at(self, q: Array, v: Array) -> Array:
+        """Return 0: the row is constant."""
+        return np.zeros(len(q))
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
-        """Return what multipliers, shape (n, 1), do to links: joint index -> [f; m] at the world's origin, (n, 6).
-
-        Their virtual power is lam times the row. Nothing where there is no transmission: the multipliers are then
-        known as efforts at the coupled joints only.
-        """
+        """Return what multipliers do to links; see ``JointRelation``. Nothing where there is no transmission."""
         known = self.transmission
         if known is None:
             return {}
         return {body: outwards(links, known.carrier, wrench) for body, wrench in known.wrenches(lam[:, 0]).items()}
 
     def transmitted(self, links: LinkPlacements, lam: Array) -> tuple[Array, Array]:
-        """Return where the second member is acted on [m], (n, 3), and [f; m] on it there, world axes, (n, 6).
-
-        lam are multipliers, shape (n, 1); there must be a transmission.
-        """
+        """Return where and how the second member is acted on; see ``JointRelation``."""
         known = self.transmission
         assert known is not None
         wrench = outwards(links, known.carrier, known.wrenches(lam[:, 0])[known.second])
         point = links.places[:, known.carrier] + np.matvec(links.turns[:, known.carrier], known.point)
         return point, np.concatenate([wrench[:, :3], wrench[:, 3:] - crossed(point, wrench[:, :3])], axis=1)
+
+    def parts(self) -> dict[str, Unit]:
+        """Return the forces of the transmission."""
+        return self.transmission.parts() if self.transmission else {}
+
+    def part(self, name: str, q: Array, lam: Array) -> Array:
+        """Return a force of the transmission, which depends on the multiplier only."""
+        assert self.transmission is not None
+        return self.transmission.part(name, lam)
+
+    @property
+    def description(self) -> str:
+        """The transmission in words, or what is missing."""
+        return str(self.transmission or f"its forces on bodies are not known: {self.missing}")
 
 
 def outwards(links: LinkPlacements, carrier: int, wrench: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.errors import InputError
-from pinarm.input.yaml.schema import Angle, AnyQuantity, InputStruct, Measured
+from pinarm.input.yaml.schema import Angle, AnyQuantity, InputStruct, Measured, Ratio
 from pinarm.mechanics.couplings.coupling import Coupling, coupled
 from pinarm.mechanics.couplings.members import MemberPair, member_pair
 from pinarm.mechanics.couplings.teeth import Teeth, wheels_in_mesh
@@ -36,7 +36,7 @@ class Gear(InputStruct, frozen=True, tag_field="kind", tag="gear"):
 
     Attributes:
         joints: The two joints.
-        ratio: Turns of the second per turn of the first.
+        ratio: Turns of the second per turn of the first: a number, or a fraction such as ``17/43``.
         offset: Coordinate of the second where the first is at 0.
         carrier: Joint that moves the link in which the axes of both wheels are; none where it is at rest.
         pressure_angle: alpha, in the section normal to the teeth, such as 20 deg.
@@ -48,7 +48,7 @@ class Gear(InputStruct, frozen=True, tag_field="kind", tag="gear"):
     """
 
     joints: tuple[str, str]
-    ratio: float
+    ratio: Ratio
     offset: AnyQuantity = 0.0
     carrier: str = ""
     pressure_angle: Angle | None = None

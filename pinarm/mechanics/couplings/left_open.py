@@ -16,9 +16,10 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.mechanics.geometry.pinocchio_data import new_data
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.couplings.coupling import Coupling
+    from pinarm.mechanics.couplings.coupling import JointRelation
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +31,7 @@ class OpenReaction:
         wrenches: Wrenches [f; m] at the joint's origin, in its own axes, that span what they may add, shape (k, 6).
     """
 
-    couplings: tuple[Coupling, ...]
+    couplings: tuple[JointRelation, ...]
     wrenches: Array
 
     def __str__(self) -> str:
@@ -39,7 +40,7 @@ class OpenReaction:
         return "couplings leave it open: " + "; ".join(named)
 
 
-def left_open(model: pin.Model, couplings: Sequence[Coupling]) -> dict[int, OpenReaction]:
+def left_open(model: pin.Model, couplings: Sequence[JointRelation]) -> dict[int, OpenReaction]:
     """Return the joints whose reactions are open, by their index.
 
     At a coupled joint all six components are: part of the coupling may be within it. At a joint between, its efforts
@@ -47,9 +48,10 @@ def left_open(model: pin.Model, couplings: Sequence[Coupling]) -> dict[int, Open
     """
     found: dict[int, OpenReaction] = {}
     for coupling in couplings:
-        if coupling.transmission is not None:
+        if coupling.known:
             continue
-        coupled = {k for k in range(1, model.njoints) if coupling.coordinate.weights[model.joints[k].idx_v]}
+        moved = set(coupling.joints.tolist())
+        coupled = {k for k in range(1, model.njoints) if model.joints[k].idx_v in moved}
         for joint in _between(model, coupled):
             others = found[joint].couplings if joint in found else ()
             wrenches = np.eye(6) if joint in coupled else _without_power(model, joint)
@@ -69,6 +71,6 @@ def _between(model: pin.Model, coupled: set[int]) -> list[int]:
 def _without_power(model: pin.Model, joint: int) -> Array:
     """Return the wrenches that do no power on a joint's own motion, in its axes, shape (6 - nv, 6)."""
     own = model.joints[joint]
-    jacobian = pin.computeJointJacobian(model, model.createData(), pin.neutral(model), joint).reshape(6, -1)
+    jacobian = pin.computeJointJacobian(model, new_data(model), pin.neutral(model), joint).reshape(6, -1)
     motions = jacobian[:, own.idx_v : own.idx_v + own.nv]
     return np.asarray(np.linalg.svd(motions.T)[2][own.nv :])

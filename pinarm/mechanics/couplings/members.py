@@ -11,6 +11,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.mechanics.geometry.parallel_axes import PARALLEL
+from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.joints import METRE, Joint
 
 IN_LINE = 1e-6
@@ -106,7 +107,7 @@ class _AxesAtNeutral:
 
     def __init__(self, model: pin.Model, joints: Mapping[int, Joint], carrier: int) -> None:
         self.model, self.joints, self.carrier = model, joints, carrier
-        self.data = model.createData()
+        self.data = new_data(model)
         self.columns = np.asarray(
             pin.computeJointJacobians(model, self.data, pin.neutral(model)), dtype=np.float64
         ).reshape(6, -1)

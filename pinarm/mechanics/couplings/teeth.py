@@ -22,6 +22,7 @@ from pinarm.errors import InputError, within
 from pinarm.mechanics.couplings.members import IN_LINE, Member, MemberPair
 from pinarm.mechanics.couplings.transmissions import PitchSurfaces, ToothContact
 from pinarm.mechanics.geometry.parallel_axes import PARALLEL
+from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.joints import Joint, frame_of
 
 
@@ -223,7 +224,7 @@ def _link_in_carrier(model: pin.Model, pair: MemberPair, link: str, otherwise: s
         if model.frames[index].parentJoint not in bodies:
             raise InputError(f"the link {link} belongs neither to a wheel nor to what carries the wheels",
                              expected="a link fixed to one of them")  # fmt: skip
-    data = model.createData()
+    data = new_data(model)
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     return np.asarray(data.oMi[pair.carrier].actInv(data.oMf[index].translation))
 

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, distinct
 
 SLIVER = 1e-12
 """Width of a piece, relative to where it is, that rounding makes."""
@@ -48,7 +48,7 @@ class Pieces:
         around = self.bounds
         if self.period < math.inf:
             around = np.concatenate([[0.0], around, self.period + np.array([0.0, *around]), [2.0 * self.period]])
-        around = np.unique(around)
+        around = distinct(around)
         return around[np.diff(around, prepend=-math.inf) > SLIVER * (1.0 + np.abs(around))]
 
     @cached_property

@@ -27,6 +27,7 @@ from pinarm.input.yaml.schema import (
 )
 from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
 from pinarm.mechanics.geometry.deflection import REACH, Deflection
+from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.joints import METRE, RADIAN, Joint, frames_of
 
 if TYPE_CHECKING:
@@ -283,7 +284,7 @@ class Bushing(InputStruct, frozen=True, tag_field="kind", tag="bushing"):
                 raise InputError(f"{' and '.join(self.between)} are on one body: nothing moves between them",
                                  expected="links with a joint between them")  # fmt: skip
         stiffness, damping = _matrix(self.stiffness, DIMENSIONLESS), _matrix(self.damping, unit("s"))
-        return LinearBushing(model, (first, second), stiffness, damping, model.createData())
+        return LinearBushing(model, (first, second), stiffness, damping, new_data(model))
 
 
 def _matrix(rates: SpringRates | DampingRates, time: Unit) -> Array:

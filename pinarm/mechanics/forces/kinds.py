@@ -9,6 +9,7 @@ import pinocchio as pin
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.forces.along_coordinate import CoordinateEffort, CoordinateSpring
 from pinarm.mechanics.forces.bushing import Bushing
+from pinarm.mechanics.forces.cable import ElasticCable
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring, RegularisedFriction, TorqueSpeed
 from pinarm.mechanics.forces.point import PointSpring, Wrench
@@ -20,6 +21,7 @@ Force = (
     | RegularisedFriction
     | TorqueSpeed
     | PointSpring
+    | ElasticCable
     | Bushing
     | Wrench
     | CoordinateSpring

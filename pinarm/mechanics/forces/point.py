@@ -16,6 +16,7 @@ from pinarm.errors import DynamicsError, within
 from pinarm.input.units import DIMENSIONLESS, unit
 from pinarm.input.yaml.schema import Damping, Force, InputStruct, Length, Moment, Stiffness
 from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
+from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.geometry.vectors import combined, cross, dot
 from pinarm.mechanics.joints import METRE, UNIVERSE, Joint, format_configuration, frame_of, frames_of
 from pinarm.mechanics.laws import Constant, Law
@@ -309,7 +310,7 @@ class Wrench(InputStruct, frozen=True, tag_field="kind", tag="wrench"):
         with within("factor"):
             self.factor.check_units(DIMENSIONLESS)
         wrench = np.array([*self.force, *self.moment], float)
-        return AppliedWrench(model, frame, axes, wrench, self.factor, model.createData())
+        return AppliedWrench(model, frame, axes, wrench, self.factor, new_data(model))
 
 
 class PointSpring(InputStruct, frozen=True, tag_field="kind", tag="point_spring"):
@@ -337,7 +338,7 @@ class PointSpring(InputStruct, frozen=True, tag_field="kind", tag="point_spring"
         """Return the element of one model."""
         frames = frames_of(model, self.between)
         return TwoPointSpring(
-            model, frames, self.stiffness, self.damping, self.free_length, self.force, model.createData()
+            model, frames, self.stiffness, self.damping, self.free_length, self.force, new_data(model)
         )
 
 

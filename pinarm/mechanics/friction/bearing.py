@@ -102,8 +102,8 @@ class Bearing:
 
     def slope(self, wrench: Array) -> Array:
         """Return the gradient of N, shape (.., 6); 0 of a normal force that vanishes."""
-        size = self._normal(wrench)
-        normals = np.einsum("pij,...j->...pi", self.parts, wrench)
+        normals = np.matvec(self.parts, wrench[..., None, :])
+        size = np.sqrt((normals**2).sum(axis=-1))
         shares = np.divide(self.levers, size, out=np.zeros_like(size), where=size > 0.0)
         return np.asarray(np.einsum("...p,...pi,pij->...j", shares, normals, self.parts))
 
@@ -113,7 +113,7 @@ class Bearing:
 
     def _normal(self, wrench: Array) -> Array:
         """Return the normal forces [N], shape (.., p)."""
-        return np.asarray(np.linalg.norm(np.einsum("pij,...j->...pi", self.parts, wrench), axis=-1))
+        return np.asarray(np.sqrt((np.matvec(self.parts, wrench[..., None, :]) ** 2).sum(axis=-1)))
 
 
 def _radial(axis: Array, span: float) -> list[Array]:

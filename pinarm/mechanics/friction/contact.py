@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -51,6 +52,11 @@ class FrictionContact(Protocol):
     @property
     def shared(self) -> bool:
         """Whether what rigid bodies leave open of its load is taken from the least multipliers."""
+        ...
+
+    @property
+    def row_is_constant(self) -> bool:
+        """Whether J is the same in all configurations."""
         ...
 
     def row(self, state: Kinematics) -> Array:
@@ -113,6 +119,11 @@ class JointContact:
         """``joint.J.friction``, of a ball joint ``joint.J.friction.x``."""
         return quantity_of(self.name, self.part)
 
+    @property
+    def row_is_constant(self) -> bool:
+        """Return True."""
+        return True
+
     def row(self, state: Kinematics) -> Array:
         """Return the unit vector of the joint, shape (nv,)."""
         unit = np.zeros(state.model.nv)
@@ -164,6 +175,11 @@ class LoopContact:
         """``loop.L.friction``, and ``loop.L.friction.axial`` of a component."""
         return quantity_of(self.name, self.part)
 
+    @property
+    def row_is_constant(self) -> bool:
+        """Return False."""
+        return False
+
     def row(self, state: Kinematics) -> Array:
         """Return J, shape (nv,)."""
         return np.asarray(self.slip.rows(state)[0])
@@ -184,8 +200,8 @@ class LoopContact:
 
 def slip_rows(model: pin.Model, contacts: Sequence[FrictionContact], q: Array) -> Array:
     """Return J of all contacts at configurations, shape (n, nq), as an array of shape (n, k, nv)."""
-    if all(isinstance(contact, JointContact) for contact in contacts):
-        fixed = np.eye(model.nv)[[contact.v for contact in contacts if isinstance(contact, JointContact)]]
+    if all(contact.row_is_constant for contact in contacts):
+        fixed = _constant_rows(model, tuple(contacts))
         return np.broadcast_to(fixed, (len(q), *fixed.shape))
     states = (Kinematics.at(model, row) for row in q)
     return np.array([[contact.row(state) for contact in contacts] for state in states]).reshape(
@@ -195,7 +211,14 @@ def slip_rows(model: pin.Model, contacts: Sequence[FrictionContact], q: Array) -
 
 def slip_drifts(model: pin.Model, contacts: Sequence[FrictionContact], q: Array, v: Array) -> Array:
     """Return J' v of all contacts in states, shapes (n, nq) and (n, nv), as an array of shape (n, k)."""
-    if all(isinstance(contact, JointContact) for contact in contacts):
+    if all(contact.row_is_constant for contact in contacts):
         return np.zeros((len(q), len(contacts)))
     states = (Kinematics.at(model, *row) for row in zip(q, v, strict=True))
     return np.array([[contact.drift(state) for contact in contacts] for state in states]).reshape(len(q), len(contacts))
+
+
+@lru_cache(maxsize=16)  # asked at every evaluation of an equation of motion
+def _constant_rows(model: pin.Model, contacts: tuple[FrictionContact, ...]) -> Array:
+    """Return J of contacts whose rows are the same in all configurations, shape (k, nv)."""
+    state = Kinematics.at(model, pin.neutral(model))
+    return np.array([contact.row(state) for contact in contacts]).reshape(len(contacts), model.nv)

@@ -50,6 +50,11 @@ class CouplingContact(ABC):
         """A sum of joint coordinates that stands still where the slip is 0, the largest weight 1."""
         return replace(self.coupling.coordinate, weights=self.slip / np.abs(self.slip).max())
 
+    @property
+    def row_is_constant(self) -> bool:
+        """Return True."""
+        return True
+
     def row(self, state: Kinematics) -> Array:
         """Return J, shape (nv,)."""
         return self.slip
@@ -64,6 +69,9 @@ class CouplingContact(ABC):
 
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
         """Return the multiplier as the first component of a wrench, shape (n, 6)."""
-        found = np.zeros((len(joints), 6))
-        found[:, 0] = lam[self.coupling.name][:, 0]
-        return found
+        return self.carried(lam)
+
+    def carried(self, lam: dict[str, Array]) -> Array:
+        """Return the same from the multipliers alone, shape (n, 6)."""
+        multiplier = lam[self.coupling.name][:, :1]
+        return np.concatenate([multiplier, np.zeros((len(multiplier), 5))], axis=1)

@@ -14,13 +14,14 @@ from pinarm.errors import InputError, choices, within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import Angle, Force, InputStruct, NotNegative, Positive, Span, check_unit
 from pinarm.mechanics.ball_joints import Ball, balls_of
-from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.coupling import Coupling, JointRelation
 from pinarm.mechanics.couplings.transmissions import ToothContact
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.friction.bearing import Bearing
 from pinarm.mechanics.friction.contact import FrictionContact, JointContact, LoopContact
 from pinarm.mechanics.friction.law import FrictionLaw
 from pinarm.mechanics.friction.thread import ThreadFriction, ThreadGeometry
+from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.joints import METRE, RADIAN, Joint
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import LowerPair
@@ -40,6 +41,7 @@ SIZES: dict[str, tuple[str, ...]] = {
     "a worm": ("radius", "flank", "lead_angle"),
     "teeth": ("teeth",),
     "a belt": (),
+    "a cam": ("radius",),
 }
 """What has friction, and the sizes and preloads on which its load depends."""
 
@@ -63,6 +65,9 @@ class Friction(InputStruct, frozen=True):
     A belt, a coupling ``belt`` with a pretension, slips on its wheels where the strands' tensions differ by more than
     the factor ``exp(mu theta)``, theta being the smaller angle of wrap; until then it sticks. Its wheels are tied by
     this friction alone: each is a degree of freedom, with a law, a drive or an initial velocity of its own.
+
+    Of a cam, a coupling ``cam`` with a face or an edge, friction acts along the tangent of the contact, in N and m/s;
+    of one with a roller it is that of the roller's pin, of ``radius``, at the roller's circumference.
 
     Attributes:
         mu: Coefficient of friction while the joint slips.
@@ -119,7 +124,7 @@ class Friction(InputStruct, frozen=True):
                 raise InputError("a preload presses", expected="at least 0 N")
 
     def bind(
-        self, name: str, model: pin.Model, joints: Mapping[str, Joint], constraints: Sequence[LoopJoint | Coupling]
+        self, name: str, model: pin.Model, joints: Mapping[str, Joint], constraints: Sequence[LoopJoint | JointRelation]
     ) -> tuple[FrictionContact, ...]:
         """Return the friction of a joint of the tree, a loop joint or a coupling, by its name: its components.
 
@@ -143,7 +148,7 @@ class Friction(InputStruct, frozen=True):
         constraint = of_loops[name]
         if isinstance(constraint, Coupling):
             return (self._of_coupling(constraint),)
-        return self._of_loop(constraint)
+        return self._of_loop(constraint) if isinstance(constraint, LoopJoint) else (self._of_cam(constraint),)
 
     def _of_ball(self, ball: Ball) -> tuple[JointContact, ...]:
         """Return the friction of a ball joint of the tree: a moment in the axes of the child."""
@@ -193,6 +198,15 @@ class Friction(InputStruct, frozen=True):
         return ThreadFriction(
             f"coupling.{coupling.name}", unit("N"), coupling, slip, law, bearing, self._shared, along=thread.along
         )
+
+    def _of_cam(self, cam: JointRelation) -> FrictionContact:
+        from pinarm.mechanics.couplings.cams.cam_coupling import CamCoupling
+        from pinarm.mechanics.friction.cam import cam_friction
+
+        assert isinstance(cam, CamCoupling)
+        self._check_sizes("a cam")
+        law = self._law(Joint(cam.name, 0, 0, 0, METRE))
+        return cam_friction(cam, float(self.radius or 0.0), law, shared=self._shared)
 
     def _of_belt(self, coupling: Coupling) -> FrictionContact:
         from pinarm.mechanics.friction.belt import belt_friction
@@ -313,7 +327,7 @@ def _coupled(weights: Array, name: str) -> tuple[int, int]:
 
 def _axis(model: pin.Model, joint: Joint) -> Array:
     """Return the axis of a joint in the child's axes, shape (3,)."""
-    data = model.createData()
+    data = new_data(model)
     pin.computeJointJacobians(model, data, pin.neutral(model))
     column = pin.getJointJacobian(model, data, joint.index, pin.LOCAL).reshape(6, -1)[:, joint.v]
     return np.array(column[:3] if joint.unit == METRE else column[3:])

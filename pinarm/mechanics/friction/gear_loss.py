@@ -63,6 +63,11 @@ class GearLoss:
         """Unit of the friction."""
         return unit("N" if self.gear.coordinate.unit == METRE else "N*m")
 
+    @property
+    def row_is_constant(self) -> bool:
+        """Return False."""
+        return False
+
     def row(self, state: Kinematics) -> Array:
         """Return the row of the mean velocity of both sides, shape (nv,)."""
         row = 0.5 * np.asarray(self.gear.coordinate.row(state), dtype=np.float64)

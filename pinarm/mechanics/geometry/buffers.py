@@ -9,6 +9,8 @@ import weakref
 
 import pinocchio as pin
 
+from pinarm.mechanics.geometry.pinocchio_data import new_data
+
 KEPT = 4
 """Number of unused buffers of a model that are kept: more at once are rare, and buffers may be large."""
 
@@ -25,7 +27,7 @@ def take(model: pin.Model) -> pin.Data:
     try:
         return unused.pop()
     except IndexError:
-        return model.createData()
+        return new_data(model)
 
 
 def give_back(model: pin.Model, data: pin.Data) -> None:

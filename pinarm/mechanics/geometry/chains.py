@@ -6,19 +6,22 @@ ends at frame 2. So only the joints between the frames matter, and all vectors a
 rows of a loop joint are defined.
 
 Arrays have the configurations along their last axis, so that numpy works on long rows: n of them, or 1 where a vector
-is the same in all, such as the axes of a planar mechanism.
+is the same in all, such as the axes of a planar mechanism. Of k variants of a model the states stand along that axis,
+row by row and variant by variant within each; what differs between variants is repeated for every row.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.mechanics.geometry.vectors import Axes, combined, cross, dot
+from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, VariantPlacement, joint_placement
+from pinarm.mechanics.geometry.vectors import Axes, Weights, combined, cross, dot
 
 ROUNDING = 1e-15
 """Deviation from 0 and 1 in rotation matrices of a model that is rounding; removed, it leaves exact products."""
@@ -34,14 +37,18 @@ class Stage:
     Attributes:
         index: Index of its coordinate in q and v.
         turns: True for a revolute joint, False for a prismatic one.
-        shift: Origin in the axes of the stage before [m], shape (3,).
-        turn: Axes in those of the stage before, as columns, shape (3, 3).
+        shift: Origin in the axes of the stage before [m]; components that differ between states are arrays.
+        turn: Its three axes in those of the stage before, likewise.
     """
 
     index: int
     turns: bool
-    shift: Array
-    turn: Array
+    shift: Weights
+    turn: Sequence[Weights]
+
+    def repeated(self, n: int) -> Stage:
+        """Return the stage for n rows of all variants."""
+        return replace(self, shift=_repeated(self.shift, n), turn=[_repeated(axis, n) for axis in self.turn])
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,34 +57,47 @@ class Chain:
 
     Attributes:
         stages: Joints from frame 1 to frame 2.
-        shift: Origin of frame 2 in the axes of the last stage [m], shape (3,).
-        turn: Axes of frame 2 in those of the last stage, as columns, shape (3, 3).
+        shift: Origin of frame 2 in the axes of the last stage [m], as that of a stage.
+        turn: Axes of frame 2 in those of the last stage, likewise.
+        count: Number of variants that differ; 1 where all are alike.
     """
 
     stages: tuple[Stage, ...]
-    shift: Array
-    turn: Array
+    shift: Weights
+    turn: Sequence[Weights]
+    count: int = 1
 
     @classmethod
-    def between(cls, model: pin.Model, first: int, second: int) -> Chain | None:
+    def between(cls, model: Model, first: int, second: int) -> Chain | None:
         """Return the chain between two frames; ``None`` where it contains another kind of joint."""
         start, end = model.frames[first], model.frames[second]
         up, down = (list(model.supports[frame.parentJoint]) for frame in (start, end))
         path = [(j, -1.0) for j in reversed(up) if j not in down] + [(j, 1.0) for j in down if j not in up]
-        stages, between, axes = [], start.placement.inverse(), np.eye(3)
+        stages, between, axes, count = [], start.placement.inverse(), np.eye(3), 1
+        here = VariantPlacement.of(pin.SE3.Identity()) if isinstance(model, ModelVariants) else pin.SE3.Identity()
         for joint, direction in path:
             screw = screw_of(model.joints[joint])
             if screw is None or model.joints[joint].idx_q != model.joints[joint].idx_v:
                 return None
             if direction > 0.0:
-                between = between * model.jointPlacements[joint]
+                between = between * joint_placement(model, joint)
             turns, own = screw[0], _with_z_along(direction * screw[1])
             turn = _rounded(axes.T @ between.rotation @ own)
-            stages.append(Stage(int(model.joints[joint].idx_v), turns, axes.T @ between.translation, turn))
-            between = pin.SE3.Identity() if direction > 0.0 else model.jointPlacements[joint].inverse()
+            shift = np.matvec(axes.T, between.translation)
+            stages.append(Stage(int(model.joints[joint].idx_v), turns, _weights(shift), _columns(turn)))
+            count = max(count, shift.size // 3, turn.size // 9)
+            between = here if direction > 0.0 else joint_placement(model, joint).inverse()
             axes = own
         between = between * end.placement
-        return cls(tuple(stages), axes.T @ between.translation, _rounded(axes.T @ between.rotation))
+        shift, turn = np.matvec(axes.T, between.translation), _rounded(axes.T @ between.rotation)
+        return cls(tuple(stages), _weights(shift), _columns(turn), max(count, shift.size // 3, turn.size // 9))
+
+    def repeated(self, n: int) -> Chain:
+        """Return the chain for n rows of all variants, row by row."""
+        if self.count == 1 or n == 1:
+            return self
+        stages = tuple(stage.repeated(n) for stage in self.stages)
+        return Chain(stages, _repeated(self.shift, n), [_repeated(axis, n) for axis in self.turn], n * self.count)
 
     def placed(self, q: Array, cosine: Array, sine: Array) -> Placed:
         """Return the placements of the stages and of frame 2 in frame 1, stage by stage: ``R <- R turn Rz(q)``.
@@ -92,7 +112,7 @@ class Chain:
         origins, screws = [], []
         for stage in self.stages:
             place = place + combined(axes, stage.shift)
-            x, y, z = (combined(axes, column) for column in stage.turn.T)
+            x, y, z = (combined(axes, column) for column in stage.turn)
             origins.append(place)
             screws.append(z)
             if stage.turns:
@@ -101,7 +121,7 @@ class Chain:
             else:
                 axes, place = (x, y, z), place + q[stage.index] * z
         place = place + combined(axes, self.shift)
-        axes = tuple(combined(axes, column) for column in self.turn.T)
+        axes = tuple(combined(axes, column) for column in self.turn)
         return Placed(self, place, axes, screws, [place - origin for origin in origins])
 
 
@@ -192,6 +212,23 @@ def _with_z_along(axis: Array) -> Array:
     normal -= (normal @ axis) * axis
     normal /= np.linalg.norm(normal)
     return np.column_stack([normal, np.cross(axis, normal), axis])
+
+
+def _weights(x: Array) -> Weights:
+    """Return the components of a vector, shape (3,), or of those of k variants, shape (k, 3)."""
+    if x.ndim == 1:
+        return x
+    return [part if len(part) > 1 and (part != part[0]).any() else float(part[0]) for part in np.ascontiguousarray(x.T)]
+
+
+def _columns(turn: Array) -> Sequence[Weights]:
+    """Return the columns of a rotation matrix, shape (3, 3), or of those of k variants, shape (k, 3, 3)."""
+    return [_weights(turn[..., k]) for k in range(3)]
+
+
+def _repeated(weights: Weights, n: int) -> Weights:
+    """Return components for n rows of all variants."""
+    return [np.tile(part, n) if isinstance(part, np.ndarray) else part for part in weights]
 
 
 def _rounded(turn: Array) -> Array:

@@ -21,11 +21,13 @@ class LinkPlacements:
         turns: Rotation matrices R, columns are the joint axes in world axes, shape (n, njoints, 3, 3).
         places: Origins p in the world [m], shape (n, njoints, 3). Of variants there is an axis after the first, of
             length 1 where they are alike; see ``link_tree``.
+        q: The configurations, shape (n, nq): they tell whole turns of a joint, too.
     """
 
     model: Model = field(repr=False)
     turns: Array
     places: Array
+    q: Array = field(repr=False)
 
     @classmethod
     def at(cls, model: Model, q: Array) -> LinkPlacements:
@@ -33,11 +35,11 @@ class LinkPlacements:
         tree, still = LinkTree.of(model), np.zeros((*q.shape[:-1], model.nv))
         relative = tree.relative(model, q, still)
         turns = tree.multiplied(relative.turns)
-        return cls(model, turns, tree.summed(np.matvec(turns[..., tree.parents, :, :], relative.arms)))
+        return cls(model, turns, tree.summed(np.matvec(turns[..., tree.parents, :, :], relative.arms)), q)
 
     def some(self, rows: Indices) -> LinkPlacements:
         """Return the placements at some of the configurations."""
-        return LinkPlacements(self.model, self.turns[rows], self.places[rows])
+        return LinkPlacements(self.model, self.turns[rows], self.places[rows], self.q[rows])
 
     def frame(self, index: int) -> tuple[Array, Array]:
         """Return the rotation matrices, shape (n, 3, 3), and the origins [m], shape (n, 3), of a frame of the model."""
@@ -56,6 +58,11 @@ class LinkPlacements:
     def outwards(self, wrenches: Array) -> Array:
         """Return wrenches [f; m] at the joint origins in world axes from those in link axes, shape (n, njoints, 6)."""
         return self._turned(wrenches[..., :3], wrenches[..., 3:], self.turns)
+
+    def at_joints(self, wrenches: Array) -> Array:
+        """Return wrenches [f; m] at the joint origins from those at the world origin, both in world axes."""
+        forces = wrenches[..., :3]
+        return joined(forces, wrenches[..., 3:] - crossed(self.places, forces))
 
     def at_world(self, wrenches: Array) -> Array:
         """Return wrenches [f; m] at the world origin from those in link frames: ``R f``, ``R m + p x R f``.
@@ -110,7 +117,7 @@ def moving(model: Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, 
         joined(np.matvec(inwards, linear), np.matvec(inwards, angular))
         for linear, angular in ((u, omega), (du - crossed(omega, u), alpha))
     )
-    return LinkPlacements(model, turns, places), twists, rates, _columns(tree, turns, places, relative.subspaces)
+    return LinkPlacements(model, turns, places, q), twists, rates, _columns(tree, turns, places, relative.subspaces)
 
 
 def _turned(turns: Array, motions: Array) -> tuple[Array, Array]:

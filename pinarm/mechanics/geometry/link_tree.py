@@ -110,6 +110,14 @@ class LinkTree:
             x = x + x[..., jump, :]
         return x
 
+    def carried(self, x: Array) -> Array:
+        """Return the sums over every link and those beyond it, 0 of the world; shape (.., njoints, w)."""
+        total = x.copy()
+        for link in range(len(self.parents) - 1, 0, -1):
+            total[..., self.parents[link], :] += total[..., link, :]
+        total[..., 0, :] = 0.0
+        return total
+
     def multiplied(self, turns: Array) -> Array:
         """Return the products of rotations along these paths; that of the world is 1; shape (.., njoints, 3, 3)."""
         for jump in self.jumps:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 
-ALIKE = ("name", "nq", "nv", "njoints", "names", "parents", "joints", "subtrees", "gravity", "armature")
+ALIKE = (
+    "name", "nq", "nv", "njoints", "nframes", "names", "parents", "joints", "supports", "subtrees", "gravity",
+    "armature",
+)  # fmt: skip
 """Attributes of Pinocchio's models that all variants have in common."""
 
 METHODS = ("getFrameId", "existFrame", "getJointId", "existJointName")
@@ -25,8 +28,9 @@ class VariantsDiffer(Exception):
     """What was asked is computed of one model at a time: variants have to be solved one by one."""
 
 
-class VariantPlacement(NamedTuple):
-    """A placement in k variants, or in all of them, with k = 1.
+@dataclass(frozen=True, eq=False)
+class VariantPlacement:
+    """A placement in k variants, or in all of them, with k = 1; it is composed as Pinocchio's ``SE3`` is.
 
     Attributes:
         rotation: Rotation matrix, shape (k, 3, 3).
@@ -41,10 +45,25 @@ class VariantPlacement(NamedTuple):
         """Return a placement that is the same in all variants."""
         return cls(np.array(place.rotation)[None], np.array(place.translation)[None])
 
-    def __matmul__(self, inner: VariantPlacement) -> VariantPlacement:
+    def __mul__(self, inner: VariantPlacement) -> VariantPlacement:
         """Return the placement of what is placed in what is placed."""
         place = self.translation + np.matvec(self.rotation, inner.translation)
         return VariantPlacement(self.rotation @ inner.rotation, place)
+
+    def some(self, places: Indices) -> VariantPlacement:
+        """Return the placement in some of the variants."""
+        rotation, translation = (x[places] if len(x) > 1 else x for x in (self.rotation, self.translation))
+        return VariantPlacement(rotation, translation)
+
+    @property
+    def alike(self) -> bool:
+        """Whether it is the same in all variants."""
+        return len(self.rotation) == len(self.translation) == 1
+
+    def inverse(self) -> VariantPlacement:
+        """Return where the outer axes are in these."""
+        back = self.rotation.swapaxes(-1, -2)
+        return VariantPlacement(back, -np.matvec(back, self.translation))
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +81,10 @@ class VariantFrame:
     type: pin.FrameType
     parentJoint: int
     placed: VariantPlacement | None = field(repr=False)
+
+    def some(self, places: Indices) -> VariantFrame:
+        """Return the frame of some of the variants."""
+        return self if self.placed is None else replace(self, placed=self.placed.some(places))
 
     @property
     def placement(self) -> VariantPlacement:
@@ -103,10 +126,17 @@ class ModelVariants:
     def __len__(self) -> int:
         return len(self.parameters)
 
+    def some(self, places: Indices) -> ModelVariants:
+        """Return some of the variants, in their order."""
+        return replace(
+            self, frames=[frame.some(places) for frame in self.frames], parameters=self.parameters[places],
+            turns=self.turns[places], shifts=self.shifts[places],
+        )  # fmt: skip
+
     @property
     def in_place(self) -> bool:
         """Whether all variants have their joints and frames in the same places: only masses and inertias vary."""
-        still = (frame.placed is not None and len(frame.placed.rotation) == 1 for frame in self.frames)
+        still = (frame.placed is not None and frame.placed.alike for frame in self.frames)
         return not self.moved and all(still)
 
     def __getattr__(self, name: str) -> Any:
@@ -165,6 +195,16 @@ def placements_of(model: Model) -> tuple[Array, Array]:
         return np.array([place.rotation for place in places]), np.array([place.translation for place in places])
     turns, shifts = placements_of(model.first)
     return _spread(turns, model.turns, model.moved), _spread(shifts, model.shifts, model.moved)
+
+
+def joint_placement(model: Model, joint: int) -> Any:
+    """Return where a joint is in its parent's axes: a ``pin.SE3``, or a ``VariantPlacement`` of variants."""
+    if not isinstance(model, ModelVariants):
+        return model.jointPlacements[joint]
+    if joint not in model.moved:
+        return VariantPlacement.of(model.first.jointPlacements[joint])
+    place = model.moved.index(joint)
+    return VariantPlacement(model.turns[:, place], model.shifts[:, place])
 
 
 def _spread(common: Array, own: Array, places: Sequence[int]) -> Array:

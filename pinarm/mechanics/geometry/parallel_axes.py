@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.errors import InputError
+from pinarm.mechanics.geometry.pinocchio_data import new_data
 
 PARALLEL = 1e-3
 """Angle between axes that are parallel but for the digits in which right angles are typed [rad]."""
@@ -23,7 +24,7 @@ def check_parallel(model: pin.Model, columns: Mapping[str, int]) -> None:
     Raises:
         InputError: Names the first joint and one that differs.
     """
-    data, somewhere = model.createData(), np.sin(np.arange(1.0, model.nv + 1.0))
+    data, somewhere = new_data(model), np.sin(np.arange(1.0, model.nv + 1.0))
     first, *others = columns
     for q in (pin.neutral(model), pin.integrate(model, pin.neutral(model), somewhere)):
         jacobian = pin.computeJointJacobians(model, data, q).reshape(6, -1)

@@ -15,6 +15,9 @@ from pinarm.arrays import Array
 Axes = Sequence[Array] | Array
 """The three axes of a frame, each of shape (3,) or (3, n): the columns of its rotation matrix."""
 
+Weights = Sequence[float | Array] | Array
+"""The three components of a vector along axes: numbers, or arrays of shape (n,) where they differ."""
+
 MEETING, SLANTED = 1e-12, np.array([0.48, 0.6, 0.64])
 """Distance of points that meet [m]; the unit vector that stands for the direction from one to the other then, along no
 axis of any frame, so that a rod that is to come between them can push them apart."""
@@ -61,12 +64,12 @@ def direction(p: Array) -> Array:
     return np.where(meeting, SLANTED.reshape(3, *(1,) * (p.ndim - 1)), p / np.where(meeting, 1.0, length))
 
 
-def combined(axes: Axes, weights: Array) -> Array:
+def combined(axes: Axes, weights: Weights) -> Array:
     """Return ``sum_k weights_k axes_k``, a vector given by its components along axes; 0 costs nothing and 1 little."""
     total: Array | None = None
     for axis, weight in zip(axes, weights, strict=True):
-        if weight:
-            part = axis if weight == 1.0 else weight * axis
+        if isinstance(weight, np.ndarray) or weight:
+            part = axis if not isinstance(weight, np.ndarray) and weight == 1.0 else weight * axis
             total = part if total is None else total + part
     return np.zeros_like(axes[0]) if total is None else total
 

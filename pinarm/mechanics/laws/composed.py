@@ -65,12 +65,14 @@ class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rena
         t, v, now = float(self.begin), 0.0, np.array([0.0])
         first = self.segments[0].motion.smooth_pieces
         s = float(piece_after(first, 0.0)(now)[0][0]) if self.start is None else float(self.start)
-        pieces, size = [_rest_at(t, s)], abs(s)
+        pieces, size, fastest = [_rest_at(t, s)], abs(s), 0.0
         for row, segment in enumerate(self.segments):
             own = segment.motion.smooth_pieces
             value, speed = (float(part[0]) for part in piece_after(own, 0.0)(now)[:2])
             with within("segments", row, "motion"):
-                if abs(speed - v) > CONTINUOUS * max(abs(speed), abs(v)):
+                speeds = piece_after(own, 0.0)(np.linspace(0.0, segment.duration, 9))[1]
+                fastest = max(fastest, float(np.abs(speeds).max()))
+                if abs(speed - v) > CONTINUOUS * fastest:
                     raise InputError(f"the speed jumps from {v:.6g} to {speed:.6g} where segment {row + 1} begins")
                 if value != 0.0 or isinstance(segment.motion, Constant):
                     _check_reached(value, s, size)

@@ -15,7 +15,8 @@ from pinarm.errors import InputError, UnitError, within
 from pinarm.input.roots import contained_file, root_of, stamp_of
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import Abscissa, Level, Rate, check_each, current_folder
-from pinarm.mechanics.laws.motion_law import FILE_KEYS, SECOND, MotionLaw, Piece, Values, polynomial
+from pinarm.mechanics.laws.clamped_spline import ClampedSpline
+from pinarm.mechanics.laws.motion_law import FILE_KEYS, SECOND, MotionLaw, Piece, polynomial
 
 
 class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", rename=FILE_KEYS):
@@ -151,18 +152,20 @@ def cached_table(path: str) -> tuple[tuple[float, ...], tuple[float, ...], Unit,
 
 
 def spline_pieces(times: Array, values: Array, speeds: tuple[float, float]) -> list[Piece]:
-    """Return a clamped cubic spline with constant speed before and after it."""
-    from scipy.interpolate import CubicSpline
+    """Return a clamped cubic spline with constant speed before and after it.
 
-    spline = CubicSpline(times, values, bc_type=((1, float(speeds[0])), (1, float(speeds[1]))))
-
-    def function(t: Array) -> Values:
-        return spline(t), spline(t, 1), spline(t, 2)
-
+    Raises:
+        InputError: Its slopes are larger than numbers can be.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        spline = ClampedSpline.through(times, values, speeds)
+    if not np.isfinite(spline.coefficients).all():
+        raise InputError("the values change by more than 1e308 in a unit of what they are given over",
+                         expected="smaller values, or points further apart")  # fmt: skip
     first, last = float(times[0]), float(times[-1])
     return [
         Piece(-math.inf, first, polynomial(first, float(values[0]), float(speeds[0]))),
-        Piece(first, last, function),
+        Piece(first, last, spline),
         Piece(last, math.inf, polynomial(last, float(values[-1]), float(speeds[1]))),
     ]
 

@@ -62,9 +62,9 @@ class Piece:
 
 def polynomial(origin: float, *coefficients: float) -> Callable[[Array], Values]:
     """Return ``s(t) = sum_k c_k (t - origin)^k`` with its derivatives."""
-    c = np.array(coefficients)
-    dc = c[1:] * np.arange(1.0, len(c))
-    ddc = dc[1:] * np.arange(1.0, len(dc))
+    c = [float(each) for each in coefficients]
+    dc = [k * each for k, each in enumerate(c)][1:]
+    ddc = [k * each for k, each in enumerate(dc)][1:]
 
     def function(t: Array) -> Values:
         x = np.asarray(t, float) - origin
@@ -73,10 +73,11 @@ def polynomial(origin: float, *coefficients: float) -> Callable[[Array], Values]
     return function
 
 
-def _horner(c: Array, x: Array) -> Array:
-    total = np.zeros_like(x)
-    for coefficient in c[::-1]:
-        total = total * x + coefficient
+def _horner(c: Sequence[float], x: Array) -> Array:
+    total = np.full(x.shape, c[-1] if c else 0.0)
+    for coefficient in c[-2::-1]:
+        total *= x
+        total += coefficient
     return total
 
 
@@ -120,6 +121,10 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
     def value_jumps(self) -> list[float]:
         """Return the breakpoints at which s itself jumps [s]: allowed for a load, not for a position."""
         return [t for t, jumping in self._jumping() if jumping[0]]
+
+    def slope_jumps(self) -> list[float]:
+        """Return the breakpoints at which s' jumps: of a cam's profile the follower would be hit there."""
+        return [t for t, jumping in self._jumping() if jumping[1]]
 
     def _jumping(self) -> Iterator[tuple[float, Flags]]:
         """Yield the breakpoints, and which of s, s' and s'' jump there."""
@@ -168,18 +173,21 @@ class Grid:
     rows: tuple[int, ...]
 
     @classmethod
-    def cover(cls, t: Array, laws: Iterable[MotionLaw], jumps: Iterable[float] = ()) -> Grid:
+    def cover(
+        cls, t: Array, laws: Iterable[MotionLaw], jumps: Iterable[float] = (), kinks: Iterable[float] = ()
+    ) -> Grid:
         """Return the grid of the given instants, with the jumps of the laws between the first and the last added.
 
         Args:
             t: Instants, shape (n,).
             laws: Their breakpoints cut the grid.
             jumps: Further instants of jumps.
+            kinks: Further instants that cut the grid without rows of their own.
         """
         first, last = float(t[0]), float(t[-1])
         laws = list(laws)
         doubled = {first, last, *jumps, *(x for law in laws for x in law.jumps())}
-        breaks = {*jumps, *(x for law in laws for x in law.breakpoints())}
+        breaks = {*jumps, *kinks, *(x for law in laws for x in law.breakpoints())}
         inner = sorted(x for x in breaks if first < x < last)
         cuts, slack = (first, *inner, last), ROUNDING * (last - first)
         if not inner:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, distinct
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import Extent, InputStruct, check_unit
@@ -42,25 +42,38 @@ class Profile:
     Attributes:
         pieces: Smooth pieces in order; those of the first period where it repeats.
         period: Period [rad or m]; infinite where it does not repeat.
+        law: The law; its pieces are functions, which cannot be pickled.
     """
 
     pieces: tuple[Piece, ...]
-    period: float = math.inf
+    period: float
+    law: MotionLaw
 
     @classmethod
     def of(cls, law: MotionLaw, period: float | None = None) -> Profile:
         """Return the profile of a law, taken from 0 to the period if there is one."""
         if period is None:
-            return cls(tuple(law.smooth_pieces))
+            return cls(tuple(law.smooth_pieces), math.inf, law)
         inside = [piece for piece in law.smooth_pieces if piece.end > 0.0 and piece.start < period]
-        return cls(tuple(Piece(max(p.start, 0.0), min(p.end, period), p.function) for p in inside), period)
+        return cls(tuple(Piece(max(p.start, 0.0), min(p.end, period), p.function) for p in inside), period, law)
 
-    def __call__(self, w: Array) -> Values:
-        """Return f, f' and f'' at values w of the coordinate, each of the shape of w."""
-        x = self._folded(w)
+    def __reduce__(self) -> tuple[Callable[..., Profile], tuple[MotionLaw, float | None]]:
+        """Return how it is made again: from the law."""
+        return Profile.of, (self.law, None if self.period == math.inf else self.period)
+
+    def __call__(self, w: Array, toward: Array | float = 0.0) -> Values:
+        """Return f, f' and f'' at values w of the coordinate, each of the shape of w.
+
+        Args:
+            w: The values.
+            toward: Which side counts on a breakpoint: 1 for greater values, -1 for lesser ones.
+        """
+        near = np.asarray(w, float) + toward * ON_BREAKPOINT * np.maximum(1.0, np.abs(w))
+        x = self._folded(near)
         values = np.empty((3, *x.shape))
         place = np.searchsorted([piece.end for piece in self.pieces[:-1]], x)
-        for index in np.unique(place):
+        x = x + (w - near)
+        for index in distinct(place):
             inside = place == index
             values[:, inside] = self.pieces[index].function(x[inside])
         return values[0], values[1], values[2]
@@ -83,6 +96,20 @@ class Profile:
                     raise InputError(f"the profile is passed {last - first:.3g} times", expected="a shorter motion")
             own = (self.period * np.arange(first, last + 1)[:, None] + own).ravel()
         return own[(own > low) & (own < high)]
+
+    def passages(self, drive: MotionLaw, start: float, end: float) -> list[float]:
+        """Return the instants at which a law over time passes the breakpoints between two instants, ascending [s].
+
+        Raises:
+            InputError: There are more than ``MANY``.
+        """
+        found: list[float] = []
+        for piece in drive.smooth_pieces:
+            low, high = max(piece.start, start), min(piece.end, end)
+            found += passing_times(self, piece.function, low, high) if low < high else []
+            if len(found) > MANY:
+                raise InputError("the profile's breakpoints are passed too often", expected="a shorter motion")
+        return found
 
     def beside(self, middle: float, w: Array) -> Values:
         """Return f, f' and f'' at w by the piece at ``middle`` where w lies on it, otherwise by the piece at w."""

@@ -19,7 +19,7 @@ from pinarm.errors import ModelError
 from pinarm.input.xml_names import check_names, counted
 from pinarm.input.xml_text import MAX_LINKS, bound
 from pinarm.mechanics.loading.mjcf_actuators import with_actuators
-from pinarm.mechanics.loading.mjcf_equalities import EqualityReader, with_held
+from pinarm.mechanics.loading.mjcf_equalities import EqualityReader, with_held, with_hinges
 from pinarm.mechanics.loading.mjcf_geoms import geom_inertia
 from pinarm.mechanics.loading.mjcf_joints import elements_of, joint_chain
 from pinarm.mechanics.loading.mjcf_names import GENERATED, MJCF
@@ -92,11 +92,12 @@ def mjcf_tree(model: Element) -> Tree:
     links = {**_scaled(reader.links, settings.total_mass), **{site.child: pin.Inertia.Zero() for site in sites}}
     names = frozenset(site.child for site in sites)
     said = EqualityReader(settings, reader.joints, reader.places, names).read(model)
+    hinges = with_hinges(said, sites) if len(said.loops) > 1 else []
     links |= {frame.child: pin.Inertia.Zero() for frame in said.frames}
     joints = with_held(with_actuators(settings, model, reader.joints, reader.notes), said.held)
     mimics, orphans = checked_mimics(said.mimics, {name: joint.kind for name, joint in joints.items()})
     gravity = np.zeros(3) if "gravity" in settings.off else settings.gravity
-    notes = [f"{what}: {several(names)}" for what, names in reader.notes.items()]
+    notes = [*hinges, *(f"{what}: {several(names)}" for what, names in reader.notes.items())]
     if unread:
         notes.append(f"not read: {counted(unread)}")
     return Tree(

@@ -4,6 +4,7 @@
 ``joint`` with two joints           a coupling, ``q1 - ref1 = c0 + c1 (q2 - ref2)``; curves are refused
 ``joint`` with one                  the joint is held at ``ref1 + c0``
 ``connect`` of bodies or sites      a spherical loop joint: a point of the first on one of the second
+two ``connect`` of two bodies       a revolute loop joint through both points: one row of the six would say nothing
 ``weld`` of bodies or sites         a fixed loop joint; of bodies that ``relpose`` places, or the pose in the file
 ==================================  ====================================================================================
 
@@ -13,8 +14,9 @@ section equality, and ``mj_instantiateEquality`` of its engine.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import combinations
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element
 
@@ -24,10 +26,13 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import ModelError, choices
 from pinarm.mechanics.loading.mjcf_settings import Attributes, Settings, numbers
-from pinarm.mechanics.loading.model_tree import Mimic, TreeJoint
+from pinarm.mechanics.loading.model_tree import Mimic, TreeJoint, from_z
 
 if TYPE_CHECKING:
     from pinarm.mechanics.loops.kinds import Loop
+
+PRINTED = 1e-4
+"""Difference of two directions, or two distances relative to their size, that is due to six printed digits."""
 
 TIES = ("connect", "weld")
 """Equalities that close loops."""
@@ -152,6 +157,66 @@ class EqualityReader:
                                  expected="another name for the equality")  # fmt: skip
             said.frames.append(TreeJoint(f"{frame}_fixed", "fixed", body, frame, place, np.array([0.0, 0.0, 1.0])))
         return names
+
+
+def with_hinges(said: Equalities, sites: Iterable[TreeJoint]) -> list[str]:
+    """Make one revolute joint of two spherical ones that tie the same two bodies in two points; return notes on them.
+
+    Exporters write hinges so, such as onshape-to-robot. The six rows have rank five, as the distance of the points is
+    given twice, and their forces along the hinge would not be determined.
+    """
+    from pinarm.mechanics.loops.lower_pairs import Revolute, Spherical
+
+    frames = {frame.child: frame for frame in (*sites, *said.frames)}
+    balls = {name: loop.between for name, loop in said.loops.items() if isinstance(loop, Spherical)}
+    notes = []
+    for name, other in combinations(balls, 2):
+        if not {name, other} <= said.loops.keys():
+            continue
+        (a, b), (c, d) = ([frames[end] for end in balls[each]] for each in (name, other))
+        if (a.parent, b.parent) == (d.parent, c.parent):
+            c, d = d, c
+        axes = _hinge_axes(a, b, c, d) if (a.parent, b.parent) == (c.parent, d.parent) else None
+        if axes is None:
+            continue
+        if np.abs(axes[0] - axes[1]).max() < PRINTED:
+            between = a.child, b.child
+            x, y, z = axes[0].tolist()
+        else:
+            between, (x, y, z) = (f"{name}_hinge_1", f"{name}_hinge_2"), (0.0, 0.0, 1.0)
+            said.frames += [_along(end, frame, axis) for end, frame, axis in zip(between, (a, b), axes, strict=True)]
+        del said.loops[other]
+        said.loops[name] = Revolute(between=between, axis=(x, y, z))
+        notes.append(f"{name} and {other} tie two points of the same bodies: together they are a revolute joint {name}")
+    return notes
+
+
+def _hinge_axes(a: TreeJoint, b: TreeJoint, c: TreeJoint, d: TreeJoint) -> tuple[Array, Array] | None:
+    """Return the direction from a to c in the axes of a, and from b to d in those of b; ``None`` for no hinge.
+
+    Args:
+        a: A point of the first body.
+        b: The point of the second body that is tied to a.
+        c: Another point of the first body.
+        d: The point of the second body that is tied to c.
+    """
+    one, two = a.placement.actInv(c.placement).translation, b.placement.actInv(d.placement).translation
+    length, other = float(np.linalg.norm(one)), float(np.linalg.norm(two))
+    if min(length, other) == 0.0 or abs(length - other) > PRINTED * length:
+        return None
+    return _rounded(one / length), _rounded(two / other)
+
+
+def _rounded(axis: Array) -> Array:
+    """Return a coordinate axis for a unit vector that is one but for printed digits."""
+    near = np.round(axis)
+    return near if np.abs(axis - near).max() < PRINTED else axis
+
+
+def _along(name: str, frame: TreeJoint, axis: Array) -> TreeJoint:
+    """Return a frame at another one with z along an axis in the axes of that."""
+    place = frame.placement * pin.SE3(from_z(axis), np.zeros(3))
+    return TreeJoint(f"{name}_fixed", "fixed", frame.parent, name, place, np.array([0.0, 0.0, 1.0]))
 
 
 def with_held(joints: Mapping[str, TreeJoint], held: Mapping[str, float]) -> dict[str, TreeJoint]:

@@ -15,6 +15,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.errors import ModelError, choices
 
 if TYPE_CHECKING:
+    from pinarm.mechanics.couplings.kinds import CouplingDefinition
     from pinarm.mechanics.loops.kinds import Loop
 
 Kind = Literal["fixed", "revolute", "prismatic", "ball", "planar", "floating"]
@@ -114,6 +115,7 @@ class Tree:
         defects: Physically impossible values with which the model can still be built, in words.
         notes: Parts of the file that are modelled differently or not at all, in words.
         loops: Joints that close loops of the tree, by name.
+        couplings: Gears, screws and sums of joint coordinates, by name.
     """
 
     name: str
@@ -124,6 +126,7 @@ class Tree:
     defects: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     loops: Mapping[str, Loop] = field(default_factory=dict)
+    couplings: Mapping[str, CouplingDefinition] = field(default_factory=dict)
 
     @property
     def root(self) -> str:

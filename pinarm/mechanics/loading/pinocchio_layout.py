@@ -31,7 +31,7 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.loading.pinocchio_model import BASE
-from pinarm.mechanics.loading.urdf_writer import CHAINS
+from pinarm.mechanics.loading.urdf.writer import CHAINS
 
 if TYPE_CHECKING:
     from pinarm.mechanics.ball_joints import Ball

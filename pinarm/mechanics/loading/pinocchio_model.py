@@ -22,16 +22,18 @@ from pinarm.errors import ModelError
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.forces.joint_definitions import CREEP
 from pinarm.mechanics.loading.model_tree import Bounds, Mimic, Tree, TreeJoint, from_z, listed
-from pinarm.mechanics.loading.urdf import urdf_tree
+from pinarm.mechanics.loading.urdf.reader import urdf_tree
 
 if TYPE_CHECKING:
+    from pinarm.mechanics.couplings.kinds import CouplingDefinition
     from pinarm.mechanics.loops.kinds import Loop
 
 BASE = "root"
 """Name of the joint that is added where ``base: floating`` frees a model that its file fixes to the ground."""
 
-MOST = 250
-"""Largest number of degrees of freedom: Pinocchio's buffers take 65 nv^3 bytes, here 1 GB."""
+MOST = 10_000
+"""Largest number of degrees of freedom: Pinocchio's model keeps the joints before and beyond every joint, of a chain
+8 nv^2 bytes, here 0.8 GB."""
 
 ALIGNED = 1e-15
 """Deviation from a coordinate axis that is rounding."""
@@ -56,6 +58,7 @@ class RobotModel:
         friction: Dry friction of joints with one coordinate, by name, which sticks [N*m or N].
         mimics: Joints that the file couples to others.
         loops: Joints that close loops of the tree, by name.
+        couplings: Gears, screws and sums of joint coordinates, by name.
         gravity: Gravity field of the file [m/s^2], world axes, shape (3,); ``None`` where it gives none.
         notes: Parts of the file that are modelled differently or not at all, in words.
     """
@@ -66,6 +69,7 @@ class RobotModel:
     friction: Mapping[str, float] = field(default_factory=dict)
     mimics: tuple[Mimic, ...] = ()
     loops: Mapping[str, Loop] = field(default_factory=dict)
+    couplings: Mapping[str, CouplingDefinition] = field(default_factory=dict)
     gravity: Array | None = None
     notes: tuple[str, ...] = ()
 
@@ -95,7 +99,8 @@ def build_model(
         *_said(tree, creep),
     ]  # fmt: skip
     sticking = {} if creep else {part.name: part.friction for part in _rubbing(tree) if part.kind != "ball"}
-    return RobotModel(model, xml, forces, sticking, tree.mimics, tree.loops, tree.gravity, tuple(notes))
+    return RobotModel(model, xml, forces, sticking, tree.mimics, tree.loops, tree.couplings, tree.gravity,
+                      tuple(notes))  # fmt: skip
 
 
 def _read(xml: str) -> Tree:

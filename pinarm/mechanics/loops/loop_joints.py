@@ -18,7 +18,7 @@ from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.geometry.vectors import cross, crossed
+from pinarm.mechanics.geometry.vectors import cross, crossed, joined
 from pinarm.mechanics.joints import METRE, RADIAN, frame_of
 
 if TYPE_CHECKING:
@@ -44,6 +44,11 @@ class LoopJoint:
     first: int
     second: int
     pair: Pair = field(repr=False)
+
+    @property
+    def side(self) -> float:
+        """0: it holds both ways."""
+        return 0.0
 
     @property
     def size(self) -> int:
@@ -91,19 +96,30 @@ class LoopJoint:
         return np.asarray(e @ ddp + w @ domega + self.pair.bend(p, axes, dp, omega))
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
-        """Return what multipliers, shape (n, m), do to links: joint index -> [f; m] at the world's origin, (n, 6)."""
+        """Return what multipliers, shape (.., m), do to links: joint index -> [f; m] at the world's origin, (.., 6)."""
         wrench, place = self.wrench(links, lam), links.frame(self.second)[1]
-        moved = np.concatenate([wrench[:, :3], wrench[:, 3:] + crossed(place, wrench[:, :3])], axis=1)
+        moved = joined(wrench[..., :3], wrench[..., 3:] + crossed(place, wrench[..., :3]))
         frames = links.model.frames
         return {frames[self.second].parentJoint: moved, frames[self.first].parentJoint: -moved}
 
     def wrench(self, links: LinkPlacements, lam: Array) -> Array:
-        """Return [f; m] of the first link on the second, at the origin of frame 2, world axes [N, N*m], (n, 6)."""
+        """Return [f; m] of the first link on the second, at the origin of frame 2, world axes [N, N*m].
+
+        Of multipliers of shape (n, m), or (n, k, m) of variants, as (n, 6) or (n, k, 6).
+        """
+        if self.pair.constant is not None:
+            turn = links.frame(self.first)[0]
+            return joined(*(np.matvec(turn, lam @ direction) for direction in self.pair.constant))
         (turn, origin), (other, place) = links.frame(self.first), links.frame(self.second)
-        axes = (turn.swapaxes(1, 2) @ other).transpose(2, 1, 0)
-        directions = self.pair.directions(np.vecmat(place - origin, turn).T, axes)
+        axes, p = turn.swapaxes(-1, -2) @ other, np.vecmat(place - origin, turn)
+        states = np.broadcast_shapes(axes.shape[:-2], p.shape[:-1], lam.shape[:-1])
+        axes, p, lam = (
+            np.broadcast_to(x, (*states, *x.shape[len(states) :])).reshape(-1, *x.shape[len(states) :])
+            for x in (axes, p, lam)
+        )
+        directions = self.pair.directions(p.T, axes.transpose(2, 1, 0))
         inner = (np.einsum("nk,kcn->nc", lam, _spread(direction, len(lam))) for direction in directions)
-        return np.concatenate([np.matvec(turn, one) for one in inner], axis=1)
+        return joined(*(np.matvec(turn, one.reshape(*states, 3)) for one in inner))
 
 
 def _spread(directions: Array, n: int) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol, get_args
@@ -55,6 +56,11 @@ class LowerPair:
     def about(self) -> list[bool]:
         """Which rows have a direction of rotation."""
         return [bool(row.any()) for row in self.w]
+
+    @property
+    def constant(self) -> tuple[Array, Array]:
+        """The directions."""
+        return self.e, self.w
 
     @cached_property
     def _held(self) -> Array:
@@ -233,6 +239,11 @@ class PointOnPlane(AxisDefinition, frozen=True, tag_field="kind", tag="point_on_
 
 LowerKind = Fixed | Revolute | Prismatic | Cylindrical | Spherical | Planar | PointOnLine | PointOnPlane
 """Kinds that need at most an axis. A new one is one class above and one entry here."""
+
+LOWER_KINDS: Mapping[str, type[LowerDefinition]] = {
+    str(kind.__struct_config__.tag): kind for kind in get_args(LowerKind)
+}
+"""These kinds by the name that files call them by."""
 
 
 def looser(pair: Pair) -> list[tuple[str, LowerPair]]:

@@ -41,6 +41,11 @@ class Pair(Protocol):
         """Points that coincide in both frames and say the same as the rows, shape (k, 3); none if no points can."""
         ...
 
+    @property
+    def constant(self) -> tuple[Array, Array] | None:
+        """The directions e and w where they are the same in all configurations, each of shape (m, 3)."""
+        ...
+
     def gap(self, p: Array, axes: Axes) -> list[Array]:
         """Return what is not closed in every row [m or rad], shape (..) or (1,)."""
         ...

@@ -41,6 +41,7 @@ class Tie:
     along: tuple[bool, ...] = (True,)
     about: tuple[bool, ...] = (False,)
     points: Array | None = None
+    constant: tuple[Array, Array] | None = None
 
     def gap(self, p: Array, axes: Axes) -> list[Array]:
         """Return by how much the distance differs from the length."""

@@ -43,6 +43,7 @@ class Cross:
     along: tuple[bool, ...] = (True, True, True, False)
     about: tuple[bool, ...] = (False, False, False, True)
     points: Array | None = None
+    constant: tuple[Array, Array] | None = None
 
     def gap(self, p: Array, axes: Axes) -> list[Array]:
         """Return the distance, and the angle by which the axes miss a right one."""

@@ -21,12 +21,13 @@ from pinarm.errors import InputError, Place, choices, nowhere, within
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.control.controller import Controller, Plant, Reader
 from pinarm.mechanics.control.motor_control import MotorController
+from pinarm.mechanics.control.pid import PidController
 from pinarm.mechanics.control.signals import CoordinateSignal, JointSignal, Signal, SumSignal
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
-from pinarm.mechanics.motors import MotorDefinition
+from pinarm.mechanics.motors import Actuator, MotorDefinition
 from pinarm.problems.actuation.inverses import InverseOfLoops, InverseOfTree, inverse_of_couplings
 
 if TYPE_CHECKING:
@@ -148,7 +149,7 @@ class MechanismPlant:
         rows = closure.with_guides(guided, [mechanism.coordinate(name) for name in guided])
         here = rows.split(rows.rows(rows.state(self._start)))
         own = closure.split(closure.rows(closure.state(self._start)))
-        if len(here.values) < len(own.values) + len(guided):
+        if here.rank < own.rank + len(guided):
             raise InputError(f"{', '.join(guided)} do not move independently",
                              expected="as many drives as move independently")  # fmt: skip
         return InverseOfLoops(self.dynamics, rows, tuple(self.laws.values()), len(joints))
@@ -209,6 +210,8 @@ def _with_motors(
         if motors:
             source = replace(one, supply=next(iter(motors.values())).supply)
             actuators = [motor.behind(mechanism.drives[drive].ratio) for drive, motor in motors.items()]
+            with places(number):
+                _require_tracking(source, actuators)
             behind = MotorController.of(source, actuators, place)
             found += [source, behind] if one.sampling else [behind]
         else:
@@ -231,6 +234,19 @@ def _motors(drives: Sequence[str], mechanism: Mechanism) -> dict[str, MotorDefin
             expected="motors of one kind for all drives of a controller, or a controller for each",
         )
     return motors
+
+
+def _require_tracking(controller: Controller, actuators: Sequence[Actuator]) -> None:
+    """Raise where an integral would wind up beside a motor at its limit.
+
+    Raises:
+        InputError: Says which key prevents it.
+    """
+    at_rest = np.zeros(()), np.zeros(1), np.zeros(())
+    winds = isinstance(controller, PidController) and controller.integrals and np.isinf(controller.tracking_time)
+    if winds and any(motor.kinks(*at_rest) for motor in actuators):
+        raise InputError("the motor has a limit at which the integral winds up, and without kp there is no time in "
+                         "which it follows the motor", expected="tracking_time: such as 50 ms")  # fmt: skip
 
 
 def _require_own_joints(controllers: Sequence[Controller]) -> None:

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.kinematics.joint_motion import JointMotion
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, Key, Place, within
+from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.laws import Motion, Over
-from pinarm.mechanics.laws.motion_law import MotionLaw
+from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
+
+BESIDE = 1e-9
+"""Distance of the rows beside a passage of a cam, part of the time: far above rounding of angles, 1e-16 of them."""
 
 
 def laws_of(
@@ -65,6 +73,28 @@ def _settle(
         found[name] = law.along(found[law.of], *span)
 
 
+def grid_of(mechanism: Mechanism, motion: JointMotion, t: Array, laws: Sequence[MotionLaw]) -> Grid:
+    """Return the grid of instants, shape (n,), cut where laws have breakpoints and cams pass those of their profiles.
+
+    Where a cam passes one there is a row on either side: the acceleration of its follower may jump in between.
+
+    Args:
+        mechanism: The mechanism.
+        motion: How its joints follow laws.
+        t: Instants [s].
+        laws: Laws of the motion and of loads.
+    """
+    driven = zip(motion.coordinates, motion.laws, strict=True)
+    joints = {
+        one.joint: law for one, law in driven if isinstance(one, LinearCoordinate) and one.joint is not None
+    }  # fmt: skip
+    start, end = float(t[0]), float(t[-1])
+    kinks = [x for one in mechanism.relations for x in one.passages(joints, start, end) if start < x < end]
+    near = [x + side * BESIDE * (end - start) for x in kinks for side in (-1.0, 1.0)]
+    rows = np.unique([*t, *(x for x in near if start < x < end)]) if near else t
+    return Grid.cover(rows, laws, kinks=kinks)
+
+
 def profile_remarks(mechanism: Mechanism, motion: Mapping[str, Motion]) -> list[str]:
     """Return what efforts along profiles mean: each has a drive of its own, which a cam has not."""
     remarks = []
@@ -74,6 +104,6 @@ def profile_remarks(mechanism: Mechanism, motion: Mapping[str, Motion]) -> list[
             remarks.append(
                 f"'{name}' is moved along its profile over '{law.of}' by a drive of its own: efforts, reactions, loads "
                 f"and sizing at '{law.of}' are without it. The shaft of a cam carries "
-                f"{along}.effort + {own}.effort*{own}.velocity/{along}.velocity"
+                f"{along}.effort + {own}.effort*{own}.velocity/{along}.velocity; a coupling 'kind: cam' loads it"
             )
     return remarks

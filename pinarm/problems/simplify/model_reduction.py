@@ -26,6 +26,7 @@ from pinarm.mechanics.ball_joints import ball_angles, ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.problems.simplify.removal import Removed
@@ -101,7 +102,7 @@ class ReducedMechanism:
     @cached_property
     def _places(self) -> list[tuple[int, pin.SE3]]:
         """For every joint of the whole the joint of the part that moves its bodies, and where it is in that."""
-        model, data = self.whole.model, self.whole.model.createData()
+        model, data = self.whole.model, new_data(self.whole.model)
         pin.forwardKinematics(model, data, self.configuration)
         places, count = [(0, pin.SE3.Identity())], 0
         for index in range(1, model.njoints):

@@ -18,7 +18,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.statics.actuation import followers_of
 from pinarm.errors import Place
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
-from pinarm.mechanics.couplings.coupling import Coupling, independent
+from pinarm.mechanics.couplings.coupling import Coupling, JointRelation, independent
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.laws import Constant, Over
@@ -253,6 +253,8 @@ def _is_reducible(known: KnownMotion) -> bool:
     drives = set(known.declared.drives)
     if drives and drives != set(known.prescribed):
         return False
+    if any(isinstance(one, JointRelation) and not isinstance(one, Coupling) for one in known.mechanism.constraints):
+        return False  # what a cam leaves of its joints depends on where they are
     if not known.declared.integrated:
         return True
     # integrated with loops, the error of a step is measured over all coordinates: fewer of them take other steps

@@ -93,7 +93,8 @@ class Response(InputStruct, frozen=True):
         units = {**dict.fromkeys(names, measured), **self.units(result.quantities)}
         numbers = {name: Series(names[name], units[name] or DIMENSIONLESS, np.array([values[name]])) for name in names}
         rows = [(names[name], f"{values[name]:.6g}", str(units[name] or "")) for name in names]
-        table = SectionTable("response", f"Step response of {self.of}", ("", "value", "unit"), (None,) * 3, rows)
+        table = SectionTable("response", f"Step response of {self.of}", ("", "value", "unit"), (None,) * 3, rows,
+                             row_unit=2)  # fmt: skip
         graph = Graph("response", f"Step response of {self.of}",
                       [Curve(result.quantities["t"], result.quantities[self.of])])  # fmt: skip
         return Section("response", "Step response", [table], numbers, step.remarks(self, values), [graph])

@@ -25,7 +25,7 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import InputStruct
-from pinarm.use.result.curve_figures import CurveFigure, figure, integrals, rms_values
+from pinarm.use.result.figures.curve_figures import CurveFigure, figure, integrals, rms_values
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable
 
@@ -115,7 +115,8 @@ def _figures_table(numbers: dict[str, Series], units: Sequence[Unit | None]) -> 
                               (units[0], *units[:3], units[3], *units[3:]), strict=True):  # fmt: skip
         peak, rms = (float(numbers[f"{part}.{name}"].values[0]) for name in ("peak", "rms"))
         rows.append((part, str(measured), peak, rms))
-    return SectionTable("figures", "Peak and rms value", ("", "unit", "peak", "rms"), (None, None, None, None), rows)
+    return SectionTable("figures", "Peak and rms value", ("", "unit", "peak", "rms"), (None, None, None, None), rows,
+                        row_unit=1)  # fmt: skip
 
 
 def _terms(result: Result) -> float:

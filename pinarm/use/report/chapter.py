@@ -131,7 +131,7 @@ def chapter(result: Result, origin: Origin, *, moving: bool) -> Chapter:
         graph=link_graph(mechanism),
         mechanism=mechanism_tables(mechanism),
         curves=list(_curves(result)),
-        parts=[_part(section, result.presentation) for section in result.sections.values()],
+        parts=[_part(section, result.presentation) for section in result.shown_sections.values()],
         verdicts=verdicts,
         accuracy=_accuracy(result),
         error=error_lines(result),

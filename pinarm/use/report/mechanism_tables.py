@@ -10,9 +10,10 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.kinematics.mobility import joint_kind, mobility_of
-from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.chains import screw_of
 from pinarm.mechanics.joints import RADIAN, Joint
+from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.rotors import GearedRotor
 from pinarm.use.report.tables import ReportTable, number, shortened, unit_text
@@ -128,8 +129,10 @@ def _ties(mechanism: Mechanism) -> Iterator[Sequence[str]]:
         if isinstance(one, LoopJoint):
             frames = [mechanism.model.frames[index].name for index in (one.first, one.second)]
             yield one.name, one.kind, f"{frames[0]} and {frames[1]}", str(one.size)
-        elif isinstance(one, Coupling):
-            yield one.name, one.kind, str(one.transmission or f"forces on bodies not known: {one.missing}"), "1"
+        elif isinstance(one, JointRelation):
+            yield one.name, one.kind, one.description, "1"
+        elif isinstance(one, CableLoop):
+            yield one.name, one.kind, one.path.words(mechanism.model), "1"
         elif isinstance(one, GearedRotor):
             yield one.name, "rotor", one.rotor.name, "1"
 

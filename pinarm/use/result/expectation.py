@@ -35,7 +35,7 @@ class Expectation(InputStruct, frozen=True):
         formula: The same as a formula of symbols, arguments and quantities.
         rtol: Relative tolerance of value and formula.
         atol: Absolute tolerance, with its unit. Where neither is given a value must be met to half a unit of its last
-            digit, and a formula to 1e-10.
+            digit, and a formula to 1e-10; 0 without decimals needs one of them.
         published: What is printed, with its digits and unit, as text.
         published_formula: What is printed, where it is a formula.
         because: A formula that gives the printed figure from what its authors used: rounded figures, a misprinted one,
@@ -89,7 +89,7 @@ class Expectation(InputStruct, frozen=True):
     def _check_place(self) -> None:
         if isinstance(self.at, dict) or self.at in PLACES:
             return
-        from pinarm.use.result.curve_figures import FIGURES, is_figure
+        from pinarm.use.result.figures.curve_figures import FIGURES, is_figure
 
         if not is_figure(self.at):
             expected, hint = choices(self.at, [*PLACES, *FIGURES])

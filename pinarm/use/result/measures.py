@@ -1,5 +1,9 @@
 """The figures of a run: which of them tell its accuracy, and which its cost."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
+
 RESIDUALS = {
     "equilibrium": "virtual power for every unit velocity, relative to its terms",
     "power": "balance of power along the motion, relative to its terms",
@@ -33,13 +37,34 @@ MEASURES = {
     **CONSISTENCIES,
     "regularity": "smallest singular value of the loops' rows relative to the largest: 0 at a singular position",
     "least regular at": "where along the run that is",
+    "relative regularity": "that singular value relative to its largest in the run: 1 where it does not fall",
     "e-folding": "time in which errors grow e-fold [s], where their growth is seen and exponential",
     "condition": "condition number of the mass matrix of the free motions, scaled to a diagonal of ones",
 }
 """Figures that tell the accuracy of a run, and what they mean."""
+
+FALLEN, NEARLY_SINGULAR = 0.5, 1e-4
+"""Relative regularity from which on a run is said to come near a singular position, and regularity at which it is there
+all along: small ratios of gears, screws and arms alone give 1e-3."""
+
+
+def singularity_words(figures: Mapping[str, float]) -> str:
+    """Return how near to a singular position loops come, from the figures of a run; empty where they keep clear of it.
+
+    The smallest singular value of the loops' rows is as small as the ratios of a mechanism are. Only its fall tells of
+    a singular position, and where it does not vary, that it is all but 0.
+    """
+    regularity, relative = figures.get("regularity", 1.0), figures.get("relative regularity", 1.0)
+    if relative < FALLEN:
+        return f"falls to {relative:.2g} of its largest in the run"
+    return f"{regularity:.2g} all along" if regularity < NEARLY_SINGULAR else ""
+
 
 NOT_ESTIMATED = "not estimated"
 """What stands for the global error of an integrated motion where none was asked for: residuals do not bound it."""
 
 COSTS = ("steps", "evaluations", "rejected steps", "steps at the noise floor")
 """Figures that count work; what is neither is part of the answer."""
+
+SOLVED = 1e-13
+"""Relative error of quantities that follow from equations solved to rounding, as in statics and inverse dynamics."""

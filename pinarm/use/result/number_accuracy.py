@@ -9,15 +9,13 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.series import Series
-from pinarm.use.result.curve_figures import is_figure
+from pinarm.use.result.figures.curve_figures import is_figure
+from pinarm.use.result.measures import SOLVED
 from pinarm.use.result.run_number import RunNumber
 from pinarm.use.result.section_number import AnyNumber
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
-
-SOLVED = 1e-13
-"""Relative error of quantities that follow from equations solved to rounding, as in statics and inverse dynamics."""
 
 STEPS = 10.0
 """Global error of an integrated motion over its tolerance; what changes irregularly from run to run is less."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 import numpy as np
 
+from pinarm.arrays import Array
 from pinarm.engine.checks.balance import LOST
 from pinarm.engine.checks.limits import Excess, excesses
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
-from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.quantities.names import EXTREMES, Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.forces.force_element import refusals
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from pinarm.engine.motion.outcome import Outcome
+    from pinarm.input.units import Unit
     from pinarm.use.result.presentation import Presentation
     from pinarm.use.result.section import Section
     from pinarm.use.result.section_number import Numbered
@@ -145,7 +147,7 @@ class Result:
     def __len__(self) -> int:
         return len(self.trajectory)
 
-    @property
+    @cached_property
     def lookup(self) -> Lookup:
         """The run, asked for its states at places between its rows."""
         return Lookup(self.quantities, self.outcome.motion)
@@ -167,11 +169,19 @@ class Result:
 
     def numbers(self) -> dict[str, tuple[Series, float]]:
         """Return the numbers that the scenario asks for under ``numbers``, each with the error of its quadrature."""
+        return dict(self._numbers)
+
+    @cached_property
+    def _numbers(self) -> dict[str, tuple[Series, float]]:
         if not self.content.numbers:
             return {}
         from pinarm.use.result.section_number import measured, read_number
 
-        return {text: measured(read_number(text), self) for text in self.content.numbers}
+        found = {}
+        for k, text in enumerate(self.content.numbers):
+            with self.scenario.document.locating("numbers", k):
+                found[text] = measured(read_number(text), self)
+        return found
 
     @property
     def numbered(self) -> Mapping[str, Numbered]:
@@ -182,6 +192,23 @@ class Result:
     def sections(self) -> Mapping[str, Section]:
         """What a search and the assessments of the scenario find, by key, evaluated when they are first asked for."""
         return {key: self.section(key) for key in self.numbered}
+
+    @property
+    def shown_sections(self) -> Mapping[str, Section]:
+        """The sections, their tables in the units that the scenario asks for; see ``table_units``."""
+        return {key: replace(section, tables=[table.shown(self.table_units) for table in section.tables])
+                for key, section in self.sections.items()}  # fmt: skip
+
+    @cached_property
+    def table_units(self) -> Mapping[str, Unit]:
+        """Units of tables of sections, as text -> the unit that the scenario shows quantities in that have it.
+
+        A unit of which quantities are shown in several ways stays.
+        """
+        chosen: dict[str, set[Unit]] = {}
+        for name, unit in self.presentation.units.items():
+            chosen.setdefault(str(self.quantities[name].unit), set()).add(unit)
+        return {own: next(iter(units)) for own, units in chosen.items() if len(units) == 1}
 
     def section(self, key: str) -> Section:
         """Return one section, evaluated when it is first asked for; others are left alone.
@@ -393,13 +420,24 @@ class Result:
     def headline(self, series: Series) -> dict[str, Any]:
         """Return a quantity's smallest and largest value among the rows, and where they stand."""
         t, values = self.trajectory.grid.t, series.values + 0.0  # -0 becomes 0
-        finite = values[np.isfinite(values)] if np.isfinite(values).any() else np.zeros(1)
+        least, greatest = self._extremes(series)
+        finite = np.concatenate(
+            [x[np.isfinite(x)] for x in (least, greatest)] if np.isfinite(values).any() else [[0.0]]
+        )
         slack = PLATEAU * float(np.abs(finite).max())
-        low, high = int((values <= finite.min() + slack).argmax()), int((values >= finite.max() - slack).argmax())
+        low, high = int((least <= finite.min() + slack).argmax()), int((greatest >= finite.max() - slack).argmax())
         return {
-            "unit": str(series.unit or "?"), "min": values[low], "at_min": t[low], "max": values[high],
+            "unit": str(series.unit or "?"), "min": least[low], "at_min": t[low], "max": greatest[high],
             "at_max": t[high], "start": values[0], "end": values[-1],
         }  # fmt: skip
+
+    def _extremes(self, series: Series) -> tuple[Array, Array]:
+        """Return the least and greatest values of an output in each row: its own, but where friction leaves it open."""
+        if not self.trajectory.others:
+            return series.values + 0.0, series.values + 0.0
+        found = (self.quantities[f"{series.name}.{extreme}"] for extreme in EXTREMES)
+        least, greatest = ((each.to(str(series.unit)) if series.unit else each).values + 0.0 for each in found)
+        return least, greatest
 
     def notes(self) -> list[str]:
         """Return what is not modelled as the files have it, which outputs are one choice of many, and what to doubt.
@@ -408,11 +446,20 @@ class Result:
         does not suit the motion, and angles of very many turns.
         """
         run = self.trajectory
-        doubts = [f"{series.name}: least multipliers; {series.doubt}" for series in self.columns() if series.doubt]
+        doubts = [f"{series.name}: {series.doubt}" for series in self.columns() if series.doubt]
         coarse = coarse_angles(run.mechanism.joints, run.q)
         missed = unreached(self.quantities, self.content.expect)
-        said = [*run.mechanism.notes, *doubts, *self.outcome.notes, *missed, *coarse]
+        said = [*run.mechanism.notes, *doubts, *self.outcome.notes, *missed, *coarse, *self._periods()]
         return list(dict.fromkeys(said))  # a result that is read from a folder brings its own along
+
+    def _periods(self) -> list[str]:
+        """Return whether the numbers of the scenario are taken over whole periods."""
+        if not self.content.numbers:
+            return []
+        from pinarm.use.result.figures.whole_periods import whole_period_notes
+        from pinarm.use.result.section_number import read_number
+
+        return whole_period_notes(self.scenario, [read_number(text) for text in self.content.numbers])
 
     def excesses(self) -> list[Excess]:
         """Return the limits of joints that the run goes beyond."""

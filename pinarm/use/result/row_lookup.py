@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -16,19 +17,11 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, Key, PinarmError, within
 from pinarm.input.yaml.schema import in_si
-from pinarm.use.result.bracket_fit import BracketFit
+from pinarm.use.result.figures.bracket_fit import BracketFit
+from pinarm.use.result.figures.crossings import FLAT, POINTS, ROUNDS, crossings
 
 if TYPE_CHECKING:
     from pinarm.use.result.expectation import Expectation
-
-POINTS, ROUNDS = 17, 14
-"""A bracket is cut in 16 parts 14 times: 16^14 is beyond the digits of a double, so it ends at rounding."""
-
-CORRECTIONS = 2
-"""Newton steps from the root of a polynomial, which is known to 1e-8 of the bracket: each squares that."""
-
-FLAT = 4 * np.finfo(float).eps
-"""Relative difference of values that are one value but for rounding."""
 
 _HEIGHTS: dict[str, Callable[[Array], Array]] = {
     "max": lambda x: x,
@@ -50,6 +43,9 @@ FEW, PARTS = 16, 4
 
 MOST_INTERVALS = 100
 """Intervals with few rows up to which they are; thousands, as between samples of controllers, are rows enough."""
+
+KEPT = 20
+"""Sets of points whose states are kept: the integrals of several quantities begin with the same points."""
 
 Spot = tuple[int, float]
 """An interval of the run and a value of its parameter within it."""
@@ -88,6 +84,7 @@ class Lookup:
 
     quantities: Quantities = field(repr=False)
     motion: SolvedMotion | None
+    _kept: dict[tuple[int, bytes], Quantities] = field(init=False, repr=False, default_factory=dict)
 
     @property
     def run(self) -> Trajectory:
@@ -102,12 +99,18 @@ class Lookup:
         return [(t, t, slice(k, k + 1)) for k, t in enumerate(self.run.grid.t.tolist())]
 
     def quantities_at(self, interval: int, t: Array) -> Quantities:
-        """Return the quantities at values of the parameter in one interval, shape (n,)."""
+        """Return the quantities at values of the parameter in one interval, shape (n,); the last ones are kept."""
+        asked = interval, t.tobytes()
+        if asked not in self._kept:
+            if len(self._kept) >= KEPT:
+                del self._kept[next(iter(self._kept))]
+            self._kept[asked] = self.quantities.of(self._rows_at(interval, t))
+        return self._kept[asked]
+
+    def _rows_at(self, interval: int, t: Array) -> Trajectory:
         if self.motion is None:
-            rows = self.run.some(np.full(len(t), interval))
-        else:
-            rows = on_interval(self.motion, self.run.grid.cuts, interval, t)
-        return self.quantities.of(rows)
+            return self.run.some(np.full(len(t), interval))
+        return on_interval(self.motion, self.run.grid.cuts, interval, t)
 
     def at(self, where: str | dict[str, str | int | float], name: str) -> Quantities:
         """Return the quantities of one row: the place that ``where`` names.
@@ -148,22 +151,27 @@ class Lookup:
         return spots
 
     def _crossings(self, along: str, value: float) -> list[Spot]:
-        """Return where a quantity takes a value, in order."""
+        """Return where a quantity takes a value, in order; intervals with few rows are looked into between these."""
+        few = set(self._few)
         spots = []
         for interval, (start, end, rows) in enumerate(self.intervals):
             t = self.run.grid.t[rows]
             t = np.concatenate(
                 [t[:0] if len(t) and t[0] == start else [start], t, [] if len(t) and t[-1] == end else [end]]
             )
-            difference = self.quantities_at(interval, t)[along].values - value
-            for k in range(len(t) - 1):
-                if difference[k] == 0.0:
-                    spots.append((interval, float(t[k])))
-                elif difference[k] * difference[k + 1] < 0.0:
-                    spots.append((interval, self._root(interval, along, value, (t[k], t[k + 1]))))
-            if difference[-1] == 0.0:
-                spots.append((interval, float(t[-1])))
+            curve = partial(self._difference, along, value, interval)
+            spots += [(interval, place) for place in crossings(curve, t, PARTS if interval in few else 0)]
         return spots
+
+    def _difference(self, along: str, value: float, interval: int, t: Array) -> Array:
+        return np.asarray(self.quantities_at(interval, t)[along].values - value)
+
+    @cached_property
+    def _few(self) -> list[int]:
+        """Numbers of the intervals that have few rows; none where these are many intervals."""
+        found = [k for k, (start, end, rows) in enumerate(self.intervals)
+                 if start != end and rows.stop - rows.start < FEW]  # fmt: skip
+        return found if len(found) <= MOST_INTERVALS else []
 
     def _choose(self, spots: list[Spot], where: dict[str, str | int | float], name: str, text: str) -> Quantities:
         """Return the row that is meant among those found: by occurrence, then by side."""
@@ -222,10 +230,9 @@ class Lookup:
 
     def _between_few_rows(self, height: Callable[[Quantities], Array]) -> list[tuple[float, int, float]]:
         """Return the largest height in each interval that has few rows, which may pass an extreme between them."""
-        few = [(k, (start, end)) for k, (start, end, rows) in enumerate(self.intervals)
-               if start != end and rows.stop - rows.start < FEW]  # fmt: skip
         spots = []
-        for interval, (start, end) in few if len(few) <= MOST_INTERVALS else ():
+        for interval in self._few:
+            start, end, _ = self.intervals[interval]
             cuts = np.linspace(start, end, PARTS + 1)
             spots += [self._refined(interval, height, (min(pair), max(pair))) for pair in pairwise(cuts.tolist())]
         return spots
@@ -264,37 +271,6 @@ class Lookup:
                 spot, top = float(t[peak]), float(heights[peak])
             low, high = t[max(peak - 1, 0)], t[min(peak + 1, POINTS - 1)]
         return top, interval, spot
-
-    def _root(self, interval: int, along: str, value: float, bracket: tuple[float, float]) -> float:
-        """Return where a quantity takes a value between two neighbouring samples."""
-
-        def difference(t: Array) -> Array:
-            found: Array = self.quantities_at(interval, t)[along].values - value
-            return found
-
-        (low, high), fit = sorted(bracket), BracketFit(*bracket, difference(BracketFit.places(*bracket)))
-        places = fit.crossings() if fit.is_resolved else np.empty(0)
-        if not len(places) or fit.slope(t := float(places[0])) == 0.0:
-            return _bisected(difference, bracket)
-        for _ in range(CORRECTIONS):
-            change = float(difference(np.array([t]))[0]) / fit.slope(t)
-            t = min(max(t - change, low), high)
-        return t
-
-
-def _bisected(difference: Callable[[Array], Array], bracket: tuple[float, float]) -> float:
-    """Return where a difference, shape (n,), changes its sign first, of a curve that has a kink."""
-    low, high = bracket
-    for _ in range(ROUNDS):
-        t = np.linspace(low, high, POINTS)
-        values = difference(t)
-        change = np.flatnonzero((values[:-1] == 0.0) | (values[:-1] * values[1:] < 0.0))
-        if not len(change):
-            break
-        low, high = t[change[0]], t[change[0] + 1]
-        if values[change[0]] == 0.0:
-            return float(low)
-    return 0.5 * float(low + high)
 
 
 def _rivals(values: Array, best: int, slack: float) -> list[int]:

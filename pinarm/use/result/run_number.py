@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.quantities.names import EXTREMES, OPEN, Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.numbers import is_whole
-from pinarm.use.result.curve_figures import FIGURES, figure, figure_unit, is_figure
+from pinarm.use.result.figures.curve_figures import FIGURES, figure, figure_unit, is_figure
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -71,7 +71,9 @@ class RunNumber:
 
     @property
     def label(self) -> str:
-        """Its name."""
+        """Its name; of a quantity at the start that is named without a place, as events are, its own."""
+        if self.at == "start" and self.quantity.partition(".")[0] == "event":
+            return self.quantity
         if isinstance(self.at, dict):
             return f"{self.quantity} @ {', '.join(f'{key}={value}' for key, value in self.at.items())}"
         return f"{self.quantity} @ {self.at}" + (f"({self.of})" if self.of != self.quantity else "")
@@ -101,7 +103,37 @@ class RunNumber:
         Raises:
             InputError: The place does not exist in this run, or the run has no such figure.
         """
+        found = self._told(result)
+        if result.trajectory.others and any(
+            result.quantities.open_rows(name).any() for name in (self.quantity, self.of)
+        ):
+            self._require_determined(result, found[0])
+        return found
+
+    def _told(self, result: Result) -> tuple[float, float]:
         if isinstance(self.at, str) and is_figure(self.at):
             given = figure(result.lookup, self.quantity, self.at)
             return given.value, given.error
         return float(result.lookup.at(self.at, self.of)[self.quantity].values[0]), 0.0
+
+    def _require_determined(self, result: Result, told: float) -> None:
+        """Raise where the number would be another one with other frictions that hold the same motion.
+
+        Raises:
+            InputError: Says between which values it lies.
+        """
+        place = isinstance(self.at, str)
+        ends = [
+            replace(self, quantity=f"{self.quantity}.{extreme}", of=f"{self.of}.{extreme}" if place else self.of)
+            for extreme in EXTREMES
+        ]
+        values = [each._told(result)[0] for each in ends]
+        low, high = min(values), max(values)
+        if high - low > OPEN * max(abs(low), abs(high), abs(told)):
+            unit = result[self.quantity].unit
+            raise InputError(
+                f"'{self.label}' is not determined: several frictions hold one motion, and it lies between {low:.6g} "
+                f"and {high:.6g} {unit or ''}",
+                expected="a number that does not depend on which of them holds how much",
+                hint=f"'{ends[0].label}' or '{ends[1].label}'",
+            )

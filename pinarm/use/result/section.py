@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from pinarm.engine.series import Series
@@ -27,6 +27,8 @@ class SectionTable:
         columns: Names of the columns.
         units: Their units; ``None`` for texts.
         rows: Texts and numbers [SI], a tuple of one cell per column for each row.
+        row_unit: Column of texts that are the unit of the numbers of their row whose columns have none; ``None`` where
+            there is no such column.
     """
 
     name: str
@@ -34,6 +36,28 @@ class SectionTable:
     columns: Sequence[str]
     units: Sequence[Unit | None]
     rows: Sequence[Sequence[Cell]] = field(repr=False)
+    row_unit: int | None = None
+
+    def shown(self, units: Mapping[str, Unit]) -> SectionTable:
+        """Return the table with its numbers in other units.
+
+        Args:
+            units: The unit that numbers are in, as text -> the unit to show them in.
+        """
+        columns = [units.get(str(unit), unit) if unit is not None else None for unit in self.units]
+        factors = [old.factor / new.factor if old is not None and new is not None else 1.0
+                   for old, new in zip(self.units, columns, strict=True)]  # fmt: skip
+        return replace(self, units=columns, rows=[self._row_shown(row, factors, units) for row in self.rows])
+
+    def _row_shown(self, row: Sequence[Cell], factors: Sequence[float], units: Mapping[str, Unit]) -> list[Cell]:
+        said = "" if self.row_unit is None else str(row[self.row_unit])
+        of_row = 1.0 / units[said].factor if said in units else 1.0
+        scales = [of_row if unit is None else factor for unit, factor in zip(self.units, factors, strict=True)]
+        shown: list[Cell] = [each if isinstance(each, str) or scale == 1.0 else each * scale
+                             for each, scale in zip(row, scales, strict=True)]  # fmt: skip
+        if self.row_unit is not None and said in units:
+            shown[self.row_unit] = str(units[said])
+        return shown
 
     def headings(self) -> list[str]:
         """Return the names of the columns with their units."""

@@ -63,7 +63,7 @@ class SectionNumber:
             InputError: The scenario does not ask for this section, or it has no such number.
         """
         if self.key not in sections:
-            raise self._unknown(sections)
+            raise self._without_place(quantities) or self._unknown(sections)
         units = sections[self.key].units(quantities)
         if self.name not in units:
             raise self._missing(units)
@@ -86,12 +86,26 @@ class SectionNumber:
         expected = f"one of its sections: {', '.join(sections)}" if sections else "QUANTITY @ PLACE"
         return InputError(f"the scenario has no section '{self.key}' for '{self.label}'", expected=expected)
 
+    def _without_place(self, quantities: Quantities) -> InputError | None:
+        """Return that a quantity is meant, which is a number at a place only; ``None`` where it is none."""
+        try:
+            quantities[self.label]
+        except InputError as error:
+            names = [name for name in quantities.names() if name.partition(".")[0] in (self.key, EVENT)]
+            expected, hint = choices(self.label, names)
+            return InputError(error.message, expected=expected, hint=hint) if hint else None
+        return InputError(f"'{self.label}' has a value at every row", expected=f"the place of one: {self.label} @ max, "
+                          f"{self.label} @ end, or a figure such as {self.label} @ rms")  # fmt: skip
+
     def _missing(self, numbers: Mapping[str, object]) -> InputError:
         expected, hint = choices(self.name, numbers)
         return InputError(f"the section '{self.key}' has no number '{self.name}'", expected=expected, hint=hint)
 
 
 AnyNumber = RunNumber | SectionNumber
+
+EVENT = "event"
+"""First word of quantities that are one number of a run, and need no place: ``event.hit.time``."""
 
 LONGEST = 60
 """Characters of a number's name in names of files."""
@@ -108,8 +122,9 @@ def measured(number: AnyNumber, result: Result) -> tuple[Series, float]:
     Raises:
         InputError: The run has no such number.
     """
+    series = number.described(result.quantities, result.numbered)
     value, error = number.value(result)
-    return replace(number.described(result.quantities, result.numbered), values=np.array([value])), error
+    return replace(series, values=np.array([value])), error
 
 
 def names_section(text: str, sections: Mapping[str, object]) -> bool:
@@ -119,12 +134,14 @@ def names_section(text: str, sections: Mapping[str, object]) -> bool:
 
 
 def read_number(text: str) -> AnyNumber:
-    """Read ``QUANTITY @ PLACE``, ``QUANTITY @ FIGURE`` (see ``RunNumber.read``) or ``SECTION.NAME``.
+    """Read a number of a curve (see ``RunNumber.read``), ``SECTION.NAME``, or ``event.NAME.time``.
 
     Raises:
         InputError: It cannot be read.
     """
     key, dot, name = text.strip().partition(".")
+    if key == EVENT and "@" not in text:
+        return RunNumber(text.strip(), "start", text.strip())
     if "@" in text or not dot or not key.isidentifier() or not name:
         return RunNumber.read(text)
     return SectionNumber(key, name)

@@ -25,6 +25,8 @@ from pinarm.mechanics.laws.motion_law import Grid
 if TYPE_CHECKING:
     from pinarm.use.scenario.scenario import Scenario
 
+EFFORTS, NOTHING = ("tau", "lam", "further"), np.zeros(0)
+
 AGAIN = "run the scenario again: python -m pinarm run SCENARIO -o DIR"
 
 
@@ -32,11 +34,25 @@ def states(run: Trajectory) -> dict[str, Any]:
     """Return the arrays from which ``trajectory_of`` makes the states of a run again, for the same scenario."""
     guides = [one.name for one in run.closure.constraints[len(run.mechanism.constraints) :]]
     return {
-        "q": run.q, "v": run.v, "a": run.a, "tau": run.tau, "t": run.grid.t, "cuts": np.array(run.grid.cuts),
-        "rows": np.array(run.grid.rows), "lam": np.asarray(run.lam), "guides": np.array(guides, str),
-        "further": np.array([series.values for series in run.columns.values()]),
+        "q": run.q, "v": run.v, "a": run.a, "t": run.grid.t, "cuts": np.array(run.grid.cuts),
+        "rows": np.array(run.grid.rows), "guides": np.array(guides, str), **_of_efforts(run),
         **({} if run.directions is None else {"directions": run.directions}),
+        **{f"other.{k}.{name}": array
+           for k, other in enumerate(run.others) for name, array in _of_efforts(other).items()},
     }  # fmt: skip
+
+
+def _of_efforts(run: Trajectory) -> dict[str, Array]:
+    """Return what may differ where rigid bodies with friction do not determine the efforts of a motion."""
+    further = np.array([series.values for series in run.columns.values()])
+    return {"tau": run.tau, "lam": np.asarray(run.lam), "further": further}
+
+
+def _with_efforts(run: Trajectory, arrays: Mapping[str, Array], prefix: str = "") -> Trajectory:
+    further = zip(run.columns.items(), arrays[f"{prefix}further"], strict=False)
+    columns = {name: replace(series, values=row) for (name, series), row in further}
+    lam = Multipliers.known(arrays[f"{prefix}lam"], run.mechanism.closure.size)
+    return replace(run, tau=arrays[f"{prefix}tau"], lam=lam, columns=columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,13 +107,16 @@ def trajectory_of(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str,
     shapes = {name: arrays[name].shape for name in wanted if name in arrays}
     if n == 0 or shapes != wanted or not _fits(grid):
         raise InputError("the states of this result are not those of its model", hint=AGAIN)
-    columns = {name: replace(series, values=row)
-               for (name, series), row in zip(first.columns.items(), arrays["further"], strict=False)}  # fmt: skip
-    lam = Multipliers.known(arrays["lam"], mechanism.closure.size)
-    return replace(
-        first, grid=grid, q=arrays["q"], v=arrays["v"], a=arrays["a"], tau=arrays["tau"], lam=lam,
-        closure=closure, columns=columns, directions=arrays.get("directions"),
+    own = replace(
+        first, grid=grid, q=arrays["q"], v=arrays["v"], a=arrays["a"], closure=closure,
+        directions=arrays.get("directions"),
     )  # fmt: skip
+    prefixes = sorted({name.rpartition(".")[0] + "." for name in arrays if name.startswith("other.")})
+    if any(
+        arrays.get(f"{prefix}{name}", NOTHING).shape != arrays[name].shape for prefix in prefixes for name in EFFORTS
+    ):
+        raise InputError("the frictions of this result are not those of its model", hint=AGAIN)
+    return replace(_with_efforts(own, arrays), others=tuple(_with_efforts(own, arrays, each) for each in prefixes))
 
 
 def _fits(grid: Grid) -> bool:

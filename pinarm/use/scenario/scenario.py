@@ -22,6 +22,7 @@ from pinarm.errors import InputError, Key, MethodError, NumericsError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.yaml.document import Document
+from pinarm.input.yaml.key_path import argument_of
 from pinarm.input.yaml.schema import Measured
 from pinarm.input.yaml.values import Values, value_at, varied, written_unit
 from pinarm.problems import KINDS, Problem, problem_class
@@ -186,20 +187,27 @@ class Scenario:
             InputError: No number stands there.
         """
         part, _, rest = path.partition(".")
-        if part == "arguments" and rest in self.mechanism.arguments:
-            given = Measured(self.mechanism.arguments[rest])
-            own = self.content.arguments.get(rest)
-            given.unit = own.unit if own is not None and own.unit else self.mechanism.argument_units.get(rest)
+        if (argument := argument_of(path)) in self.mechanism.arguments:
+            given = Measured(self.mechanism.arguments[argument])
+            own = self.content.arguments.get(argument)
+            given.unit = own.unit if own is not None and own.unit else self.mechanism.argument_units.get(argument)
             return given
         value = value_at(self.document.data, path)
         if value is None and part == "changes":
-            value = value_at(self.mechanism.source.data, rest)
+            value = value_at(self._file_data(), rest)
         try:
             return Measured.read(value)
         except InputError:
             what = "nothing stands" if value is None else f"'{str(value)[:40]}' stands"
             expected = "the path of a number, such as arguments.l2 or problem.time.end"
             raise InputError(f"no number is at '{path}': {what} there", expected=expected) from None
+
+    def _file_data(self) -> Mapping[str, Any]:
+        """Return the content of the mechanism file, a drawing included, which a mechanism itself has expanded."""
+        if self.given is not None or not Path(self.content.mechanism).suffix:
+            return self.mechanism.source.data
+        file = contained_file((self.folder / self.content.mechanism).absolute(), root_of(self.folder), {})
+        return dict(mechanism_document(file).data)
 
     @cached_property
     def symbols(self) -> Mapping[str, Expression]:
@@ -458,7 +466,7 @@ def declared_unit(data: Mapping[str, Any], folder: Path, path: str) -> str:
     if part == "changes":
         return written_unit(file, rest)
     declared = file.get("arguments") if isinstance(file, dict) else None
-    return str(declared.get(rest, "")) if isinstance(declared, dict) else ""
+    return str(declared.get(argument_of(path), "")) if isinstance(declared, dict) else ""
 
 
 def _problem(document: Document, given: object) -> Problem:

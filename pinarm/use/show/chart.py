@@ -82,8 +82,8 @@ class Note:
     size: float = 8.0
 
 
-THINNEST = 1e-3
-"""Extent of a drawing that is all on a line, across it, relative to that along it."""
+THINNEST = 0.25
+"""Least extent of a drawing relative to its largest: links on one line have room for names and ticks."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ class Panel:
         if self.equal:
             low, high = extent(self.lines)
             largest = float((high - low).max()) or 1.0
-            room = self.margin * (high - low) + THINNEST * largest
+            room = self.margin * (high - low) + np.maximum(0.0, THINNEST * largest - (high - low)) / 2.0
             (x0, y0), (x1, y1) = (low - room).tolist(), (high + room).tolist()
             return (x0, x1), (y0, y1)
         across = np.concatenate([np.zeros(0), *(np.ravel(line.x) for line in self.lines)])

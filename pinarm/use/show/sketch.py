@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, distinct
 from pinarm.engine.mechanism import Mechanism
 from pinarm.use.show.chart import COLOURS, Chart, Line, Note, Panel
 from pinarm.use.show.labels import PLAIN, plain, shown, symbol
@@ -77,7 +77,7 @@ def sketch(result: Result) -> Chart:
     run, how = result.trajectory, result.presentation
     model = run.mechanism.model
     scene = scene_of(run.mechanism, run.dynamics.forces, run.q, how)
-    rows = np.unique(np.linspace(0, len(run) - 1, BETWEEN + 2).round().astype(np.intp)).tolist()
+    rows = distinct(np.linspace(0, len(run) - 1, BETWEEN + 2).round().astype(np.intp)).tolist()
     places = dict(zip(rows, placed(model, run.q[rows]), strict=True))
     chosen = rows if run.numbered else [0, len(run) - 1]
     poses = [Pose(places[row], _where(result, row), COLOURS[k % len(COLOURS)]) for k, row in enumerate(chosen)]

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import isfinite
+from math import isfinite, isnan
 from typing import TYPE_CHECKING
 
 from pinarm.engine.series import Series
 from pinarm.errors import printable
+from pinarm.mechanics.joints import METRE, RADIAN
 from pinarm.problems.simplify.simplification import removal_lines
-from pinarm.use.result.measures import CLOSURES, CONSISTENCIES, COSTS, MEASURES, NOT_ESTIMATED, PATHS, RESIDUALS
-from pinarm.use.result.number_accuracy import SOLVED
+from pinarm.use.result.measures import (
+    CLOSURES,
+    CONSISTENCIES,
+    COSTS,
+    MEASURES,
+    NOT_ESTIMATED,
+    PATHS,
+    RESIDUALS,
+    SOLVED,
+    singularity_words,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from pinarm.input.units import Unit
@@ -20,13 +30,16 @@ if TYPE_CHECKING:
 MOST_ROWS = 12
 """Rows of a section's table that a terminal shows."""
 
+DIGIT = 2.0**-52
+"""Distance of 1 from the next number."""
+
 FEW = 6
 """Rows that are shown beside each other."""
 
 
 def report(result: Result) -> str:
     """Return the summary of a run as text: ranges of the outputs with units, accuracy, cost."""
-    sections = [line for section in result.sections.values() for line in section_lines(section)]
+    sections = [line for section in result.shown_sections.values() for line in section_lines(section)]
     head = printable(result.content.title or result.name)
     return "\n".join([head, *aligned(ranges(result)), *sections, *remarks(result)])
 
@@ -38,7 +51,7 @@ def ranges(result: Result) -> list[list[str]]:
     names = [_heading(presentation.label(series.name), series.unit) for series in outputs]
     if run.numbered and len(run) <= FEW:
         rows = [["", "unit", *(f"row {number:g}" for number in run.grid.t)]]
-        rows += [[*name, *(f"{number:.7g}" for number in series.values + 0.0)]  # -0 becomes 0
+        rows += [[*name, *(f"{_cleared(number, _finest(result, series)):.7g}" for number in series.values)]
                  for name, series in zip(names, outputs, strict=True)]  # fmt: skip
         return rows
     along = presentation.unit(result.parameter)
@@ -47,10 +60,29 @@ def ranges(result: Result) -> list[list[str]]:
     rows = [["", "unit", "min", at, "max", at]]
     for name, series in zip(names, outputs, strict=True):
         entry = result.headline(series)
-        least, largest = without_rounding(entry["min"], entry["max"])
+        finest = _finest(result, series)
+        least, largest = without_rounding(*(_cleared(entry[end], finest) for end in ("min", "max")))
         numbers = (least, entry["at_min"] / factor, largest, entry["at_max"] / factor)
         rows.append([*name, *(f"{number:.7g}" for number in numbers)])
     return rows
+
+
+def _finest(result: Result, series: Series) -> float:
+    """Return how small an angle or a length must be to be rounding of the positions it follows from, as it is shown.
+
+    Positions are known to the last digit of 1 rad, and of the extent of the mechanism; other quantities have no such
+    size that is known.
+    """
+    if series.unit is None or series.unit.dimension not in (METRE.dimension, RADIAN.dimension):
+        return 0.0
+    if series.unit.dimension == METRE.dimension:
+        return DIGIT * float(result.trajectory.mechanism.closure.extent) / series.unit.factor
+    return DIGIT / series.unit.factor if series.unit.si.text == RADIAN.text else 0.0
+
+
+def _cleared(number: float, finest: float) -> float:
+    """Return 0 in place of a number that is only rounding, and of -0."""
+    return 0.0 if abs(number) < finest else number + 0.0
 
 
 def without_rounding(least: float, largest: float) -> tuple[float, float]:
@@ -102,6 +134,7 @@ def remarks(result: Result) -> list[str]:
     cost = [f"{int(value)} {name}" for name, value in result.figures.items() if name in COSTS]
     lines.append(f"rows: {len(run)}" + (f"; {', '.join(cost)}" if cost else ""))
     lines += [f"{name}: {value:.9g}" for name, value in result.figures.items() if name not in (*MEASURES, *COSTS)]
+    lines += event_lines(result)
     lines += [f"payload {name}: {float(payload.mass):.9g} kg at {payload.point}"
               for name, payload in run.mechanism.payloads.items()]  # fmt: skip
     lines += removal_lines(result.removals)
@@ -110,9 +143,21 @@ def remarks(result: Result) -> list[str]:
     return [printable(line) for line in lines]
 
 
+def event_lines(result: Result) -> list[str]:
+    """Return when each event of the scenario takes place, a line each."""
+    lines = []
+    for name in getattr(result.scenario.problem, "events", {}):
+        times = [event.t for event in result.events if event.name == name and event.before is None]
+        often = f", and {len(times) - 1} more, the last at t = {times[-1]:.7g} s" if len(times) > 1 else ""
+        lines.append(f"event {name}: t = {times[0]:.7g} s{often}" if times else f"event {name}: does not take place")
+    return lines
+
+
 def _number_line(series: Series, shown: Series, error: float) -> str:
     """Return a number of the run as it is shown, with what its quadrature leaves open."""
     own, value, unit = float(series.values[0]), float(shown.values[0]), str(shown.unit or "?")
+    if isnan(value):  # an event that does not take place
+        return f"{series.name}: no value in this run"
     quadrature = f" (quadrature {error * (value / own if own else 1.0):.1e})" if error else ""
     return f"{series.name}: {value:.7g} {'' if unit == '1' else unit}".rstrip() + quadrature
 
@@ -144,8 +189,8 @@ def _accuracy_lines(figures: Mapping[str, float], parameter: str) -> list[str]:
     lines += [f"loops [m or rad, s]: {gaps}"] if gaps else []
     lines += [f"prescribed coordinates [m or rad, s]: {path}"] if path else []
     lines += [f"given rows, relative: {rows}"] if rows else []
-    if "regularity" in figures:
-        lines.append(f"regularity: {figures['regularity']:.2g} at {parameter} = {figures['least regular at']:.6g}, "
+    if words := singularity_words(figures):
+        lines.append(f"regularity: {words}, at {parameter} = {figures['least regular at']:.6g}; "
                      "0 at a singular position")  # fmt: skip
     return lines + ([f"condition of the masses: {figures['condition']:.2g}"] if "condition" in figures else [])
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import math
 import os
+import re
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -33,6 +34,9 @@ from pinarm.use.store.section_files import SECTIONS, read_sections
 
 if TYPE_CHECKING:
     from pinarm.use.show.replay.page import Replay
+
+FURTHER = re.compile(r"state\.(directions|other\.[0-9]{1,4}\.(?:tau|lam|further))\.npy")
+"""Files that only some results have: directions of drives with losses, other frictions that hold the motion."""
 
 NEEDED = ("scenario.yaml", "mechanism.yaml", "trajectory.npz", "summary.json", "manifest.json")
 """Files without which a folder is no result."""
@@ -76,6 +80,7 @@ def replay(
     traces: Sequence[str] = (),
     arrows: Sequence[str] = (),
     plots: Sequence[str] | None = None,
+    named: bool = False,
 ) -> Replay:
     """Return the moving picture of a result, or of configurations: ``replay(mechanism, q, t)``.
 
@@ -86,6 +91,7 @@ def replay(
         traces: Links whose origins leave a path; ``com`` for the centre of mass.
         arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
         plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
+        named: Whether names of parts, points and joints are shown from the start; the key N shows and hides them.
 
     Raises:
         InputError: A name is unknown, the run does not have what is asked, or the folder is no result.
@@ -100,7 +106,7 @@ def replay(
         raise InputError("a result has its own configurations and instants", expected="replay(mechanism, q, t)")
     else:
         given = result if isinstance(result, Result) else restore(result)
-    return replay_page(given, traces=traces, arrows=arrows, plots=plots)
+    return replay_page(given, traces=traces, arrows=arrows, plots=plots, named=named)
 
 
 def _summary(path: Path) -> dict[str, Any]:
@@ -115,8 +121,8 @@ def _summary(path: Path) -> dict[str, Any]:
         errors = {name: float("inf") if x is None else x for name, x in accuracy.get("error of outputs", {}).items()}
         if not all(isinstance(value, int | float) for value in (*figures.values(), *errors.values())):
             raise ValueError("figures that are no numbers")
-        doubts = ": least multipliers; "  # which the outputs bring along themselves
-        notes = [str(note) for note in found["notes"] if doubts not in str(note)]
+        doubts = ": least multipliers; ", ": not determined in "  # which the outputs bring along themselves
+        notes = [str(note) for note in found["notes"] if not any(doubt in str(note) for doubt in doubts)]
         removals = tuple(Removal(**one) for one in found["not solved for"])
         return {"scenario": found["scenario"], "notes": notes, "removals": removals, "figures": figures,
                 "errors": errors, "setting": str(accuracy.get("setting", ""))}  # fmt: skip
@@ -134,13 +140,13 @@ def _arrays(path: Path) -> dict[str, Array]:
     """
     try:
         with zipfile.ZipFile(path) as archive:
-            lossy_drives = ["directions"] if "state.directions.npy" in archive.namelist() else []
-            found = {name: _array(archive, f"state.{name}") for name in (*STATE, "further", "guides", *lossy_drives)}
+            further = [match[1] for name in archive.namelist() if (match := FURTHER.fullmatch(name))]
+            found = {name: _array(archive, f"state.{name}") for name in (*STATE, "further", "guides", *further)}
         found = {name: array.astype(str if name == "guides" else float) for name, array in found.items()}
     except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, SyntaxError) as error:
         raise InputError(f"{path} does not hold the states of a run ({error})", hint=AGAIN) from None
     unknown = {name for name in ("v", "a") if np.isnan(found[name]).all()}  # of recorded motions
-    if not all(np.isfinite(found[name]).all() for name in {*STATE, "directions"} & found.keys() - unknown):
+    if not all(np.isfinite(found[name]).all() for name in {*STATE, *further} & found.keys() - unknown):
         raise InputError(f"the states in {path} are not finite")
     return found
 

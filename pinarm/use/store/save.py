@@ -17,17 +17,14 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import Source
-from pinarm.engine.motion.recorded_motion import RecordedRows
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.roots import contained_file, root_of
 from pinarm.mechanics.loading.pinocchio_model import file_suffix
-from pinarm.problems.recording.recorded_columns import named_columns
 from pinarm.use.assessments import FILES
 from pinarm.use.output.folder import whole_folder
 from pinarm.use.result.stored_rows import states
 from pinarm.use.store.files import cell, json_text, write, write_arrays, write_parts, yaml_text
-from pinarm.use.store.section_files import SECTIONS, sections_text
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -67,8 +64,10 @@ def save(
         write_parts(draft / "trajectory.csv", csv([result.presentation.written(series) for series in columns]))
         write_arrays(draft / "trajectory.npz", arrays(result, columns))
         if result.sections:
+            from pinarm.use.store.section_files import SECTIONS, sections_text
+
             write(draft / SECTIONS, sections_text(result.sections))
-        for section in result.sections.values():
+        for section in result.shown_sections.values():
             for each in section.tables:
                 write(draft / f"{section.key}_{each.name}.csv", table_csv(each))
         if timing:
@@ -81,7 +80,7 @@ def save(
 
 
 def table_csv(table: SectionTable) -> str:
-    """Return a table of a section as CSV, numbers in SI with the digits that it takes to read them back."""
+    """Return a table of a section as CSV, in the units of its headings, with all digits of the numbers."""
     lines = [",".join(cell(heading) for heading in table.headings())]
     lines += [",".join(cell(each) if isinstance(each, str) else repr(each) for each in row) for row in table.rows]
     return "\n".join(lines) + "\n"
@@ -120,6 +119,9 @@ def arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
 
 def recorded_csv(result: Result) -> Iterator[bytes]:
     """Yield a recorded motion as the table that gives the same rows again; derivatives of a spline are not in it."""
+    from pinarm.engine.motion.recorded_motion import RecordedRows
+    from pinarm.problems.recording.recorded_columns import named_columns
+
     run, splined = result.trajectory, result.data["problem"].get("derivatives") == "spline"
     v, a = (None if splined or np.isnan(x).any() else x for x in (run.v, run.a))
     tau = run.tau if run.driven is None and not run.no_efforts else None

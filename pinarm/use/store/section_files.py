@@ -75,7 +75,8 @@ def _section_again(data: Any) -> Section:
 def _table(table: SectionTable) -> dict[str, Any]:
     rows = [[cell if isinstance(cell, str) else _number(cell) for cell in row] for row in table.rows]
     units = [_unit(each) for each in table.units]
-    return {"name": table.name, "title": table.title, "columns": list(table.columns), "units": units, "rows": rows}
+    return {"name": table.name, "title": table.title, "columns": list(table.columns), "units": units, "rows": rows,
+            "row_unit": table.row_unit}  # fmt: skip
 
 
 def _table_again(data: Any) -> SectionTable:
@@ -85,7 +86,10 @@ def _table_again(data: Any) -> SectionTable:
     units, rows = [_unit_again(each) for each in data["units"]], [tuple(map(_cell, row)) for row in data["rows"]]
     if any(len(row) != len(columns) for row in (units, *rows)):
         raise ValueError(f"the table '{name}' has rows of different lengths")
-    return SectionTable(name, str(data["title"]), columns, units, rows)
+    row_unit = data.get("row_unit")
+    if row_unit is not None and not (isinstance(row_unit, int) and 0 <= row_unit < len(columns)):
+        raise ValueError(f"the table '{name}' has no column {row_unit!r}")
+    return SectionTable(name, str(data["title"]), columns, units, rows, row_unit)
 
 
 def _cell(data: Any) -> Cell:

@@ -17,8 +17,9 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import Values
-from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import left_open
+from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.rotors import GearedRotor
 from pinarm.problems.simplify.simplification import Removal
@@ -107,9 +108,11 @@ class Explanation:
             if isinstance(one, LoopJoint):
                 between = f"{model.frames[one.first].name} and {model.frames[one.second].name}"
                 lines.append(f"  {one.name}: {one.kind} between {between}, {one.size} rows")
-            elif isinstance(one, Coupling):
-                forces = one.transmission or f"its forces on bodies are not known: {one.missing}"
-                lines.append(f"  {one.name}: {one.kind}, 1 row; {forces}")
+            elif isinstance(one, JointRelation):
+                lines.append(f"  {one.name}: {one.kind}, 1 row; {one.description}")
+            elif isinstance(one, CableLoop):
+                course = f"through {one.path.words(model)}, {one.length:g} m long"
+                lines.append(f"  {one.name}: cable {course}, 1 row; pulls only")
             elif isinstance(one, GearedRotor):
                 lines.append(f"  {one.name}: the rotor {one.rotor.name} moves with what the drive acts along, 1 row")
         return lines if len(lines) > 1 else ["no loops: an open chain"]
@@ -119,7 +122,9 @@ class Explanation:
         counted = f"{found.joints} joint coordinates, {found.rank} independent of {found.rows} constraint rows"
         lines = [f"mobility {found.mobility} {self.where}: {counted}"]
         if found.rows:
-            lines.append(f"regularity {found.regularity:.2g} (0 at a singular position)")
+            lines.append(f"regularity {found.regularity:.2g} in this position: smallest singular value of the rows "
+                         "over the largest. Runs tell how far it falls: 0 at a singular position")  # fmt: skip
+        lines += [_spinning(found.spins)] if found.spins else []
         opened = self._left_open()
         if not found.degree:
             but = " but for what couplings leave open:" if opened else ""
@@ -136,7 +141,7 @@ class Explanation:
     def _left_open(self) -> list[str]:
         """Return a line for every joint whose reaction depends on how couplings transmit their forces."""
         mechanism = self.mechanism
-        couplings = [one for one in mechanism.constraints if isinstance(one, Coupling)]
+        couplings = [one for one in mechanism.constraints if isinstance(one, JointRelation)]
         return [
             f"  {mechanism.model.names[joint]}: by {', '.join(one.name for one in found.couplings)}"
             for joint, found in left_open(mechanism.model, couplings).items()
@@ -175,6 +180,13 @@ class Explanation:
         lines += [f"  {one.joint}: {one.how}, {one.why}" for one in self.removals]
         reason = absence()
         return [*lines, f"compiled kernel: {reason}; steps of motions are computed in Python"] if reason else lines
+
+
+def _spinning(joints: Sequence[str]) -> str:
+    """Return what free spins are, and how to leave them out."""
+    return (f"{len(joints)} of these are links that spin by themselves about their own axis, such as rods between "
+            f"two ball joints: {', '.join(joints)}. They move nothing else; a universal joint in place of one of the "
+            "ball joints, or a loop of the kind rod in place of the link, leaves them out")  # fmt: skip
 
 
 def explain(path: str | Path | Mechanism, values: Values | None = None) -> Explanation:

@@ -76,14 +76,14 @@ def scenario_files(path: Path) -> Iterator[Path]:
     """
     none = True
     for file in sorted(path.glob("*.yaml")) if path.is_dir() else [path]:
-        if not path.is_dir() or not _is_mechanism(file):
+        if not path.is_dir() or not is_mechanism_file(file):
             none = False
             yield file
     if none:
         raise InputError(f"there are no scenarios in {path}", expected="files ending in .yaml, with a 'problem:'")
 
 
-def _is_mechanism(file: Path) -> bool:
+def is_mechanism_file(file: Path) -> bool:
     """Tell whether a file is a mechanism file; of one that cannot be read, whoever loads it says what is wrong."""
     try:
         return is_mechanism(Document.read(file).data)

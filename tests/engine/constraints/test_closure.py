@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.constraints.closure import KEPT, MANY
+from pinarm.engine.constraints.closure import KEPT, SEVERAL
 from pinarm.engine.mechanism import Mechanism
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
@@ -17,7 +17,7 @@ def closure():
     return Mechanism.load(MODELS / "andrews" / "mechanism.yaml").closure
 
 
-@pytest.mark.parametrize("n", [MANY - 1, MANY, KEPT, KEPT + 1])
+@pytest.mark.parametrize("n", [SEVERAL - 1, SEVERAL, KEPT, KEPT + 1])
 def test_rows_and_their_derivatives_are_those_of_each_state(closure, n):
     q, v, w = np.random.default_rng(n).uniform(-1.0, 1.0, (3, n, closure.model.nv))
     for rates in (v, w):  # of the same configurations
@@ -34,7 +34,7 @@ def test_rows_and_their_derivatives_are_those_of_each_state(closure, n):
 
 
 def test_what_is_kept_is_of_the_configurations_that_are_asked_for(closure):
-    q, other = np.random.default_rng(1).uniform(-1.0, 1.0, (2, MANY, closure.model.nv))
+    q, other = np.random.default_rng(1).uniform(-1.0, 1.0, (2, SEVERAL, closure.model.nv))
     first = closure.at(q)[1].copy()
     assert not np.array_equal(closure.at(other)[1], first)
     assert closure.at(q)[1] is closure.at(q.copy())[1] and np.array_equal(closure.at(q)[1], first)

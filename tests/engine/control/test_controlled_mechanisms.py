@@ -379,3 +379,56 @@ def test_a_part_of_a_robot_is_controlled_as_the_whole():
     assert np.abs(error).max() < 1e-9  # it begins on its law and stays there, to the tolerance
     effort = part["joint.panda_joint2.effort"].values
     assert np.abs(effort - whole["joint.panda_joint2.effort"].values).max() < 1e-7 * np.abs(effort).max()
+
+
+def stepped(x, v, command, mass, slipping, holding, period, samples):
+    """A mass with dry friction under efforts that are held between samples, by parabolas; return x and v there."""
+    rows = [(x, v)]
+    for _ in range(samples):
+        effort, left = command(x, v), period
+        while left > 0.0:
+            if v == 0.0 and abs(effort) <= holding:
+                break
+            way = np.sign(v) if v else np.sign(effort)
+            a = (effort - way * slipping) / mass
+            until = min(left, -v / a) if v * a < 0.0 else left
+            x, v, left = x + v * until + 0.5 * a * until**2, v + a * until, left - until
+            v = 0.0 if until == -(v - a * until) / a and left > 0.0 else v
+        rows.append((x, v))
+    return np.array(rows).T
+
+
+def at_rows(result, x):
+    """Return values at samples every 20 ms at the rows of a run; at other rows its own."""
+    number = result["t"].values / 0.02
+    k = np.round(number).astype(int)
+    return np.where(abs(number - k) < 1e-9, x[k], result["x"].values)
+
+
+def test_sampled_control_beside_friction_that_sticks(slide):
+    """A PD controller whose effort falls within the friction at rest: the slide then stays, and no sample moves it."""
+    mechanism = slide({"constant": "40 N", "static_constant": "50 N"})
+    control = [{"kind": "pid", "drive": "x", "follows": {"law": "constant", "value": "0 m"},
+                "kp": "300 N/m", "kd": "120 N*s/m", "period": "20 ms"}]  # fmt: skip
+    result = pinarm.run(forward(mechanism, control, "4 s", initial={"position": {"x": "1 m"}}))
+    x, v = stepped(1.0, 0.0, lambda x, v: -300.0 * x - 120.0 * v, 60.0, 40.0, 50.0, 0.02, 200)
+    assert v[-1] == 0.0
+    assert 0.0 < abs(300.0 * x[-1]) < 50.0
+    # steps end on the samples, and between them x is a parabola: exact but for where it comes to rest
+    assert result["x"].values == pytest.approx(at_rows(result, x), abs=1e-11)
+    assert np.ptp(result["x"].values[-10:]) == 0.0
+    segments = result.outcome.motion.motion.segments
+    assert len(segments) < 12  # not one for each of 200 samples
+
+
+def test_a_sample_may_break_loose_what_friction_holds(slide):
+    """The effort of the first sample is within the band, that after the jump of the reference is not."""
+    mechanism = slide({"constant": "40 N", "static_constant": "50 N"})
+    steps = {"law": "steps", "points": [["0 s", "0.1 m"], ["0.25 s", "0.5 m"]]}
+    control = [{"kind": "pid", "drive": "x", "follows": steps, "kp": "300 N/m", "kd": "120 N*s/m", "period": "20 ms"}]
+    result = pinarm.run(forward(mechanism, control, "0.5 s"))
+    begins = result.outcome.motion.motion.segments[0].solution.end
+    assert begins == pytest.approx(0.26, abs=1e-15)  # the first sample after the jump
+    commands = iter([30.0] * 13 + [None] * 12)
+    x, _ = stepped(0.0, 0.0, lambda x, v: next(commands) or 300.0 * (0.5 - x) - 120.0 * v, 60.0, 40.0, 50.0, 0.02, 25)
+    assert result["x"].values == pytest.approx(at_rows(result, x), abs=1e-12)

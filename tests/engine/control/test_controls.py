@@ -331,3 +331,12 @@ def test_a_joint_has_one_controller_and_no_law(inertia):
         pinarm.run(scenario(inertia, [PD, PD]))
     with pytest.raises(InputError, match="follows a law"):
         pinarm.run(scenario(inertia, [PD], start=None, motion={"x": {"law": "constant", "value": "1 rad"}}))
+
+
+@pytest.mark.parametrize(("key", "per"), [("kp", ""), ("ki", "/s"), ("kd", "*s")])
+def test_a_gain_of_another_unit_is_refused_with_the_one_of_its_drive_and_coordinate(inertia, key, per):
+    with pytest.raises(InputError, match="'N' is not a unit of this quantity") as caught:
+        pinarm.load(scenario(inertia, [{**PD, key: "5 N"}])).validate()
+    assert caught.value.expected == f"N*m{per}/rad: the drive takes N*m, and 'x' is in rad"
+    right = pinarm.load(scenario(inertia, [{**PD, key: caught.value.hint}]))
+    right.validate()

@@ -13,9 +13,9 @@ import pytest
 import pinarm
 from pinarm import Mechanism
 from pinarm.engine.constraints.batch_jacobians import BatchJacobians
-from pinarm.engine.constraints.elimination import dense
-from pinarm.engine.constraints.nullspace import RowDecomposition
-from pinarm.engine.constraints.nullspace_batch import BatchNullspace, regular_order
+from pinarm.engine.constraints.nullspaces.elimination import dense
+from pinarm.engine.constraints.nullspaces.nullspace import split_rows
+from pinarm.engine.constraints.nullspaces.nullspace_batch import BatchNullspace, regular_order
 from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
 from pinarm.engine.dynamics.equation import accelerations, solve
 from pinarm.engine.dynamics.pinocchio_constraints import PointConstraints
@@ -89,9 +89,7 @@ class TestLoops:
         (a,) = accelerations(dynamics, closure, 0.0, q[None], v[None], tau[None])
         rows = closure.rows(closure.state(q))
         held = dynamics.inverse(0.0, q, v, a)[0] - tau
-        assert rows.T @ RowDecomposition.of(rows).multipliers(held) == pytest.approx(
-            held, abs=1e-9 * np.abs(held).max()
-        )
+        assert rows.T @ split_rows(rows).multipliers(held) == pytest.approx(held, abs=1e-9 * np.abs(held).max())
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -136,6 +134,6 @@ def test_linear_rows_give_what_their_elimination_gives():
     q, v = partition.configuration(free, zeros), partition.velocity(u, zeros)
     rates = partition.acceleration(arm.dynamics, lambda t: (zeros, zeros, zeros))(0.0, free, u)
     force = -arm.dynamics.inverse(0.0, q, v, np.zeros((1, nv)))[0]
-    a = solve(RowDecomposition.of(rows), arm.dynamics.mass_matrices(q[None])[0], force, zeros)
+    a = solve(split_rows(rows), arm.dynamics.mass_matrices(q[None])[0], force, zeros)
     assert a[partition.free_v] == pytest.approx(rates, abs=1e-9 * np.abs(rates).max())
     assert a[1] == pytest.approx(2.0 * a[0], abs=1e-9 * np.abs(a).max())

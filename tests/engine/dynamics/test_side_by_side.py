@@ -8,6 +8,7 @@ import pytest
 
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.side_by_side import WIDTH, SideBySide
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from tests.mechanics.geometry.random_variants import random_variants
 
@@ -25,13 +26,15 @@ def test_the_recursions_are_those_of_each_tree_alone(seed: int) -> None:
     q, v, a = rng.normal(size=(3, n, 1, joints))
     outside = rng.normal(size=(n, count, joints + 1, 6)) * (rng.random(joints + 1) < 0.5)[:, None]
     together = SideBySide(variants)
-    tau, mass, inner = together.rnea(q, v, a), together.mass_matrices(q), together.transmitted(q, v, a, outside)
+    tau, mass = together.rnea(q, v, a), together.mass_matrices(q)
+    inner = together.transmitted(LinkPlacements.at(variants, q), q, v, a, outside)
     for k, model in enumerate(models):
         alone = Dynamics.of(model).recursions
         states = q[:, 0], v[:, 0], a[:, 0]
         np.testing.assert_allclose(tau[:, k], alone.rnea(*states), atol=ROUNDING, rtol=ROUNDING)
         np.testing.assert_allclose(mass[:, k], alone.mass_matrices(q[:, 0]), atol=ROUNDING, rtol=ROUNDING)
-        np.testing.assert_allclose(inner[:, k], alone.transmitted(*states, outside[:, k]), atol=ROUNDING, rtol=ROUNDING)
+        own = alone.transmitted(LinkPlacements.at(model, q[:, 0]), *states, outside[:, k])
+        np.testing.assert_allclose(inner[:, k], own, atol=ROUNDING, rtol=ROUNDING)
 
 
 def test_the_numbers_of_a_variant_do_not_depend_on_its_neighbours() -> None:

@@ -176,6 +176,7 @@ class TestEvents:
         assert found.count.rejected > 10
         assert len(found.steps) > 3 * compiled_steps.FEWEST
 
+    @pytest.mark.slow
     def test_are_looked_for_in_every_step_where_they_may_be(self, monkeypatch):
         """Also at the ends of steps, where the dense output of two meets but for rounding: with bounds or without."""
         levels = [step.y[0] for step in self.motion([], end=3.0).steps[1::4]]

@@ -108,3 +108,29 @@ def test_a_value_that_is_not_linear_in_the_state_is_found_too():
     t = np.linspace(0.0, 6.0, 600_001)
     g = np.sin(3 * np.sin(t)) * np.cos(t) - 0.5
     assert [one.t for one in found] == pytest.approx(t[1:][g[1:] * g[:-1] < 0], abs=1e-5)  # spacing of t
+
+
+@pytest.mark.parametrize("level", [0.1, 0.3, 0.7, np.sin(1.0)])
+@pytest.mark.parametrize("off", [-2.0, 0.0, 2.0])
+def test_what_is_crossed_at_the_instant_of_a_stop_is_recorded_whichever_comes_first(level, off):
+    """Two watches of one position that differ by two digits of it, either way round: one of them stops."""
+    near = level + off * np.spacing(level)
+    for order in ((0, 1), (1, 0)):
+        watches = [[position(near), position(level, stops=True)][k] for k in order]
+        solution = oscillator(2.0, watches)
+        *others, last = solution.crossings
+        assert watches[last.watch].stops and len(others) == 1
+        assert others[0].t <= last.t == solution.steps[-1].until
+        assert last.t == pytest.approx(np.arcsin(level), abs=1e-9)
+
+
+def test_of_two_stops_at_one_instant_the_first_watched_counts():
+    level = 0.3
+    for off in (-2.0, 2.0):
+        watches = [position(level + off * np.spacing(level), stops=True), position(level, stops=True)]
+        assert [one.watch for one in oscillator(2.0, watches).crossings] == [0]
+
+
+def test_what_is_crossed_after_a_stop_is_not_recorded():
+    watches = [position(0.3 + 1e-9), position(0.3, stops=True)]
+    assert [one.watch for one in oscillator(2.0, watches).crossings] == [1]

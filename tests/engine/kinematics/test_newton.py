@@ -1,3 +1,4 @@
+import re
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Cycloidal, Harmonic, Polynomial, Trapezoid
+from pinarm.mechanics.laws.composed import Segment, Succession
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
@@ -109,6 +111,14 @@ class TestBranch:
         )
         assert coarse[-1] == pytest.approx(fine[-1], abs=1e-13)
 
+    def test_rows_may_be_further_apart_than_the_pieces_of_a_law(self, leg):
+        stroke = {"start": 0.8, "end": 0.93, "duration": 0.4}
+        parts = [Polynomial(**stroke), Polynomial(start=0.93, end=0.6, duration=0.4), Constant(value=0.6)]
+        pieces = Succession(segments=[Segment(duration=0.4, motion=part) for part in parts])
+        few, many = (moved(leg, {**RISE, "hip_height": pieces}, np.linspace(0.0, 1.2, n), BENT) for n in (2, 121))
+        for coarse, fine in zip(few, many, strict=True):
+            assert coarse[-1] == pytest.approx(fine[-1], abs=1e-12)
+
 
 @pytest.fixture
 def bounded(monkeypatch):
@@ -138,7 +148,25 @@ class TestUnreachable:
         away = {**RISE, "hip_height": ConstantSpeed(start=0.8, speed=0.1), "hip_depth": Constant(value=ANKLE_Y)}
         with pytest.raises(AssemblyError) as caught:
             moved(leg, away, np.linspace(0.0, 3.0, 31), BENT)
-        assert caught.value.data["t"] == pytest.approx((SHIN + THIGH - 0.8) / 0.1, abs=0.11)
+        end = (SHIN + THIGH - 0.8) / 0.1
+        assert caught.value.data["t"] == pytest.approx(end, abs=0.11)
+
+    def test_how_far_a_motion_is_followed_is_told(self, leg):
+        away = {**RISE, "hip_height": ConstantSpeed(start=0.8, speed=0.1), "hip_depth": Constant(value=ANKLE_Y)}
+        with pytest.raises(AssemblyError, match=r"out of reach at") as caught:
+            moved(leg, away, [0.0, 3.0], BENT)
+        end = (SHIN + THIGH - 0.8) / 0.1
+        [followed] = re.findall(r"as it does up to ([0-9.]+);", caught.value.expected)
+        assert float(followed) == pytest.approx(end, abs=1e-4)  # where the knee is straight to some 1e-2 rad
+
+    def test_a_motion_that_leaves_the_reach_and_comes_back_is_told_to_be_singular(self, leg):
+        over = {**RISE, "hip_height": Harmonic(mean=0.75, amplitude=0.25, pulsation=np.pi)}
+        told = r"cannot be followed beyond .*, though the loops close at 1 on another branch"
+        with pytest.raises(AssemblyError, match=told) as caught:
+            moved(leg, {**over, "hip_depth": Constant(value=ANKLE_Y)}, [0.0, 1.0], BENT)
+        first = np.arcsin((SHIN + THIGH - 0.75) / 0.25) / np.pi
+        assert caught.value.data["t"] == pytest.approx(first, abs=1e-4)
+        assert "singular position: the smallest singular value of the rows is " in caught.value.hint
 
     def test_a_singular_position_is_refused(self, leg):
         straight = {**RISE, "hip_height": Constant(value=SHIN + THIGH), "hip_depth": Constant(value=ANKLE_Y)}

@@ -9,7 +9,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.input.formulas.expressions import Expression
-from pinarm.mechanics.laws import Harmonic, Trapezoid
+from pinarm.mechanics.laws import ConstantSpeed, Harmonic, Trapezoid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.time_grid import TimeGrid
@@ -251,3 +251,27 @@ def test_words_of_the_language_may_name_a_joint(tmp_path, joint):
     assert found[joint].values == pytest.approx(run.q[:, 0], abs=0.0)
     assert found[f"joint.{joint}.force.z"].values == pytest.approx(2.0 * G, abs=1e-13)
     assert found[f"joint.{joint}.moment.about.base.x"].values == pytest.approx(0.0, abs=1e-13)
+
+
+SPRUNG = """pinarm: 1
+planar: {points: {A: [0, 0], B: [0, 1 m], C: [0, 0]}, ground: [A, B], links: {slide: {points: [C], mass: 3 kg}},
+  sliders: {lift: {link: slide, along: [A, B]}}}
+forces:
+  spring: {kind: joint_spring, joint: lift, stiffness: 5 N/mm, damping: 30 N*s/m, rest: -50 mm}
+  push: {kind: joint_effort, joint: lift, effort: {law: harmonic, amplitude: 4 N, pulsation: 3 rad/s}}
+  cam: {kind: joint_effort, joint: lift, over: lift, effort: {law: harmonic, amplitude: 7 N, pulsation: 9 1/m}}
+"""
+
+
+def test_elements_at_a_joint_have_the_efforts_of_their_laws(tmp_path):
+    (tmp_path / "m.yaml").write_text(SPRUNG)
+    speed, t = 0.2, np.linspace(0.0, 1.0, 11)
+    found = Quantities(solve(Mechanism.load(tmp_path / "m.yaml"), {"lift": ConstantSpeed(speed=speed)}, 1.0, 11))
+    for name, effort in {
+        "spring": -5000.0 * (speed * t + 0.05) - 30.0 * speed,
+        "push": 4.0 * np.sin(3.0 * t),
+        "cam": 7.0 * np.sin(9.0 * speed * t),
+    }.items():
+        assert found[f"force.{name}.effort"].values == pytest.approx(effort, rel=1e-12, abs=1e-12)
+        assert str(found[f"force.{name}.effort"].unit) == "N"
+        assert found[f"power.{name}"].values == pytest.approx(effort * speed, rel=1e-12, abs=1e-12)

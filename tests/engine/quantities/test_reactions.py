@@ -29,7 +29,9 @@ ASKED = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ASKED)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name == "rotor_balanced" else ()) for name in ASKED]
+)
 def test_those_of_scenarios_keep_every_body_in_balance(name):
     assert pinarm.run(SCENARIOS / f"{name}.yaml").figures["bodies"] < 1e-13
 

@@ -106,6 +106,7 @@ def robots() -> Iterator[Path]:
         yield from sorted(example_robot_data().rglob("*.xacro"))
 
 
+@pytest.mark.slow
 def test_example_robots_are_what_xacro_makes_of_them() -> None:
     compared = 0
     for path in robots():

@@ -52,7 +52,13 @@ def compare(path: Path, variants: list[dict[str, float | str]]) -> None:
     assert [outcome(path, variant) for variant in variants] == wanted
 
 
-@pytest.mark.parametrize("path", sorted(ROOT.glob("models/*/*.urdf.xacro")), ids=lambda path: path.parent.name)
+MODELS = [
+    pytest.param(path, id=path.parent.name, marks=pytest.mark.slow if "forty" in path.parent.name else ())
+    for path in sorted(ROOT.glob("models/*/*.urdf.xacro"))
+]
+
+
+@pytest.mark.parametrize("path", MODELS)
 def test_the_models_of_this_project_are_followed(path: Path) -> None:
     choose = random.Random(1)
     defaults = expand(path, {}, root=ROOT).arguments
@@ -267,3 +273,27 @@ def test_columns_of_what_cannot_be_recorded_are_none(tmp_path: Path, monkeypatch
     with monkeypatch.context() as patched:
         patched.setattr(templates.Template, "record", refused)
         assert expand_columns(path, {"a": 1.0}, {"a": [1.0, 2.0]}, root=tmp_path) is None
+
+
+@pytest.mark.parametrize(
+    "formula",
+    ["a_ + 2*a_ - a_/3", "(a_ - 1.5)/(a_*a_) + 7", "1/a_ + a_//2 - a_**3", "a_*9007199254740993 + 9007199254740993/a_",
+     "a_*1e308*10", "-a_ + a_*a_ - 0*a_"],
+)  # fmt: skip
+def test_columns_are_bit_by_bit_what_each_row_alone_is(tmp_path: Path, formula: str) -> None:
+    given = '<xacro:arg name="a" default="1"/><xacro:property name="a_" value="$(arg a)"/>'
+    path = write(tmp_path, f'{given}<link name="l" at="${{{formula}}}"/>')
+    values = [0.1, 0.3, 1.7, 1e-9, 123.456, -2.5]
+    columns = expand_columns(path, {"a": values[0]}, {"a": values}, root=tmp_path)
+    assert columns is not None
+    assert sum(columns.holds) >= 5
+    for row, value in enumerate(values):
+        if columns.holds[row]:
+            assert filled(columns.xml, dict(columns.columns), row) == expand(path, {"a": value}, root=tmp_path).xml
+
+
+def test_a_division_by_zero_in_a_column_is_an_error(tmp_path: Path) -> None:
+    given = '<xacro:arg name="a" default="1"/><xacro:property name="a_" value="$(arg a)"/>'
+    path = write(tmp_path, f'{given}<link name="l" at="${{1/a_}}"/>')
+    with pytest.raises(PinarmError, match="division"):
+        expand_columns(path, {"a": 1.5}, {"a": [1.5, 0.0]}, root=tmp_path)

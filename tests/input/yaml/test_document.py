@@ -262,7 +262,7 @@ def test_overrides_leave_the_places_of_the_rest() -> None:
         (" =3", "not an assignment"),
         ("title.a=3", "through a plain value"), ("expect.2=3", "not an index"), ("expect.x=3", "not an index"),
         ("expect.-3=1", "not an index"), ("expect.--1=3", "not an index"), ("expect.²=3", "not an index"),
-        ("expect.=3", "not an index"),
+        ("expect.=3", "is no path of keys"),
         ("expect.0.value.x=1", "through a plain value"), ("title=[1", "not YAML"), ("title=&a b", "anchors"),
         ("title=!!int 3", "tags"), ("title={a: 1, a: 2}", "twice"), ("title=a\n---\nb", ""),
     ],
@@ -318,6 +318,21 @@ def test_a_mistake_is_explained_where_it_stands(text: str, says: str, place: tup
         Document.parse(text, source="f.yaml").validate(Whole)
     assert says in caught.value.message
     assert at(caught.value) == place
+    assert caught.value.hint == hint
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("time: {end: 60}\nnamed: {a: {end: 3 ms}}\n", "60 ms"),  # as elsewhere in the file
+        ("time: {end: 1 s}\nparts: [{end: 2 ms}, {end: 60}]\n", "60 ms"),  # the nearest count
+        ("parts: [{end: 1 h}, {end: 2 min}, {end: 3 min}, {end: 60}]\ntime: {end: 1 s}\n", "60 min"),  # the most
+        ("time: {end: 60}\ntitle: 3 mm\n", "60 s"),
+    ],
+)
+def test_a_missing_unit_is_that_of_the_neighbours(text: str, hint: str) -> None:
+    with pytest.raises(InputError, match="'60' has no unit") as caught:
+        Document.parse(text).validate(Whole)
     assert caught.value.hint == hint
 
 

@@ -12,6 +12,7 @@ import pytest
 from pinarm.errors import InputError, UnitError
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Level, Measured, Time, convert, quantity, reading_from
+from pinarm.mechanics.couplings.gear import Gear
 from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces.joint_definitions import JointSpring
@@ -146,3 +147,20 @@ def test_pieces_are_immutable_and_know_their_keys() -> None:
 def test_numbers_of_numpy_are_numbers():
     assert Accuracy(tolerance=np.float64(1e-6)).tolerance == 1e-6
     assert TimeGrid(end=np.float64(2.0), samples=np.int64(5)).samples == 5
+
+
+@pytest.mark.parametrize(
+    ("text", "number"), [("17/43", 17 / 43), (" -1 / 30 ", -1 / 30), (0.5, 0.5), (2, 2.0), ("1.5/2", 0.75)]
+)
+def test_a_ratio_may_be_a_fraction(text: object, number: float) -> None:
+    assert Gear(joints=("a", "b"), ratio=text).ratio == number
+    assert Drive(joint="a", ratio=text).ratio == number
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [("17:43", "no ratio"), ("17/0", "divides by 0"), ("0.5 mm", "no ratio"), ("1/2/3", "no ratio"), ([1], "quantity")],
+)
+def test_what_is_no_ratio(text: object, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        Drive(joint="a", ratio=text)

@@ -22,7 +22,8 @@ PLACES = {  # joint: parent link, type, origin, axis
     "bar": ("swing_link", "prismatic", "-0.4 0.3 0.1", "0.6 0.8 0"),
     "runner": ("sun_link", "prismatic", "0.01 0.02 0.3", "0 0 -1"),
 }
-MARKS = {"middle": ("swing_link", "0 0 0.33"), "face": ("swing_link", "0.5 -0.1 0.3"), "far": ("base", "1 1 1")}
+MARKS = {"middle": ("swing_link", "0 0 0.33"), "face": ("swing_link", "0.5 -0.1 0.3"), "far": ("base", "1 1 1"),
+         "tip": ("bar_link", "0.65 -0.38 0.05"), "nose": ("back_link", "-0.1 -0.1 0.02")}  # fmt: skip
 
 
 def urdf(inertial: str = "") -> str:

@@ -9,6 +9,7 @@ from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import Distance, PointCoordinate, coordinates_of
 from pinarm.mechanics.forces.along_coordinate import CoordinateEffort, CoordinateSpring
 from pinarm.mechanics.forces.bushing import Bushing, DampingRates, SpringRates
+from pinarm.mechanics.forces.cable import ElasticCable
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring, RegularisedFriction, TorqueSpeed
 from pinarm.mechanics.forces.kinds import Force, bound
 from pinarm.mechanics.forces.point import PointSpring, Wrench
@@ -50,6 +51,10 @@ SAMPLES = {
         Bushing(between=("post", "slide_link"), stiffness=RUBBER),
         Bushing(between=("slide_link", "turn_link"), damping=OIL),
         Bushing(between=("turn_link", "post"), stiffness=RUBBER, damping=OIL),
+    ],
+    ElasticCable: [
+        ElasticCable(through=["post", "slide_link"], stiffness=90.0, free_length=0.2),
+        ElasticCable(through=["slide_link", "post", "turn_link"], stiffness=60.0, free_length=0.3, damping=5.0),
     ],
     Wrench: [
         Wrench(point="slide_link", force=(3.0, -8.0, 5.0), moment=(1.0, 2.0, -4.0)),

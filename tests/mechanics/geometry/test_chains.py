@@ -5,6 +5,7 @@ import pinocchio as pin
 import pytest
 
 from pinarm.mechanics.geometry.chains import Chain
+from tests.mechanics.geometry.random_variants import random_variants
 
 ROWS = 6
 
@@ -71,3 +72,17 @@ def test_other_joints_between_make_no_chain():
     model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
     model.addFrame(pin.Frame("end", 1, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
     assert Chain.between(model, 0, model.getFrameId("end")) is None
+
+
+def test_chains_of_variants_are_those_of_each_model_alone():
+    pin.seed(2)
+    variants, models = random_variants(np.random.default_rng(2), 6, 3)
+    first, second, n = models[0].getFrameId("link 2"), models[0].getFrameId("link 5"), 4
+    q, v = np.random.default_rng(3).normal(size=(2, 6, n, 3))
+    flat, rates = q.reshape(6, -1), v.reshape(6, -1)
+    placed = Chain.between(variants, first, second).repeated(n).placed(flat, np.cos(flat), np.sin(flat))
+    found = [np.broadcast_to(x, (3, n * 3)).reshape(3, n, 3) for x in (placed.p, *placed.rates(rates))]
+    for k, model in enumerate(models):
+        own = Chain.between(model, first, second).placed(q[:, :, k], np.cos(q[:, :, k]), np.sin(q[:, :, k]))
+        for one, other in zip(found, (own.p, *own.rates(v[:, :, k])), strict=True):
+            np.testing.assert_allclose(one[:, :, k], np.broadcast_to(other, (3, n)), atol=1e-12)

@@ -1,12 +1,14 @@
 """Variants of random trees against Pinocchio's model of each variant alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.link_tree import LinkTree
-from pinarm.mechanics.geometry.model_variants import VariantFrame, VariantsDiffer, spatial_inertias
+from pinarm.mechanics.geometry.model_variants import VariantFrame, VariantPlacement, VariantsDiffer, spatial_inertias
 from tests.mechanics.geometry.random_variants import random_variants
 
 ROUNDING = 1e-12
@@ -76,3 +78,53 @@ def test_nothing_of_a_single_variant_is_told() -> None:
         pin.rnea(variants, variants.first.createData(), *np.zeros((3, 2)))
     with pytest.raises(VariantsDiffer, match="tip"):
         assert VariantFrame("tip", pin.FrameType.BODY, 1, None).placement
+
+
+def test_some_variants_are_those_that_are_chosen() -> None:
+    pin.seed(4)
+    variants, models = random_variants(np.random.default_rng(4), 5, 6)
+    q = np.random.default_rng(5).normal(size=(3, 1, 5))
+    some = LinkPlacements.at(variants.some(np.array([4, 1])), q)
+    for place, k in enumerate((4, 1)):
+        _close(some.places, LinkPlacements.at(models[k], q[:, 0]).places, place)
+
+
+def test_placements_are_composed_as_pinocchios() -> None:
+    pin.seed(6)
+    first, second = ([pin.SE3.Random() for _ in range(3)] for _ in range(2))
+    ours, theirs = (
+        VariantPlacement(np.array([one.rotation for one in places]), np.array([one.translation for one in places]))
+        for places in (first, second)
+    )
+    product, back = ours * theirs, ours.inverse()
+    for k, (one, other) in enumerate(zip(first, second, strict=True)):
+        np.testing.assert_allclose(product.rotation[k], (one * other).rotation, atol=1e-15)
+        np.testing.assert_allclose(product.translation[k], (one * other).translation, atol=1e-14)
+        np.testing.assert_allclose(back.translation[k], one.inverse().translation, atol=1e-15)
+
+
+def test_wrenches_are_summed_over_what_lies_beyond() -> None:
+    """The sum over a subtree, by Pinocchio's lists of them; and moments about joints as Pinocchio moves wrenches."""
+    pin.seed(7)
+    variants, models = random_variants(np.random.default_rng(7), 6, 2)
+    q, wrenches = np.random.default_rng(8).normal(size=(2, 1, 6)), np.random.default_rng(9).normal(size=(2, 2, 7, 6))
+    links, carried = LinkPlacements.at(variants, q), LinkTree.of(variants).carried(wrenches)
+    assert not carried[..., 0, :].any()
+    moved = links.at_joints(carried)
+    for k, model in enumerate(models):
+        for joint in range(1, 7):
+            beyond = wrenches[:, k, list(model.subtrees[joint])].sum(axis=1)
+            np.testing.assert_allclose(carried[:, k, joint], beyond, atol=1e-14)
+            for row in range(2):
+                place = pin.SE3(np.eye(3), links.places[row, k, joint])
+                expected = place.actInv(pin.Force(beyond[row])).vector
+                np.testing.assert_allclose(moved[row, k, joint], expected, atol=1e-13)
+
+
+def test_a_frame_that_is_shifted_only_is_elsewhere_in_each_variant() -> None:
+    variants, _ = random_variants(np.random.default_rng(1), 2, 3)
+    alike = replace(variants, moved=(), turns=np.zeros((3, 0, 3, 3)), shifts=np.zeros((3, 0, 3)))
+    assert alike.in_place
+    shifted = VariantPlacement(np.eye(3)[None], np.arange(9.0).reshape(3, 3))
+    frames = [*alike.frames, VariantFrame("tip", pin.FrameType.BODY, 1, shifted)]
+    assert not replace(alike, frames=frames).in_place

@@ -11,6 +11,8 @@ from pinarm.mechanics.laws import (
     ConstantAcceleration,
     ConstantSpeed,
     Cycloidal,
+    Harmonic,
+    Segment,
     Succession,
 )
 
@@ -72,3 +74,13 @@ class TestSuccession:
     def test_a_speed_that_jumps_is_refused(self, parts, message):
         with pytest.raises(InputError, match=message):
             Succession(segments=segments(*parts)).pieces()
+
+
+def test_a_speed_that_is_rounding_is_no_jump():
+    """A harmonic rise begins with ``cos(-90 deg)``, 6e-17 of its largest speed, and a dwell follows."""
+    rise = Harmonic(amplitude=0.01, pulsation=1.0, mean=0.01, phase=-np.pi / 2)
+    law = Succession(
+        segments=[Segment(duration=np.pi, motion=rise), Segment(duration=1.0, motion=Constant(value=0.02))]
+    )
+    law.check()
+    assert law.breakpoints()

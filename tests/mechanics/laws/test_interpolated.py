@@ -169,3 +169,9 @@ class TestTable:
             stream.truncate(200_000_000)  # takes no room on the disk
         with pytest.raises(InputError, match="too large"):
             table(tmp_path)
+
+
+def test_slopes_beyond_numbers_are_refused():
+    law = Spline(points=[(0.0, 0.0), (0.5, 1.5e308), (1.0, -0.2)], speeds=(0.0, 0.0))
+    with pytest.raises(InputError, match="change by more than 1e308"):
+        law.pieces()

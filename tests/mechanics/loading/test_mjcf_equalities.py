@@ -1,6 +1,7 @@
 """Equalities of MJCF: ``ties.json`` is what MuJoCo 4.0.0 computes for ``ties.xml``, as drawn and in another pose."""
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -95,25 +96,59 @@ def test_a_four_bar_of_mjcf_moves_as_one_closed_in_the_mechanism_file(tmp_path):
     assert again["energy.total"].values == pytest.approx(own["energy.total"].values, rel=1e-12)
 
 
-def test_frames_that_exporters_leave_where_they_open_a_loop_are_told(tmp_path):
-    """onshape-to-robot and its relatives: links closing_NAME_1 and closing_NAME_2, without the kind of joint."""
-    links = "".join(
-        f'<link name="{name}"/>' for name in ("base", "a", "b", "closing_x_1", "closing_x_2", "closing_y_1")
+def hinged_bodies(equality, turn=""):
+    """Two bodies whose ends meet as drawn, with sites 1 and 2, and others 0.1 m along z from these."""
+    sites = '<site name="{0}" pos="{1}" {2}/><site name="{0}_z" pos="{3}"/>'
+    ends = (sites.format("closing_x_1", "1 0 0", "", "1 0 0.1"),
+            sites.format("closing_x_2", "-1 0 0", turn, "-1 0 0.1"))  # fmt: skip
+    return (
+        f'<mujoco><worldbody><body name="a"><joint name="a" axis="0 0 1"/>{GEOM}{ends[0]}</body><body name="b" '
+        f'pos="2 0 0"><joint name="b" type="ball"/>{GEOM}{ends[1]}</body></worldbody><equality>{equality}</equality>'
+        "</mujoco>"
     )
-    joints = "".join(
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/></joint>'
-        for name, kind, parent, child in (
-            ("j", "continuous", "base", "a"), ("k", "continuous", "base", "b"), ("f", "fixed", "a", "closing_x_1"),
-            ("g", "fixed", "b", "closing_x_2"), ("h", "fixed", "b", "closing_y_1"),
-        )
-    )  # fmt: skip
-    (tmp_path / "m.urdf").write_text(f'<robot name="m">{links}{joints}</robot>')
+
+
+Z = '<connect name="z" site1="closing_x_{}_z" site2="closing_x_{}_z"/>'
+ONSHAPE = '<connect name="x" site1="closing_x_1" site2="closing_x_2"/>'
+ANCHORS = "".join(
+    f'<connect name="{name}" body1="a" body2="b" anchor="1 0 {z}"/>' for name, z in (("x", 0), ("z", 0.1))
+)
+
+
+@pytest.mark.parametrize(("equality", "turn"), [
+    (ONSHAPE + Z.format(1, 2), ""), (ONSHAPE + Z.format(2, 1), ""), (ANCHORS, ""),
+    (ONSHAPE + Z.format(1, 2), 'euler="30 20 10"'),
+])  # fmt: skip
+def test_two_connects_of_the_same_bodies_are_a_hinge(tmp_path, equality, turn):
+    """onshape-to-robot closes loops by revolute joints so: two connects, the second 0.1 m along the axis.
+
+    The two bodies turn about parallel axes: one freedom is left, of the hinge as of the two ball joints.
+    """
     (tmp_path / ".pinarm-root").touch()
-    [note] = [note for note in Mechanism.load(tmp_path / "m.urdf").notes if "closing" in note]
-    assert note.startswith("an exporter opened a loop at closing_x_1 and closing_x_2")
-    assert "loops: {x: {kind: revolute, axis: z, between: [closing_x_1, closing_x_2]}}" in note
-    loops = {"x": {"kind": "revolute", "axis": "z", "between": ["closing_x_2", "closing_x_1"]}}
-    assert not any("closing" in note for note in Mechanism.load(tmp_path / "m.urdf", values={"loops": loops}).notes)
+    (tmp_path / "m.xml").write_text(hinged_bodies(equality, turn))
+    hinged = Mechanism.load(tmp_path / "m.xml")
+    (hinge,) = hinged.constraints
+    assert (hinge.name, hinge.kind, hinge.size) == ("x", "revolute", 5)
+    assert any("x and z tie two points of the same bodies" in note for note in hinged.notes)
+    assert not any("exporter" in note for note in hinged.notes)
+    (tmp_path / "m.xml").write_text(hinged_bodies(ONSHAPE, turn))  # with the second tie apart, as a check of rows
+    balls = Mechanism.load(tmp_path / "m.xml", values={"loops": {"z": {
+        "kind": "spherical", "between": ["closing_x_1_z", "closing_x_2_z"]}}})  # fmt: skip
+    q = pin.neutral(hinged.model)
+    one, six = hinge.rows(hinged.closure.state(q)), np.vstack(
+        [tie.rows(balls.closure.state(q)) for tie in balls.constraints])  # fmt: skip
+    assert (six.shape, np.linalg.matrix_rank(six), np.linalg.matrix_rank(one)) == ((6, 4), 3, 3)
+    assert np.linalg.matrix_rank(np.vstack([one, six])) == 3
+    tilted = pin.integrate(hinged.model, q, np.array([0.0, 0.1, 0.0, 0.0]))  # about x, not about the hinge
+    assert np.abs(hinge.gap(hinged.closure.state(tilted))).max() == pytest.approx(0.1)
+    turned = pin.integrate(hinged.model, q, np.array([0.0, 0.0, 0.0, 0.1]))  # about z: only the place moves
+    assert np.linalg.norm(hinge.gap(hinged.closure.state(turned))) == pytest.approx(2 * math.sin(0.05))
+
+
+def test_connects_at_other_distances_are_two_joints(tmp_path):
+    text = hinged_bodies(ONSHAPE + Z.format(1, 2)).replace("-1 0 0.1", "-1 0 0.11")
+    assert {name: loop.__struct_config__.tag for name, loop in build_model(text).loops.items()} == {
+        "x": "spherical", "z": "spherical"}  # fmt: skip
 
 
 @pytest.mark.parametrize(("equality", "message"), [

@@ -13,7 +13,9 @@ def motion():
     return andrews.motion(T)
 
 
-@pytest.mark.parametrize(("tolerance", "reached"), [(1e-8, 1e-5), (1e-10, 1e-7), (1e-12, 1e-9)])
+@pytest.mark.parametrize(("tolerance", "reached"), [
+    pytest.param(1e-8, 1e-5, marks=pytest.mark.slow), (1e-10, 1e-7), pytest.param(1e-12, 1e-9, marks=pytest.mark.slow),
+])  # fmt: skip
 def test_it_reaches_the_reference(solve, motion, tolerance, reached):
     initial = {"position": dict(zip(andrews.NAMES, andrews.START, strict=True))}
     found = solve("andrews", "forward", end=0.03, samples=31, tolerance=tolerance, initial=initial)

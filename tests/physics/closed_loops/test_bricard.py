@@ -13,7 +13,9 @@ def motion():
     return Bricard().motion(T)
 
 
-@pytest.mark.parametrize(("tolerance", "reached"), [(1e-7, 1e-4), (1e-9, 1e-6), (1e-12, 1e-8)])
+@pytest.mark.parametrize(("tolerance", "reached"), [
+    pytest.param(1e-7, 1e-4, marks=pytest.mark.slow), (1e-9, 1e-6), pytest.param(1e-12, 1e-8, marks=pytest.mark.slow),
+])  # fmt: skip
 def test_joints_follow_the_closed_form_for_ten_seconds(solve, motion, tolerance, reached):
     found = solve("bricard", "forward", end=10.0, tolerance=tolerance, initial={"position": {"P0": 0.0}})
     a, b, da, db = motion

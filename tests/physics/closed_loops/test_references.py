@@ -114,6 +114,7 @@ def test_vibrator_has_the_published_inertia_resonance_and_small_motion():
     assert abs(late[0]).max() == pytest.approx(machine.amplitude(), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_bricard_stays_closed_and_keeps_its_energy():
     linkage, t = Bricard(), np.linspace(0.0, 10.0, 101)
     energies = []
@@ -144,6 +145,7 @@ def test_rotor_is_balanced_by_its_correction_masses():
     assert sum(rotor.constant(9.81, masses)).imag == pytest.approx(9.81 * (12 + masses.sum()))
 
 
+@pytest.mark.slow
 def test_andrews_reaches_the_values_of_the_test_set():
     first, _ = andrews.acceleration(andrews.START, np.zeros(7))
     assert first[:2] == pytest.approx((14222.4439199541138, -10666.8329399655854), rel=1e-12)

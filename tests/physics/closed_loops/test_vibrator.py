@@ -8,7 +8,10 @@ from pinarm.mechanics.laws import ConstantSpeed
 from .vibrator_closed_form import Vibrator
 
 
-@pytest.mark.parametrize(("e", "speed", "end"), [(0.06, 157.0, 0.5), (0.6, 50.7, 1.0), (0.06, 250.0, 0.3)])
+@pytest.mark.parametrize(("e", "speed", "end"), [
+    (0.06, 157.0, 0.5), pytest.param(0.6, 50.7, 1.0, marks=pytest.mark.slow),
+    pytest.param(0.06, 250.0, 0.3, marks=pytest.mark.slow),
+])  # fmt: skip
 def test_trunk_moves_and_pulls_as_the_exact_law_says(solve, e, speed, end):
     machine = Vibrator(e=e, Omega=speed)
     found = solve("olive_vibrator", "forward", arguments={"e": e}, end=end, tolerance=1e-13,

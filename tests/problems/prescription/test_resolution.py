@@ -60,6 +60,7 @@ def test_inverse_dynamics_follows_the_same_motion(drawing):
         assert np.array_equal(getattr(moved, name), getattr(drawing.trajectory, name))
 
 
+@pytest.mark.slow
 def test_the_same_motion_between_the_rows(drawing):
     dense = run(**{"time.samples": 401}).trajectory
     known = drawing.outcome.motion.positions(dense.grid.t[[107, 250]])

@@ -78,6 +78,7 @@ def test_peaucellier_draws_a_straight_line(tmp_path: Path) -> None:
     assert met == pytest.approx(heights, abs=1e-11)
 
 
+@pytest.mark.slow
 def test_chebyshev_passes_points_of_a_line_and_misses_others(chebyshev: Callable[..., Any]) -> None:
     exact = chebyshev("wanted: {x: [0 m, -2 m], y: [4 m, 4 m]}").run()
     assert exact.number("path_error.peak")[0] < 1e-11

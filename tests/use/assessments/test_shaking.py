@@ -26,6 +26,7 @@ def test_an_unbalanced_rotor_shakes_with_m_e_w2_once_a_turn() -> None:
     assert np.abs(higher).max() < ROUNDING * force
 
 
+@pytest.mark.slow
 def test_harmonics_of_a_slider_crank_are_those_of_its_rows() -> None:
     result = pinarm.run(SLIDER_CRANK, {"shaking": {"harmonics": 8}})
     rows = np.array(result.sections["shaking"].tables[1].rows)
@@ -57,6 +58,7 @@ def test_its_point_is_checked_before_anything_is_solved() -> None:
         pinarm.validate("scenarios/rotor_vertical.yaml", {"shaking": {"about": "nowhere"}})
 
 
+@pytest.mark.slow
 def test_the_counterweights_of_berkof_and_lowen_are_found() -> None:
     """Crank: (m2/2 + m3/2) 100 mm at 60 mm behind it; rocker: (m4/2 + m3/2) 250 mm at 100 mm behind it."""
     weights = {"crank": {"point": "W2", "mass": "1 kg"}, "rocker": {"point": "W4", "mass": "1 kg"}}

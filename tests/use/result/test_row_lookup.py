@@ -57,9 +57,9 @@ def test_places(ask: Callable[..., float], kind: str, where: Any, name: str, val
 
 KEY = """\
 expect:
-  - {quantity: M, at: {t: 2.5 s}, value: 0 N*m, published: 20 N*m, source: s}
+  - {quantity: M, at: {t: 2.5 s}, value: 0.0 N*m, published: 20 N*m, source: s}
   - {quantity: M, at: {t: 2 s}, value: 0 N*m, rtol: 1, atol: 100 N*m, source: s}
-  - {quantity: M, at: {alpha: 1.5 rad}, value: 0 N*m, source: s}
+  - {quantity: M, at: {alpha: 1.5 rad}, value: 0.0 N*m, source: s}
 """
 
 
@@ -196,3 +196,17 @@ def test_an_extreme_between_few_rows_is_found(scenario: Callable[..., Any], samp
     lookup = given.run().lookup
     assert lookup.at("max", "alpha")["alpha"].values == pytest.approx([1.0], rel=1e-14)
     assert lookup.at("min", "alpha")["alpha"].values == pytest.approx([-1.0], rel=1e-14)
+
+
+@pytest.mark.parametrize("samples", [3, 5, 9, 41])
+def test_crossings_between_few_rows_are_found(scenario: Callable[..., Any], samples: int) -> None:
+    """``sin(2 pi t) = 0.9`` at 0.178 s and 0.322 s: between two rows of 3 and of 5."""
+    law = {"law": "harmonic", "amplitude": "1 rad", "pulsation": "1 rev/s"}
+    changes = {"problem.motion": {"pivot": law}, "problem.time": {"end": "1 s", "samples": samples}}
+    lookup = scenario("inverse").varied(changes).run().lookup
+    first = math.asin(0.9) / (2.0 * math.pi)
+    for number, t in enumerate((first, 0.5 - first), 1):
+        found = lookup.at({"alpha": "0.9 rad", "occurrence": number}, "t")
+        assert found["t"].values == pytest.approx([t], rel=1e-13)
+    with pytest.raises(InputError, match="2 times only"):
+        lookup.at({"alpha": "0.9 rad", "occurrence": 3}, "t")

@@ -36,7 +36,7 @@ def test_what_names_neither_is_refused(text: str) -> None:
         read_number(text)
 
 
-@pytest.mark.parametrize("path", [ROTOR, BEARINGS, KNEE])
+@pytest.mark.parametrize("path", [ROTOR, *(pytest.param(path, marks=pytest.mark.slow) for path in (BEARINGS, KNEE))])
 def test_sections_have_the_numbers_that_they_promise_in_these_units(path: str) -> None:
     more: dict[str, object] = {"shaking": {}}
     if "exoskeleton" in path:

@@ -165,6 +165,7 @@ def test_the_trapezoid_of_least_heat_spends_a_third_of_its_time_on_each_part(tmp
     assert numbers["problem.motion.turn.acceleration"].values == pytest.approx([4.5], rel=2e-3)
 
 
+@pytest.mark.slow
 def test_the_move_of_least_heat_is_the_cubic(tmp_path):
     """Rest to rest of an inertia: the rms torque is least for 3 s^2 - 2 s^3, and J theta 12^(1/2)/T^2 there."""
     scenario = inertia(
@@ -194,6 +195,7 @@ def test_the_move_of_least_peak_torque_is_bang_bang(tmp_path):
     assert numbers["problem.motion.turn.speed"].values[0] > 1.99
 
 
+@pytest.mark.slow
 def test_the_counterweight_of_the_manipulator_is_found_as_an_optimum_too():
     """The torque that holds the empty arm vanishes at every angle with 270 kg, by moments about A and E."""
     file = Path(__file__).parents[3] / "scenarios" / "manipulator_counterweight.yaml"

@@ -44,7 +44,9 @@ def test_a_second_run_prepares_nothing_and_is_the_same(scenario, kind, monkeypat
     assert same(first, second) and same(first, pinarm.run(one.document.path))
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if "belt" in name else ()) for name in SCENES]
+)
 def test_motions_leave_nothing_behind_in_what_is_kept(name):
     one = pinarm.load(SCENARIOS / f"{name}.yaml")
     first = one.run()

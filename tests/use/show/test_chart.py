@@ -20,9 +20,9 @@ def test_the_extent_passes_over_gaps() -> None:
     line = Line(np.array([0.0, np.nan, 2.0]), np.array([1.0, np.nan, 5.0]))
     low, high = extent([line, Line(np.full(1, np.nan), np.full(1, np.nan))])
     assert (low.tolist(), high.tolist()) == ([0.0, 1.0], [2.0, 5.0])
-    assert Panel([line], equal=True, margin=0.0).extent() == ((-0.004, 2.004), (0.996, 5.004))  # 4 m high
+    assert Panel([line], equal=True, margin=0.0).extent() == ((0.0, 2.0), (1.0, 5.0))
 
 
-def test_a_drawing_on_a_line_is_as_large_as_the_line() -> None:
+def test_a_drawing_on_a_line_has_room_for_names_across_it() -> None:
     (x0, x1), (y0, y1) = Panel([Line(np.array([0.0, 2.0]), np.zeros(2))], equal=True, margin=0.0).extent()
-    assert (x1 - x0, y1 - y0) == pytest.approx((2.004, 0.004))
+    assert (x1 - x0, y1 - y0) == pytest.approx((2.0, 0.5))

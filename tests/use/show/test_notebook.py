@@ -71,6 +71,7 @@ def test_a_sweep_and_a_tradeoff_show_themselves(scenario: Callable[..., Any], fo
     assert len(PICTURE.findall(trade._repr_html_())) == 1
 
 
+@pytest.mark.slow
 def test_sections_are_shown_with_their_tables_remarks_and_graphs() -> None:
     result = pinarm.run("scenarios/handling_arm_sizing.yaml")
     shown = result.sections["sizing"]._repr_html_()

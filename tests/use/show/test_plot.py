@@ -44,10 +44,8 @@ def test_what_is_drawn_are_the_numbers(scenario: Callable[..., Any]) -> None:
     [
         "$\\foo{",
         "$$",
-        "a $ b",
         "\\alpha",
         "x^2_{",
-        "50 % \\$ $",
         "[/] [red]",
         "力 \U0001f600 é",
         "a\\nb",

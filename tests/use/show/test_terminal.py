@@ -1,8 +1,14 @@
 """What a terminal shows of numbers: a zero where the rest is rounding."""
 
+from math import pi, sqrt
+from pathlib import Path
+
 import pytest
 
-from pinarm.use.show.terminal import without_rounding
+import pinarm
+from pinarm.errors import InputError
+from pinarm.use.show.terminal import ranges, remarks, report, without_rounding
+from pinarm.use.store.restore import restore
 
 
 @pytest.mark.parametrize(("given", "wanted"), [
@@ -13,3 +19,96 @@ from pinarm.use.show.terminal import without_rounding
 def test_what_is_rounding_of_the_other_end_is_zero(given: tuple[float, float], wanted: tuple[float, float]) -> None:
     """The relative error of what is solved for is 1e-13: less than that of the largest value is none."""
     assert without_rounding(*given) == wanted
+
+
+DROPPED = """pinarm: 1
+mechanism: m.yaml
+problem:
+  kind: forward
+  time: {end: 2 s}
+  events: {down: {when: fall, reaches: 2 m}, below: {when: fall, reaches: 30 m}}
+outputs: [fall]
+numbers: [%s]
+"""
+
+
+@pytest.fixture
+def dropped(tmp_path: Path) -> Path:
+    """Return a scenario of a body that falls from rest: 2 m after sqrt(2*2/9.81) s."""
+    (tmp_path / "m.yaml").write_text(
+        "pinarm: 1\nplanar: {points: {A: [0, 0], B: [0, -1 m], C: [0, 0]}, ground: [A, B],\n"
+        "  links: {body: {points: [C], mass: 1 kg}}, sliders: {fall: {link: body, along: [A, B]}}}\n"
+    )
+    (tmp_path / "s.yaml").write_text(DROPPED % "event.down.time, event.down.count, event.below.time")
+    return tmp_path / "s.yaml"
+
+
+def test_events_are_told_with_their_times(dropped: Path) -> None:
+    result, time = pinarm.run(dropped), sqrt(4 / 9.81)
+    assert result.number("event.down.time")[0] == pytest.approx(time, rel=1e-9)  # of the integration
+    lines = remarks(result)
+    assert f"event down: t = {time:.7g} s" in lines
+    assert "event below: does not take place" in lines
+    assert [f"event.down.time: {time:.7g} s", "event.down.count: 1", "event.below.time: no value in this run"] == lines[
+        :3
+    ]
+
+
+@pytest.mark.parametrize(
+    ("number", "message", "hint"),
+    [
+        ("event.donw.time", "no quantity 'event.donw.time'", "event.down.time"),
+        ("evnt.down.time", "no quantity 'evnt.down.time'", "event.down.time"),
+        ("joint.fall.postion", "no quantity 'joint.fall.postion'", "joint.fall.position"),
+        ("foo.bar", "no section 'foo'", ""),
+    ],
+)
+def test_misspelt_numbers_are_refused_with_what_is_near(dropped: Path, number: str, message: str, hint: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        pinarm.load(dropped, {"numbers": [number]}).validate()
+    assert caught.value.hint == hint
+
+
+def test_a_quantity_without_a_place_is_refused_with_places(dropped: Path) -> None:
+    with pytest.raises(InputError, match=r"'joint\.fall\.velocity' has a value at every row") as caught:
+        pinarm.load(dropped, {"numbers": ["joint.fall.velocity"]}).validate()
+    assert "joint.fall.velocity @ max" in caught.value.expected
+
+
+TURNED = """pinarm: 1
+planar: {points: {O: [0, 0], A: [2 m, 0]}, ground: [O], links: {arm: {points: [O, A], mass: 1 kg, inertia: 1 kg*m^2}}}
+drives: {motor: {joint: O}}
+"""
+
+
+@pytest.mark.parametrize(("angle", "shown"), [("4e-63", "0"), ("1e-15", "0"), ("-1e-15", "0"), ("1e-12", "1e-12")])
+def test_a_single_angle_that_is_rounding_is_zero(tmp_path: Path, angle: str, shown: str) -> None:
+    """Less than 2^-52 rad = 1.3e-14 deg: no position that is computed is known to that."""
+    (tmp_path / "m.yaml").write_text(TURNED)
+    (tmp_path / "s.yaml").write_text(
+        f"pinarm: 1\nmechanism: m.yaml\nproblem: {{kind: statics, hold: {{O: {angle} deg}}}}\n"
+        "outputs: [O, joint.O.effort]\n"
+    )
+    rows = ranges(pinarm.run(tmp_path / "s.yaml"))
+    assert rows[1] == ["O", "deg", shown]
+    assert float(rows[2][2]) == pytest.approx(9.81, rel=1e-6)  # efforts stay as they are
+
+
+def test_tables_of_sections_are_in_the_units_of_the_scenario(tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text(TURNED)
+    (tmp_path / "s.yaml").write_text(
+        "pinarm: 1\nmechanism: m.yaml\noutputs: [O]\nshaking: {}\nunits: {joint.O.force.x: kN}\n"
+        "problem: {kind: inverse, time: {end: 1 s}, motion: {O: {law: constant_speed, speed: 300 rpm}}}\n"
+    )
+    result = pinarm.run(tmp_path / "s.yaml")
+    [own], [shown] = ([row for row in section.tables[0].rows if row[0] == "force.norm"]
+                      for section in (result.sections["shaking"], result.shown_sections["shaking"]))  # fmt: skip
+    assert own[1] == "N" and own[2] == pytest.approx((10 * pi) ** 2, rel=1e-6)  # m r w², r = 1 m
+    assert shown[1] == "kN" and shown[2] == pytest.approx(own[2] / 1000, rel=1e-15)
+    moments = {row[1] for row in result.shown_sections["shaking"].tables[0].rows if row[0].startswith("moment")}
+    assert moments == {"N*m"}
+    assert f"{shown[2]:.7g}" in report(result)
+    folder = result.save(tmp_path / "out", plots=False)
+    assert f"force.norm,kN,{shown[2]!r}" in (folder / "shaking_figures.csv").read_text()
+    again = restore(folder)
+    assert again.shown_sections["shaking"].tables[0].rows[0] == shown

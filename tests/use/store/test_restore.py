@@ -119,6 +119,9 @@ def test_relative_meshes_are_found_from_the_folder(folder: Path, scenario: Calla
     page = restore(saved).replay()
     assert page.notes == ()
     assert page.html == result.replay().html
+    named = pinarm.replay(saved, named=True)
+    assert named.html == result.replay(named=True).html
+    assert named.html != page.html
 
 
 def rewritten(path: Path, name: str, raw: bytes, compression: int = zipfile.ZIP_STORED) -> None:

@@ -50,3 +50,28 @@ def test_a_notebook_shows_both() -> None:
     shown = pinarm.explain(MODELS / "four_bar" / "mechanism.yaml")._repr_html_()
     assert "data:image/png" in shown
     assert "mobility 1" in shown
+
+
+RODS = """<robot name="rods"><link name="base"/><link name="crank">{mass}</link><link name="rod">{mass}</link>
+  <link name="foot"/><link name="ground"/>
+  <joint name="turn" type="continuous"><parent link="base"/><child link="crank"/><axis xyz="0 0 1"/></joint>
+  <joint name="ball" type="{kind}"><parent link="crank"/><child link="rod"/><origin xyz="0.1 0 0.2"/></joint>
+  <joint name="end" type="fixed"><parent link="rod"/><child link="foot"/><origin xyz="0.3 0.4 0"/></joint>
+  <joint name="post" type="fixed"><parent link="base"/><child link="ground"/><origin xyz="0.4 0.4 0.2"/></joint>
+</robot>"""
+MASS = """<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>"""
+
+
+def test_rods_that_spin_between_two_balls_are_counted(tmp_path: Path) -> None:
+    """Crank 1, ball 3, less the 3 rows of the ball at the foot: mobility 1, which is the spin of the rod."""
+    (tmp_path / "rods.urdf").write_text(RODS.format(mass=MASS, kind="spherical"))
+    (tmp_path / "m.yaml").write_text(
+        "pinarm: 1\nrobot: rods.urdf\nloops: {foot: {kind: spherical, between: [foot, ground]}}\n"
+    )
+    found = pinarm.explain(tmp_path / "m.yaml")
+    assert found.mobility.mobility == 1
+    assert found.mobility.spins == ("ball",)
+    assert "1 of these are links that spin by themselves" in str(found)
+    (tmp_path / "m.yaml").write_text("pinarm: 1\nrobot: rods.urdf\n")
+    free = pinarm.explain(tmp_path / "m.yaml")
+    assert not free.mobility.spins and "spin by themselves" not in str(free)  # a ball that no loop holds

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, distinct
 from pinarm.engine.integration.first_step import first_step
 from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution, Step
 from pinarm.engine.integration.step_control import FASTEST, HUGE, LOST, NOISE, TINY, growth, shrinkage
@@ -168,7 +168,7 @@ class FixedStep:
     def diagnose(self, solution: Solution) -> list[str]:
         """Return notes where a step and its two halves differ, or where steps may have stepped over a load."""
         error, t, size = 0.0, 0.0, min(solution.size, 1.0)
-        for index in np.unique(np.linspace(0, len(solution.steps) - 1, SAMPLE).astype(int)):
+        for index in distinct(np.linspace(0, len(solution.steps) - 1, SAMPLE).astype(int)):
             step = solution.steps[index]
             difference = self._error(solution, step, size)
             if not difference <= error:  # NaN included

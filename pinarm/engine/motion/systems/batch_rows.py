@@ -13,8 +13,8 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.batch_jacobians import BatchJacobians, EvaluatedJacobians
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.elimination import dense
-from pinarm.engine.constraints.nullspace_batch import BatchNullspace, regular_order
+from pinarm.engine.constraints.nullspaces.elimination import dense
+from pinarm.engine.constraints.nullspaces.nullspace_batch import BatchNullspace, regular_order
 from pinarm.engine.dynamics.dynamics import Dynamics
 
 CLOSED = 1e-13

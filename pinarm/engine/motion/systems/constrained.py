@@ -18,7 +18,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.batch_jacobians import BLOCK
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.constraints.nullspace import RANK, VANISHED, RowDecomposition, RowDecompositions
+from pinarm.engine.constraints.nullspaces.nullspace import RANK, VANISHED, RowDecompositions, split_rows
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.dynamics.equation import solve, solve_each
 from pinarm.engine.dynamics.mass_matrix import mass_matrices, mass_matrix
@@ -46,8 +46,8 @@ REGULAR = 1e-6
 """Least singular value of G, over the largest, at which velocities may be given. At 6e-7 those of a four-bar were wrong
 by 1e-4, at 1e-7 altogether."""
 
-FEW = 64
-"""Number of rows whose G is taken apart at once."""
+FEW, LARGE = 64, 10**7
+"""Number of rows whose G is taken apart at once, and of numbers in these."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +140,7 @@ class ConstrainedSystem:
 
     def _check_independent(self, rows: Array) -> None:
         k = len(self.prescribed.names)
-        if k and len(self.rows.split(rows).values) < len(self.own.split(rows[: self.own.size]).values) + k:
+        if k and self.rows.split(rows).rank < self.own.split(rows[: self.own.size]).rank + k:
             raise InputError(
                 f"the laws of {', '.join(self.prescribed.names)} and the loops determine the same motion twice",
                 expected="laws that leave the loops their freedom",
@@ -160,7 +160,7 @@ class ConstrainedSystem:
         left = initial.v[list(initial.velocities)] - given @ x
         ways = np.linalg.lstsq(scale[:, None] * (given @ split.free), scale * left, rcond=RANK)[0]
         values = given @ (x + split.free @ ways)
-        whole = RowDecomposition.of(np.vstack([rows, given]), np.append(self.rows.reach, np.ones(len(given))))
+        whole = split_rows(np.vstack([rows, given]), np.append(self.rows.reach, np.ones(len(given))))
         return solve(whole, mass, np.zeros(nv), np.concatenate([right, values]))
 
     def rates(self, targets: Array) -> Array:
@@ -182,7 +182,7 @@ class ConstrainedSystem:
         """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not."""
         if self.prescribed.names:
             return None, ""
-        from pinarm.engine.motion.systems.compiled_rows import compiled_rows
+        from pinarm.engine.motion.systems.compiled.compiled_rows import compiled_rows
 
         return compiled_rows(motion, dynamics, self.near)
 
@@ -224,7 +224,7 @@ class ConstrainedSystem:
         size, strict = np.abs(gaps), CLOSED * whole[:, None]
         if (size <= strict).all() or (size > self.rows.slack + strict).any():
             return gaps
-        return splits.each(self.rows.size, RowDecomposition.reached, gaps)
+        return splits.each(self.rows.size, lambda split, gap: split.reached(gap), gaps)
 
     def _open(self, t: float, q: Array, gap: Array) -> AssemblyError:
         owners = [(constraint.name, constraint.unit(row)) for constraint, row in self.rows.owners()]
@@ -265,7 +265,7 @@ class ConstrainedSystem:
 
     def _few(self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array) -> Solved:
         """Return the first rows, each taken apart by itself: few, close to singular positions, or with ball joints."""
-        some = np.arange(len(t)) < FEW
+        some = np.arange(len(t)) < max(1, min(FEW, LARGE // (self.rows.size * self.rows.model.nv)))
         w, t = w[:, :, some].transpose(0, 2, 1), t[some]
         q, v, splits = self.settled(q[some], v[some], w[0], w[1], t)
         mass, force = dynamics.mass_matrices(q), -dynamics.inverse(t, q, v, np.zeros_like(v))

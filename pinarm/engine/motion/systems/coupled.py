@@ -75,7 +75,7 @@ class CoupledSystem:
     def _compiled(self, dynamics: Dynamics, acceleration: Callable[..., Array]) -> tuple[Flow | None, str]:
         """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not."""
         from pinarm.engine.kernel.tree import AGREEMENT, DISAGREES, disagreement
-        from pinarm.engine.motion.systems.compiled_couplings import coupled_flow
+        from pinarm.engine.motion.systems.compiled.compiled_couplings import coupled_flow
 
         rows = self.inner.reduction.rows
         flow = coupled_flow(dynamics.model, rows, dynamics.steady, dynamics.changing)

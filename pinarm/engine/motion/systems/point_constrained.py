@@ -16,6 +16,7 @@ from pinarm.engine.motion.systems.system import CompletedStates, Initial
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
+    from pinarm.engine.dynamics.many_points import ManyPointConstraints
     from pinarm.engine.kernel.library import Flow
 
 
@@ -29,7 +30,7 @@ class PointSystem:
     """
 
     general: ConstrainedSystem
-    points: PointConstraints
+    points: PointConstraints | ManyPointConstraints
 
     @property
     def manifold(self) -> Manifold:
@@ -58,7 +59,7 @@ class PointSystem:
 
     def _compiled(self, dynamics: Dynamics, motion: PointMotion) -> tuple[Flow | None, str]:
         """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not."""
-        from pinarm.engine.motion.systems.compiled_points import compiled_points
+        from pinarm.engine.motion.systems.compiled.compiled_points import compiled_points
 
         return compiled_points(dynamics, motion, self.general.near)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pinocchio as pin
 
@@ -9,11 +11,14 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.pinocchio_constraints import PointConstraints
+from pinarm.engine.dynamics.pinocchio_constraints import PointConstraints, joint_at
 from pinarm.engine.integration.integrator import Acceleration
 from pinarm.engine.motion.systems.batch_rows import ITERATIONS, ROUNDED
 from pinarm.engine.motion.systems.row_motion import require_closed_accelerations
 from pinarm.errors import NumericsError
+
+if TYPE_CHECKING:
+    from pinarm.engine.dynamics.many_points import ManyPointConstraints
 
 FLOOR = 0.3
 """Least step close to singular positions, relative to the last one that was taken far from them."""
@@ -51,9 +56,11 @@ VANISHED = 1e-14
 class PointMotion:
     """The motion on one interval; it looks at every accepted state how close a singular position is."""
 
-    def __init__(self, points: PointConstraints, rows: Closure, dynamics: Dynamics, targets: Targets) -> None:
+    def __init__(
+        self, points: PointConstraints | ManyPointConstraints, rows: Closure, dynamics: Dynamics, targets: Targets
+    ) -> None:
         self.points, self.extent, self.scale, self.targets = points, rows.extent, rows.scale, targets
-        self.places = [points.tied.model.joints[int(points.joint_at(v))].idx_q for v in points.tied.driven]
+        self.places = [joint_at(points.tied.model, v).idx_q for v in points.tied.driven]
         self.dynamics, self.exact = dynamics, points.exact
         self.free = points.acceleration(dynamics, targets, self.exact)
         self.tolerant: tuple[pin.ProximalSettings, Acceleration] | None = None
@@ -188,9 +195,9 @@ class PointMotion:
         ``s_r / s_1``, s being the singular values of G in descending order and r the rank along the motion: the largest
         one found so far at closed positions. A singular position lowers the rank there, but not r: its regularity is 0.
         """
-        self.rows = rows = self.points.rows()
+        self.rows = self.points.rows()
         try:
-            squares = np.linalg.eigvalsh(rows @ rows.T).tolist()  # quicker than singular values, and exact enough
+            squares = self.points.squares().tolist()
         except np.linalg.LinAlgError:  # a stage that is not finite; the step will be refused
             return float("nan")
         if closed:

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import RowDecompositions
+from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
@@ -60,7 +60,7 @@ class RowMotion:
         w, dw, _ = self.targets(t)
         closed, rates, splits = self.settled(q[None], v[None], w[None], dw[None], np.array([t]))
         ((_, split),) = splits.parts
-        self._require_apart(t, closed[0], self.rows.values_of(split.rows[0])[: split.values.shape[1]])
+        self._require_apart(t, closed[0], self.rows.values_of(split.rows[0])[: split.rank])
         self.t = t
         return closed[0], rates[0]
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
@@ -67,6 +68,9 @@ class CompletedStates:
         tau: Efforts of the drives at joints [N*m or N], shape (n, nv).
         lam: Multipliers of the constraints [N or N*m].
         friction: Friction that sticks, along the slips of k joints [N*m or N], shape (n, k).
+        opened: Whether a one-sided constraint is open, shape (n,); ``None`` where none ever is.
+        others: The same motion with other efforts, multipliers and frictions that hold it as well: the extremes of what
+            rigid bodies leave open where several joints at rest share a load.
     """
 
     q: Array
@@ -75,6 +79,20 @@ class CompletedStates:
     tau: Array
     lam: Multipliers
     friction: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    opened: Flags | None = None
+    others: tuple[CompletedStates, ...] = ()
+
+    @classmethod
+    def joined(cls, motions: Sequence[CompletedStates]) -> CompletedStates:
+        """Return the rows of several, one after another."""
+        arrays = zip(*((one.q, one.v, one.a, one.tau, one.friction) for one in motions), strict=True)
+        q, v, a, tau, friction = map(np.concatenate, arrays)
+        count = max(len(one.others) for one in motions)
+        others = [cls.joined([one.others[k] if k < len(one.others) else replace(one, others=()) for one in motions])
+                  for k in range(count)]  # fmt: skip
+        lam = Multipliers.joined([one.lam for one in motions])
+        opened = np.concatenate([np.full(len(one.q), one.opened is not None) for one in motions])
+        return cls(q, v, a, tau, lam, friction, opened if opened.any() else None, tuple(others))
 
 
 class System(Protocol):

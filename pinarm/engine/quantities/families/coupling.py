@@ -1,4 +1,4 @@
-"""Gears, racks, screws, belts: the effort that they transmit, and the forces where their members touch."""
+"""Gears, racks, screws, belts, cams: the effort that they transmit, and the forces where their members touch."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from pinarm.engine.quantities.family import AXES, NEWTON, NEWTON_METRE, Asked, O
 from pinarm.engine.quantities.transmitted import SAY_HOW, WRENCH, WrenchFamily, components
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
-from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.joints import METRE
+
+GEOMETRY = ("pressure_angle", "curvature_radius", "eccentricity")
+"""Parts that no force plays a part in."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,14 +31,18 @@ class CouplingQuantities(WrenchFamily):
         "separating": "force of bevel teeth along the normal of the pitch cone",
         "torque": "moment of the thread about its axis",
         "tight": "tension of the strand that pulls", "slack": "tension of the other strand",
+        "normal": "contact force of a cam on its follower, along the normal; negative where it would have to pull",
+        "pressure_angle": "angle from the direction in which a cam's follower moves to the normal of the contact",
+        "curvature_radius": "radius of curvature of a cam where the follower touches it, negative where it is hollow",
+        "eccentricity": "distance of the contact on a cam's flat-faced follower from the face's point",
     }  # fmt: skip
 
     def entries(self) -> Iterator[Offered]:
-        """Yield the quantities of gears, racks, screws and belts; their forces where these are known."""
+        """Yield the quantities of couplings; their forces where these are known."""
         for name, coupling in self.evaluation.reactions.couplings.items():
             yield Offered(name, "effort")
-            if (transmission := coupling.transmission) is not None:
-                yield from (Offered(name, part) for part in transmission.parts())
+            if coupling.known:
+                yield from (Offered(name, part) for part in coupling.parts())
                 yield from (Offered(name, part, AXES) for part in WRENCH)
 
     def series(self, asked: Asked) -> Series:
@@ -47,21 +54,22 @@ class CouplingQuantities(WrenchFamily):
         self.require_efforts(asked)
         lam, added = reactions.multiplier(asked.of)
         if part == "effort":
-            unit = NEWTON if coupling.coordinate.unit == METRE else NEWTON_METRE
+            unit = NEWTON if coupling.unit(0) == METRE else NEWTON_METRE
             return Series(asked.name, unit, lam, self.doubt(asked, added))
-        if (transmission := coupling.transmission) is None:
+        if not coupling.known:
             raise InputError(f"'{asked.name}' is not known: {coupling.missing}",
                              expected=f"coupling.{asked.of}.effort", hint=SAY_HOW)  # fmt: skip
         if part in WRENCH:
             points, wrench, stresses = reactions.transmitted(asked.of)
             return self.wrench(asked, points, wrench, stresses, points)
-        if part not in transmission.parts():
+        if part not in coupling.parts():
             raise asked.unknown
-        return Series(asked.name, transmission.parts()[part], transmission.part(part, lam), self.doubt(asked, added))
+        doubt = self.doubt(asked, [] if part in GEOMETRY else added)
+        return Series(asked.name, coupling.parts()[part], coupling.part(part, self.run.q, lam), doubt)
 
 
-def coupling_parts(coupling: Coupling) -> list[str]:
+def coupling_parts(coupling: JointRelation) -> list[str]:
     """Return what is known of a coupling, such as ``effort``, ``force.x``, ``tangential``."""
-    if coupling.transmission is None:
+    if not coupling.known:
         return ["effort"]
-    return ["effort", *coupling.transmission.parts(), *components()]
+    return ["effort", *coupling.parts(), *components()]

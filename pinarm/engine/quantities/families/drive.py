@@ -60,7 +60,7 @@ class DriveQuantities(Family):
         """Return the torque of the motor, by the index of the joint that it moves, shape (n,)."""
         run = self.run
         if drive.turns_rotor and run.driven is not None and run.driven[index]:  # losses come behind the rotor
-            return run.tau[..., index] / drive.ratio
+            return run.tau[..., index] / float(drive.ratio)
         if drive.elasticity is not None:
             return self._elastic_torque(asked, drive, index)
         a, effort = run.a[..., index], self._effort(asked, drive)
@@ -80,7 +80,7 @@ class DriveQuantities(Family):
                 f"'{asked.name}': what drives '{drive.coordinate}' here is not the motor behind its elastic gear",
                 expected="a controller of the drive in a forward problem, or a drive without elasticity",
             )
-        return run.tau[..., index] / drive.ratio
+        return run.tau[..., index] / float(drive.ratio)
 
     def _deflection(self, asked: Asked, drive: Drive) -> Series:
         """Return the deflection of an elastic gear.

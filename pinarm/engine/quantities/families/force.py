@@ -4,12 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
+
+import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.quantities.family import AXES, Asked, Family, Offered
 from pinarm.engine.series import Series
+from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
+from pinarm.mechanics.forces.joint_definitions import effort_unit
+from pinarm.mechanics.joints import Joint
+
+
+def measures_of(element: ForceElement, joints: Mapping[str, Joint]) -> Mapping[str, ElementQuantity]:
+    """Return what can be asked of an element: its own measures, of one that acts at a single joint the effort there.
+
+    Args:
+        element: The element.
+        joints: Joints with one coordinate, by name.
+    """
+    if own := element.measures():
+        return own
+    acts_at = np.atleast_1d(getattr(element, "v", ())).tolist()
+    joint = next((joint for joint in joints.values() if [joint.v] == acts_at), None)
+    return {} if joint is None else {"effort": ElementQuantity(effort_unit(joint), partial(_effort, element, joint.v))}
+
+
+def _effort(element: ForceElement, index: int, t: Array, q: Array, v: Array) -> Array:
+    """Return the load of an element at an index of v in n states, shape (n,)."""
+    tau = np.zeros_like(v)
+    element.add_load(t, q, v, tau)
+    return tau[..., index]
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +46,7 @@ class ForceQuantities(Family):
     element: ClassVar[str] = "F"
     meanings: ClassVar[Mapping[str, str]] = {
         "length": "distance of the ends of a point spring", "tension": "pull of a point spring on its ends",
-        "effort": "effort along the coordinate that the element acts along",
+        "effort": "effort along the coordinate, or at the joint, that the element acts along",
         "displacement": "of a bushing: of its second frame from the first",
         "rotation": "of a bushing: rotation vector of its second frame from the first",
         "force": "of a bushing: force of the first link on the second, at the second one's frame",
@@ -29,18 +56,18 @@ class ForceQuantities(Family):
     def entries(self) -> Iterator[Offered]:
         """Yield the measures of the force elements."""
         for name, force in self.run.dynamics.forces.items():
-            for part, measure in force.measures().items():
+            for part, measure in measures_of(force, self.run.mechanism.joints).items():
                 yield Offered(name, part, AXES if measure.vector else ())
 
     def series(self, asked: Asked) -> Series:
         """Return a quantity; see ``Family.series``."""
         run, force = self.run, self.run.dynamics.forces.get(asked.of)
-        measure = force.measures().get(asked.part) if force else None
+        measure = measures_of(force, run.mechanism.joints).get(asked.part) if force else None
         if measure is None or (len(asked.words) > 2) != measure.vector or "about" in asked.words[2:]:
             raise asked.unknown
 
         def values(dynamics: Dynamics, rows: slice) -> Array:
-            here = dynamics.forces[asked.of].measures()[asked.part]
+            here = measures_of(dynamics.forces[asked.of], run.mechanism.joints)[asked.part]
             return here.values(run.grid.t[rows], run.q[rows], run.v[rows])
 
         measured = run.gather(values)

@@ -96,7 +96,7 @@ class JointQuantities(WrenchFamily):
             raise asked.unknown
         reactions = self.evaluation.reactions
         origins = reactions.origins[..., index, :]
-        stresses, about = [stressed[:, index] for stressed in reactions.stressed_joints], origins
+        stresses, about = [stressed[..., index, :] for stressed in reactions.stressed_joints], origins
         if asked.words[1:3] == ("moment", AT_PARENT):
             about = reactions.markers(index)
             asked = replace(asked, words=(*asked.words[:2], *asked.words[3:]))

@@ -43,7 +43,7 @@ _AXIS = names(
         "mimic": names("joint axis", _each("multiplier offset reference", _TEXT)),
     },
 )  # fmt: skip
-_JOINT = names(
+JOINT: ElementNames = names(
     "name type",
     {
         "pose": _POSE, "parent": _TEXT, "child": _TEXT, "axis": _AXIS, "axis2": _AXIS,
@@ -51,10 +51,11 @@ _JOINT = names(
         **_each("physics sensor plugin frame", Content.UNREAD),
     },
 )  # fmt: skip
+"""The names that a ``<joint>`` may contain."""
 _MODEL = names(
     "name canonical_link placement_frame",
     {
-        "pose": _POSE, "static": _TEXT, "link": _LINK, "joint": _JOINT,
+        "pose": _POSE, "static": _TEXT, "link": _LINK, "joint": JOINT,
         "frame": names("name attached_to", {"pose": _POSE}), "model": Content.UNREAD, "include": Content.UNREAD,
         **_each("self_collide allow_auto_disable", Content.IDLE),
         **_each("enable_wind plugin gripper", Content.UNREAD),

@@ -28,7 +28,7 @@ from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import InputStruct, LoadRating, Span
 from pinarm.use.assessments.loads.joint import LoadedJoint
 from pinarm.use.assessments.loads.number import LoadNumber, peak
-from pinarm.use.result.curve_figures import integrals
+from pinarm.use.result.figures.curve_figures import integrals
 from pinarm.use.result.row_lookup import Lookup
 
 Factor = Annotated[float, msgspec.Meta(ge=0.0)]

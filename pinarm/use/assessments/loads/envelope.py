@@ -35,7 +35,7 @@ def envelope_table(rows: Sequence[EnvelopeRow], at: Unit) -> SectionTable:
     """Return the table of the components, for the unit of the run's parameter."""
     columns = ("joint", "component", "unit", "min", "min at", "max", "max at")
     return SectionTable("envelope", "Envelope of the components, body axes", columns,
-                        (None, None, None, None, at, None, at), rows)  # fmt: skip
+                        (None, None, None, None, at, None, at), rows, row_unit=2)  # fmt: skip
 
 
 def envelope(run: Lookup, joint: LoadedJoint) -> tuple[list[EnvelopeRow], list[str]]:
@@ -89,7 +89,7 @@ def _determined(run: Lookup, joint: LoadedJoint, names: list[str]) -> tuple[dict
             left_open.setdefault(f"not determined ({error.message.partition(': ')[2]})", []).append(shown)
         else:
             if known[name].doubt:
-                left_open.setdefault(f"least multipliers ({known[name].doubt})", []).append(shown)
+                left_open.setdefault(known[name].doubt, []).append(shown)
     return known, [f"{joint.name}: {', '.join(parts)}: {why}" for why, parts in left_open.items()]
 
 

@@ -18,12 +18,13 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.nullspace import ACTS
+from pinarm.engine.constraints.nullspaces.nullspace import ACTS
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.coupling import JointRelation
+from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.use.assessments.loads.joint import moved_link
 from pinarm.use.result.section import SectionTable
@@ -141,7 +142,7 @@ def _of_constraints(found: Reactions, whole: Reactions) -> Iterator[Action]:
         if isinstance(constraint, LoopJoint):
             what, point = f"loop {constraint.name}", found.loop_origins(constraint.name)[0]
             doubt = _hyperstatic(whole.stressed_loop(constraint.name))
-        elif isinstance(constraint, Coupling) and constraint.transmission is not None:
+        elif isinstance(constraint, JointRelation) and constraint.known:
             what, point = f"coupling {constraint.name}", found.transmitted(constraint.name)[0][0]
             doubt = _hyperstatic(whole.multiplier(constraint.name)[1])
         for body, wrench in constraint.wrenches(links, lam[:, part]).items():
@@ -172,7 +173,7 @@ def _of_forces(found: Reactions) -> Iterator[Action]:
 
 def _of_masses(run: Trajectory) -> Iterator[Action]:
     """Yield weights and inertia relief of the bodies, at their centres of mass."""
-    model, data = run.mechanism.model, run.mechanism.model.createData()
+    model, data = run.mechanism.model, new_data(run.mechanism.model)
     pin.forwardKinematics(model, data, run.q[0], run.v[0], run.a[0])
     for body in range(1, model.njoints):
         inertia, place, turn = model.inertias[body], data.oMi[body], data.oMi[body].rotation

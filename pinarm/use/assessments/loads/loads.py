@@ -137,4 +137,4 @@ def _numbers_table(numbers: Mapping[str, LoadNumber], at: Unit) -> SectionTable:
         for name, each in numbers.items()
     ]
     return SectionTable("numbers", "Peaks, lives and grades", ("", "unit", "value", "at", "quadrature error"),
-                        (None, None, None, at, None), rows)  # fmt: skip
+                        (None, None, None, at, None), rows, row_unit=1)  # fmt: skip

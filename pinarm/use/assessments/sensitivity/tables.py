@@ -107,7 +107,8 @@ def band_table(bands: Sequence[Band], inputs: Sequence[Input]) -> SectionTable:
     ]  # fmt: skip
     columns = ("", "unit", "value", "numerical error", "± worst case", "± root-sum-square", "at least corner",
                "at largest corner")  # fmt: skip
-    return SectionTable("bands", "Values, and their bands by the tolerances", columns, (None,) * len(columns), rows)
+    return SectionTable("bands", "Values, and their bands by the tolerances", columns, (None,) * len(columns), rows,
+                        row_unit=1)  # fmt: skip
 
 
 def effect_table(band: Band, inputs: Sequence[Input]) -> SectionTable:

@@ -22,7 +22,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.motion.standstill import directions
 from pinarm.engine.quantities.names import Quantities
-from pinarm.use.result.curve_figures import integrals
+from pinarm.use.result.figures.curve_figures import integrals
 from pinarm.use.result.row_lookup import Lookup
 
 SAMPLES = 2000

@@ -164,8 +164,9 @@ class Sizing(InputStruct, frozen=True):
         torque, speed = duty.torque(motor.rotor_inertia, ratio), ratio * np.abs(duty.v)
         rms = duty.rms_torque(motor.rotor_inertia, ratio)
         available = motor.short_torque(speed)
-        with np.errstate(divide="ignore"):
-            margin = np.where(torque == 0.0, np.inf, available / np.abs(torque)).min()
+        with np.errstate(over="ignore"):
+            needed, endless = np.abs(torque), np.full_like(torque, np.inf)
+            margin = np.divide(available, needed, out=endless, where=needed > 0.0).min()
         continuous = motor.continuous_torque(ratio * duty.mean_speed())
         winding = self.ambient_temperature + motor.temperature_rise * duty.warmest(
             (torque / motor.stall_torque) ** 2, motor.time_constant
@@ -190,6 +191,9 @@ class Sizing(InputStruct, frozen=True):
             f"{drive.efficiency if self.efficiency is None else self.efficiency:g} by direction of power",
             f"rms torques: quadrature error {duty.error:.1e}; peaks are those of {len(duty.t)} instants",
         ]
+        if not duty.a.any() and not duty.y.any():
+            still = f"'{drive.coordinate}' carries no load and does not accelerate in this run"
+            remarks.insert(0, f"nothing is sized: {still}")
         if not fitting:
             remarks.insert(0, f"no motor fits; closest is {best.motor.name} at {best.ratio:g}: {best.verdict}")
         return Section("sizing", f"Motor and gear of {self.drive}", tables, numbers, remarks, [_cloud(duty, best)],

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.nullspace import ACTS
+from pinarm.engine.constraints.nullspaces.nullspace import ACTS
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.reactions import Reactions
@@ -18,6 +18,7 @@ from pinarm.errors import InputError, choices
 from pinarm.mechanics.forces.bushing import LinearBushing
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.forces.point import AppliedWrench, TwoPointSpring
+from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.joints import frame_of
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.use.show.replay.packing import Packing
@@ -25,7 +26,7 @@ from pinarm.use.show.replay.tracks import Node
 
 ARROWS = {
     "forces": "weights and loads",
-    "torques": "efforts of the drives",
+    "torques": "efforts of drives and end stops",
     "reactions": "reactions of the joints",
 }
 """Kinds of arrows, and what the legend calls them. Their colours are in ``overlays.js``."""
@@ -214,7 +215,7 @@ def _wrench(run: Trajectory, name: str, joint: int) -> Array:
 
 
 def _positions(run: Trajectory, frame: int) -> Array:
-    model, data = run.mechanism.model, run.mechanism.model.createData()
+    model, data = run.mechanism.model, new_data(run.mechanism.model)
     found = np.empty((len(run), 3))
     for i, q in enumerate(run.q):
         pin.forwardKinematics(model, data, q)

@@ -35,7 +35,7 @@ def sticks(model: pin.Model, nodes: Sequence[Node], bare: Collection[int]) -> li
     size = _size(model, nodes, points)
     if 0 in points:  # what is only fixed to the world, such as the end of a spring, is no body
         mounted = [node.placement.translation for node in nodes if node.parent == 0 and node.carries]
-        points[0] = np.unique(np.array(mounted).reshape(-1, 3), axis=0)
+        points[0] = _different(np.array(mounted).reshape(-1, 3))
     shapes = [shape for node in points for shape in _body(model, node, points[node], size)]
     joints = [i for i in range(1, len(nodes)) if i in points or nodes[i].parent in points.keys() - {0}]
     return shapes + [shape for joint in joints for shape in _joint(nodes[joint], joint, size)]
@@ -49,7 +49,7 @@ def reach(model: pin.Model, nodes: Sequence[Node], node: int) -> Array:
     apart = [point for point in found if np.linalg.norm(point) > 0.0]
     if not apart and node and np.linalg.norm(model.inertias[node].lever) > 0.0:
         apart = [np.asarray(model.inertias[node].lever)]
-    return np.unique(np.array(apart).reshape(-1, 3), axis=0)
+    return _different(np.array(apart).reshape(-1, 3))
 
 
 def _size(model: pin.Model, nodes: Sequence[Node], points: dict[int, Array]) -> float:
@@ -65,7 +65,7 @@ def _size(model: pin.Model, nodes: Sequence[Node], points: dict[int, Array]) -> 
     ends = [float(np.linalg.norm(point)) for each in points.values() for point in each]
     ends = [length for length in [*ends, *links] if length > 0.0]
     if ends:
-        return float(min(reach.max() + max(ends), LINKS * np.median(ends)))
+        return float(min(reach.max() + max(ends), LINKS * _median(ends)))
     return max([float(cuboid(inertia)[0].max()) for inertia in model.inertias if inertia.mass > 0.0] or [BOX]) / BOX
 
 
@@ -115,3 +115,14 @@ def cuboid(inertia: pin.Inertia) -> tuple[Array, Array]:
     moments, axes = np.linalg.eigh(inertia.inertia)
     axes[:, 2] *= np.sign(np.linalg.det(axes))
     return np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments) / inertia.mass, 0.0)), axes
+
+
+def _different(points: Array) -> Array:
+    """Return the different rows of points, shape (n, 3), ascending."""
+    return np.array(sorted(set(map(tuple, points.tolist())))).reshape(-1, 3)
+
+
+def _median(sizes: Sequence[float]) -> float:
+    """Return the median; ``np.median`` imports ``numpy.ma``."""
+    ascending, n = sorted(sizes), len(sizes)
+    return 0.5 * (ascending[(n - 1) // 2] + ascending[n // 2])

@@ -12,8 +12,9 @@ from typing import Literal
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Indices, distinct
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.mechanics.geometry.pinocchio_data import new_data
 
 MOST_ROWS = 2400
 """Rows in the page: forty seconds at sixty pictures a second; of more, evenly spaced ones are taken."""
@@ -61,7 +62,7 @@ def rows_shown(run: Trajectory, extremes: list[Array], most: int = MOST_ROWS) ->
     ends = np.concatenate([ends[:-1], ends[1:] - 1])
     peaks = [int(index) for values in extremes for index in (values.argmin(), values.argmax())]
     even = np.linspace(0, n - 1, most).round().astype(np.intp)
-    return np.unique(np.concatenate([even, ends[(ends >= 0) & (ends < n)], np.array(peaks, np.intp)]))
+    return distinct(np.concatenate([even, ends[(ends >= 0) & (ends < n)], np.array(peaks, np.intp)]))
 
 
 def nodes_of(model: pin.Model, q: Array) -> list[Node]:
@@ -71,7 +72,7 @@ def nodes_of(model: pin.Model, q: Array) -> list[Node]:
         model: Pinocchio's model.
         q: Configurations, shape (rows, nq).
     """
-    data, still = model.createData(), np.zeros(3)
+    data, still = new_data(model), np.zeros(3)
     carrying = {frame.parentJoint for frame in model.frames if frame.type == pin.FrameType.BODY}
     pin.computeJointJacobians(model, data, pin.neutral(model))
     nodes = [Node(-1, pin.SE3.Identity(), "fixed", still, np.zeros(0))]
@@ -97,7 +98,7 @@ def _axis(column: Array) -> tuple[Kind, Array]:
 
 def _placements(model: pin.Model, joint: int, q: Array) -> Array:
     """Return a joint's own placement at every row, shape (rows, 7)."""
-    data, back = model.createData(), model.jointPlacements[joint].inverse()
+    data, back = new_data(model), model.jointPlacements[joint].inverse()
     rows = np.empty((len(q), 7))
     for row, state in zip(rows, q, strict=True):
         pin.forwardKinematics(model, data, state)
@@ -107,8 +108,8 @@ def _placements(model: pin.Model, joint: int, q: Array) -> Array:
 
 def placed(model: pin.Model, q: Array, most: int = SAMPLED) -> Array:
     """Return the placements of all joints in the world at some of the rows, shape (samples, njoints, 4, 4)."""
-    data = model.createData()
-    chosen = q[np.unique(np.linspace(0, len(q) - 1, most).round().astype(np.intp))]
+    data = new_data(model)
+    chosen = q[distinct(np.linspace(0, len(q) - 1, most).round().astype(np.intp))]
     found = np.empty((len(chosen), model.njoints, 4, 4))
     for row, state in zip(found, chosen, strict=True):
         pin.forwardKinematics(model, data, state)

@@ -21,8 +21,8 @@ from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, half_last_digit
 from pinarm.input.yaml.schema import in_si
 from pinarm.input.yaml.values import Values
-from pinarm.use.result.curve_figures import figure, is_figure
 from pinarm.use.result.expectation import Expectation
+from pinarm.use.result.figures.curve_figures import figure, is_figure
 from pinarm.use.result.result import Result
 from pinarm.use.result.row_lookup import NotReached
 from pinarm.use.result.section_number import measured, names_section, read_number
@@ -178,8 +178,12 @@ def _wanted(quantities: Quantities, expectation: Expectation, measured: Unit | N
         return wanted, absolute + floor + relative * np.abs(wanted)
     with within("value"):
         wanted = np.full(1, in_si(expectation.value, measured))
-    if expectation.rtol is None and expectation.atol is None:
-        absolute = half_last_digit(str(expectation.value)) * ONE_UNIT
+        if expectation.rtol is None and expectation.atol is None:
+            absolute = half_last_digit(str(expectation.value)) * ONE_UNIT
+            if not wanted.any() and "." not in str(expectation.value):
+                raise InputError(f"'{expectation.value}' does not say how near to it the number must be",
+                                 expected="atol beside it, or decimals, half a unit of the last of which counts",
+                                 hint=f"atol: 1e-9 {measured or ''}".rstrip())  # fmt: skip
     return wanted, absolute + (expectation.rtol or 0.0) * np.abs(wanted)
 
 

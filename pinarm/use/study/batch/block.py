@@ -13,8 +13,8 @@ import numpy as np
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.integration.batch_solution import Ensemble
-from pinarm.engine.motion.hybrid_motion import HybridSystem
 from pinarm.engine.motion.outcome import Outcome
+from pinarm.engine.motion.segmented.hybrid_motion import HybridSystem
 from pinarm.engine.motion.small_motions import finer_size
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory

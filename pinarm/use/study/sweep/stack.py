@@ -7,27 +7,23 @@ the same functions. The last case of the first stack is solved alone too, and co
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.residuals import residual_figures
-from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.checks.sample import sampled
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
-from pinarm.engine.mechanism_variants import mechanism_variants, require_joint_forces
+from pinarm.engine.mechanism_variants import mechanism_variants, require_joint_forces, some_variants
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion
-from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.motion.prescribed_variants import prescribed_variants
 from pinarm.engine.quantities.names import Quantities
-from pinarm.engine.statics.actuation import DriveAtEveryJoint
 from pinarm.errors import PinarmError
 from pinarm.input.units import unit
-from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.use.scenario.failures import failures_in_words
 from pinarm.use.study.sweep.axes import Value
@@ -37,8 +33,15 @@ if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.use.result.result import Result
 
-NUMBERS = 200_000
+NUMBERS = 400_000
 """Numbers of one array over the cases of a stack, at most: larger ones leave the caches of processors."""
+
+EXPANDED = 1000
+"""Cases whose model is expanded at once: to read it for one takes as long as for many."""
+
+JUDGED = 4
+"""Rows of each case at which it is looked which components of reactions rigid bodies determine: that belongs to the
+structure. The first case is looked at as any other."""
 
 AGREED = 1e-10
 """Difference of a case solved with others from the same alone, relative to the largest of its numbers, from which on
@@ -46,6 +49,9 @@ none of them is trusted."""
 
 ARGUMENT = "arguments."
 
+
+Attempt = Callable[[Callable[[Sequence[Any]], "list[Row | None]"], Sequence[Any]], "list[Row | None]"]
+"""Returns what a function says of cases, and what is told of those for which it raises something."""
 
 Kind = tuple[tuple[str, Value], ...] | None
 """What cases have in common that may be solved together; ``None`` of one that varies no argument."""
@@ -89,6 +95,11 @@ class Stack:
 
     @property
     def most(self) -> int:
+        """Number of cases that are solved together, whose model is expanded at once."""
+        return EXPANDED
+
+    @property
+    def block(self) -> int:
         """Number of cases whose arrays are of a size that suits processors."""
         run = self.first.trajectory
         return max(1, NUMBERS // (len(run) * int(run.mechanism.model.njoints) * 6))
@@ -98,12 +109,7 @@ class Stack:
 
         What one of them raises costs the others time only, and is told when it is solved alone.
         """
-        try:
-            with failures_in_words():
-                return self.together(cases)
-        except Exception:
-            half = len(cases) // 2
-            return [*self.rows(cases[:half]), *self.rows(cases[half:])] if half else [None] * len(cases)
+        return _tried(lambda some: self._by_blocks(some, _tried), cases)
 
     def together(self, cases: Sequence[Mapping[str, Value]]) -> list[Row | None]:
         """Return the same where nothing is raised.
@@ -112,6 +118,10 @@ class Stack:
             VariantsDiffer: The cases differ in more than numbers of the model.
             PinarmError: A file may not be read any more, or something cannot be computed in one of them.
         """
+        return self._by_blocks(cases, lambda solve, places: solve(places))
+
+    def _by_blocks(self, cases: Sequence[Mapping[str, Value]], attempt: Attempt) -> list[Row | None]:
+        """Return the rows of cases whose model is expanded at once."""
         scenario = self.first.scenario
         given = {name: scenario.mechanism.arguments[name] for name in scenario.content.arguments}
         columns = {
@@ -119,17 +129,27 @@ class Stack:
             for path, value in self.values.items() if path.startswith(ARGUMENT)
         }  # fmt: skip
         mechanism, possible = mechanism_variants(scenario.mechanism, given, columns)
-        numbers, finite = self._numbers(mechanism, len(possible))
-        rows = zip((numbers[1:] + 0.0).tolist(), (possible & finite)[1:].tolist(), strict=True)  # -0 becomes 0
-        return [Row(tuple(row), "", self.files) if kept else None for row, kept in rows]
+        require_joint_forces(self.motion.prescription.dynamics.forces)
+
+        def solve(places: Sequence[int]) -> list[Row | None]:
+            chosen = np.array([0, *places])  # the first case is the one that the others are followed from
+            numbers, finite = self._numbers(some_variants(mechanism, chosen), len(chosen))
+            kept = (possible[chosen] & finite)[1:].tolist()
+            rows = zip((numbers[1:] + 0.0).tolist(), kept, strict=True)  # -0 becomes 0
+            return [Row(tuple(row), "", self.files) if known else None for row, known in rows]
+
+        every, size = range(1, len(cases) + 1), self.block
+        blocks = (every[start : start + size] for start in range(0, len(every), size))
+        return [row for places in blocks for row in attempt(solve, places)]
 
     def _numbers(self, mechanism: Mechanism, count: int) -> tuple[Array, Flags]:
         """Return results and measures of accuracy, shape (k, columns), and which cases are finite."""
-        scenario, run = self.first.scenario, self._run(mechanism)
-        quantities = Quantities(run, scenario.symbols, scenario.content.undetermined)
+        scenario = self.first.scenario
+        run, sound = prescribed_variants(self.motion, self.first.trajectory, mechanism)
+        judged = Quantities(run.some(sampled(len(run), JUDGED)), scenario.symbols, scenario.content.undetermined)
+        quantities, finite = judged.of(run), sound.copy()
         outputs = [quantities[name].values for name in scenario.content.outputs]
         wanted = [quantities[entry.quantity].values for entry in self.task.wanted]
-        finite = np.ones(count, dtype=bool)
         for values in (*outputs, *wanted):
             finite &= np.isfinite(values).all(axis=0)
         figures = {**power_balance(run), **residual_figures(run), **quantities.figures()}
@@ -140,27 +160,6 @@ class Stack:
         extremes = [extreme for values in wanted for extreme in (values.min(axis=0), values.max(axis=0))]
         columns = [*extremes, *(figures.get(name, np.nan) for name in WORTH)]
         return np.stack([np.broadcast_to(column, count) for column in columns], axis=1), finite
-
-    def _run(self, mechanism: Mechanism) -> Trajectory:
-        """Return the states of all cases, with the efforts that the motion takes in each."""
-        run, variants = self.first.trajectory, mechanism.model
-        if not variants.in_place and not self._by_joints:
-            raise VariantsDiffer("the motion, which follows from lengths")
-        forces = self.motion.prescription.dynamics.forces
-        require_joint_forces(forces)
-        dynamics, closure = Dynamics.of_variants(variants, forces), Closure.of(variants)
-        q, v, a = (x[:, None] for x in (run.q, run.v, run.a))
-        lam = Multipliers.known(np.zeros((len(q), 1, 0)), 0)
-        states = replace(run, mechanism=mechanism, q=q, v=v, a=a, tau=np.zeros_like(v), lam=lam, closure=closure,
-                         dynamics=dynamics)  # fmt: skip
-        prescription = replace(self.motion.prescription, mechanism=mechanism, dynamics=dynamics)
-        return prescription.solved(states, self.motion.pace)
-
-    @property
-    def _by_joints(self) -> bool:
-        """Whether the motion is given by the joints' own coordinates, whatever the lengths of links."""
-        coordinates = self.motion.prescription.motion.coordinates
-        return all(isinstance(coordinate, LinearCoordinate) for coordinate in coordinates)
 
     def agrees(self, values: Mapping[str, Value], alone: Row) -> bool | None:
         """Tell whether a case has the same numbers here as alone; ``None`` where it has none here.
@@ -180,14 +179,23 @@ class Stack:
         return bool((np.isnan(own) == np.isnan(other)).all() and np.nanmax(np.abs(own - other)) <= AGREED * size)
 
 
+def _tried(solve: Callable[[Sequence[Any]], list[Row | None]], cases: Sequence[Any]) -> list[Row | None]:
+    """Return the rows of cases; of those for which something is raised ``None``, the others without them."""
+    try:
+        with failures_in_words():
+            return solve(cases)
+    except Exception:
+        half = len(cases) // 2
+        return [*_tried(solve, cases[:half]), *_tried(solve, cases[half:])] if half else [None] * len(cases)
+
+
 def _is_special(result: Result, motion: PrescribedMotion) -> bool:
     """Whether more is told of a case, or less is solved, than the states along its motion."""
     asks = result.content.find or result.content.accuracy.target is not None
     told = result.outcome.figures or result.trajectory.columns
     other = motion.prescription.mechanism is not result.scenario.mechanism
     chosen = not isinstance(motion.prescription.motion, DeterminedMotion)
-    shared = not isinstance(motion.prescription.drives, DriveAtEveryJoint | None)
-    return bool(asks or told or other or shared or chosen)
+    return bool(asks or told or other or chosen)
 
 
 def _column(first: Value, values: Sequence[Value]) -> list[float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -15,6 +16,7 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError, Interrupted, PinarmError, choices
 from pinarm.input.roots import given_root, noting_files
 from pinarm.input.units import DIMENSIONLESS, unit
+from pinarm.input.yaml.key_path import argument_of
 from pinarm.input.yaml.values import Values, written_unit
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.scenario.scenario import Given, Scenario, declared_unit, load
@@ -42,6 +44,7 @@ class Sweep:
         columns: Results and measures of accuracy, one number per case; NaN where a case failed.
         errors: Case -> why it failed.
         presentation: In which units, and by which labels, results are shown.
+        notes: What to know of the results.
     """
 
     name: str
@@ -51,6 +54,7 @@ class Sweep:
     columns: Sequence[Series] = field(repr=False)
     errors: Mapping[int, str] = field(repr=False)
     presentation: Presentation = field(default_factory=Presentation, repr=False)
+    notes: Sequence[str] = ()
 
     def __len__(self) -> int:
         return len(self.cases)
@@ -186,13 +190,29 @@ def sweep(
         solving.run(chosen_workers(workers, executor), Path(folder) if folder is not None else None)
     except KeyboardInterrupt:
         interrupted = True
+    notes = _period_notes(scenario, chosen, [entry for entry, _ in found])
     swept = Sweep(scenario.name, scenario.content.title, definition, chosen, solving.columns(named), solving.failures(),
-                  scenario.content.presentation)  # fmt: skip
+                  scenario.content.presentation, notes)  # fmt: skip
     if interrupted:
         said = f"interrupted with {solving.done} of {len(chosen)} cases solved"
         hint = "the same command again: it goes on from there" if folder is not None else ""
         raise Interrupted(said, partial=swept, hint=hint)
     return swept
+
+
+def _period_notes(scenario: Scenario, cases: Cases, wanted: Sequence[Wanted]) -> list[str]:
+    """Return notes of the first and the last case whose figures are not taken over whole periods."""
+    numbers = [entry.number for entry in wanted if entry.number is not None]
+    if not numbers:
+        return []
+    from pinarm.use.result.figures.whole_periods import whole_period_notes
+
+    notes = []
+    for case in (0, len(cases) - 1):
+        with suppress(PinarmError):  # a case that fails says why itself
+            found = whole_period_notes(scenario.varied(cases.values(case)), numbers)
+            notes += [f"case {case}: {note}" for note in found]
+    return list(dict.fromkeys(notes))
 
 
 def _axes(
@@ -229,8 +249,8 @@ def _unit_of(scenario: Scenario, path: str) -> str:
     written = written_unit(scenario.document.data, path)
     if path.startswith("changes.") and not written:
         written = declared_unit(scenario.document.data, scenario.folder, path)
-    kind, _, name = path.partition(".")
-    declared = scenario.mechanism.description.arguments.get(name, "") if kind == "arguments" else ""
+    name = argument_of(path)
+    declared = scenario.mechanism.description.arguments.get(name, "") if name else ""
     if written and declared and unit(written) != unit(declared):
         raise InputError(f"the argument '{name}' is in {written} in the scenario and in {declared} in the mechanism",
                          expected=f"numbers with their unit, such as '1, 2, 3 {written}'")  # fmt: skip

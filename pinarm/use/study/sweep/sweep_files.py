@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 WORST: dict[str, Callable[[Array], Any]] = {
     **dict.fromkeys((*RESIDUALS, *CLOSURES, "condition", "global error"), np.nanmax),
     "regularity": np.nanmin,
+    "relative regularity": np.nanmin,
 }
 """Measures of accuracy, and which of their values is the worst."""
 
@@ -85,7 +86,7 @@ def summary(sweep: Sweep) -> dict[str, Any]:
         "results": {series.name: columns.statistics(series) for series in sweep.results()},
         "accuracy": {series.name: worst(series) for series in sweep.columns if series.name in WORST},
         "failures": columns.failures(sweep.errors),
-        "notes": [f"{series.name}: least multipliers; {series.doubt}" for series in sweep.columns if series.doubt],
+        "notes": [*(f"{series.name}: {series.doubt}" for series in sweep.columns if series.doubt), *sweep.notes],
     }
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import IO, TYPE_CHECKING
 
-from pinarm.use.result.measures import CLOSURES, RESIDUALS
+from pinarm.use.result.measures import CLOSURES, RESIDUALS, singularity_words
 from pinarm.use.show.terminal import aligned
 from pinarm.use.store.case_columns import statistics_rows
 from pinarm.use.study.sweep.case_solver import Progress
@@ -73,8 +73,8 @@ def remarks(sweep: Sweep) -> list[str]:
         lines += [f"{head}: {', '.join(measured)}"] if measured else []
     if "global error" in found["accuracy"]:
         lines.append(f"error: at most {found['accuracy']['global error']:.1e} of the largest value")
-    if "regularity" in found["accuracy"]:
-        lines.append(f"regularity: {found['accuracy']['regularity']:.2g} at least, 0 at a singular position")
+    if words := singularity_words(found["accuracy"]):
+        lines.append(f"regularity: {words} in the worst case; 0 at a singular position")
     lines += [f"note: {note}" for note in found["notes"]]
     lines.append(f"cases: {found['cases']}" + (f", {found['failed']} failed" if found["failed"] else ""))
     for failure in found["failures"][:SHOWN]:

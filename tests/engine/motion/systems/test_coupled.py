@@ -53,7 +53,7 @@ def test_the_kernel_and_python_take_the_same_steps(monkeypatch):
         pytest.skip("no compiled library")
     question = asked("panda", ["panda_joint2", "panda_finger_joint1"], "0.5 s", initial={"position": START})
     compiled = pinarm.run(question)
-    monkeypatch.setattr("pinarm.engine.motion.systems.compiled_couplings.library", lambda: None)
+    monkeypatch.setattr("pinarm.engine.motion.systems.compiled.compiled_couplings.library", lambda: None)
     python = pinarm.run(question)
     for cost in ("steps", "rejected steps"):
         assert compiled.figures[cost] == python.figures[cost]

@@ -262,7 +262,7 @@ ARM = (link("a"), joint("j", "world", "a"))
         (sdf(link("a"), link("a"), joint("j", "world", "a")), "two frames have the name 'a'"),
         (sdf(link("a"), joint("j", "world", "c")), "there is no frame 'c'"),
         (sdf(link("a"), joint("j", "a", "a")), "joins 'a' to itself"),
-        (sdf(link("a"), joint("j", "world", "a", "gearbox")), "a joint of type 'gearbox' is not read"),
+        (sdf(link("a"), joint("j", "world", "a", "weld")), "a joint of type 'weld' is not read"),
         (sdf(link("a"), joint("j", "world", "a", axis="0 0 0")), "its axis is 0"),
         (sdf(link("a"), joint("j", "world", "a", inside="<limit><lower>2</lower><upper>1</upper></limit>")),
          "limits are 2 to 1"),

@@ -103,6 +103,21 @@ def test_the_period_of_a_pendulum_goes_with_the_root_of_its_length(tmp_path: Pat
     assert effects["problem.initial.position.pivot"]["derivative"] > 0
 
 
+def test_masses_of_a_drawing_are_inputs(tmp_path: Path) -> None:
+    """The torque m g l/2 that holds a rod out level."""
+    (tmp_path / ".pinarm-root").touch()
+    drawing = "points: {O: [0, 0], P: [0.5 m, 0]}, ground: [O], links: {rod: {points: [O, P], mass: 2 kg}}"
+    (tmp_path / "m.yaml").write_text(f"pinarm: 1\nplanar: {{{drawing}}}\n")
+    path = "changes.planar.links.rod.mass"
+    (tmp_path / "s.yaml").write_text(
+        "pinarm: 1\nmechanism: m.yaml\nproblem: {kind: statics, over: {O: {from: 0 deg, to: 10 deg, samples: 2}}}\n"
+        f"outputs: [joint.O.effort]\nsensitivity: {{of: [joint.O.effort @ max], to: {{{path}: 5 %}}}}\n"
+    )
+    result = pinarm.run(tmp_path / "s.yaml")
+    derivative = result.number(f"sensitivity.joint_O_effort_max.by.{path}")[0]
+    assert derivative == pytest.approx(9.81 * 0.25, rel=1e-9)
+
+
 def test_a_kink_is_told_by_both_derivatives() -> None:
     found = section(ARM, {"of": ["max(m_A, 0.2*m_B) @ start"], "to": {"m_A": "1 g"}}, **FEW)
     assert rows(found.tables[1])["m_A"]["derivative"] == "kink: 0, 1"
@@ -128,6 +143,7 @@ def test_monte_carlo_shows_what_is_not_linear() -> None:
     assert section(ARM, asked, **FEW).tables[1].rows == found.tables[1].rows  # the same seed, the same draws
 
 
+@pytest.mark.slow
 def test_sobol_indices_of_a_torque_that_is_a_sum() -> None:
     """C_B = g l2 (m_A + m_BA/2): shares of the variance as of root-sum-square."""
     found = section(ARM, {"of": ["C_B @ max"], "to": {"m_A": "20 g", "m_BA": "20 g"}, "sobol": 64,
@@ -136,6 +152,7 @@ def test_sobol_indices_of_a_torque_that_is_a_sum() -> None:
     assert values(found)["C_B_max.total.m_BA"] == pytest.approx(0.2, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_corner_that_cannot_be_assembled_is_told() -> None:
     """With d = 0.60 m the links of 0.25 m and 0.35 m cannot reach the crank's pin behind O2."""
     found = section(FOUR_BAR, {"of": ["theta4 @ max"], "to": {"d": "0.2 m"}},
@@ -161,6 +178,7 @@ def test_the_numerical_error_stands_beside_the_bands() -> None:
     assert known["phi @ max(C_B)"]["numerical error"] == "not estimated"
 
 
+@pytest.mark.slow
 def test_it_takes_numbers_of_sections_and_is_one_itself(tmp_path: Path) -> None:
     more: dict[str, Any] = {**FEW, "shaking": {}, "loads": {"joints": {"B": {}}, "sets": []}}
     asked = {"of": ["loads.B.force.peak"], "to": {"m_A": "10 g"}}

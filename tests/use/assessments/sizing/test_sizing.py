@@ -3,8 +3,9 @@
 Its acceleration is ``1.5 (1 - t)`` rad/s², so that ``∫ a² dt = 1.5``, and its speed has the peak 0.75 rad/s at 1 s.
 """
 
+import warnings
 from collections.abc import Callable
-from math import exp, sqrt
+from math import exp, inf, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +85,16 @@ def test_power_at_standstill_flows_as_in_the_motion_beside_it(scenario: Callable
     assert duty.torque(0.0, 100.0)[[0, -1]] == pytest.approx(
         [1.5 * LOAD / 100.0 / 0.8, -1.5 * LOAD / 100.0 * 0.8], rel=ROUNDING
     )
+
+
+def test_a_drive_that_carries_nothing_is_told_and_divides_nothing_by_nothing(sized: Callable[..., Any]) -> None:
+    """At a steady 9 rad/s and a ratio of 1000 a motor has no torque left, and needs none."""
+    turning = "motion: {pivot: {law: constant_speed, speed: 9 rad/s}}"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        section = sized("ratios: [1000]", HEADING + SMALL, (MOTION, turning))
+    assert row(section, "small", 1000.0)["torque margin"] == inf
+    assert "nothing is sized: 'pivot' carries no load and does not accelerate in this run" in section.remarks
 
 
 def test_ratios_may_be_a_range(sized: Callable[..., Any]) -> None:

@@ -2,25 +2,31 @@
 
 import io
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from _pytest.mark import ParameterSet
 from PIL import Image
 
 from pinarm.use.result.result import Result
 from pinarm.use.show.replay.chromium import Page, browser
 
 EXACT = 1e-6
-"""Metres and radians: what the task asks for. The page computes in doubles, so that 1e-12 is usual."""
+"""Metres and radians. The page computes in doubles, so that 1e-12 is usual."""
 
 RESULTS = (
     "gen411_arm_vertical", "panda_quintic", "gyroscope_free", "manipulator_motion", "gen411_arm_static",
     "andrews_squeezing", "gen411_arm_equilibria",
 )  # fmt: skip
+
+
+def quick(names: Iterable[str], *fast: str) -> list[ParameterSet]:
+    """Return names as parameters, slow ones but for some: a browser without graphics card takes seconds each."""
+    return [pytest.param(name, marks=() if name in fast else pytest.mark.slow) for name in names]
 
 
 def placements(result: Result, row: int) -> np.ndarray:
@@ -50,7 +56,7 @@ def complaints(page: Page) -> list[dict[str, Any]]:
     return [event for event in found if "GPU stall due to ReadPixels" not in str(event)]
 
 
-@pytest.mark.parametrize("name", RESULTS)
+@pytest.mark.parametrize("name", quick(RESULTS, "gen411_arm_static", "andrews_squeezing"))
 def test_bodies_are_where_pinocchio_has_them(solved: Callable[..., Any], shown: Callable[..., Any], name: str) -> None:
     result = solved(name)
     page, t = shown(result, arrows=["all"], traces=["com"]), result.trajectory.grid.t
@@ -98,7 +104,9 @@ def test_a_free_body_and_a_slide_are_placed_too(shown: Callable[..., Any], tmp_p
     assert complaints(page) == []
 
 
-@pytest.mark.parametrize("name", ["gen411_arm_vertical", "panda_quintic", "gyroscope_precession"])
+@pytest.mark.parametrize(
+    "name", quick(["gen411_arm_vertical", "panda_quintic", "gyroscope_precession"], "gen411_arm_vertical")
+)
 def test_three_pictures_are_not_blank_and_differ(
     solved: Callable[..., Any], shown: Callable[..., Any], name: str
 ) -> None:
@@ -289,7 +297,7 @@ def test_the_key_n_names_points_where_they_are(solved: Callable[..., Any], shown
     assert complaints(page) == []
 
 
-@pytest.mark.parametrize("name", ["andrews_squeezing", "panda_quintic"])
+@pytest.mark.parametrize("name", quick(["andrews_squeezing", "panda_quintic"], "andrews_squeezing"))
 def test_names_do_not_cover_each_other(solved: Callable[..., Any], shown: Callable[..., Any], name: str) -> None:
     page = shown(solved(name), named=True)
     boxes = page.evaluate(
@@ -301,7 +309,7 @@ def test_names_do_not_cover_each_other(solved: Callable[..., Any], shown: Callab
         assert all(left >= r or right <= x or top >= b - 1 or bottom <= y + 1 for x, y, r, b in boxes[:k])
 
 
-@pytest.mark.parametrize("name", ["slider_crank_gas", "gen411_arm_static"])
+@pytest.mark.parametrize("name", quick(["slider_crank_gas", "gen411_arm_static"], "gen411_arm_static"))
 def test_pictures_have_all_plots_in_sight(solved: Callable[..., Any], shown: Callable[..., Any], name: str) -> None:
     """Ten plots are more than a window is high, three are not."""
     result = solved(name)

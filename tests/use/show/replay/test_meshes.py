@@ -62,6 +62,7 @@ def test_a_damaged_mesh_is_refused(tmp_path: Path, name: str, text: str) -> None
         read_mesh(tmp_path / name)
 
 
+@pytest.mark.slow
 def test_thinning_keeps_the_form() -> None:
     """A sphere of 79,600 triangles, held to 5,000, keeps volume and extent to a few parts in a hundred."""
     n = 200

@@ -34,6 +34,7 @@ def exponent(run, begin, end, every=0.1):
     return np.mean(rates)
 
 
+@pytest.mark.slow
 def test_errors_of_a_chaotic_motion_grow_by_its_lyapunov_exponent(chaos):
     result = chaos.varied(WIDE).verified()
     time = result.figures["e-folding"]

@@ -93,6 +93,7 @@ def test_the_error_of_a_simplified_model_is_that_of_the_closed_forms(scenario):
     assert weightless.errors["alpha"] == pytest.approx(np.abs(swing - start).max(), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_trade_off_is_a_folder_of_tables_and_plots(scenario, tmp_path, capsys):
     path, out = scenario("forward", SMALL).document.path, tmp_path / "out"
     assert main(["tradeoff", str(path), "-o", str(out), "--set", "problem.time.end=1 s"]) == 0

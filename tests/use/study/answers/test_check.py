@@ -169,6 +169,15 @@ def test_errata_that_say_too_little(verdict: Callable[..., Finding], fields: dic
         verdict(entry(value="20 N*m", published="12.0 N*m", **fields))
 
 
+def test_a_zero_without_decimals_does_not_say_how_near(scenario: Callable[..., Any]) -> None:
+    """Half a unit of its last digit would be half a newton metre."""
+    given = "expect:\n  - {{quantity: M, at: start, value: {}, source: s}}\n"
+    with pytest.raises(InputError, match=r"'0 N.m' does not say how near") as caught:
+        pinarm.check(scenario("statics", given.format("0 N*m")))
+    assert caught.value.hint == "atol: 1e-9 N*m"
+    assert pinarm.check(scenario("statics", given.format("0.00 N*m")))[0].verdict == AGREES
+
+
 def test_an_erratum_counts_once_in_all_scenarios(scenario: Callable[..., Any]) -> None:
     wrong = "quantity: M, at: max, value: 20 N*m, published: 12.0 N*m, source: s"
     entries = [f"{wrong}, verdict: misprint, erratum: {name}" for name in ("sign", "sign", "digit")]

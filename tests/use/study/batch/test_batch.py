@@ -85,6 +85,7 @@ def test_every_motion_is_that_of_a_run_of_its_own(scenario):
         assert v[number, :, 1] == pytest.approx(expected["joint.B.velocity"].values, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_what_laws_leave_free_is_integrated_together(scenario):
     """Of the arm whose first joint turns to and fro, driven from a jump of its law on."""
     law = "O: {law: trapezoid, begin: 0.3 s, from: 0.1 rad, to: 1.1 rad, speed: 1 rad/s, acceleration: 4 rad/s^2}"
@@ -105,6 +106,7 @@ def test_what_laws_leave_free_is_integrated_together(scenario):
             assert batch[name][number] == pytest.approx(expected, rel=1e-7, abs=1e-7, nan_ok=True)
 
 
+@pytest.mark.slow
 def test_events_and_stops_are_those_of_each_motion(scenario):
     one = scenario("events: {low: {when: O, reaches: -0.2 rad}}\n  end_stops: {B: {upper: 2.1 rad, restitution: 0.5}}")
     batch = pinarm.batch(one, STARTS, RATES)
@@ -176,7 +178,7 @@ def same(ones, others):
     assert ones[-1] == others[-1]
 
 
-@pytest.mark.parametrize("kept", [0, 4])
+@pytest.mark.parametrize("kept", [pytest.param(0, marks=pytest.mark.slow), 4])
 def test_blocks_are_parts_of_the_whole(scenario, monkeypatch, kept):
     """One motion fails, some end at an event: in blocks of two."""
     one = scenario("events: {low: {when: O, reaches: -0.9 rad, then: stop}}").varied({"accuracy.max_steps": 300})
@@ -200,6 +202,7 @@ def test_blocks_of_loops_are_parts_of_the_whole(scenario, monkeypatch):
 
 
 class TestWorkers:
+    @pytest.mark.slow
     def test_processes_give_the_same_numbers_and_files(self, scenario, monkeypatch, tmp_path):
         """Of a loop: the last motion takes too many steps."""
         monkeypatch.setattr(motions, "ALONE", 2)
@@ -240,6 +243,7 @@ def save(batch, folder):
     batch.save(folder)
 
 
+@pytest.mark.slow
 def test_memory_is_that_of_a_block(scenario, monkeypatch, tmp_path):
     """Eight blocks take less than half more than two; kept, they would take nearly four times as much."""
     one = scenario().varied({"problem.time.end": "0.2 s", "accuracy.tolerance": 1e-11})
@@ -380,6 +384,7 @@ class TestReduced:
 
 
 class TestNumbers:
+    @pytest.mark.slow
     def test_they_are_those_of_each_run_sections_included(self, scenario):
         one = scenario().varied({"limits.keep": {"O @ max": "< 1 rad"}, "accuracy.max_steps": 300})
         rates = {"B": np.array([0.0, 2.0, 3000.0, 1.0])}
@@ -481,7 +486,7 @@ def test_only_forward_motions_have_initial_states():
         pinarm.batch(ROOT / "scenarios" / "gen411_arm_static.yaml", {"O": 0.0})
 
 
-@pytest.mark.parametrize("tolerance", [1e-5, 1e-10])
+@pytest.mark.parametrize("tolerance", [1e-5, pytest.param(1e-10, marks=pytest.mark.slow)])
 def test_steps_do_not_depend_on_the_company(tolerance):
     """Oscillators whose pulsations differ by their first coordinate, which stays."""
     rng = np.random.default_rng(0)

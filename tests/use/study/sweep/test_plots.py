@@ -19,6 +19,7 @@ def ink(path: Path) -> float:
     return float((imread(path)[:, :, :3].min(axis=2) < 0.95).mean())
 
 
+@pytest.mark.slow
 def test_two_long_axes_make_a_map(held: pinarm.Scenario, tmp_path: Path) -> None:
     sweep = pinarm.sweep(held, {**LONG, "arguments.m": "3:1:9 kg"}, results=["M @ end"])
     figure = sweep.plot()

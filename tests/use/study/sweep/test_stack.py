@@ -19,14 +19,20 @@ from pinarm.use.study.sweep.stack import Stack, kind_of
 SCENARIOS = Path(__file__).parents[4] / "scenarios"
 TOGETHER = {
     "gen411_arm_dynamic": ("m_A", "l1", "l2"), "gen411_arm_dynamic_true": ("m_BA", "l2", "m_B"),
-    "gen411_arm_horizontal": ("m_A", "m_BA"), "gen411_arm_static": ("m_A", "l0", "l1", "l2"),
-    "gen411_arm_vertical": ("m_A", "m_BA"), "handling_arm_c1": (), "handling_arm_profile": (), "magic_arms_cycle": (),
-    "magic_arms_kinematics": ("l1", "l2"), "unbalanced_rotor_free": (),
+    "gen411_arm_horizontal": ("m_A", "m_BA"), "gen411_arm_horizontal_general": ("m_A", "l1", "l2"),
+    "gen411_arm_static": ("m_A", "l0", "l1", "l2"), "gen411_arm_vertical": ("m_A", "m_BA", "l1"), "handling_arm_c1": (),
+    "handling_arm_profile": (), "magic_arms_cycle": (), "magic_arms_kinematics": ("l1", "l2"),
+    "unbalanced_rotor_free": (), "crank_rocker_turning": ("a", "b", "c", "m2", "m3", "m4"), "rotor_horizontal": (),
+    "rotor_static_balance": (), "rotor_vertical": (), "rssr_turning": ("a", "b", "c", "m3"),
+    "slider_crank_bearings": ("r", "L", "m3", "m4", "I3"),
 }  # fmt: skip
 """Scenarios whose cases are solved together -> the arguments that are varied; all where there are none."""
 
 SAME = 1e-12
 """Difference relative to the largest number of a case: some hundred roundings of terms no larger than that."""
+
+ROUNDING = {"closure acceleration": 1e-10}
+"""Largest difference of a measure that is rounding itself [m/s^2 or rad/s^2]: of accelerations of 1e5 rad/s^2."""
 
 Cases = list[dict[str, Value]]
 
@@ -55,16 +61,41 @@ def test_numbers_and_figures_are_those_of_each_case_alone(name: str) -> None:
     names = TOGETHER[name] or [*pinarm.load(path).mechanism.arguments]
     cases = cases_of(path, names, 6)
     task = task_of(path)
-    stack, _ = Stack.begin(task, cases[0])
-    assert stack is not None
-    for values, row in zip(cases, stack.together(cases), strict=True):
+    assert compared(task, cases) >= 4
+
+
+def compared(task: Task, cases: Cases) -> int:
+    """Compare cases solved together with each alone, and return how many have been."""
+    stack, row = Stack.begin(task, cases[0])
+    assert stack is not None, row.error
+    count = 0
+    for values, row in zip(cases, stack.rows(cases), strict=True):
         alone = solve_case(task, values)
-        assert row is not None
+        if row is None:  # where a motion is out of reach, or comes near a singular position
+            continue
+        count += 1
         assert (row.error, row.files) == (alone.error, alone.files)
         own, other = np.array(row.numbers), np.array(alone.numbers)
-        results = len(own) - len(WORTH)
+        results, rounding = len(own) - len(WORTH), [ROUNDING.get(name, SAME) for name in WORTH]
         np.testing.assert_allclose(own[:results], other[:results], rtol=0, atol=SAME * np.abs(other[:results]).max())
-        np.testing.assert_allclose(own[results:], other[results:], rtol=SAME, atol=SAME)
+        np.testing.assert_array_equal(np.isnan(own), np.isnan(other))
+        apart = np.abs(own - other)[results:] - SAME * np.abs(other[results:])
+        assert (np.isnan(apart) | (apart <= rounding)).all(), dict(zip(WORTH, apart, strict=True))
+    return count
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_four_bars_are_those_of_each_alone(seed: int) -> None:
+    """Lengths and masses up to a half larger or smaller: some cranks turn, some stop on the way, some never close."""
+    path, rng = SCENARIOS / "crank_rocker_turning.yaml", np.random.default_rng(seed)
+    mechanism = pinarm.load(path).mechanism
+    cases: Cases = [{f"arguments.{name}": mechanism.arguments[name] for name in mechanism.arguments}]
+    for _ in range(9):
+        cases.append({key: float(value) * float(rng.uniform(0.6, 1.5)) for key, value in cases[0].items()})
+    units = {f"arguments.{name}": str(unit) for name, unit in mechanism.argument_units.items()}
+    cases = [{key: f"{value!r} {units[key]}" for key, value in case.items()} for case in cases]
+    task = task_of(path, ["T", "F_B", "F_A", "theta4", "loop.B.force.radial", "joint.A.force.y"])
+    assert compared(task, cases) >= 3
 
 
 @pytest.fixture
@@ -110,18 +141,29 @@ def test_every_quantity_is_that_of_each_case_alone_or_is_not_told(arm: Path) -> 
     assert len(told) > 100
 
 
-def test_a_motion_that_follows_from_lengths_is_that_of_one_case_only() -> None:
-    path = SCENARIOS / "gen411_arm_horizontal.yaml"
-    cases = cases_of(path, ("l2",), 2)
-    stack, _ = Stack.begin(task_of(path), cases[0])
+def test_a_motion_that_comes_near_a_singular_position_is_left_to_each_case_alone() -> None:
+    """Its regularity is looked for between rows: with a = 0.145 m the crank all but stretches the linkage."""
+    path = SCENARIOS / "crank_rocker_turning.yaml"
+    task, cases = task_of(path), [{"arguments.a": text} for text in ("0.10 m", "0.12 m", "0.1985 m", "0.25 m")]
+    stack, _ = Stack.begin(task, cases[0])
     assert stack is not None
-    with pytest.raises(VariantsDiffer, match="lengths"):
-        stack.together(cases)
+    assert [row is None for row in stack.rows(cases)] == [False, False, True, True]
+    assert not solve_case(task, cases[2]).error
+    assert solve_case(task, cases[3]).error
+
+
+def test_numbers_of_loops_do_not_depend_on_the_cases_beside() -> None:
+    path = SCENARIOS / "crank_rocker_turning.yaml"
+    task, cases = task_of(path, (), ["problem.time.samples=61"]), cases_of(path, ("a", "b", "m3"), 7)
+    stack, _ = Stack.begin(task, cases[0])
+    assert stack is not None
+    rows = [repr(row) for row in stack.rows(cases)]
+    assert [repr(stack.rows([case])[0]) for case in cases] == rows
 
 
 @pytest.mark.parametrize(
     "values",
-    [["problem.drives=[O, phi]"], ["problem.loads={pull: {kind: wrench, point: A, force: [0 N, 1 N, 0 N]}}"],
+    [["problem.loads={pull: {kind: wrench, point: A, force: [0 N, 1 N, 0 N]}}"],
      ["payloads={tool: {point: A, mass: 1 kg}}"], ["changes.base=fixed"],
      ["problem.over={}", "problem.hold.phi=0 deg"]],
 )  # fmt: skip
@@ -157,8 +199,8 @@ def test_a_case_that_differs_alone_is_noticed(arm: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "results"),
-    [("gen411_arm_static", ["C_B @ max"]), ("gen411_arm_swing", ()), ("crank_rocker_turning", ()),
-     ("gen411_arm_equilibria", ())],
+    [("gen411_arm_static", ["C_B @ max"]), ("gen411_arm_swing", ()), ("crank_rocker_two_drives", ()),
+     ("gen411_arm_equilibria", ()), ("exoskeleton_leg_knee", ()), ("planetary_gear_reducer", ())],
 )  # fmt: skip
 def test_other_questions_are_answered_one_by_one(name: str, results: Sequence[str]) -> None:
     path = SCENARIOS / f"{name}.yaml"

@@ -209,6 +209,7 @@ def test_samples_are_drawn_where_something_is_to_be_drawn(held: pinarm.Scenario)
     np.testing.assert_allclose(sweep["M @ end"].values, 10 * m * l * np.sin(to * pi / 180), rtol=1e-13)
 
 
+@pytest.mark.slow
 def test_a_killed_worker_loses_its_case_and_the_next_run_solves_it(
     held: pinarm.Scenario, tmp_path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -278,6 +279,7 @@ def lines(folder: Path) -> int:
     return journal.read_bytes().count(b"\n") if journal.exists() else 0
 
 
+@pytest.mark.slow
 def test_an_interrupted_sweep_keeps_what_is_done_and_goes_on(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     first = start(path, "-o", str(out), "-j", "2")
@@ -296,6 +298,7 @@ def test_an_interrupted_sweep_keeps_what_is_done_and_goes_on(path: Path, tmp_pat
     assert len((out / "cases.csv").read_text().splitlines()) == 20_001
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="processes are looked up in /proc")
 def test_workers_do_not_outlive_a_sweep_that_is_killed(path: Path, tmp_path: Path) -> None:
     sweep = start(path, "-o", str(tmp_path / "out"), "-j", "2")

@@ -124,6 +124,7 @@ def listening(process: int) -> set[str]:
     return {line[1] for line in lines if line[3] == "0A" and f"socket:[{line[9]}]" in sockets}
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_bytes_of_one_process_and_nothing_listens_here(
     path: Path, tmp_path: Path, start: Callable[..., Cluster]
 ) -> None:
@@ -165,17 +166,12 @@ def killed(path: Path, tmp_path: Path, dask: Cluster, cases: int) -> None:
     assert len(entries) == len(set(entries)) == cases, "no case was solved twice"
 
 
-def test_a_sweep_goes_on_after_the_death_of_a_worker_and_of_the_scheduler(
-    path: Path, tmp_path: Path, start: Callable[..., Cluster]
-) -> None:
-    killed(path, tmp_path, start(), 300)
-
-
 @pytest.mark.slow
 def test_ten_thousand_cases_survive_both(path: Path, tmp_path: Path, start: Callable[..., Cluster]) -> None:
     killed(path, tmp_path, start(), 10_000)
 
 
+@pytest.mark.slow
 def test_a_sweep_that_began_here_goes_on_on_a_cluster(
     path: Path, tmp_path: Path, start: Callable[..., Cluster]
 ) -> None:
@@ -191,6 +187,7 @@ def test_a_sweep_that_began_here_goes_on_on_a_cluster(
     assert files(out) == in_one_process(path, 300, tmp_path / "one")
 
 
+@pytest.mark.slow
 def test_an_interrupt_keeps_what_is_done(path: Path, tmp_path: Path, start: Callable[..., Cluster]) -> None:
     out, dask = tmp_path / "out", start()
     dask.add_worker()
@@ -202,6 +199,7 @@ def test_an_interrupt_keeps_what_is_done(path: Path, tmp_path: Path, start: Call
     assert re.fullmatch(rf"error: interrupted with {solved(out)} of 2000 cases solved\n  try: the same .*\n", errors)
 
 
+@pytest.mark.slow
 def test_a_job_that_kills_its_workers_is_the_only_one_that_fails(
     path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
     start: Callable[..., Cluster],
@@ -245,6 +243,7 @@ def certificates(folder: Path) -> dict[str, str]:
             "DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION": "true"}  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_cluster_may_want_certificates(path: Path, tmp_path: Path, start: Callable[..., Cluster]) -> None:
     settings = certificates(tmp_path)
     dask = start(protocol="tls", **settings)

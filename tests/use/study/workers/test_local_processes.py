@@ -71,6 +71,7 @@ def test_the_call_in_hand_is_blamed_and_the_next_is_not_begun() -> None:
         assert workers.submit(os.getpid).result(timeout=60) != os.getpid(), "another process takes its seat"
 
 
+@pytest.mark.slow
 def test_processes_that_all_die_end_the_work_and_say_how(module: Make) -> None:
     with pytest.raises(PinarmError, match=f"{HOPELESS} workers died one after the other, the last by exit code 7"):
         list(distribute(module(ENDING).job, iter(range(1000)), LocalProcesses(2)))
@@ -84,6 +85,7 @@ def test_workers_end_with_the_work(module: Make) -> None:
     assert not {process for process in workers if Path(f"/proc/{process}").exists()}
 
 
+@pytest.mark.slow
 def test_both_workers_work_at_the_same_time(module: Make, tmp_path: Path) -> None:
     (tmp_path / "met").mkdir()
     jobs = iter([str(tmp_path / "met")] * 12)

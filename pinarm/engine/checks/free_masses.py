@@ -1,0 +1,178 @@
+"""Masses along the free motions of rows of a table: ``T^T M T``, its condition, and what loads make of it.
+
+Of few joints M is a matrix; of many, M and its inverse are applied by recursion, ``rnea`` and ``aba`` without weights.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.dynamics.mass_matrix import mass_diagonal, mass_solved, mass_times
+from pinarm.engine.dynamics.masses import MASSLESS, NOTHING
+
+
+class FreeMasses(Protocol):
+    """Masses along the free motions of n rows."""
+
+    @property
+    def condition(self) -> Array:
+        """Largest condition number of ``T^T M T`` scaled to a diagonal of ones, infinite if one is singular; (..)."""
+        ...
+
+    @property
+    def diagonal(self) -> Array:
+        """Diagonal of M, shape (n, .., nv)."""
+        ...
+
+    def times(self, x: Array) -> Array:
+        """Return ``M x``, shape (n, .., nv)."""
+        ...
+
+    def responses(self, moving: Array, most: Array) -> tuple[Array, Array]:
+        """Return ``T (T^T M T)^-1 T^T`` times loads, and the same of ``|T|^T`` times sizes, shape (n, .., nv) each."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class MassMatrices:
+    """Masses as matrices.
+
+    Attributes:
+        mass: M, shape (n, .., nv, nv).
+        free: T, bases of the free motions, shape (n, .., nv, f).
+    """
+
+    mass: Array
+    free: Array
+
+    @cached_property
+    def _along(self) -> Array:
+        """``T^T M T``, shape (n, .., f, f)."""
+        return np.asarray(self.free.swapaxes(-2, -1) @ self.mass @ self.free)
+
+    @property
+    def condition(self) -> Array:
+        """See ``FreeMasses``. Shape (), or (k,) of variants."""
+        return condition_of(self._along)
+
+    @property
+    def diagonal(self) -> Array:
+        """Diagonal of M."""
+        return np.diagonal(self.mass, axis1=-2, axis2=-1)
+
+    def times(self, x: Array) -> Array:
+        """Return ``M x``."""
+        return np.asarray(np.matvec(self.mass, x))
+
+    def responses(self, moving: Array, most: Array) -> tuple[Array, Array]:
+        """See ``FreeMasses``."""
+        return _along(self.free, self._along, moving, most)
+
+
+@dataclass(frozen=True, eq=False)
+class ConstrainedMasses:
+    """Masses of many joints that constraints leave few free motions.
+
+    Attributes:
+        model: Pinocchio's model.
+        q: Configurations, shape (n, nq).
+        free: T, shape (n, nv, f).
+    """
+
+    model: pin.Model
+    q: Array
+    free: Array
+
+    @cached_property
+    def _along(self) -> Array:
+        moved = [mass_times(self.model, q, free) for q, free in zip(self.q, self.free, strict=True)]
+        return np.asarray(self.free.swapaxes(-2, -1) @ np.array(moved))
+
+    @property
+    def condition(self) -> Array:
+        """See ``FreeMasses``."""
+        return condition_of(self._along)
+
+    @cached_property
+    def diagonal(self) -> Array:
+        """Diagonal of M."""
+        return np.array([mass_diagonal(self.model, q) for q in self.q])
+
+    def times(self, x: Array) -> Array:
+        """Return ``M x``."""
+        return np.array([mass_times(self.model, q, one) for q, one in zip(self.q, x, strict=True)])
+
+    def responses(self, moving: Array, most: Array) -> tuple[Array, Array]:
+        """See ``FreeMasses``."""
+        return _along(self.free, self._along, moving, most)
+
+
+@dataclass(frozen=True, eq=False)
+class TreeMasses:
+    """Masses of a tree of many joints that no constraint ties: T is the identity.
+
+    Attributes:
+        model: Pinocchio's model.
+        q: Configurations, shape (n, nq).
+    """
+
+    model: pin.Model
+    q: Array
+
+    @cached_property
+    def condition(self) -> Array:
+        """See ``FreeMasses``; extreme eigenvalues by Lanczos' method."""
+        return np.asarray(max(self._condition(q, square) for q, square in zip(self.q, self.diagonal, strict=True)))
+
+    def _condition(self, q: Array, square: Array) -> float:
+        from pinarm.engine.constraints.nullspaces.sparse_rows import largest_eigenvalue
+
+        if not (square > NOTHING * square.max()).all():
+            return np.inf
+        size, nv = np.sqrt(square), self.model.nv
+        largest = largest_eigenvalue(nv, lambda x: mass_times(self.model, q, x / size) / size)
+        inverse = largest_eigenvalue(nv, lambda x: size * mass_solved(self.model, q, size * x))
+        return largest * inverse if 0.0 < inverse < 1.0 / MASSLESS else np.inf
+
+    @cached_property
+    def diagonal(self) -> Array:
+        """Diagonal of M."""
+        return np.array([mass_diagonal(self.model, q) for q in self.q])
+
+    def times(self, x: Array) -> Array:
+        """Return ``M x``."""
+        return np.array([mass_times(self.model, q, one) for q, one in zip(self.q, x, strict=True)])
+
+    def responses(self, moving: Array, most: Array) -> tuple[Array, Array]:
+        """See ``FreeMasses``."""
+        solved = [[mass_solved(self.model, *each) for each in zip(self.q, x, strict=True)] for x in (moving, most)]
+        return np.array(solved[0]), np.array(solved[1])
+
+
+def condition_of(along: Array) -> Array:
+    """Return the largest condition number of matrices, shape (n, .., f, f), scaled to a diagonal of ones.
+
+    Infinite if one is singular: a motion may move no mass at some positions only, such as a light crank at the dead
+    centre of its slider.
+    """
+    if not along.shape[-1]:
+        return np.ones(along.shape[1:-2])
+    square = np.maximum(np.diagonal(along, axis1=-2, axis2=-1), 0.0)
+    idle = (square <= NOTHING * square.max(axis=(0, -1), keepdims=True)).any(axis=(0, -1))
+    size = np.sqrt(np.where(idle[..., None], 1.0, square))
+    values = np.linalg.eigvalsh(along / (size[..., :, None] * size[..., None, :]))
+    idle |= ~(values[..., 0].min(axis=0) > MASSLESS)
+    return np.where(idle, np.inf, (values[..., -1] / np.where(idle, 1.0, values[..., 0])).max(axis=0))
+
+
+def _along(free: Array, mass: Array, moving: Array, most: Array) -> tuple[Array, Array]:
+    """Return what ``FreeMasses.responses`` does, with T and ``T^T M T``."""
+    loads = np.stack([np.vecmat(moving, free), np.vecmat(most, np.abs(free))], axis=-1)
+    back, given = np.moveaxis(free @ np.linalg.solve(mass, loads), -1, 0)
+    return back, given

@@ -1,0 +1,161 @@
+"""The constraint rows G decomposed by singular values: range, null space, rank and redundant rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from pinarm.arrays import Array, Indices
+
+UNCLOSED = 1e-9
+"""What redundant rows may leave open, of the extent of the mechanism or in rad: a file with 10 digits says no more. The
+loop is then closed in the sense of least squares, and the result says by how much it is not."""
+
+VANISHED = 4e-9
+"""Length of a row of G, relative to the length that it can have, below which it is 0: axes or hinges that are off by
+``UNCLOSED`` leave as much of the rows that hold a plane linkage in its plane, or a shaft in its second bearing."""
+
+RANK = 1e-7
+"""Singular value of G, its rows of length 1, relative to the largest, below which rows count as dependent. What
+``UNCLOSED`` makes of redundant rows stays well below it, so that it changes no rank and is not divided by."""
+
+ACTS = 1e-7
+"""Part of a self-stress of length 1 that acts on a component: what rounding of the file tilts it by stays below."""
+
+
+class SplitRows(Protocol):
+    """The rows of G taken apart, at one or at several configurations: see ``RowDecomposition``."""
+
+    @property
+    def scale(self) -> Array:
+        """Diagonal of D, shape (.., m)."""
+        ...
+
+    @property
+    def free(self) -> Array:
+        """T, a basis of the motions that the rows allow, ``G T = 0``, shape (.., nv, nv - r)."""
+        ...
+
+    @property
+    def rows(self) -> Array:
+        """G itself, shape (.., m, nv)."""
+        ...
+
+    @property
+    def rank(self) -> int:
+        """Number of independent rows."""
+        ...
+
+    @property
+    def regularity(self) -> float:
+        """Smallest singular value of the independent rows, relative to the largest; of a single configuration."""
+        ...
+
+    @property
+    def redundant(self) -> Array:
+        """N, a basis of the multipliers that do nothing, ``N^T D G = 0``, shape (.., m, m - r)."""
+        ...
+
+    def particular(self, right: Array) -> Array:
+        """Return the shortest x with ``G x = right`` in the sense of least squares, shape (.., nv)."""
+        ...
+
+    def reached(self, right: Array) -> Array:
+        """Return the part of a right-hand side that some x gives, shape (.., m)."""
+        ...
+
+    def multipliers(self, force: Array) -> Array:
+        """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (.., m)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class RowDecomposition:
+    """The rows of G taken apart: what they determine, what they leave free, and which of them are redundant.
+
+    With D the scaling that gives rows the length 1: ``D G = U S V^T``, cut at the rank r. All arrays, given ones too,
+    may have a leading axis (..): one for each of several configurations at which the rank is the same.
+
+    Attributes:
+        scale: Diagonal of D, shape (.., m).
+        left: U, shape (.., m, r).
+        values: S, descending, shape (.., r).
+        right: V^T, shape (.., r, nv).
+        free: T, a basis of the motions that the rows allow, ``G T = 0``, shape (.., nv, nv - r).
+        rows: G itself, shape (.., m, nv).
+    """
+
+    scale: Array
+    left: Array
+    values: Array
+    right: Array
+    free: Array
+    rows: Array
+
+    @classmethod
+    def of(cls, rows: Array, reach: Array | float = 1.0) -> RowDecomposition:
+        """Return the parts of the rows G, shape (m, nv); ``reach`` as in ``RowDecompositions.of``."""
+        ((_, split),) = dense_parts(rows[None], reach)
+        return cls(split.scale[0], split.left[0], split.values[0], split.right[0], split.free[0], rows)
+
+    @property
+    def rank(self) -> int:
+        """Number of independent rows."""
+        return int(self.values.shape[-1])
+
+    @property
+    def regularity(self) -> float:
+        """Smallest singular value of the independent rows, relative to the largest; of a single configuration."""
+        return float(self.values[-1] / self.values[0]) if len(self.values) else 0.0
+
+    @cached_property
+    def redundant(self) -> Array:
+        """N, a basis of the multipliers that do nothing, ``N^T D G = 0``, shape (.., m, m - r)."""
+        return np.asarray(np.linalg.svd(self.left)[0][..., self.values.shape[-1] :])
+
+    def particular(self, right: Array) -> Array:
+        """Return the shortest x with ``G x = right`` in the sense of least squares, shape (.., nv)."""
+        return np.asarray(np.vecmat(np.vecmat(self.scale * right, self.left) / self.values, self.right))
+
+    def reached(self, right: Array) -> Array:
+        """Return the part of a right-hand side that some x gives, ``D^-1 U U^T D right``, shape (.., m).
+
+        The rest is that of redundant rows which contradict the others.
+        """
+        return np.asarray(np.matvec(self.left, np.vecmat(self.scale * right, self.left)) / self.scale)
+
+    def multipliers(self, force: Array) -> Array:
+        """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (.., m)."""
+        wanted = np.matvec(self.right, force)
+        if self.scale.shape == self.values.shape:
+            return np.asarray(self.scale * np.matvec(self.left, wanted / self.values))
+        q, r = np.linalg.qr(self.rows @ self.right.swapaxes(-1, -2))
+        return np.asarray(np.matvec(q, solved(r.swapaxes(-1, -2), wanted)))
+
+
+def dense_parts(rows: Array, reach: Array | float) -> list[tuple[Indices, RowDecomposition]]:
+    """Return the same by one singular value decomposition for each configuration."""
+    *states, m, nv = rows.shape
+    if not m:
+        nothing = (np.ones((*states, 0)), np.zeros((*states, 0, 0)), np.zeros((*states, 0)), np.zeros((*states, 0, nv)))
+        free = np.broadcast_to(np.eye(nv), (*states, nv, nv))
+        return [(np.arange(len(rows)), RowDecomposition(*nothing, free, rows))]
+    length = np.sqrt((rows * rows).sum(axis=2))
+    counts = length > VANISHED * reach
+    scale = 1.0 / np.where(counts, length, 1.0)
+    left, s, vt = np.linalg.svd(rows * (counts * scale)[:, :, None], full_matrices=m < nv)
+    ranks = (s > RANK * s[:, :1]).sum(axis=1)
+    found = []
+    for r in sorted(set(ranks.tolist())):
+        k = np.flatnonzero(ranks == r)
+        free = vt[k, r:].swapaxes(1, 2)
+        found.append((k, RowDecomposition(scale[k], left[k, :, :r], s[k, :r], vt[k, :r], free, rows[k])))
+    return found
+
+
+def solved(matrix: Array, right: Array) -> Array:
+    """Return x with ``matrix x = right``, shapes (.., k, k), (.., k) and (.., k)."""
+    return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])

@@ -1,0 +1,175 @@
+"""The rows of G of many joints: range, null space, rank and redundant rows, at a cost in proportion to their number.
+
+As ``dense_nullspace.RowDecomposition``, with ``sparse_rows.BlockDecomposition`` in place of singular values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csc_array, csr_array, diags_array, eye_array
+from scipy.sparse.linalg import spsolve
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.constraints.nullspaces.dense_nullspace import (
+    RANK,
+    VANISHED,
+    RowDecomposition,
+    SplitRows,
+    dense_parts,
+)
+from pinarm.engine.constraints.nullspaces.sparse_rows import BlockDecomposition
+
+MOTIONS = 3
+"""Steps of the power method that see whether a singular value is beyond doubt: one at 1e-8 of the largest among 1e4
+others at 1e-4 and above shows in two."""
+
+
+@dataclass(frozen=True, eq=False)
+class SparseRowDecomposition:
+    """The rows of G taken apart at several configurations with the same rank, or at one.
+
+    Attributes:
+        scales: Diagonal of D that gives rows the length 1, or 0, shape (m,) each.
+        blocks: ``D G`` taken apart.
+        matrices: G.
+        states: (k,) for k configurations, () for a single one.
+    """
+
+    scales: list[Array]
+    blocks: list[BlockDecomposition]
+    matrices: list[csr_array]
+    states: tuple[int, ...]
+
+    @property
+    def rank(self) -> int:
+        """Number of independent rows."""
+        return self.blocks[0].rank
+
+    @cached_property
+    def regularity(self) -> float:
+        """Smallest singular value of the independent rows, relative to the largest; of a single configuration."""
+        largest, smallest = self.blocks[0].extremes(diags_array(self.scales[0]) @ self.matrices[0])
+        return smallest / largest if largest else 0.0
+
+    @property
+    def rows(self) -> Array:
+        """G itself, shape (.., m, nv)."""
+        return np.reshape([matrix.toarray() for matrix in self.matrices], (*self.states, *self.matrices[0].shape))
+
+    @property
+    def scale(self) -> Array:
+        """Diagonal of D, shape (.., m)."""
+        return np.reshape(self.scales, (*self.states, -1))
+
+    @cached_property
+    def free(self) -> Array:
+        """T, an orthonormal basis of the motions that the rows allow, ``G T = 0``, shape (.., nv, nv - r)."""
+        found = np.array([blocks.free for blocks in self.blocks])
+        return found.reshape(*self.states, *found.shape[1:])
+
+    @cached_property
+    def redundant(self) -> Array:
+        """N, a basis of the multipliers that do nothing, ``N^T D G = 0``, shape (.., m, m - r)."""
+        found = np.array([RowDecomposition.of(rows.toarray()).redundant for rows in self.matrices])
+        return found.reshape(*self.states, *found.shape[1:])
+
+    def particular(self, right: Array) -> Array:
+        """Return the shortest x with ``G x = right`` in the sense of least squares, shape (.., nv)."""
+        return self._each(lambda k, x: self.blocks[k].solve(self.scales[k] * x), right)
+
+    def reached(self, right: Array) -> Array:
+        """Return the part of a right-hand side that some x gives, shape (.., m)."""
+        return self._each(lambda k, x: self.matrices[k] @ self.blocks[k].solve(self.scales[k] * x), right)
+
+    def multipliers(self, force: Array) -> Array:
+        """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (.., m)."""
+        return self._each(lambda k, x: self._measured[k].solve_transposed(x), force)
+
+    @cached_property
+    def _measured(self) -> list[BlockDecomposition]:
+        """G itself taken apart, its rows in their own lengths."""
+        return [
+            BlockDecomposition.of(rows, RANK / float(scale[scale > 0.0].max(initial=0.0) or 1.0))
+            for rows, scale in zip(self.matrices, self.scales, strict=True)
+        ]
+
+    def _each(self, function: Callable[[int, Array], Array], given: Array) -> Array:
+        """Return a function of a configuration and what is given for it, shape (.., k)."""
+        some = given.reshape(-1, given.shape[-1])
+        found = np.array([function(k if self.states else 0, x) for k, x in enumerate(some)])
+        return found.reshape(*given.shape[:-1], found.shape[-1])
+
+
+def sparse_split(rows: Array, reach: Array | float) -> SplitRows:
+    """Return the parts of G at a single configuration, shape (m, nv)."""
+    part = _part(csr_array(rows), reach)
+    return SparseRowDecomposition([part[0]], [part[1]], [part[2]], ()) if part else RowDecomposition.of(rows, reach)
+
+
+def sparse_parts(rows: Array, reach: Array | float) -> list[tuple[Indices, SplitRows]]:
+    """Return the parts of G, shape (n, m, nv), at configurations with the same rank together.
+
+    Where a block of rows does not tell the rank beyond doubt, singular values do.
+    """
+    found: list[tuple[Indices, SplitRows]] = []
+    alike: dict[int, list[int]] = {}
+    parts = [_part(csr_array(matrix), reach) for matrix in rows]
+    for k, part in enumerate(parts):
+        if part is None:
+            ((_, dense),) = dense_parts(rows[k : k + 1], reach)
+            found.append((np.array([k]), dense))
+        else:
+            alike.setdefault(part[1].rank, []).append(k)
+    for some in alike.values():
+        scales, blocks, matrices = (list(each) for each in zip(*(parts[k] for k in some), strict=True))
+        found.append((np.array(some), SparseRowDecomposition(scales, blocks, matrices, (len(some),))))
+    return found
+
+
+def _part(rows: csr_array, reach: Array | float) -> tuple[Array, BlockDecomposition, csr_array] | None:
+    """Return scale, parts and matrix of G, shape (m, nv); ``None`` where the rank is in doubt."""
+    length = np.sqrt(np.asarray(rows.multiply(rows).sum(axis=1)).ravel())
+    counts = length > VANISHED * reach
+    scale = counts / np.where(counts, length, 1.0)
+    scaled = csr_array(diags_array(scale) @ rows)
+    scaled.eliminate_zeros()
+    largest = float(np.sqrt(abs(scaled).sum(axis=0).max() * abs(scaled).sum(axis=1).max()))
+    blocks = BlockDecomposition.of(scaled, RANK * largest)
+    return (scale, blocks, csr_array(rows)) if rank_is_clear(blocks, largest) else None
+
+
+def rank_is_clear(blocks: BlockDecomposition, largest: float) -> bool:
+    """Return whether no singular value that counts is as small as those that do not."""
+    x = np.cos(np.arange(1.0, blocks.shape[1] + 1.0))
+    for _ in range(MOTIONS):
+        x /= np.linalg.norm(x)
+        x = blocks.solve(blocks.solve_transposed(x))
+    return bool(np.linalg.norm(x) < (RANK * largest) ** -2)
+
+
+def extreme_values(rows: Array) -> Array:
+    """Return the largest and the smallest singular value of G that is not 0, shape (m, nv) to (min(m, nv),).
+
+    They are at the places that they have in the order of all, which is descending; those between are not known and
+    given as the largest, those behind as 0.
+    """
+    values, sparse = np.zeros(min(rows.shape)), csr_array(rows)
+    found = _part(sparse, 0.0)
+    if found is None:
+        return np.asarray(np.linalg.svd(rows, compute_uv=False))
+    largest, smallest = BlockDecomposition.of(sparse, RANK * float(abs(rows).max(initial=0.0))).extremes(sparse)
+    values[: found[1].rank] = largest
+    values[found[1].rank - 1 : found[1].rank] = smallest
+    return values
+
+
+def damped(rows: Array, right: Array, damping: float) -> Array:
+    """Return the x that minimises ``|G x - right|^2 + damping^2 |x|^2``, shape (nv,); the shortest without damping."""
+    if not damping:
+        return sparse_split(rows, 0.0).particular(right)
+    matrix = csr_array(rows)
+    return np.asarray(spsolve(csc_array(matrix.T @ matrix + damping**2 * eye_array(rows.shape[1])), matrix.T @ right))

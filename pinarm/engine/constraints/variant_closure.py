@@ -1,0 +1,195 @@
+"""The constraints of variants of a mechanism: G and what follows from it in n states of each of k variants.
+
+States are rows, shape (n, k, nq), or (n, 1, nq) where all variants stand alike. Rows of G that repeat others are the
+same in all variants: those of a flat mechanism, which hold it in its plane. A variant in which they are others, or in
+which G loses rank, has numbers that are not finite, and is to be looked at alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags, Indices
+from pinarm.engine.constraints.batch_jacobians import BatchJacobians, EvaluatedJacobians
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.constraint import Constraint
+from pinarm.engine.constraints.nullspaces.nullspace import VANISHED
+from pinarm.engine.constraints.nullspaces.nullspace_batch import regular_order
+from pinarm.engine.constraints.nullspaces.orthogonal_rows import OrthogonalRows, along
+from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.geometry.model_variants import ModelVariants, VariantsDiffer, placements_of
+
+WIDE = 24
+"""Velocities up to which matrices of all variants are taken apart entry by entry."""
+
+WEAK = 1e-3
+"""Least length of what a row adds to those before it, relative to the length that it can have."""
+
+
+@dataclass(frozen=True, eq=False)
+class VariantClosure(Closure):
+    """Constraints of variants of one mechanism, stacked; ``model`` are the variants."""
+
+    model: ModelVariants
+    constraints: tuple[Constraint, ...]
+
+    @cached_property
+    def first(self) -> Closure:
+        """The constraints of the first variant."""
+        return Closure.of(self.model.first, self.constraints)
+
+    @cached_property
+    def extent(self) -> float:
+        """Length of all links of the first variant from end to end [m]; see ``alike_in_size``."""
+        return self.first.extent
+
+    @cached_property
+    def alike_in_size(self) -> Flags:
+        """Which variants are measured in the same unit of length as the first, shape (k,) or (1,)."""
+        joints = np.linalg.norm(placements_of(self.model)[1], axis=-1).sum(axis=-1)
+        frames = [frame.placement for frame in self.model.frames if frame.placed is not None]
+        lengths = [np.linalg.norm(placement.translation, axis=-1) for placement in frames]
+        extents = joints + np.max(np.broadcast_arrays(np.zeros(1), *lengths), axis=0)
+        units = 3.0 * np.round(np.log10(np.where(extents > 0.0, extents, 1.0)) / 3.0)
+        return np.asarray(units == np.log10(self.first.length))
+
+    @cached_property
+    def measures(self) -> BatchJacobians:
+        """What the constraints measure.
+
+        Raises:
+            VariantsDiffer: It cannot be had of many states at once.
+        """
+        found = BatchJacobians.of(self.model, self.constraints)
+        if found is None or self.model.nv > WIDE:
+            raise VariantsDiffer("loops or couplings of other kinds, or many of them")
+        return found
+
+    def with_guides(self, names: Sequence[str], coordinates: Sequence[Coordinate]) -> VariantClosure:
+        """Return the closure with the rows of guided coordinates after its own."""
+        return VariantClosure(self.model, self.first.with_guides(names, coordinates).constraints)
+
+    def evaluated(self, q: Array) -> EvaluatedJacobians:
+        """Return the rows at configurations of n rows of k variants, shape (N, nq) with N = n k."""
+        return self.measures.repeated(max(1, len(q) // len(self.model))).each(np.ascontiguousarray(q.T))
+
+    def spread(self, *arrays: Array) -> list[Array]:
+        """Return arrays of shape (n, k or 1, w), spread over the variants where the constraints differ."""
+        k = 1 if self.model.in_place else len(self.model)
+        count = max(k, *(x.shape[1] for x in arrays))
+        return [np.broadcast_to(x, (len(x), count, x.shape[-1])) for x in arrays]
+
+    def at(self, q: Array) -> tuple[Array, Array]:
+        """Return the gaps, shape (n, k, m), and G, shape (n, k, m, nv)."""
+        (q,) = self.spread(q)
+        states, flat = q.shape[:-1], q.reshape(-1, q.shape[-1])
+        evaluated, shape = self.evaluated(flat), (len(flat), self.size, self.model.nv)
+        return evaluated.gaps(len(flat)).reshape(*states, -1), evaluated.matrices(shape).reshape(*states, *shape[1:])
+
+    def drifts(self, q: Array, v: Array) -> Array:
+        """Return ``G' v``, shape (n, k, m)."""
+        q, v = self.spread(q, v)
+        flat = q.reshape(-1, q.shape[-1])
+        rates = np.ascontiguousarray(v.reshape(-1, v.shape[-1]).T)
+        return self.evaluated(flat).drifts(rates, self.size).reshape(*q.shape[:-1], self.size)
+
+    def splits(self, q: Array, rows: Array) -> VariantDecomposition:  # type: ignore[override]
+        """Return G taken apart; ``rows`` are what ``at`` says of the configurations."""
+        return VariantDecomposition.of(self.independent(rows[0, 0]), rows, self.reach)
+
+    def free_motions(self, q: Array) -> Iterator[tuple[Indices, Array]]:
+        """Yield all configurations, shape (N, nq), and T there, shape (f, N, nv); see ``nullspace_batch``."""
+        rows = self.evaluated(q).matrices((len(q), self.size, self.model.nv))[None]
+        yield np.arange(len(q)), np.moveaxis(self.splits(q[None], rows).free[0], -1, 0)
+
+    def independent(self, rows: Array) -> list[int]:
+        """Return rows of G that say what all do, given G of a state of the first variant, shape (m, nv).
+
+        Raises:
+            VariantsDiffer: G is too near to losing rank there.
+        """
+        if not (np.abs(rows) > VANISHED * self.reach[:, None]).any():
+            return []
+        order = regular_order(rows, self.reach)
+        if order is None:
+            raise VariantsDiffer("a motion that begins near a singular position")
+        return sorted(order.rows)
+
+    def stresses(self, q: Array) -> list[Array]:
+        """Return multipliers of length 1 that do nothing, each of shape (n, k, m): see ``Reactions.stresses``."""
+        return self.splits(q, self.at(q)[1]).stresses() if self.size and len(q) else []
+
+
+@dataclass(frozen=True, eq=False)
+class VariantDecomposition:
+    """G taken apart in n states of k variants; see ``nullspace.RowDecomposition`` and ``RowDecompositions``.
+
+    Attributes:
+        kept: Independent rows.
+        orthogonal: What they span, states of shape (n, k).
+        free: T, shape (n, k, nv, f).
+        rows: G, shape (m, nv, n, k).
+    """
+
+    kept: list[int]
+    orthogonal: OrthogonalRows
+    free: Array
+    rows: Array
+
+    @classmethod
+    def of(cls, kept: list[int], rows: Array, reach: Array) -> VariantDecomposition:
+        """Return the parts of G, shape (n, k, m, nv), of which some rows are independent."""
+        rows = np.ascontiguousarray(rows.transpose(2, 3, 0, 1))
+        with np.errstate(all="ignore"):  # of variants that are to be looked at alone
+            orthogonal = OrthogonalRows.of(rows[kept])
+            free, sound = orthogonal.complement(), np.ones(rows.shape[2:], dtype=bool)
+            for i, row in enumerate(kept):
+                sound &= orthogonal.shares[i, i] > WEAK * reach[row]
+            for row in sorted(set(range(len(rows))) - set(kept)):
+                for motion in free if rows[row].any() else ():
+                    sound &= np.abs(along(rows[row], motion)) <= VANISHED * reach[row]
+            free = np.where(sound, free, np.nan)
+        return cls(kept, orthogonal, np.ascontiguousarray(free.transpose(2, 3, 1, 0)), rows)
+
+    @property
+    def parts(self) -> list[tuple[Indices, VariantDecomposition]]:
+        """All states and what is theirs: they have the same rank."""
+        return [(np.arange(self.rows.shape[2]), self)]
+
+    def particular(self, right: Array) -> Array:
+        """Return the shortest x with ``G x = right``, shape (n, k, m) to (n, k, nv)."""
+        return _last(self.orthogonal.shortest(_first(right)[self.kept]))
+
+    def multipliers(self, force: Array) -> Array:
+        """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (n, k, m).
+
+        ``(G Q)^T lam = Q^T force``, of which it is the shortest solution.
+        """
+        return _last(self._spanned.shortest(self.orthogonal.components(_first(force))))
+
+    @cached_property
+    def _spanned(self) -> OrthogonalRows:
+        """``(G Q)^T``, made orthogonal."""
+        spanned = np.zeros((len(self.kept), len(self.rows), *self.rows.shape[2:]))
+        for row, coefficients in enumerate(self.rows):
+            if coefficients.any():
+                spanned[:, row] = self.orthogonal.components(coefficients)
+        return OrthogonalRows.of(spanned)
+
+    def stresses(self) -> list[Array]:
+        """Return multipliers of length 1 that do nothing, each of shape (n, k, m)."""
+        return [_last(stress) for stress in self._spanned.complement()]
+
+
+def _first(x: Array) -> Array:
+    """Return an array of shape (n, k, w) as (w, n, k)."""
+    return np.ascontiguousarray(np.moveaxis(x, -1, 0))
+
+
+def _last(x: Array) -> Array:
+    """Return an array of shape (w, n, k) as (n, k, w)."""
+    return np.ascontiguousarray(np.moveaxis(x, 0, -1))

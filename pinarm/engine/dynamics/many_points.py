@@ -1,0 +1,336 @@
+"""Many loops as pairs of coinciding points, by sparse matrices: ``pinocchio_constraints`` is dense in the rows.
+
+Accelerations and multipliers solve
+
+    [M  G^T] [  a ]   [tau + loads - nle]
+    [G  -mu] [-lam] = [  -G' v + mu lam']
+
+again and again with the lam' before, the proximal iteration of Carpentier, Budhiraja and Mansard (2021); changes that
+close positions and velocities solve it with mu alone. M and the motion of the points are Pinocchio's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from scipy.sparse import block_array, csc_array, csr_array, diags_array, eye_array
+from scipy.sparse.linalg import splu
+
+from pinarm.arrays import Array, Flags, Indices
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.nullspaces.sparse_nullspace import extreme_values
+from pinarm.engine.constraints.nullspaces.sparse_rows import largest_eigenvalue
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.mass_matrix import sparse_mass_matrix
+from pinarm.engine.dynamics.pinocchio_constraints import (
+    ITERATIONS,
+    MET,
+    NOISE,
+    PROJECTION,
+    PROXIMAL,
+    REPEATS,
+    TOLERANT,
+    UNEVEN,
+    places_of,
+    tied_points,
+)
+from pinarm.mechanics.geometry.buffers import give_back, take
+
+if TYPE_CHECKING:
+    from pinarm.engine.dynamics.coordinate_partition import Targets
+    from pinarm.engine.integration.integrator import Acceleration
+
+
+class PointPair(NamedTuple):
+    """Points of two links that coincide; names as of ``pin.RigidConstraintModel``."""
+
+    joint1_id: int
+    joint1_placement: pin.SE3
+    joint2_id: int
+    joint2_placement: pin.SE3
+
+
+class PointTable(NamedTuple):
+    """Which velocities move which points, and where these are on their links.
+
+    Attributes:
+        joints: Joints of the first and of the second points, shape (2, k).
+        places: Where they are on their links, shape (2, k, 3).
+        turns: Rotations of the first frames on their links, shape (k, 3, 3).
+        points: Pair of every entry, shape (e,).
+        columns: Velocity of every entry, shape (e,).
+        sides: 0 where it moves the first point, 1 the second, shape (e,).
+    """
+
+    joints: Indices
+    places: Array
+    turns: Array
+    points: Indices
+    columns: Indices
+    sides: Indices
+
+    @classmethod
+    def of(cls, model: pin.Model, pairs: Sequence[PointPair]) -> PointTable:
+        """Return the table of pairs; velocities that move both links alike are in none."""
+        supports = [one.tolist() for one in model.supports]
+        starts, counts = model.idx_vs.tolist(), model.nvs.tolist()
+        entries: list[tuple[int, int, int]] = []
+        for k, pair in enumerate(pairs):
+            one, two = supports[pair.joint1_id], supports[pair.joint2_id]
+            common = next(
+                (i for i, (a, b) in enumerate(zip(one, two, strict=False)) if a != b), min(len(one), len(two))
+            )
+            entries += [
+                (k, starts[joint] + i, side)
+                for side, path in enumerate((one, two)) for joint in path[common:] for i in range(counts[joint])
+            ]  # fmt: skip
+        points, columns, sides = np.array(entries, dtype=np.intp).reshape(-1, 3).T
+        joints = np.array([[pair.joint1_id for pair in pairs], [pair.joint2_id for pair in pairs]], dtype=np.intp)
+        places = [[pair.joint1_placement.translation for pair in pairs],
+                  [pair.joint2_placement.translation for pair in pairs]]  # fmt: skip
+        turns = np.array([pair.joint1_placement.rotation for pair in pairs])
+        return cls(joints, np.array(places), turns, points, columns, sides)
+
+    def moved(self, model: pin.Model, q: Array, v: Array) -> MovedPoints:
+        """Return the points in a state."""
+        data, still = take(model), np.zeros(model.nv)
+        pin.forwardKinematics(model, data, q, v, still)
+        links = np.array([place.homogeneous for place in data.oMi])
+        twists = np.array([twist.vector for twist in data.v]).reshape(-1, 2, 3)
+        accelerations = np.array([one.vector for one in data.a]).reshape(-1, 2, 3)
+        columns = np.array(pin.computeJointJacobians(model, data, q)).reshape(6, -1)
+        give_back(model, data)
+        turned = links[self.joints, :3, :3]
+        arms = np.matvec(turned, self.places)
+        axes = (turned[0] @ self.turns).swapaxes(1, 2)
+        places = links[self.joints, :3, 3] + arms
+        v, omega = (np.matvec(turned, twists[self.joints, i]) for i in (0, 1))
+        a, alpha = (np.matvec(turned, accelerations[self.joints, i]) for i in (0, 1))
+        bent = a + np.cross(alpha, arms) + np.cross(omega, v + np.cross(omega, arms))
+        chosen = columns[:, self.columns].T
+        sign = np.where(self.sides, -1.0, 1.0)[:, None]
+        speeds = sign * (chosen[:, :3] + np.cross(chosen[:, 3:], places[self.sides, self.points]))
+        return MovedPoints(
+            np.matvec(axes, places[1] - places[0]).ravel(), np.matvec(axes[self.points], speeds),
+            np.matvec(axes, bent[0] - bent[1]).ravel(),
+        )  # fmt: skip
+
+    def matrix(self, entries: Array, nv: int) -> csr_array:
+        """Return G, shape (3 k, nv), with the entries of ``MovedPoints``."""
+        rows = (3 * self.points[:, None] + np.arange(3)).ravel()
+        size = 3 * self.joints.shape[1], nv
+        return csr_array((entries.ravel(), (rows, np.repeat(self.columns, 3))), shape=size)
+
+
+class MovedPoints(NamedTuple):
+    """Pairs of points in a state, in the axes of the first one's frame.
+
+    Attributes:
+        gap: The second one as seen from the first [m], shape (3 k,).
+        entries: What velocities add to the velocity of the first relative to the second, shape (e, 3).
+        drift: Their relative acceleration without those of the joints [m/s^2], shape (3 k,).
+    """
+
+    gap: Array
+    entries: Array
+    drift: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ManyCoincidentPoints:
+    """Pairs of coinciding points that say the same as the loops of one mechanism.
+
+    Attributes:
+        model: Pinocchio's model.
+        needed: The pairs, without those that repeat others.
+        table: What moves them.
+        acting: Which rows are not 0 at all configurations, shape (3 k,).
+        rank: Their number: they are independent.
+        regularity: Smallest singular value of the rows at a configuration of no special kind, relative to the largest.
+    """
+
+    model: pin.Model
+    needed: Sequence[PointPair]
+    table: PointTable
+    acting: Flags
+    rank: int
+    regularity: float
+    driven: Sequence[int] = ()
+
+    @staticmethod
+    @lru_cache(maxsize=16)  # the same for all runs of a mechanism
+    def of(closure: Closure) -> ManyCoincidentPoints | None:
+        """Return the points of a closure; ``None`` where a constraint is not one of points, or where rows depend."""
+        model, tied = closure.model, [tied_points(closure.model, constraint) for constraint in closure.constraints]
+        if not tied or any(points is None for points in tied):
+            return None
+        pairs = [PointPair(*pair) for points in tied for pair in points or ()]
+        pairs = _different(model, pairs)
+        table = PointTable.of(model, pairs)
+        found = [table.matrix(table.moved(model, q, np.zeros(model.nv)).entries, model.nv) for q in places_of(model)]
+        size = np.max([abs(rows).max(axis=1).toarray().ravel() for rows in found], axis=0)
+        acting = size > NOISE * size.max()
+        values = [extreme_values(rows[np.flatnonzero(acting)].toarray()) for rows in found]
+        if any(len(value) < acting.sum() or not value[-1] > 0.0 for value in values):
+            return None
+        return ManyCoincidentPoints(
+            model, pairs, table, acting, int(acting.sum()), max(float(value[-1] / value[0]) for value in values)
+        )
+
+
+def _different(model: pin.Model, pairs: Sequence[PointPair]) -> list[PointPair]:
+    """Leave out pairs whose rows are those of another pair at two configurations of no special kind."""
+    table, numbers = PointTable.of(model, pairs), []
+    for q in places_of(model):
+        entries = table.moved(model, q, np.zeros(model.nv)).entries
+        numbers.append(np.round(entries / (NOISE * np.abs(entries).max())))
+    known, found = set(), []
+    for k, pair in enumerate(pairs):
+        own = table.points == k
+        rows = (*table.columns[own].tolist(), *np.concatenate([one[own].ravel() for one in numbers]).tolist())
+        if rows not in known:
+            known.add(rows)
+            found.append(pair)
+    return found
+
+
+COLUMNS = 256
+"""Rows of G that are multiplied with the inverse of M at once."""
+
+
+@dataclass(eq=False)
+class ManyPointConstraints:
+    """Loops of one mechanism as pairs of coinciding points, ready for evaluation.
+
+    Attributes:
+        tied: The points.
+        scale: Smallest Delassus diagonal that is not 0 [1/kg].
+    """
+
+    tied: ManyCoincidentPoints
+    scale: float
+    _moved: MovedPoints | None = field(default=None, repr=False)
+    _factors: Any = field(default=None, repr=False)
+    _right: Array | None = field(default=None, repr=False)
+
+    @classmethod
+    def of(cls, closure: Closure, q: Array) -> ManyPointConstraints | None:
+        """Return the loops as points near a configuration; ``None`` as in ``PointConstraints.of``."""
+        tied = ManyCoincidentPoints.of(closure)
+        if tied is None:
+            return None
+        found = cls(tied, 1.0)
+        sizes = [found._diagonal(place) for place in (q, *places_of(closure.model))]
+        if any(size is None for size in sizes):
+            return None
+        diagonal = sizes[0]
+        assert diagonal is not None
+        found.scale = float(diagonal[diagonal > NOISE * diagonal.max()].min())
+        return found if max(found._unevenness(place) for place in places_of(closure.model)) <= UNEVEN else None
+
+    def _diagonal(self, q: Array) -> Array | None:
+        """Return the diagonal of ``G M^-1 G^T``, acting rows only, shape (m,); ``None`` where M is singular."""
+        self._place(q, np.zeros(self.tied.model.nv))
+        rows, mass = self._acting_rows(), sparse_mass_matrix(self.tied.model, q)
+        if not (mass.diagonal() > 0.0).all():
+            return None
+        solve, found = splu(mass).solve, []
+        for start in range(0, rows.shape[0], COLUMNS):
+            some = rows[start : start + COLUMNS].toarray()
+            found.append(np.vecdot(some, solve(some.T).T))
+        diagonal = np.concatenate(found)
+        return diagonal if (diagonal >= 0.0).all() and np.isfinite(diagonal).all() else None
+
+    def _unevenness(self, q: Array) -> float:
+        """Return the condition number of ``G M^-1 G^T``, scaled to a diagonal of ones, acting rows only."""
+        size = self._diagonal(q)
+        assert size is not None
+        rows, mass = self._acting_rows(), sparse_mass_matrix(self.tied.model, q)
+        scaled = diags_array(1.0 / np.sqrt(size)) @ rows
+        solve, m, nv = splu(mass).solve, rows.shape[0], self.tied.model.nv
+        whole = splu(csc_array(block_array([[mass, scaled.T], [scaled, None]])))
+        largest = largest_eigenvalue(m, lambda x: scaled @ solve(scaled.T @ x))
+        inverse = largest_eigenvalue(m, lambda x: -whole.solve(np.concatenate([np.zeros(nv), x]))[nv:])
+        return largest * inverse
+
+    def _acting_rows(self) -> csr_array:
+        return self.rows()[np.flatnonzero(self.tied.acting)]
+
+    def _place(self, q: Array, v: Array) -> None:
+        self._moved = self.tied.table.moved(self.tied.model, q, v)
+
+    def _factorised(self, q: Array, term: float) -> Any:
+        """Return M and the rows at a configuration, which are in place, taken apart; the term is relative."""
+        rows, mass = self.rows(), sparse_mass_matrix(self.tied.model, q)
+        return splu(csc_array(block_array([[mass, rows.T], [rows, -term * self.scale * eye_array(rows.shape[0])]])))
+
+    @property
+    def exact(self) -> pin.ProximalSettings:
+        """How accelerations are solved for."""
+        return pin.ProximalSettings(MET, PROXIMAL * self.scale, ITERATIONS)
+
+    def tolerant(self, q: Array, rank: int) -> pin.ProximalSettings:
+        """Return the same for states whose redundant points are not quite closed, as they are within steps.
+
+        Args:
+            q: A closed configuration that is not close to a singular one, shape (nq,).
+            rank: Rank of the rows there.
+        """
+        return pin.ProximalSettings(MET, TOLERANT * self.scale, REPEATS)
+
+    def acceleration(self, dynamics: Dynamics, targets: Targets, settings: pin.ProximalSettings) -> Acceleration:
+        """Return the constrained motion's ``(t, q, v) -> a`` under the forces of ``dynamics``."""
+        model, load, nv = self.tied.model, dynamics.load(), self.tied.model.nv
+
+        def constrained(t: float, q: Array, v: Array) -> Array:
+            self._place(q, v)
+            assert self._moved is not None
+            factors, right = self._factorised(q, settings.mu / self.scale), -self._moved.drift
+            force = load(t, q, v) - pin.nonLinearEffects(model, dynamics.data, q, v)
+            x, lam = np.zeros(nv), np.zeros(len(right))
+            for _ in range(settings.max_iter):
+                x = factors.solve(np.concatenate([force, right + settings.mu * lam]))
+                lam, before = -x[nv:], lam
+                if settings.mu * np.abs(lam - before).max(initial=0.0) <= settings.absolute_accuracy:
+                    break
+            self._right = right
+            return np.asarray(x[:nv])
+
+        return constrained
+
+    def factorise(self, q: Array) -> None:
+        """Decompose mass matrix and rows at a configuration."""
+        self._place(q, np.zeros(self.tied.model.nv))
+        self._factors = self._factorised(q, PROJECTION)
+
+    def gap(self) -> Array:
+        """Return how far the points are apart at the configuration last factorised [m], shape (3 k,)."""
+        assert self._moved is not None
+        return self._moved.gap
+
+    def rows(self) -> csr_array:
+        """Return the rows at the configuration last factorised; their product with v is minus the gap's rate."""
+        assert self._moved is not None
+        return self.tied.table.matrix(self._moved.entries, self.tied.model.nv)
+
+    def right(self) -> Array:
+        """Return what the rows ask of the acceleration last computed, ``-G' v``, shape (3 k,)."""
+        assert self._right is not None
+        return self._right
+
+    def squares(self) -> Array:
+        """Return the squares of the singular values of the rows, ascending: the largest and the last that is not 0."""
+        values = np.zeros(self.tied.model.nv)
+        found = extreme_values(self._acting_rows().toarray())
+        values[: len(found)] = found
+        return np.asarray(values[::-1] ** 2)
+
+    def step(self, right: Array) -> Array:
+        """Return the least change x, measured by the masses, with ``rows x = right``, shape (nv,)."""
+        nv = self.tied.model.nv
+        return np.asarray(self._factors.solve(np.concatenate([np.zeros(nv), right]))[:nv])

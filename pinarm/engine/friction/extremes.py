@@ -1,0 +1,147 @@
+"""What several joints at rest may hold of a load that they hold together: the ends of what rigid bodies leave open.
+
+Of a group only the sum ``phi = sum_i c_i f_i`` is determined, and ``|f_i| <= L_i(f)``: limits depend on loads, and
+these on f. A quantity that is linear in f is least and greatest at corners of this set. Of two joints the set is a
+piece of a line: its ends are looked for from the friction that is told, as far as no limit is exceeded; limits may grow
+with the friction, as of a worm that locks. Of more joints corners are where all but one are at their limits and that
+one has the rest, by the equation of slip with the law of rest. A quantity that is not linear, such as the length of a
+force, may be less within the set than at its corners.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.friction.balance import FrictionBalance, SlipGroup
+from pinarm.errors import DynamicsError
+from pinarm.mechanics.friction.slip_vectors import sizes
+
+WITHIN, SAME = 1e-12, 1e-12
+"""Part of its bound by which a joint may exceed it at a corner; and of the friction by which corners are one."""
+
+MOST = 1024
+"""Corners that are tried at most: those of 8 joints that hold one motion."""
+
+PARTS, FAR, HALVINGS = 64, 12, 80
+"""Steps along a line in which an end is looked for first, up to twice the sum of limits and load; how often the step is
+doubled afterwards; and how often the step that holds it is halved."""
+
+
+class Corner(NamedTuple):
+    """Which members of a group are at their limits.
+
+    Attributes:
+        limited: Their positions in the group.
+        signs: In which directions, 1 or -1.
+        rest: Positions of the others, which are those of one joint.
+    """
+
+    limited: list[int]
+    signs: list[float]
+    rest: list[int]
+
+
+def joints_of(balance: FrictionBalance, group: SlipGroup) -> list[str]:
+    """Return the names of the joints of a group."""
+    return list(dict.fromkeys(balance.contacts[i].name for i in group.members))
+
+
+def extreme_frictions(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], told: Array) -> Array:
+    """Return the frictions at the corners, shape (e, k); none where nothing is open, or corners are not known.
+
+    Args:
+        balance: The state.
+        direction: Of joints that slip, 0 of others, shape (k,).
+        stuck: The groups at rest.
+        told: The friction that is told, shape (k,): joints that slip keep theirs.
+    """
+    counts = [len(joints_of(balance, group)) for group in stuck]
+    if sorted(counts)[-2:] in ([2], [1, 2]):
+        return _ends(balance, stuck, stuck[counts.index(2)], told)
+    return _all_corners(balance, direction, stuck, told)
+
+
+def _ends(balance: FrictionBalance, stuck: Sequence[SlipGroup], group: SlipGroup, told: Array) -> Array:
+    """Return the ends of what two joints may share, shape (2, k); none where one of them is nowhere."""
+    members, name = np.array(group.members), joints_of(balance, group)[0]
+    first = np.array([balance.contacts[i].name == name for i in group.members])
+    weights, way = group.ratios * group.units, np.zeros(len(told))
+    way[members] = np.where(first, 1.0 / weights[first].sum(), -1.0 / weights[~first].sum()) * group.units
+    every = [i for each in stuck for i in each.members]
+    size = weights @ balance.limits(told)[members] + abs(float(group.ratios @ told[members]))
+
+    def holds(s: float) -> bool:
+        f = told + s * way
+        return bool((sizes(balance.contacts, f)[every] <= balance.limits(f)[every] * (1.0 + WITHIN)).all())
+
+    found = [told + _last(holds, sign * size) * way for sign in (-1.0, 1.0)]
+    return np.array(found) if np.isfinite(found).all() else np.zeros((0, len(told)))
+
+
+def _last(holds: Callable[[float], bool], size: float) -> float:
+    """Return how far from 0 on a condition holds without a break, in the direction of ``size``; infinite for ever."""
+    steps = [2.0 * size * k / PARTS for k in range(1, PARTS + 1)]
+    steps += [2.0 * size * 2.0**k for k in range(1, FAR + 1)]
+    beyond = next((k for k, s in enumerate(steps) if not holds(s)), None)
+    if beyond is None:
+        return np.inf
+    low, high = steps[beyond - 1] if beyond else 0.0, steps[beyond]
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+def _all_corners(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], told: Array) -> Array:
+    choices = [list(_corners(balance, group)) for group in stuck]
+    count = int(np.prod([len(each) for each in choices]))
+    found = list[Array]()
+    for choice in product(*choices) if 1 < count <= MOST else ():
+        try:
+            corner = _at(balance, direction, stuck, choice)
+        except DynamicsError:  # the equation of slip has not exactly one root
+            return np.zeros((0, len(told)))
+        if corner is not None:
+            corner = np.where(direction != 0.0, told, corner)
+            slack = SAME * np.abs(corner).max(initial=0.0)
+            if all(np.abs(other - corner).max() > slack for other in found):
+                found.append(corner)
+    return np.array(found).reshape(-1, len(told))
+
+
+def _corners(balance: FrictionBalance, group: SlipGroup) -> Iterator[Corner]:
+    """Yield the corners of a group; one of a single joint, which has nothing at a limit."""
+    names, of = joints_of(balance, group), [balance.contacts[i].name for i in group.members]
+    for free in names:
+        rest = [k for k, name in enumerate(of) if name == free]
+        limited = [k for k, name in enumerate(of) if name != free]
+        others = [name for name in names if name != free]
+        for signs in product([1.0, -1.0], repeat=len(others)):
+            sign = dict(zip(others, signs, strict=True))
+            yield Corner(limited, [sign[of[k]] for k in limited], rest)
+
+
+def _at(
+    balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], corners: Sequence[Corner]
+) -> Array | None:
+    """Return the friction at corners of the groups, shape (k,); ``None`` where the rest exceeds its own limit."""
+    way, resting, groups = direction.copy(), np.zeros(len(direction), dtype=bool), []
+    for group, corner in zip(stuck, corners, strict=True):
+        limited = [group.members[k] for k in corner.limited]
+        way[limited], resting[limited] = group.units[corner.limited] * corner.signs, True
+        first = corner.rest[0]
+        groups.append(replace(
+            group, members=tuple(group.members[k] for k in corner.rest),
+            ratios=group.ratios[corner.rest] / group.ratios[first],
+            units=group.units[corner.rest] * np.sign(group.ratios[first]),
+        ))  # fmt: skip
+    found = balance.solve(way, groups, resting)
+    if found is None or (np.abs(found.held) > found.bounds * (1.0 + WITHIN)).any():
+        return None
+    return found.f

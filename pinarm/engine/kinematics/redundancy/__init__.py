@@ -1,0 +1,1 @@
+"""Configurations and motions nearest to a posture, where laws leave joints free."""

@@ -1,0 +1,220 @@
+"""Prescribed motions of variants of a mechanism: positions, velocities and accelerations of all rows at once.
+
+The motion of the first variant is known. From its row i Newton's method leads to row i of every other variant. That
+these rows are one motion each, on the branch that the start chooses, is checked as the continuation from row to row
+does: the first row is the one that the damped steps of ``NewtonSolver.assemble`` reach from the start; every row is
+near the one that velocity and acceleration predict from the row before, and moves as that predicts; the free motions
+keep their orientation in between. A variant of which one of these is not so is to be solved alone.
+
+With J the independent rows of constraints and prescribed coordinates: ``J dq = gap``, ``J v = (0, w')`` and
+``J a = (0, w'') - J' v``. Arrays have the states along their last axis, row by row; see ``chains``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags
+from pinarm.engine.constraints.batch_jacobians import EvaluatedJacobians
+from pinarm.engine.constraints.nullspaces.nullspace import RANK, VANISHED
+from pinarm.engine.constraints.nullspaces.orthogonal_rows import OrthogonalRows
+from pinarm.engine.constraints.variant_closure import VariantClosure
+from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch
+from pinarm.engine.kinematics.continuation_batch import NEAR, REGULAR
+from pinarm.engine.kinematics.newton import CLOSED, ITERATIONS, NewtonSolver
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.mechanics.geometry.model_variants import VariantsDiffer
+
+STEPS = 12
+"""Most steps from a row of the first variant: from an angle of 0.5 rad five or six."""
+
+WEAK = 1e-3
+"""Least length of what a row of J adds to those before it, relative to the length that it can have."""
+
+SAME = 1e-6
+"""Difference of configurations of one branch, that were closed from different places [rad or m]: rounding only."""
+
+
+class VariantStates(NamedTuple):
+    """The states of k variants at n rows.
+
+    Attributes:
+        q: Configurations, shape (n, k, nq).
+        v: Velocities, shape (n, k, nv).
+        a: Accelerations, shape (n, k, nv).
+        sound: Which variants are on the branch of their start all along, shape (k,).
+    """
+
+    q: Array
+    v: Array
+    a: Array
+    sound: Flags
+
+
+@dataclass(frozen=True, eq=False)
+class VariantMotion:
+    """How variants of a mechanism follow prescribed coordinates.
+
+    Attributes:
+        solver: Newton's method on one of them: which rows are curved, and the units of all.
+        own: The constraints of the variants.
+        whole: The constraints, and the prescribed coordinates.
+        kept: Rows of the constraints that say what all of them do, then the prescribed coordinates.
+    """
+
+    solver: NewtonSolver
+    own: VariantClosure
+    whole: VariantClosure
+    kept: list[int]
+
+    @classmethod
+    def of(cls, own: VariantClosure, prescribed: PrescribedCoordinates, q: Array) -> VariantMotion:
+        """Return the motion, given a configuration of the first variant, shape (nq,).
+
+        Raises:
+            VariantsDiffer: Something cannot be had of many states, or the first variant is near a singular position.
+        """
+        solver, whole = NewtonSolver(own.first, prescribed), own.with_guides(prescribed.names, prescribed.coordinates)
+        if not solver.sliding.all():
+            raise VariantsDiffer("screws, whose turns are counted")
+        rows = solver.whole.rows(solver.whole.state(q))
+        kept = [*own.independent(rows[: own.size]), *range(own.size, whole.size)]
+        values = np.linalg.svd(rows[kept], compute_uv=False)
+        if len(kept) != len(q) or values[-1] < REGULAR * values[0]:
+            raise VariantsDiffer("a motion that begins near a singular position")
+        return cls(solver, own, whole, kept)
+
+    def follow(self, t: Array, laws: Array, near: Array, start: Array) -> VariantStates:
+        """Return the states.
+
+        Args:
+            t: The parameter at the rows, shape (n,).
+            laws: The prescribed coordinates and their two derivatives, shape (3, n, d).
+            near: Configurations of the first variant, shape (n, nq).
+            start: A rough configuration at the first row, shape (nq,): it chooses the branch.
+        """
+        n, k = len(near), len(self.own.model)
+        w, dw, ddw = (np.repeat(one.T, k, axis=1) for one in laws)
+        with np.errstate(all="ignore"):  # of variants that are to be solved alone
+            q, sound = self._closed(np.repeat(near.T, k, axis=1), w)
+            measured, v, a, rows = self._rates(q, dw, ddw)
+            sound &= self._regular(rows) & (np.abs(self._gaps(measured, w)) <= self._allowed(w)).all(axis=0)
+            states = [x.reshape(-1, n, k) for x in (q, v, a)]
+            free = rows.basis[self.own.size - self.whole.size :].reshape(-1, len(q), n, k)
+            good = sound.reshape(n, k).all(axis=0) & self._is_one_motion(t, states[0], states[1], states[2], free)
+            first, closed = self._assembled(start, w[:, :k])
+            good &= closed & (np.abs(first - states[0][:, 0]).max(axis=0) <= SAME)
+        q, v, a = (np.where(good, x, x[..., :1]).transpose(1, 2, 0) for x in states)
+        return VariantStates(q, v, a, good & self.own.alike_in_size)
+
+    def rates(self, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
+        """Return velocities and accelerations, shape (n, k, nv), at configurations of the motion, shape (n, k, nq).
+
+        Args:
+            q: The configurations.
+            dw: Velocities of the prescribed coordinates, the same at every row, shape (d,).
+            ddw: Their accelerations, shape (d,).
+        """
+        _, v, a, _ = self._rates(q.reshape(-1, q.shape[-1]).T, dw[:, None], ddw[:, None])
+        return v.T.reshape(q.shape), a.T.reshape(q.shape)
+
+    def _evaluated(self, q: Array) -> EvaluatedJacobians:
+        return self.whole.evaluated(q.T)
+
+    def _orthogonal(self, measured: EvaluatedJacobians, n: int) -> OrthogonalRows:
+        """Return the kept rows J, made orthogonal, at n configurations."""
+        rows = np.zeros((len(self.kept), self.own.model.nv, n))
+        places = {row: place for place, row in enumerate(self.kept)}
+        for row, coefficients in measured.rows(self.kept).items():
+            for column, x in coefficients.items():
+                rows[places[row], column] = x
+        return OrthogonalRows.of(rows)
+
+    def _gaps(self, measured: EvaluatedJacobians, w: Array) -> Array:
+        """Return what is missing in all rows, ``(-phi(q), w - w(q))``, shape (size, n)."""
+        gaps = -measured.gaps(w.shape[1]).T
+        gaps[self.own.size :] += w
+        return gaps
+
+    def _allowed(self, w: Array) -> Array:
+        """Return the gaps that are rounding, shape (size, n); of rows that repeat others, of the file."""
+        slack = self.whole.slack.copy()
+        slack[self.kept] = 0.0
+        wanted = np.concatenate([np.zeros((self.own.size, w.shape[1])), np.abs(w)])
+        return np.asarray(CLOSED * (self.solver.measure[:, None] * self.own.coarseness + wanted) + slack[:, None])
+
+    def _closed(self, q: Array, w: Array) -> tuple[Array, Flags]:
+        """Return the solutions near configurations, shape (nv, N), and where they were reached, shape (N,).
+
+        A state that is closed moves no more, so that it does not depend on the others.
+        """
+        done = np.zeros(q.shape[1], dtype=bool)
+        for _ in range(STEPS):
+            measured = self._evaluated(q)
+            step = self._orthogonal(measured, q.shape[1]).shortest(self._gaps(measured, w)[self.kept])
+            q = np.where(done, q, q + step)
+            done |= np.abs(step).max(axis=0) < ENOUGH
+            if done.all():
+                break
+        return q, done
+
+    def _rates(self, q: Array, dw: Array, ddw: Array) -> tuple[EvaluatedJacobians, Array, Array, OrthogonalRows]:
+        """Return what is measured at configurations, velocities, accelerations, and the rows J."""
+        measured, n, m = self._evaluated(q), q.shape[1], len(self.kept) - len(dw)
+        rows, right = self._orthogonal(measured, n), np.zeros((len(self.kept), n))
+        right[m:] = dw
+        v = rows.shortest(right)
+        right[m:] = ddw
+        for row, x in measured.drift(self.kept, v).items():
+            right[self.kept.index(row)] -= x
+        return measured, v, rows.shortest(right), rows
+
+    def _regular(self, rows: OrthogonalRows) -> Flags:
+        """Return where every row adds something to those before it, shape (N,)."""
+        added = np.einsum("iin->in", rows.shares) / self.whole.reach[self.kept, None]
+        return np.asarray((added > WEAK).all(axis=0))
+
+    def _is_one_motion(self, t: Array, q: Array, v: Array, a: Array, free: Array) -> Flags:
+        """Tell in which variants each row follows from the one before, shape (k,).
+
+        Args:
+            t: The parameter, shape (n,).
+            q: Configurations, shape (nv, n, k).
+            v: Velocities, likewise.
+            a: Accelerations, likewise.
+            free: T, orthonormal bases of the free motions, shape (f, nv, n, k).
+        """
+        h = np.diff(t)[:, None]
+        slope = v[:, :-1] + h * a[:, :-1]
+        correction = np.abs(q[:, 1:] - q[:, :-1] - 0.5 * h * (v[:, :-1] + slope)).max(axis=0)
+        near = (correction <= NEAR) & on_branch(h * (v[:, 1:] - slope), correction)
+        turned = np.einsum("fcnk,gcnk->nkfg", free[:, :, :-1], free[:, :, 1:])
+        return np.asarray((near & (np.linalg.det(turned) > 0.0)).all(axis=0))
+
+    def _assembled(self, start: Array, w: Array) -> tuple[Array, Flags]:
+        """Return what damped steps from the start reach, shape (nv, k), and where no step had to be damped, shape (k,).
+
+        The steps of ``NewtonSolver.closest``; where the gap grows these would be shorter, and the variant is left.
+        """
+        q, solver = np.repeat(start[:, None], w.shape[1], axis=1), self.solver
+        size, good = np.full(w.shape[1], np.inf), np.ones(w.shape[1], dtype=bool)
+        for _ in range(ITERATIONS):
+            measured = self._evaluated(q)
+            gaps = self._gaps(measured, w)
+            closed = (np.abs(gaps) <= self._allowed(w)).all(axis=0)
+            left = np.linalg.norm(gaps / solver.measure[:, None], axis=0)
+            good &= closed | (left < size)
+            if (closed | ~good).all():
+                break
+            rows = measured.matrices((w.shape[1], self.whole.size, len(q)))
+            counts = np.linalg.norm(rows, axis=2, keepdims=True) > VANISHED * self.whole.reach[:, None]
+            rows *= counts * (solver.scale / solver.measure[:, None])
+            step = np.matvec(np.linalg.pinv(rows, rcond=RANK), (gaps / solver.measure[:, None]).T).T
+            turning = rows[:, solver.curved].any(axis=1).T
+            most = np.where(turning, np.abs(step), 0.0).max(axis=0)
+            step *= np.where(closed, 0.0, np.minimum(1.0, 0.5 / np.maximum(most, 1e-300)))
+            q, size = q + solver.scale[:, None] * step, left
+        return q, good & closed

@@ -1,0 +1,1 @@
+"""Motions in segments: stops, openings of contacts, friction that sticks, controllers that act."""

@@ -1,0 +1,209 @@
+"""End stops of joints, and other stops: impacts with restitution, and what rests on a stop afterwards.
+
+An impact changes velocities by the impulses of the stop and of the constraints: v+ is the velocity nearest to v-,
+measured by the masses, with ``n v+ = -e n v-`` at the stop that is hit and ``G v+ = w'`` at loops and prescribed
+coordinates (Newton's law of restitution with Gauss's principle; Moreau, Unilateral contact and dry friction in finite
+freedom dynamics, 1988). A restitution of 1 keeps the energy. Stops push only: those that would have to pull let go.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.nullspaces.nullspace import split_rows
+from pinarm.engine.dynamics.equation import solve
+from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.motion.trajectory import EventRecord
+from pinarm.mechanics.coordinates import LinearCoordinate
+
+RESTING = 1e-6
+"""Velocity after an impact that is taken for rest [rad/s or m/s]: what is left to rise is 1e-13 m under gravity."""
+
+SLACK = 1e-13
+"""Gap that counts as contact, relative to ``1 + |limit|``: where loops are closed, positions are right to 1e-14."""
+
+
+class Stop(Protocol):
+    """What a motion may meet with an impact, rest on, and leave."""
+
+    @property
+    def name(self) -> str:
+        """For messages and events."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """What it is, with its name."""
+        ...
+
+    @property
+    def side(self) -> float:
+        """Sense in which it pushes along its row, 1 or -1."""
+        ...
+
+    @property
+    def restitution(self) -> float:
+        """Velocity after an impact relative to that before, from 0 to 1."""
+        ...
+
+    @property
+    def slack(self) -> float:
+        """Return the gap that counts as contact."""
+        ...
+
+    @property
+    def reach(self) -> float:
+        """Length that its row can have."""
+        ...
+
+    def gap(self, q: Array) -> Array:
+        """Return the distance to it, negative beyond it, shape (...,)."""
+        ...
+
+    def row(self, q: Array) -> Array:
+        """Return the row of the coordinate that it bounds, shape (nv,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Bound:
+    """One side of a joint's range.
+
+    Attributes:
+        name: For messages: the joint and the side.
+        coordinate: The joint's coordinate.
+        joint: Index of its velocity in v.
+        limit: The coordinate's value at the stop [rad or m].
+        side: 1 for a lower limit, -1 for an upper one: the way in which the stop pushes.
+        restitution: e, velocity after an impact relative to that before, from 0 to 1.
+        reach: Length of its row.
+    """
+
+    name: str
+    coordinate: LinearCoordinate
+    joint: int
+    limit: float
+    side: float
+    restitution: float
+    reach: float = 1.0
+
+    @property
+    def title(self) -> str:
+        """That it is an end stop, with its name."""
+        return f"end stop '{self.name}'"
+
+    def row(self, q: Array) -> Array:
+        """Return the unit vector of the joint, shape (nv,)."""
+        return self.coordinate.weights
+
+    @property
+    def place(self) -> int:
+        """Return the index of the coordinate in q."""
+        return int(self.coordinate.places[self.joint])
+
+    def gap(self, q: Array) -> Array:
+        """Return the distance to the stop, negative beyond it, shape (...,)."""
+        return np.asarray(self.side * (q[..., self.place] - self.limit))
+
+    def passed_at_start(self, q: Array) -> str:
+        """Return what is wrong with a motion that begins at a configuration, shape (nq,), beyond the stop."""
+        unit = self.coordinate.unit
+        return f"the motion begins at {q[self.place]:.6g} {unit}, beyond the {self.title} at {self.limit:.6g} {unit}"
+
+    @property
+    def slack(self) -> float:
+        """Return the gap that counts as contact [rad or m]."""
+        return SLACK * (1.0 + abs(self.limit))
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """The stops of a mechanism.
+
+    Attributes:
+        closure: Constraints of the mechanism that always hold, without the prescribed coordinates.
+        prescribed: Coordinates that follow laws.
+        bounds: The stops.
+    """
+
+    closure: Closure
+    prescribed: PrescribedCoordinates
+    bounds: Sequence[Stop]
+
+    def near(self, q: Array) -> list[int]:
+        """Return the indices of the stops that a configuration touches."""
+        return [k for k, bound in enumerate(self.bounds) if abs(bound.gap(q)) <= bound.slack]
+
+    def rate(self, k: int, q: Array, v: Array) -> float:
+        """Return the velocity along the row of a stop."""
+        return float(self.bounds[k].row(q) @ v)
+
+    def impact(self, t: float, q: Array, v: Array, hit: Iterable[int], held: Iterable[int] = ()) -> Array:
+        """Return the velocity after the stops ``hit`` were met with the velocity v, shape (nv,).
+
+        What is slower afterwards than ``RESTING`` rests; other stops that are touched hold as long as they push.
+
+        Args:
+            t: The instant [s].
+            q: Configuration, shape (nq,).
+            v: Velocity before, shape (nv,).
+            hit: Stops that are met.
+            held: Stops that are rested on already.
+        """
+        touched = {*self.near(q), *held}
+        back = {k: 0.0 for k in sorted(touched) if k in held or abs(self.rate(k, q, v)) <= RESTING}
+        for k in hit:
+            rebound = -self.bounds[k].restitution * self.rate(k, q, v)
+            back[k] = rebound if abs(rebound) > RESTING else 0.0
+        return self._nearest(t, q, v, back)
+
+    def _nearest(self, t: float, q: Array, v: Array, back: dict[int, float]) -> Array:
+        """Return the velocity nearest to v with the given ones at stops, without those that would pull."""
+        rows = self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
+        model = rows.model
+        mass = mass_matrix(model, q)
+        own = rows.rows(rows.state(q))
+        target = np.concatenate([np.zeros(self.closure.size), self.prescribed.on(t, t)(t)[1]])
+        while True:
+            normals = np.array([self.bounds[k].row(q) for k in back]).reshape(-1, model.nv)
+            reach = np.append(rows.reach, [self.bounds[k].reach for k in back])
+            split = split_rows(np.vstack([own, normals]), reach)
+            after = solve(split, mass, mass @ v, np.concatenate([target, list(back.values())]))
+            impulses = split.multipliers(mass @ (after - v))[len(own) :]
+            pushes = {k: self.bounds[k].side * impulse for k, impulse in zip(back, impulses, strict=True)}
+            pulling = [k for k, push in pushes.items() if push < 0.0 and back[k] == 0.0]
+            if not pulling:
+                return after
+            del back[min(pulling, key=pushes.__getitem__)]
+
+
+def impact_remarks(model: pin.Model, stops: Sequence[Stop], events: Iterable[EventRecord]) -> list[str]:
+    """Return for each stop how often it was hit, when first, and the kinetic energy that its impacts took.
+
+    Impacts are impulses, without a duration: no force of theirs is among the reactions, which has to be said.
+    """
+    impacts, titles = dict[str, list[EventRecord]](), {stop.name: stop.title for stop in stops}
+    for event in events:
+        if event.before is not None:
+            impacts.setdefault(event.name, []).append(event)
+    return [
+        f"{titles[name]}: {len(hits)} impact{'s' if len(hits) > 1 else ''}, the first at t = {hits[0].t:.6g} s, "
+        f"take{'' if len(hits) > 1 else 's'} {sum(_lost(model, hit) for hit in hits):.3g} J; "
+        "they are impulses, whose forces are in no reaction"
+        for name, hits in impacts.items()
+    ]
+
+
+def _lost(model: pin.Model, hit: EventRecord) -> float:
+    """Return the kinetic energy that an impact took [J]."""
+    mass = mass_matrix(model, hit.q)
+    assert hit.before is not None
+    return float(hit.before @ mass @ hit.before - hit.v @ mass @ hit.v) / 2.0

@@ -1,0 +1,113 @@
+"""A motion from end to end: smooth segments, with an impact or a change of contact where one meets the next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.motion.systems import CompletedStates, System
+from pinarm.engine.motion.trajectory import EventRecord
+from pinarm.mechanics.laws.motion_law import Grid
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.integrator import Solution
+
+
+@dataclass(frozen=True, eq=False)
+class MotionSegment:
+    """A part of a motion during which the same constraints hold.
+
+    Attributes:
+        system: What was integrated.
+        solution: The integrated states.
+        dynamics: The equation of motion, with the friction of what slips.
+        holding: Which rows of the mechanism's constraints hold, shape (m,) as flags.
+    """
+
+    system: System
+    solution: Solution
+    dynamics: Dynamics
+    holding: Flags
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentedMotion:
+    """An integrated motion: segments, end to end.
+
+    Attributes:
+        dynamics: The equation of motion.
+        segments: In order of time.
+        events: In order of time.
+    """
+
+    dynamics: Dynamics
+    segments: list[MotionSegment] = field(default_factory=list)
+    events: list[EventRecord] = field(default_factory=list)
+
+    @property
+    def end(self) -> float:
+        """Return the last instant reached [s]."""
+        return self.segments[-1].solution.end
+
+    @property
+    def seams(self) -> list[float]:
+        """Return the instants at which one segment meets the next [s]."""
+        return [segment.solution.end for segment in self.segments[:-1]]
+
+    @property
+    def size(self) -> float:
+        """Return the largest coordinate or velocity that was integrated, in SI."""
+        return max(segment.solution.size for segment in self.segments)
+
+    def complete(self, grid: Grid) -> CompletedStates:
+        """Return the motion at the rows of a grid whose intervals do not reach over seams."""
+        bounds = np.array(self.seams)
+        middles = 0.5 * (np.array(grid.cuts[1:]) + np.array(grid.cuts[:-1]))
+        owners = np.searchsorted(bounds, middles)
+        motions = []
+        for number in sorted(set(owners.tolist())):
+            segment, local = self.segments[number], grid.part(*np.flatnonzero(owners == number)[[0, -1]])
+            found = segment.system.complete(self.dynamics, local, *segment.solution.states(local.t))
+            motions.append(found if segment.holding.all() else _opened(found, segment.holding))
+        return CompletedStates.joined(motions)
+
+    def positions(self, t: Array) -> Array:
+        """Return the configurations at instants, shape (n,), as they have been integrated, shape (n, nq)."""
+        owners = np.searchsorted(np.array(self.seams), t)
+        found = np.empty((len(t), self.dynamics.model.nq))
+        for number in sorted(set(owners.tolist())):
+            segment, here = self.segments[number], owners == number
+            found[here] = segment.system.whole(t[here], *segment.solution.states(t[here]))[0]
+        return found
+
+    def cost(self) -> dict[str, float]:
+        """Return the work done, by name."""
+        counts = [segment.solution.count for segment in self.segments]
+        cost = {
+            "steps": float(sum(len(segment.solution.steps) for segment in self.segments)),
+            "evaluations": float(sum(count.evaluations for count in counts)),
+            "rejected steps": float(sum(count.rejected for count in counts)),
+        }
+        floored = sum(count.floored for count in counts)
+        return {**cost, "steps at the noise floor": float(floored)} if floored else cost
+
+    def remarks(self) -> list[str]:
+        """Return what is to be said of how the motion was computed; mostly nothing."""
+        remarks = (interval.remark for segment in self.segments for interval in segment.solution.intervals)
+        return list(dict.fromkeys(filter(None, remarks)))
+
+    def diagnose(self) -> list[str]:
+        """Return what says that the integrator was a poor choice."""
+        solutions = [segment.solution for segment in self.segments]
+        return list(dict.fromkeys(doubt for solution in solutions for doubt in solution.method.diagnose(solution)))
+
+
+def _opened(motion: CompletedStates, holding: Flags) -> CompletedStates:
+    """Return states in which some rows of the constraints do not hold: their multipliers are 0."""
+    lam = motion.lam.spread(np.flatnonzero(holding), len(holding))
+    others = tuple(_opened(other, holding) for other in motion.others)
+    return replace(motion, lam=lam, opened=np.ones(len(motion.q), dtype=bool), others=others)

@@ -1,0 +1,180 @@
+"""Forward motion with friction that sticks: what is integrated between two switches, and what happens at one.
+
+Joints that friction holds are eliminated like coordinates that follow a constant law, so that they do not creep; those
+that slip have a friction of given direction. A switch is the instant at which a slip comes to rest, or at which the
+friction that holds a joint reaches its bound.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.nullspaces.nullspace import split_rows
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.equation import solve
+from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.friction.balance import SlipGroup, companions
+from pinarm.engine.friction.response import SlipResponse
+from pinarm.engine.friction.sliding import SlidingFriction
+from pinarm.engine.friction.slip import Slip
+from pinarm.engine.friction.switching import decided
+from pinarm.engine.friction.watches import REST, Approach, Reserve
+from pinarm.engine.integration.events import Watch
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.errors import DynamicsError
+from pinarm.mechanics.ball_joints import coordinate_at
+from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.friction.contact import FrictionContact, JointContact, slip_rows
+from pinarm.mechanics.friction.coupling_contact import CouplingContact
+from pinarm.mechanics.friction.slip_vectors import same_joint, several, sizes, unit_vectors
+from pinarm.mechanics.laws import Constant
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pinarm.engine.motion.systems.frictional import FrictionalSystem
+
+TURNING = 1e-6
+"""Slip [rad/s or m/s] above which one with several components has turned rather than come to rest: the instant is
+known to the tolerance of the integration."""
+
+
+@dataclass(frozen=True, eq=False)
+class StickSlip:
+    """The joints with friction of one motion.
+
+    Attributes:
+        contacts: The k joints; none where no friction sticks.
+        closure: Constraints of the mechanism.
+        dynamics: The equation of motion without this friction.
+        prescribed: Coordinates that follow laws, stops that are rested on included.
+    """
+
+    contacts: Sequence[FrictionContact]
+    closure: Closure
+    dynamics: Dynamics
+    prescribed: PrescribedCoordinates
+
+    @cached_property
+    def rows(self) -> Closure:
+        """The constraints, then the coordinates that follow laws."""
+        return self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
+
+    def sliding(self, slip: Slip, span: tuple[float, float]) -> SlidingFriction:
+        """Return the friction of what slips, on an interval of time without jumps."""
+        return SlidingFriction(self.contacts, self.rows, self.dynamics, self.prescribed, slip, span)
+
+    def slips(self, q: Array, v: Array) -> Array:
+        """Return the slips [rad/s or m/s] in states, shapes (n, nq) and (n, nv), as an array of shape (n, k)."""
+        return np.asarray(np.matvec(slip_rows(self.closure.model, self.contacts, q), v))
+
+    def start(self, span: tuple[float, float], q: Array, v: Array) -> Slip:
+        """Return what joints do from an instant on, the start of an interval without jumps.
+
+        Raises:
+            DynamicsError: Rigid bodies with friction do not determine it.
+        """
+        slips = self.slips(q[None], v[None])[0]
+        moving = unit_vectors(self.contacts, np.where(sizes(self.contacts, slips) > REST, slips, 0.0))
+        return self._decided(span, q, v, moving, np.zeros(len(moving)))
+
+    def switched(self, span: tuple[float, float], q: Array, v: Array, slip: Slip, index: int) -> tuple[Array, Slip]:
+        """Return the velocity after a switch, and what joints do from then on.
+
+        Args:
+            span: The interval from the instant of the switch on.
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+            slip: What joints did until then.
+            index: Which joint comes to rest, or has turned its slip, or which group of stuck joints breaks loose: the
+                complement of its number.
+        """
+        sliding, slips = self.sliding(slip, span), self.slips(q[None], v[None])[0]
+        speeds, slipping = sizes(self.contacts, slips), sizes(self.contacts, sliding.direction) > 0.0
+        moving = np.where(speeds <= 2.0 * REST, 0.0, sliding.directions(slips))
+        broken = np.zeros(len(moving))
+        if index >= 0 and not (slipping[index] and several(self.contacts)[index] and speeds[index] > TURNING):
+            balance = sliding.balance(span[0], q, v)
+            same = same_joint(self.contacts)
+            parts = np.flatnonzero(same[index]).tolist()
+            ended = [i for part in parts for i in (part, *companions(balance.response, part))]
+            moving[same[ended].any(axis=0)] = 0.0
+            v = self._stopped(span[0], q, v, np.flatnonzero(slipping & (sizes(self.contacts, moving) == 0.0)))
+        elif index >= 0:
+            moving = unit_vectors(self.contacts, np.where(moving != 0.0, slips, 0.0))
+        else:
+            found = sliding.solution(span[0], q, v)
+            broken = slip.stuck[~index].directions(-float(np.sign(found.held[~index])), len(moving))
+        return v, self._decided(span, q, v, moving, broken)
+
+    def _decided(self, span: tuple[float, float], q: Array, v: Array, moving: Array, broken: Array) -> Slip:
+        balance = self.sliding(Slip(tuple(moving.tolist())), span).balance(span[0], q, v)
+        try:
+            return decided(balance, moving, broken)
+        except DynamicsError as error:
+            error.message = f"at t = {span[0]:.9g} s: {error.message}"
+            raise
+
+    def _stopped(self, t: float, q: Array, v: Array, still: Indices) -> Array:
+        """Return the velocity nearest to v in which some slips are at rest, shape (nv,)."""
+        model, rows = self.closure.model, self.rows.rows(self.rows.state(q))
+        target = np.concatenate([np.zeros(self.closure.size), self.prescribed.on(t, t)(t)[1], np.zeros(len(still))])
+        split = split_rows(np.vstack([rows, slip_rows(model, self.contacts, q[None])[0][still]]))
+        mass = mass_matrix(model, q)
+        return solve(split, mass, mass @ v, target)
+
+    def held(self, slip: Slip, q: Array, response: Callable[[], SlipResponse]) -> PrescribedCoordinates:
+        """Return the coordinates that follow laws, and those of joints that friction holds where they are.
+
+        Args:
+            slip: What joints do.
+            q: Where, shape (nq,).
+            response: Returns what friction does there.
+        """
+        coordinates = [self._standing(group, response) for group in slip.stuck]
+        state = self.closure.state(q)
+        return PrescribedCoordinates(
+            (*self.prescribed.names, *(f"{self.contacts[group.first].name}, stuck" for group in slip.stuck)),
+            (*self.prescribed.coordinates, *coordinates),
+            (*self.prescribed.laws, *(Constant(value=coordinate.value(state)) for coordinate in coordinates)),
+        )
+
+    def _standing(self, group: SlipGroup, response: Callable[[], SlipResponse]) -> Coordinate:
+        """Return a coordinate that stands still if and only if a group does: of a joint, or a sum of joints."""
+        for contact in (self.contacts[i] for i in group.members):
+            if isinstance(contact, JointContact) and not contact.part:
+                return coordinate_at(self.closure.model, contact.v)
+        found = response()
+        slip, free = found.slips[group.first], found.free
+        sizes = np.linalg.norm(free, axis=1)
+        cosines = np.abs(free @ slip) / np.maximum(sizes * np.linalg.norm(slip), np.finfo(float).tiny)
+        best = int(np.where(cosines > 1.0 - 1e-9, sizes, 0.0).argmax())
+        if cosines[best] >= 1.0 - 1e-9:
+            return coordinate_at(self.closure.model, best)
+        for contact in (self.contacts[i] for i in group.members):
+            if isinstance(contact, CouplingContact):
+                return contact.coordinate
+        raise DynamicsError(
+            f"no joint of the tree stands still where {self.contacts[group.first].name} sticks",
+            expected="friction at joints of the tree, where the mechanism has several motions",
+        )
+
+    def watches(self, slip: Slip, system: FrictionalSystem) -> list[tuple[int, Watch]]:
+        """Return what ends a stretch of the motion: number of a joint whose slip ends, or complement of a group's."""
+        found, same = [], same_joint(self.contacts)
+        held = {i for group in slip.stuck for i in group.members}
+        for i in (i for i in range(len(same)) if int(same[i].argmax()) == i):
+            parts = np.flatnonzero(same[i])
+            if not held.intersection(parts.tolist()):
+                approach = Approach(self.slips, parts, np.array(slip.direction)[parts])
+                found.append((i, Watch(approach.gap, -1, stops=True)))
+        for g in range(len(slip.stuck)):
+            found.append((~g, Watch(Reserve(system.sliding_at, g).left, -1, stops=True, loaded=True)))
+        return found

@@ -1,0 +1,1 @@
+"""Systems whose steps the compiled kernel takes."""

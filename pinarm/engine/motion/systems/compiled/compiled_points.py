@@ -1,0 +1,157 @@
+"""Loops that are closed by points, in compiled code: their states are closed, and singular positions passed, there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.pinocchio_constraints import PROJECTION, CoincidentPoints
+from pinarm.engine.kernel.library import Flow, library
+from pinarm.engine.kernel.loops import POINT, CompiledLoops, LoadedLoops, Tied
+from pinarm.engine.kernel.structures import LimitsStructure, ProximalStructure
+from pinarm.engine.kernel.tree import AGREEMENT, DISAGREES, CompiledTree
+from pinarm.engine.motion.systems import point_motion
+from pinarm.engine.motion.systems.batch_rows import ITERATIONS, ROUNDED
+from pinarm.engine.motion.systems.compiled.compiled_loops import LoopSystem, State, closed_states, disagreement
+from pinarm.engine.motion.systems.point_motion import PointMotion
+from pinarm.engine.motion.systems.row_motion import LEAST, MET
+
+if TYPE_CHECKING:
+    from pinarm.engine.dynamics.many_points import ManyCoincidentPoints
+
+NEWTON, CLOSED = 20, 1e-14
+"""Most steps of Newton's method to close a state, and gap at which it counts as closed, relative to the extent."""
+
+PROJECTIONS = 3
+"""Projections of its velocities: each leaves ``PROJECTION`` of what is left."""
+
+ALIKE = 1e-6
+"""Relative accuracy of squares of singular values."""
+
+
+@dataclass(frozen=True, eq=False)
+class PointFlow(Flow):
+    """The motion of loops by the library, which closes states and passes singular positions as the motion in Python.
+
+    Attributes:
+        motion: The motion in Python. It begins, and settles what the library hands back: states at which the rank has
+            grown, and those whose accelerations leave the constraints.
+    """
+
+    motion: PointMotion
+
+    @classmethod
+    def of(cls, dynamics: Dynamics, motion: PointMotion) -> PointFlow | None:
+        """Return the motion of loops under their loads; ``None`` where the library does not know one of them."""
+        compiled, loops = library(), _loops(motion.points.tied)
+        loaded = loops.tree.loaded(dynamics.steady, dynamics.changing) if loops else None
+        if compiled is None or loops is None or loaded is None:
+            return None
+        there = loops.loaded(loaded)
+        system = _system(there, motion) if there else None
+        functions = compiled.closing_rates, compiled.closing_settle
+        return cls(system.flow(functions), system, motion) if system else None
+
+    def ready(self) -> None:
+        """Bring the system to the present state of the motion."""
+        structure, motion = self.system.structure, self.motion
+        self.take((motion.near, motion.rank))
+        structure.regular, structure.limits.rank, structure.open = motion.regular, motion.rank, motion.open
+        structure.t, structure.step, structure.floor = motion.t, motion.step, motion.least
+
+    def way(self, t: float) -> Any:
+        """Return whether the stages were closed in the step that begins at t, and the rank."""
+        return self.motion.chosen(t)
+
+    def take(self, way: Any) -> None:
+        """Let rates be those of steps that were taken in a way."""
+        near, rank = way
+        structure, settings = self.system.structure, self.motion.settings(rank)
+        structure.near, structure.tolerant = near, _proximal(settings) if settings else ProximalStructure()
+
+    def advanced(self, ends: Sequence[float], marks: Sequence[int]) -> None:
+        """Let the motion know how far it is."""
+        structure, motion = self.system.structure, self.motion
+        motion.choices |= {t: (bool(near), motion.rank) for t, near in zip(ends, marks, strict=True)}
+        motion.near, motion.regular = bool(structure.near), structure.regular
+        motion.singular, motion.open = motion.regular < point_motion.NEAR, structure.open
+        motion.t, motion.step, motion.least = structure.t, structure.step, structure.floor
+        motion.require_known_way(motion.t)
+
+
+def compiled_points(dynamics: Dynamics, motion: PointMotion, near: Array) -> tuple[Flow | None, str]:
+    """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not.
+
+    Args:
+        dynamics: The forces.
+        motion: The motion in Python.
+        near: A configuration near closed ones, shape (nq,).
+    """
+    points, flow = motion.points, PointFlow.of(dynamics, motion)
+    if flow is None:
+        return None, ""
+
+    def rows(q: Array, v: Array) -> tuple[Array, Array]:
+        motion.free(0.0, q, v)
+        drift = -points.right()
+        points.factorise(q)
+        return points.rows()[points.tied.acting], drift[points.tied.acting]
+
+    states = closed_states(near, motion.scale, lambda q, x: pin.integrate(points.tied.model, q, x), _closed(motion))
+    flow.take((False, points.tied.rank))
+    apart = disagreement(flow, points.tied.model, dynamics, rows, states)
+    return (flow, "") if apart <= AGREEMENT else (None, DISAGREES.format(apart))
+
+
+def _closed(motion: PointMotion) -> Any:
+    points = motion.points
+
+    def closed(q: Array, v: Array) -> State:
+        for _ in range(NEWTON):
+            points.factorise(q)
+            gap = points.gap()
+            if np.linalg.norm(gap) <= CLOSED * motion.extent:
+                rows = points.rows()
+                for _ in range(PROJECTIONS):
+                    v = v - points.step(rows @ v)
+                return q, v
+            q = pin.integrate(points.tied.model, q, points.step(gap))
+        return np.full_like(q, np.nan), v
+
+    return closed
+
+
+@lru_cache(maxsize=16)  # the same for all runs of a mechanism
+def _loops(tied: CoincidentPoints | ManyCoincidentPoints) -> CompiledLoops | None:
+    """Return the loops for the library; ``None`` where it is missing, or does not know a joint."""
+    axes = np.eye(3)
+    tree = None if len(tied.driven) else CompiledTree.of(tied.model)
+    held = [axes[acting] for acting in tied.acting.reshape(-1, 3)]
+    loops = [
+        Tied(POINT, (one.joint1_id, one.joint2_id), (one.joint1_placement, one.joint2_placement), along, 0.0 * along)
+        for one, along in zip(tied.needed, held, strict=True)
+    ]
+    return CompiledLoops(tree, loops) if tree else None
+
+
+def _system(loops: LoadedLoops, motion: PointMotion) -> LoopSystem | None:
+    """Return the system with the numbers by which the motion in Python solves, closes and looks."""
+    points, extent = motion.points, motion.extent
+    of_motion = (getattr(point_motion, name) for name in ("NEAR", "AHEAD", "COARSE", "CLOSE", "BLIND", "VANISHED"))
+    limits = LimitsStructure(
+        points.tied.regularity, *of_motion, ALIKE, point_motion.ASIDE, tuple(point_motion.ACROSS),
+        point_motion.PASSED * extent, point_motion.FLOOR, points.tied.rank,
+    )  # fmt: skip
+    closing = PROJECTION * points.scale, ROUNDED * extent, point_motion.STALLED * extent, MET * LEAST, ITERATIONS
+    return LoopSystem.of(loops, motion.scale, points.tied.model.nq, _proximal(motion.exact), closing, limits)
+
+
+def _proximal(settings: pin.ProximalSettings) -> ProximalStructure:
+    return ProximalStructure(settings.mu, settings.absolute_accuracy, settings.max_iter)

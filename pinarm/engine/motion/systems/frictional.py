@@ -1,0 +1,200 @@
+"""What is integrated with friction that sticks: joints that it holds follow constant laws, those that slip have a load.
+
+Its rows are completed with the friction of all joints; where several at rest hold one motion, with the extremes of what
+they may hold of it as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.constraint import one_sided
+from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.dynamics.dynamics import Dynamics, parts
+from pinarm.engine.friction.balance import FrictionSolution
+from pinarm.engine.friction.sliding import SlidingFriction
+from pinarm.engine.friction.slip import Slip
+from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
+from pinarm.errors import IntegrationError
+from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.friction.contact import slip_rows
+from pinarm.mechanics.laws.motion_law import Grid
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.integrator import Interval, Manifold
+    from pinarm.engine.motion.segmented.stick_slip import StickSlip
+
+EXCEEDED = 1e-6
+"""Part of its bound by which the friction of a row may exceed it: the row may stand at the switch."""
+
+FRICTION = "friction"
+"""Name of the force element of joints that slip."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionalSystem:
+    """What is integrated while some joints with friction slip and others are stuck.
+
+    Attributes:
+        friction: The joints with friction.
+        slip: What they do.
+        inner: What is integrated, the stuck joints following constant laws.
+        cuts: Bounds of the intervals on which no law jumps [s].
+    """
+
+    friction: StickSlip
+    slip: Slip
+    inner: System
+    cuts: Sequence[float] = field(repr=False)
+
+    @property
+    def manifold(self) -> Manifold:
+        """Space of the integrated configurations."""
+        return self.inner.manifold
+
+    @property
+    def closure(self) -> Closure:
+        """Constraints with multipliers: those of the mechanism, then task coordinates that follow laws."""
+        prescribed, others = self.friction.prescribed.linear_last()
+        return self.friction.closure.with_guides(prescribed.names[:others], prescribed.coordinates[:others])
+
+    def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
+        """Return the integrated state that belongs to the initial state of the mechanism."""
+        return self.inner.begin(initial, start, end)
+
+    def sliding_at(self, start: float, end: float) -> SlidingFriction:
+        """Return the friction of what slips, on the interval that some instants lie in."""
+        cuts = np.array(self.cuts)
+        k = int(np.clip(np.searchsorted(cuts, 0.5 * (start + end), side="right") - 1, 0, len(cuts) - 2))
+        return self.friction.sliding(self.slip, (float(cuts[k]), float(cuts[k + 1])))
+
+    def slowed(self, dynamics: Dynamics) -> Dynamics:
+        """Return the equation of motion with the friction of what slips."""
+        return Dynamics.of(dynamics.model, {**dynamics.forces, FRICTION: self.sliding_at(*self.cuts[:2])})
+
+    def under(self, dynamics: Dynamics) -> FrictionalSystem:
+        """Return the system under other loads."""
+        return replace(self, friction=replace(self.friction, dynamics=dynamics))
+
+    def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
+        """Return the motion of the integrated state on an interval without jumps."""
+        return self.inner.interval(self.slowed(dynamics), start, end)
+
+    def part(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the integrated part of states."""
+        return self.inner.part(q, v)
+
+    def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the mechanism's states."""
+        return self.inner.whole(t, q, v)
+
+    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
+        """Return the motion with the friction of all joints, and with the efforts of what follows laws."""
+        slowed = self.slowed(dynamics)
+        found = self.inner.complete(slowed, grid, q, v)
+        friction, extremes = np.zeros((len(q), len(self.friction.contacts))), list[Array]()
+        for local, rows in ((one.forces[FRICTION], rows) for rows, one in parts(slowed, grid)):
+            assert isinstance(local, SlidingFriction)
+            states = grid.t[rows], found.q[rows], found.v[rows]
+            solutions = local.solutions(*states)
+            for i, solution in zip(range(rows.start, rows.stop), solutions, strict=True):
+                friction[i] = self._within_bounds(solution, grid.t[i])
+            extremes += local.extremes(*states, solutions) if self._shares else []
+        demand = np.concatenate(
+            [
+                one.inverse(grid.t[rows], found.q[rows], found.v[rows], found.a[rows])
+                for rows, one in parts(dynamics, grid)
+            ]
+        )
+        told = self._under(found, grid.t, demand, friction)
+        others = []
+        for other in (self._under(found, grid.t, demand, each) for each in filled(friction, extremes)):
+            part = self._holding_part(told, other)[:, None]
+            within = friction + part * (other.friction - friction)
+            others.append(other if (part == 1.0).all() else self._under(found, grid.t, demand, within))
+        return replace(told, others=tuple(others))
+
+    def _holding_part(self, told: CompletedStates, other: CompletedStates) -> Array:
+        """Return how far from the told friction to another one constraints that push or pull only hold, shape (n,)."""
+        found, slices = np.ones(len(told.q)), self.closure.slices()
+        for constraint in one_sided(self.closure.constraints):
+            row = slices[constraint.name].start
+            now, then = (constraint.side * np.asarray(states.lam)[:, row] for states in (told, other))
+            gone = (then < 0.0) & (now >= 0.0)
+            found = np.minimum(found, np.divide(now, now - then, out=np.ones_like(now), where=gone))
+        return found
+
+    @property
+    def _shares(self) -> bool:
+        """Whether several joints at rest hold one motion."""
+        contacts = self.friction.contacts
+        return any(len({contacts[i].name for i in group.members}) > 1 for group in self.slip.stuck)
+
+    def _under(self, states: CompletedStates, t: Array, demand: Array, friction: Array) -> CompletedStates:
+        """Return states with the efforts and multipliers under friction of all joints, shape (n, k)."""
+        rows = slip_rows(self.friction.closure.model, self.friction.contacts, states.q)
+        tau, lam = self._efforts(t, states.q, demand - np.vecmat(friction, rows))
+        return replace(states, tau=tau, lam=lam, friction=friction)
+
+    def _within_bounds(self, solution: FrictionSolution, t: float) -> Array:
+        """Return the friction of a row, shape (k,).
+
+        Raises:
+            IntegrationError: What holds a joint exceeds its bound: a step has gone past the switch.
+        """
+        beyond = np.abs(solution.held) > solution.bounds * (1.0 + EXCEEDED)
+        for group, over in zip(self.slip.stuck, beyond, strict=True):
+            if over:
+                raise IntegrationError(
+                    f"at t = {t:.9g} s the friction that holds {self.friction.contacts[group.first].name} exceeds its "
+                    "bound: a step has gone past the instant at which it breaks loose",
+                    expected="steps short enough for the loads that act on joints at rest", hint="accuracy.tolerance",
+                )  # fmt: skip
+        return solution.f
+
+    def _efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
+        prescribed, own = self.friction.prescribed, self.friction.closure
+        if not prescribed.names:
+            none = np.zeros((len(q), 0))
+            lam = Multipliers.least(own, q, demand, none) if own.size else Multipliers.zero(len(q), 0)
+            return np.zeros_like(demand), lam
+        from pinarm.engine.statics.selected_drives import SelectedDrives
+
+        named = dict(zip(prescribed.names, prescribed.coordinates, strict=True))
+        linear = {name: one for name, one in named.items() if isinstance(one, LinearCoordinate)}
+        others = {name: one for name, one in named.items() if name not in linear}
+        return SelectedDrives(linear, others, own, self.closure).efforts(t, q, demand)
+
+
+def filled(told: Array, extremes: Sequence[Array]) -> list[Array]:
+    """Return other frictions of n rows, shape (n, k) each, by those of each row, shape (e, k); told ones fill up."""
+    found = [told.copy() for _ in range(max(map(len, extremes), default=0))]
+    for row, frictions in enumerate(extremes):
+        for other, friction in zip(found, frictions, strict=False):
+            other[row] = friction
+    return found
+
+
+def remarks_on_rest(systems: Iterable[System]) -> list[str]:
+    """Return what is to be said of joints that friction holds together: only the sum of what it does is determined."""
+    together = dict[str, None]()
+    for system in systems:
+        inner = getattr(system, "inner", None)  # controllers wrap what friction makes of a motion
+        frictional = system if isinstance(system, FrictionalSystem) else inner
+        if not isinstance(frictional, FrictionalSystem):
+            continue
+        for group in frictional.slip.stuck:
+            names = dict.fromkeys(frictional.friction.contacts[i].name for i in group.members)
+            if len(names) > 1:
+                together[", ".join(names)] = None
+    return [
+        f"friction holds {names} together: only its sum is determined. They are taken to share it in proportion to "
+        "what each can hold, and the forces between them follow from that; NAME.least and NAME.greatest are the ends"
+        for names in together
+    ]

@@ -1,0 +1,1 @@
+"""Cams: the relation of shaft and follower, and where they touch."""

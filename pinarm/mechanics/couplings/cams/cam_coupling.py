@@ -1,0 +1,309 @@
+"""The coupling of a cam and its follower, ``q2 = f(q1)``: a holonomic constraint whose row turns with the cam.
+
+With the multiplier lam, the effort at the follower's joint: ``G = (-f', 1)`` at the two joints and
+``G' v = -f'' q1'^2``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+
+import numpy as np
+
+from pinarm.arrays import Array, Complex, Flags, Indices
+from pinarm.input.units import Unit, unit
+from pinarm.mechanics.couplings.cams.cam_contact import FollowerMotion, FollowerPoint, FollowerSurface, Touch
+from pinarm.mechanics.couplings.coupling import JointRelation, outwards
+from pinarm.mechanics.couplings.members import MemberPair
+from pinarm.mechanics.forces.breakpoints import Pieces
+from pinarm.mechanics.forces.force_element import Edge
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.geometry.vectors import crossed
+from pinarm.mechanics.joints import METRE, RADIAN, Joint
+from pinarm.mechanics.laws.motion_law import JUMP, MotionLaw, Values
+from pinarm.mechanics.laws.over_coordinate import Profile
+
+SAMPLES = 721
+"""Places at which a profile is looked at to describe it: every half degree of a turn."""
+
+
+@dataclass(frozen=True, eq=False)
+class CamPlane:
+    """The plane of a cam and its follower, in their carrier.
+
+    Attributes:
+        pair: The cam and the follower.
+        origin: Where the axis of the cam meets the plane [m], shape (3,).
+        axes: Unit vectors of the plane and of the axis of the cam, right-handed, shape (3, 3).
+    """
+
+    pair: MemberPair
+    origin: Array
+    axes: Array
+
+    @classmethod
+    def of(cls, pair: MemberPair, place: Array) -> CamPlane:
+        """Return the plane across the cam's axis through a point of the carrier, shape (3,)."""
+        a = pair.first.axis
+        origin = pair.first.point + a * (a @ (place - pair.first.point))
+        across = np.cross(a, np.eye(3)[np.abs(a).argmin()])
+        across /= np.linalg.norm(across)
+        return cls(pair, origin, np.array([across, np.cross(a, across), a]))
+
+    @property
+    def axis(self) -> Array:
+        """Unit vector of the cam's axis, shape (3,)."""
+        return np.asarray(self.axes[2])
+
+    def coordinates(self, point: Array) -> complex:
+        """Return a point, shape (3,), from the axis of the cam [m]."""
+        return self.direction(point - self.origin)
+
+    def direction(self, vector: Array) -> complex:
+        """Return the part of a vector, shape (3,), in the plane."""
+        return complex(self.axes[0] @ vector, self.axes[1] @ vector)
+
+    def vectors(self, z: Complex) -> Array:
+        """Return vectors of the plane in the carrier's axes, shape (n, 3)."""
+        return np.asarray(np.multiply.outer(z.real, self.axes[0]) + np.multiply.outer(z.imag, self.axes[1]))
+
+
+@dataclass(frozen=True, eq=False)
+class CamContact:
+    """The geometry of a cam's follower.
+
+    Attributes:
+        plane: In which they touch.
+        point: Of the follower: centre of the roller, or a point of the face.
+        surface: The roller or the face.
+    """
+
+    plane: CamPlane
+    point: FollowerPoint
+    surface: FollowerSurface
+
+    @property
+    def senses(self) -> tuple[float, float]:
+        """Angle or way of each member in the carrier per way of its joint, 1 or -1."""
+        first, second = self.plane.pair.first, self.plane.pair.second
+        return first.rates[first.joint], second.rates[second.joint]
+
+    def touch(self, values: Values) -> Touch:
+        """Return how they touch where the profile has the values f, f' and f'', each of shape (n,)."""
+        turning, moving = self.senses
+        f, df, ddf = values
+        motion = FollowerMotion.of(self.point, moving * f, moving * turning * df, moving * ddf)
+        return self.surface.touch(motion)
+
+    def force(self, touch: Touch, lam: Array) -> Array:
+        """Return the contact force [N] with efforts lam at the follower's joint, shape (n,); negative if it pulls."""
+        with np.errstate(divide="ignore", invalid="ignore"):  # at a pressure angle of 90 degrees no force has an effort
+            return np.where(lam == 0.0, 0.0, self.senses[1] * lam / touch.lever)
+
+
+@dataclass(frozen=True, eq=False)
+class CamCoupling(JointRelation):
+    """A follower's joint that stands where the profile over the cam's joint says.
+
+    Attributes:
+        name: Its name.
+        nv: Number of velocities of the model.
+        cam_joint: Joint of the cam.
+        follower_joint: Joint of the follower.
+        profile: f.
+        one_sided: Whether the cam pushes only.
+        contact: Where they touch; ``None`` where that is not known.
+        missing: What would have to be given for the forces on bodies to be known, in words.
+    """
+
+    name: str
+    nv: int
+    cam_joint: Joint
+    follower_joint: Joint
+    profile: Profile = field(repr=False)
+    one_sided: bool
+    contact: CamContact | None = field(repr=False)
+    missing: str
+    kind: str = "cam"
+    size: int = 1
+
+    @property
+    def joints(self) -> Indices:
+        """Indices in v of both joints."""
+        return np.array(sorted((self.cam_joint.v, self.follower_joint.v)), dtype=np.intp)
+
+    @property
+    def known(self) -> bool:
+        """Whether the contact is known."""
+        return self.contact is not None
+
+    def unit(self, row: int) -> Unit:
+        """Return the unit of the follower's joint."""
+        return self.follower_joint.unit
+
+    def values(self, q: Array, v: Array | None = None) -> Values:
+        """Return f, f' and f'' at configurations, shape (n, nq), each of shape (n,).
+
+        Where f'' jumps it is that of the side to which the cam moves.
+        """
+        return self.profile(q[:, self.cam_joint.q], 0.0 if v is None else np.sign(v[:, self.cam_joint.v]))
+
+    def gaps_at(self, q: Array) -> Array:
+        """Return ``q2 - f(q1)``."""
+        return np.asarray(q[:, self.follower_joint.q] - self.values(q)[0])
+
+    def rows_at(self, q: Array) -> Array:
+        """Return ``(-f', 1)`` at the joints."""
+        rows = np.zeros((len(q), self.nv))
+        rows[:, self.cam_joint.v], rows[:, self.follower_joint.v] = -self.values(q)[1], 1.0
+        return rows
+
+    def drifts_at(self, q: Array, v: Array) -> Array:
+        """Return ``-f'' q1'^2``."""
+        return np.asarray(-self.values(q, v)[2] * v[:, self.cam_joint.v] ** 2)
+
+    def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
+        """Return the opposite contact forces on cam and follower; nothing where the contact is not known."""
+        if self.contact is None:
+            return {}
+        pair = self.contact.plane.pair
+        point, force = self._acting(links.q, lam[:, 0])
+        wrench = outwards(links, pair.carrier, np.concatenate([force, crossed(point, force)], axis=1))
+        return {pair.second.body: wrench, pair.first.body: -wrench}
+
+    def transmitted(self, links: LinkPlacements, lam: Array) -> tuple[Array, Array]:
+        """Return the contact point, and the force on the follower there; see ``JointRelation``."""
+        assert self.contact is not None
+        carrier = self.contact.plane.pair.carrier
+        point, force = self._acting(links.q, lam[:, 0])
+        turn = links.turns[:, carrier]
+        return links.places[:, carrier] + np.matvec(turn, point), np.concatenate(
+            [np.matvec(turn, force), np.zeros_like(force)], axis=1
+        )
+
+    def _acting(self, q: Array, lam: Array) -> tuple[Array, Array]:
+        """Return contact points [m] and forces on the follower [N] in the carrier, each of shape (n, 3)."""
+        assert self.contact is not None
+        touch, plane = self.contact.touch(self.values(q)), self.contact.plane
+        force = self.contact.force(touch, lam)
+        return plane.origin + plane.vectors(touch.point), plane.vectors(force * touch.normal)
+
+    def parts(self) -> dict[str, Unit]:
+        """Return the contact force and the measures of the contact."""
+        if self.contact is None:
+            return {}
+        parts = {"normal": unit("N"), "pressure_angle": RADIAN, "curvature_radius": METRE}
+        return {**parts, **({"eccentricity": METRE} if self.contact.surface.flat else {})}
+
+    def part(self, name: str, q: Array, lam: Array) -> Array:
+        """Return one of them."""
+        assert self.contact is not None
+        touch = self.contact.touch(self.values(q))
+        if name == "normal":
+            return self.contact.force(touch, lam)
+        return {"pressure_angle": touch.pressure_angle, "curvature_radius": touch.radius,
+                "eccentricity": touch.eccentricity}[name]  # fmt: skip
+
+    def push(self, q: Array, lam: Array) -> Array:
+        """Return with what the cam pushes its follower, negative where it pulls, shape (n,).
+
+        The contact force [N] where the contact is known, otherwise the effort at the follower's joint.
+        """
+        if self.contact is None:
+            return lam
+        return self.contact.force(self.contact.touch(self.values(q)), lam)
+
+    def push_unit(self) -> Unit:
+        """Return N, or the unit of the follower's effort where the contact is not known."""
+        return unit("N") if self.contact or self.follower_joint.unit == METRE else unit("N*m")
+
+    @cached_property
+    def side(self) -> float:
+        """Sense in which the cam pushes the follower's coordinate; 0 where it holds it both ways."""
+        if not self.one_sided:
+            return 0.0
+        return 1.0 if self.contact is None else float(np.sign(self.contact.senses[1] * self.outline.lever[0]))
+
+    @property
+    def opens(self) -> str:
+        """What happens where the cam would have to pull."""
+        return "the follower lifts off"
+
+    def whereabouts(self, q: Array) -> str:
+        """Return the angle of the cam, within one period where it repeats."""
+        place, joint = float(q[self.cam_joint.q]), self.cam_joint
+        place -= 0.0 if self.profile.period == np.inf else self.profile.period * np.floor(place / self.profile.period)
+        return f"{joint.name} = {place:.6g} m" if joint.unit == METRE else f"{joint.name} = {np.rad2deg(place):.6g} deg"
+
+    @cached_property
+    def outline(self) -> Touch:
+        """How they touch all along the profile; the contact must be known."""
+        assert self.contact is not None
+        return self.contact.touch(self.profile(sample_range(self.profile)))
+
+    def flawed(self, q: Array) -> Flags:
+        """Return where the outline of the cam is undercut."""
+        if self.contact is None:
+            return super().flawed(q)
+        return self.contact.surface.undercut(self.contact.touch(self.values(q)).radius)
+
+    @property
+    def flaw(self) -> str:
+        """What undercutting means."""
+        assert self.contact is not None
+        return f"is undercut: no cam has this profile with its {self.contact.surface.words}"
+
+    @property
+    def in_pieces(self) -> bool:
+        """Whether the profile has breakpoints."""
+        return bool(len(self._pieces.bounds))
+
+    @cached_property
+    def _pieces(self) -> Pieces:
+        starts = [piece.start for piece in self.profile.pieces if np.isfinite(piece.start)]
+        return Pieces(np.array(starts), self.profile.period)
+
+    def edges(self) -> list[Edge]:
+        """Return the passages of the cam through the breakpoints of the profile."""
+        return [partial(self._beside, place) for place in self._pieces.bounds]
+
+    def _beside(self, place: float, t: Array, q: Array, v: Array) -> Array:
+        """Return what vanishes where the cam is at a place, in every period."""
+        away, period = q[:, self.cam_joint.q] - place, self.profile.period
+        return away if period == np.inf else np.sin(np.pi * away / period)
+
+    def passages(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
+        """Return when the cam passes places at which f'' jumps, where it follows a law."""
+        law = laws.get(self.cam_joint.v)
+        return [] if law is None else [t for t in self.profile.passages(law, start, end) if self._jumps(law, t)]
+
+    def _jumps(self, law: MotionLaw, t: float) -> bool:
+        """Return whether f'' jumps where the cam is at an instant."""
+        place = law.on(t, t)(np.array([t]))[0]
+        before, after = (self.profile(place, side)[2] for side in (-1.0, 1.0))
+        size = max(piece.size()[2] for piece in self.profile.pieces)
+        return bool(abs(after - before) > JUMP * size)
+
+    def passed(self, q: Array, v: Array) -> bool:
+        """Return whether the cam passes a whole piece of the profile."""
+        return self._pieces.passed(q[:, self.cam_joint.q])
+
+    @property
+    def description(self) -> str:
+        """The follower, and the size of the cam that follows, or what is missing."""
+        if self.contact is None:
+            return f"its forces on bodies are not known: {self.missing}"
+        touch = self.outline
+        steepest = np.rad2deg(np.abs(touch.pressure_angle).max())
+        words = (f"{self.contact.surface.words}, cam of radius {1e3 * np.abs(touch.point).min():.6g} to "
+                 f"{1e3 * np.abs(touch.point).max():.6g} mm, pressure angle up to {steepest:.4g} deg")  # fmt: skip
+        return words + (", pushes only" if self.one_sided else "")
+
+
+def sample_range(profile: Profile) -> Array:
+    """Return places that show all of a profile, shape (n,): a period, its pieces, or, without ends, one turn."""
+    ends = [end for piece in profile.pieces for end in (piece.start, piece.end) if np.isfinite(end)]
+    low, high = (min(ends), max(ends)) if len(set(ends)) > 1 else (0.0, 2.0 * np.pi)
+    return np.linspace(low, high, SAMPLES)

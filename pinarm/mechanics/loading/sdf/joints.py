@@ -1,0 +1,271 @@
+"""The ``<joint>`` elements of SDF: what each is in a tree, and the loop joint that it is where it closes a loop.
+
+A universal joint is two revolute joints in a row, ``NAME.axis`` and ``NAME.axis2``. A screw is a slide ``NAME.slide``
+and a revolute joint ``NAME``, tied by a coupling of its lead.
+
+Source: SDFormat 1.12, specification of joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.errors import ModelError, choices
+from pinarm.mechanics.loading.model_tree import Bounds, Kind, Mimic, TreeJoint
+from pinarm.mechanics.loading.sdf.poses import MODEL, TRUE, Frames, number_in, numbers_of, text_of
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.loops.kinds import Loop
+
+WORLD = "world"
+"""Name of what a model stands on."""
+
+GEARBOX = "gearbox"
+"""Type of the joints that move no link, and couple others."""
+
+LIMITLESS = 1e15
+"""Limit from which on there is none: the format's own default is 1e16."""
+
+SQUARE = 1e-6
+"""Cosine of the angle between two axes up to which they are at right angles: digits that a file prints."""
+
+Z = np.array([0.0, 0.0, 1.0])
+"""Axis of a joint that has none, shape (3,)."""
+
+SECOND = ".axis2"
+"""End of the name of the second joint of a universal one."""
+
+Step = tuple[str, Kind, str]
+_CROSS: tuple[Step, ...] = ((".axis", "revolute", "axis"), (SECOND, "revolute", "axis2"))
+KINDS: Mapping[str, tuple[Step, ...]] = {
+    "fixed": (("", "fixed", ""),), "ball": (("", "ball", ""),), "revolute": (("", "revolute", "axis"),),
+    "continuous": (("", "revolute", "axis"),), "prismatic": (("", "prismatic", "axis"),),
+    "universal": _CROSS, "revolute2": _CROSS, "screw": ((".slide", "prismatic", ""), ("", "revolute", "axis")),
+}  # fmt: skip
+"""SDF joint type -> its simple joints from parent to child: end of the name, kind, element with axis and limits."""
+
+
+@dataclass(frozen=True)
+class SdfJoint:
+    """A joint of an SDF file.
+
+    Attributes:
+        name: Its name.
+        kind: Its type, as the file calls it.
+        parent: The link that the file calls parent, or the world.
+        child: The link that it calls child.
+        place: Placement of the joint in the model.
+        steps: Its simple joints from the parent to the child, each with its axis in the joint's axes.
+        lead: Way per turn of a screw, positive for a right-handed thread [m]; 0 of other joints.
+        mimics: What its coordinates follow.
+        notes: What is read in one of several possible meanings, in words.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    place: pin.SE3
+    steps: tuple[TreeJoint, ...]
+    lead: float = 0.0
+    mimics: tuple[Mimic, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def active(self) -> bool:
+        """Whether it has more than a motion: limits, damping, friction, a spring, or a joint that it follows."""
+        return bool(self.mimics) or any(
+            step.bounds != Bounds() or step.damping or step.friction or step.stiffness for step in self.steps
+        )
+
+    def hung(self, parent: str, child: str, placed: Mapping[str, pin.SE3]) -> list[TreeJoint]:
+        """Return its simple joints between two links of a tree.
+
+        Where the tree leads from the joint's child to its parent they follow each other in the opposite order, with
+        opposite axes: coordinates stay those of the file.
+
+        Args:
+            parent: The link that is nearer to the root: the joint's parent or its child.
+            child: The other one.
+            placed: Placement of every link in the model.
+        """
+        outwards = parent == self.parent
+        steps = self.steps if outwards else [replace(step, axis=-step.axis) for step in reversed(self.steps)]
+        ends = [parent, *(f"{self.name}/{number}" for number in range(1, len(steps))), child]
+        places = [placed[parent].actInv(self.place), *[pin.SE3.Identity()] * (len(steps) - 1)]
+        hung = [
+            replace(step, parent=ends[k], child=ends[k + 1], placement=place)
+            for k, (step, place) in enumerate(zip(steps, places, strict=True))
+        ]
+        return [*hung[:-1], replace(hung[-1], offset=self.place.actInv(placed[child]))]
+
+    def closing(self, placed: Mapping[str, pin.SE3]) -> tuple[list[TreeJoint], Loop]:
+        """Return what it is where it closes a loop: a frame ``NAME_1`` on the parent, ``NAME_2`` on the child, and it.
+
+        Args:
+            placed: Placement of every link in the model.
+
+        Raises:
+            ModelError: It turns about two axes that are not at right angles.
+        """
+        between = f"{self.name}_1", f"{self.name}_2"
+        frames = [
+            TreeJoint(f"{frame}_fixed", "fixed", link, frame, placed[link].actInv(self.place), Z)
+            for frame, link in zip(between, (self.parent, self.child), strict=True)
+        ]
+        return frames, self._loop(between)
+
+    def _loop(self, between: tuple[str, str]) -> Loop:
+        from pinarm.mechanics.loops.lower_pairs import Fixed, Prismatic, Revolute, Spherical
+        from pinarm.mechanics.loops.screw import Helical
+        from pinarm.mechanics.loops.universal import Universal
+
+        axes = [tuple(step.axis.tolist()) for step in self.steps]
+        if self.kind == "fixed":
+            return Fixed(between=between)
+        if self.kind == "ball":
+            return Spherical(between=between)
+        if self.kind == "prismatic":
+            return Prismatic(between=between, axis=axes[0])
+        if self.kind == "screw":
+            return Helical(between=between, axis=axes[-1], lead=self.lead)
+        if len(axes) == 1:
+            return Revolute(between=between, axis=axes[0])
+        if abs(self.steps[0].axis @ self.steps[1].axis) > SQUARE:
+            raise ModelError(f"joint '{self.name}': it closes a loop, and its axes are not at right angles",
+                             expected="axes at right angles, or another joint of the loop that closes it")  # fmt: skip
+        return Universal(between=between, axes=(axes[0], axes[1]))
+
+
+def joint_in(joint: Element, frames: Frames, version: tuple[int, int]) -> SdfJoint:
+    """Return the joint of an element.
+
+    Args:
+        joint: The ``<joint>``; no gearbox.
+        frames: Frames of the model, the joint's own among them.
+        version: Version of the format.
+
+    Raises:
+        ModelError: A link, number, axis or its type is invalid.
+    """
+    name, given = str(joint.get("name")), joint.get("type", "")
+    where = f"joint '{name}'"
+    if given not in KINDS:
+        expected, hint = choices(given, [*KINDS, GEARBOX])
+        raise ModelError(f"{where}: a joint of type '{given}' is not read", expected=expected, hint=hint)
+    place = frames.placement(name, where)
+    parent, child = (end_of(joint, end, frames, where) for end in ("parent", "child"))
+    if parent == child:
+        raise ModelError(f"{where}: it joins '{child}' to itself")
+    steps = []
+    for end, kind, tag in KINDS[given]:
+        step = TreeJoint(name + end, kind, parent, child, pin.SE3.Identity(), Z)
+        if kind not in ("fixed", "ball"):
+            step = replace(step, axis=axis_in(joint.find(tag or "axis"), place, frames, version, where))
+        if tag:
+            step = _moving(step, joint.find(tag), limits=given != "continuous", where=where)
+        steps.append(step)
+    lead, notes = _lead(joint, where) if given == "screw" else (0.0, ())
+    mimics = [_mimic(joint.find(tag), name + end, where) for end, _, tag in KINDS[given] if tag]
+    return SdfJoint(name, given, parent, child, place, tuple(steps), lead, tuple(filter(None, mimics)), notes)
+
+
+def end_of(joint: Element, end: str, frames: Frames, where: str) -> str:
+    """Return the link at an end of a joint, or the world."""
+    name = text_of(joint, end)
+    return WORLD if name == WORLD and end != "child" else frames.link(name, f"{where}: {end}")
+
+
+def axis_in(axis: Element | None, place: pin.SE3, frames: Frames, version: tuple[int, int], where: str) -> Array:
+    """Return an axis in the axes of a joint, shape (3,): as it says, before version 1.5 in those of the model.
+
+    Args:
+        axis: The ``<axis>``; z where there is none.
+        place: Placement of the joint in the model.
+        frames: Frames of the model.
+        version: Version of the format.
+        where: Begins the message of an error.
+
+    Raises:
+        ModelError: It is 0, or no vector.
+    """
+    given = None if axis is None else axis.find("xyz")
+    xyz = numbers_of((given.text or "") if given is not None else "0 0 1", 3, f"{where}: axis")
+    length = float(np.linalg.norm(xyz))
+    if not length:
+        raise ModelError(f"{where}: its axis is 0", expected="a direction")
+    named = given.get("expressed_in", "") if given is not None else ""
+    if version < (1, 5) or (axis is not None and text_of(axis, "use_parent_model_frame") in TRUE):
+        named = named or MODEL
+    turn = place.rotation.T @ frames.placement(named, f"{where}: axis").rotation if named else np.eye(3)
+    return np.asarray(turn @ xyz / length)
+
+
+def _moving(plain: TreeJoint, axis: Element | None, *, limits: bool, where: str) -> TreeJoint:
+    """Return a simple joint with the limits, damping, friction and spring of an ``<axis>``.
+
+    Args:
+        plain: The joint without them.
+        axis: The element; ``None`` for one that says nothing.
+        limits: Whether limits of the coordinate are those of the element; there are none otherwise.
+        where: Begins the message of an error.
+    """
+    bounds = _bounds(axis, where) if limits else Bounds()
+    effort, speed = (number_in(axis, f"limit/{key}", -1.0, where) for key in ("effort", "velocity"))
+    damping, friction, stiffness = (
+        number_in(axis, f"dynamics/{key}", 0.0, where) for key in ("damping", "friction", "spring_stiffness")
+    )
+    if min(damping, friction, stiffness) < 0.0:
+        raise ModelError(f"{where}: its damping, friction or stiffness is negative")
+    most = {"effort": effort if effort >= 0.0 else np.inf, "velocity": speed if speed >= 0.0 else np.inf}
+    return replace(
+        plain, damping=damping, friction=friction, stiffness=stiffness, bounds=replace(bounds, **most),
+        rest=number_in(axis, "dynamics/spring_reference", 0.0, where),
+    )  # fmt: skip
+
+
+def _bounds(axis: Element | None, where: str) -> Bounds:
+    lower, upper = (number_in(axis, f"limit/{key}", x, where) for key, x in (("lower", -1e16), ("upper", 1e16)))
+    if lower > upper:
+        raise ModelError(f"{where}: its limits are {lower:g} to {upper:g}", expected="the lower one first")
+    return Bounds(lower if lower > -LIMITLESS else -np.inf, upper if upper < LIMITLESS else np.inf)
+
+
+def _lead(joint: Element, where: str) -> tuple[float, tuple[str, ...]]:
+    """Return the way per turn of a screw [m], and a note where the file has it as rad/m.
+
+    Raises:
+        ModelError: It has none, or 0.
+    """
+    for tag in ("screw_thread_pitch", "thread_pitch"):
+        if not text_of(joint, tag):
+            continue
+        given = number_in(joint, tag, 0.0, where)
+        if given == 0.0:
+            raise ModelError(f"{where}: its {tag} is 0", expected="a number other than 0")
+        if tag == "screw_thread_pitch":
+            return given, ()
+        lead = -2.0 * np.pi / given
+        return lead, (f"{where}: its thread_pitch is read as Gazebo does, in rad/m and positive for a left-handed "
+                      f"thread: {lead:g} m per turn; 'screw_thread_pitch' has one meaning",)  # fmt: skip
+    raise ModelError(f"{where}: a screw without a pitch", expected="<screw_thread_pitch>, in metres per turn")
+
+
+def _mimic(axis: Element | None, name: str, where: str) -> Mimic | None:
+    """Return what a joint follows: ``q = multiplier (q_of - reference) + offset``."""
+    given = None if axis is None else axis.find("mimic")
+    if given is None:
+        return None
+    multiplier, offset, reference = (
+        number_in(given, key, x, f"{where}: mimic")
+        for key, x in (("multiplier", 1.0), ("offset", 0.0), ("reference", 0.0))
+    )
+    second = SECOND if given.get("axis") == "axis2" else ""
+    return Mimic(name, given.get("joint", "") + second, multiplier, offset - multiplier * reference)

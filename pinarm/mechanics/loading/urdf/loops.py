@@ -1,0 +1,217 @@
+"""Extensions of URDF that close loops and couple joints.
+
+==============================  ========================================================================================
+``<loop>`` of URDF+             a joint between an ``<origin>`` in the ``<predecessor>`` and one in the ``<successor>``
+``<coupling>`` of URDF+         ``sum of q to the successor = ratio * sum of q to the predecessor``, each from the link
+                                where their ways part
+``<loop_joint>`` of Isaac Sim   a joint between a frame in ``<link1>`` and one in ``<link2>``
+``<joint>`` in a ``<gazebo>``   a joint of SDF: it closes a loop where all joints of the tree are at 0; or a gearbox
+==============================  ========================================================================================
+
+Sources: M. Chignoli, J.-J. Slotine, P. Wensing, S. Kim, *URDF+: An Enhanced URDF for Robots with Kinematic Loops*,
+2024, arXiv:2411.19753, and their parser; Isaac Sim, URDF importer, custom tags; SDFormat, extensions to URDF.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.errors import ModelError, choices
+from pinarm.mechanics.loading.model_tree import Tree, TreeJoint, listed
+from pinarm.mechanics.loading.sdf.gearboxes import Hinge, gear_of
+from pinarm.mechanics.loading.sdf.joints import GEARBOX, joint_in
+from pinarm.mechanics.loading.sdf.poses import MODEL, Frames, pose_of, text_of
+from pinarm.mechanics.loading.urdf.elements import axis_of, number_of, placement_of
+from pinarm.mechanics.loading.urdf.names import gazebo_joints
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.couplings.kinds import CouplingDefinition
+    from pinarm.mechanics.loops.kinds import Loop
+
+KINDS: Mapping[str, str] = {
+    "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "planar": "planar",
+    "spherical": "spherical",
+}  # fmt: skip
+"""Type of a ``<loop>`` or ``<loop_joint>`` -> kind of loop joint."""
+
+VERSION = (1, 7)
+"""Version of SDF in whose meaning joints in ``<gazebo>`` are read: axes in the axes of the joint."""
+
+
+def with_loops(tree: Tree, robot: Element) -> Tree:
+    """Return a tree with the loops and couplings of a ``<robot>`` element.
+
+    Raises:
+        ModelError: One has no name or that of another part, a link does not exist, or a number, axis or type is
+            invalid.
+    """
+    closed = _Closed(tree, robot)
+    for element in robot.findall("loop"):
+        ends = [_end(element, tags) for tags in (("predecessor",), ("successor", "sucessor"))]
+        closed.close(element, [(_link(end), end.find("origin")) for end in ends])
+    for element in robot.findall("loop_joint"):
+        ends = [end for end in element if end.tag in ("link1", "link2")]  # Isaac's own example has two link1
+        if len(ends) != 2:
+            raise ModelError(f"{_where(element)}: it has {len(ends)} links", expected="<link1> and <link2>")
+        closed.close(element, [(_link(end), end) for end in ends])
+    for element in robot.findall("coupling"):
+        closed.couple(element)
+    for element in gazebo_joints(robot):
+        closed.add_joint_of_sdf(element)
+    frames = {joint.child: pin.Inertia.Zero() for joint in closed.frames}
+    return replace(
+        tree, links={**tree.links, **frames}, joints=(*tree.joints, *closed.frames), loops=closed.loops,
+        couplings=closed.couplings, notes=(*tree.notes, *closed.notes()),
+    )  # fmt: skip
+
+
+class _Closed:
+    """Loops and couplings of a tree while they are read.
+
+    Attributes:
+        frames: Frames that are tied, as joints that fix them to links.
+        loops: Joints that close loops.
+        couplings: Couplings.
+        idle: Joints whose limits, damping, friction and springs are not modelled.
+        remarks: Further notes.
+    """
+
+    def __init__(self, tree: Tree, robot: Element) -> None:
+        self.frames: list[TreeJoint] = []
+        self.loops: dict[str, Loop] = {}
+        self.couplings: dict[str, CouplingDefinition] = {}
+        self.idle: list[str] = []
+        self.remarks: list[str] = []
+        self._tree = tree
+        self._above = {joint.child: joint for joint in tree.joints}
+        self._robot = robot
+
+    def close(self, element: Element, ends: list[tuple[str, Element | None]]) -> None:
+        """Add the loop joint of an element between origins in two links."""
+        from pinarm.mechanics.loops.lower_pairs import LOWER_KINDS, AxisDefinition
+
+        where, given = _where(element), element.get("type", "")
+        name = self._named(element)
+        if given not in KINDS:
+            expected, hint = choices(given, KINDS)
+            raise ModelError(f"{where}: its type is '{given}'", expected=expected, hint=hint)
+        between = f"{name}_1", f"{name}_2"
+        for frame, (link, origin) in zip(between, ends, strict=True):
+            self._check(link, where)
+            self._add_frame(_fixed(frame, link, placement_of(origin, f"{where}: origin in '{link}'")), where)
+        kind = LOWER_KINDS[KINDS[given]]
+        if issubclass(kind, AxisDefinition):
+            x, y, z = axis_of(element.find("axis"), where).tolist()
+            self.loops[name] = kind(between=between, axis=(x, y, z))  # type: ignore[assignment]  # one of Loop
+        else:
+            self.loops[name] = kind(between=between)  # type: ignore[assignment]
+
+    def couple(self, element: Element) -> None:
+        """Add the coupling of an element."""
+        from pinarm.mechanics.couplings.weighted_sum import WeightedSum
+
+        where, name = _where(element), self._named(element)
+        ends = [_link(_end(element, tags)) for tags in (("predecessor",), ("successor", "sucessor"))]
+        ways = [self._way(link, where) for link in ends]
+        shared = {*ways[0]} & {*ways[1]}
+        ratio = number_of(element.find("ratio"), "value", f"{where}: ratio", default=1.0)
+        weights = [{joint: weight for joint in way if joint not in shared}
+                   for way, weight in zip(ways, (-ratio, 1.0), strict=True)]  # fmt: skip
+        if ratio == 0.0 or not all(weights):
+            raise ModelError(f"{where}: it couples no two joints", expected="links on two branches, and a ratio but 0")
+        self.couplings[name] = WeightedSum(weights={**weights[1], **weights[0]})
+
+    def add_joint_of_sdf(self, element: Element) -> None:
+        """Add a joint of SDF, which closes a loop, or a gearbox."""
+        where, name = _where(element), self._named(element)
+        placed = self._placed()
+        pose = pose_of(element, text_of(element, "child"), where)
+        placing = {MODEL: (MODEL, pin.SE3.Identity()), **{link: (MODEL, place) for link, place in placed.items()}}
+        frames = Frames({**placing, name: pose}, {link: link for link in placed})
+        if element.get("type") == GEARBOX:
+            hinges = [
+                Hinge(joint.name, joint.parent, joint.child, placed[joint.parent].rotation @ joint.placement.rotation
+                      @ joint.axis)
+                for joint in self._tree.joints if joint.kind == "revolute"
+            ]  # fmt: skip
+            self.couplings[name] = gear_of(element, frames, VERSION, hinges)
+            return
+        joint = joint_in(element, frames, VERSION)
+        self._check(joint.parent, where)
+        made, self.loops[name] = joint.closing(placed)
+        for frame in made:
+            self._add_frame(frame, where)
+        self.remarks += joint.notes
+        if joint.active:
+            self.idle.append(name)
+
+    def notes(self) -> list[str]:
+        """Return what was taken, and what of it is not modelled, in words."""
+        notes = [f"closing loops of the tree of joints: {listed('joint', [*self.loops])}"] if self.loops else []
+        if self.idle:
+            notes.append(f"limits, damping, friction and springs of {listed('joint', self.idle)}, closing loops, are "
+                         "not modelled")  # fmt: skip
+        return [*notes, *self.remarks]
+
+    def _named(self, element: Element) -> str:
+        name = element.get("name", "")
+        taken = {*self.loops, *self.couplings, *(joint.name for joint in self._tree.joints)}
+        if not name or name in taken:
+            raise ModelError(f"two joints have the name '{name}'" if name else f"a <{element.tag}> has no name",
+                             expected="a name of its own for each")  # fmt: skip
+        return name
+
+    def _check(self, link: str, where: str) -> None:
+        if link not in self._tree.links:
+            expected, hint = choices(link, self._tree.links)
+            raise ModelError(f"{where}: its link '{link}' does not exist", expected=expected, hint=hint)
+
+    def _add_frame(self, frame: TreeJoint, where: str) -> None:
+        if frame.child in self._tree.links or any(frame.child == other.child for other in self.frames):
+            raise ModelError(f"{where}: '{frame.child}', which would be the name of its frame, is a link",
+                             expected="another name for it")  # fmt: skip
+        self.frames.append(frame)
+
+    def _way(self, link: str, where: str) -> list[str]:
+        """Return the joints that move from the root to a link."""
+        self._check(link, where)
+        way = []
+        while (joint := self._above.get(link)) is not None:
+            if joint.kind != "fixed":
+                way.append(joint.name)
+            link = joint.parent
+        return way
+
+    def _placed(self) -> dict[str, pin.SE3]:
+        """Return the placement of every link where all joints are at 0, in the axes of the root."""
+        placed = {self._tree.root: pin.SE3.Identity()}
+        for joint in self._tree.joints:
+            placed[joint.child] = placed[joint.parent] * joint.placement * joint.offset
+        return placed
+
+
+def _fixed(frame: str, link: str, place: pin.SE3) -> TreeJoint:
+    return TreeJoint(f"{frame}_fixed", "fixed", link, frame, place, np.array([0.0, 0.0, 1.0]))
+
+
+def _end(element: Element, tags: tuple[str, ...]) -> Element:
+    """Return an end of a loop or coupling; exporters also write ``sucessor``."""
+    ends = [end for end in element if end.tag in tags]
+    if len(ends) != 1:
+        raise ModelError(f"{_where(element)}: it has {len(ends)} <{tags[0]}>", expected="one")
+    return ends[0]
+
+
+def _link(end: Element) -> str:
+    """Return the link of an end; exporters also write it as ``name``."""
+    return end.get("link") or end.get("name") or ""
+
+
+def _where(element: Element) -> str:
+    return f"<{element.tag}> '{element.get('name', '')}'"

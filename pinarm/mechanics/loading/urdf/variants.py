@@ -1,0 +1,272 @@
+"""Variants of a URDF model, whose numbers are columns: masses, inertias and origins as arrays over the variants.
+
+The reader of ``urdf`` makes one model of one text. Here the same text has columns at some numbers, and only what
+follows from these is computed, for all variants at once: dynamic parameters of bodies, and placements of joints. What
+is computed for the first variant is compared with its model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Flags
+from pinarm.input.numbers import decimal
+from pinarm.mechanics.geometry.model_variants import (
+    PARAMETERS,
+    ModelVariants,
+    VariantFrame,
+    VariantPlacement,
+    VariantsDiffer,
+)
+from pinarm.mechanics.joints import UNIVERSE
+from pinarm.mechanics.loading.model_tree import Tree, impossible
+from pinarm.mechanics.loading.urdf.reader import urdf_tree
+
+DRAWN = ("visual", "collision")
+"""Parts of links that only pictures show."""
+
+READ = {"link": {"mass", "origin", "inertia"}, "joint": {"origin"}}
+"""Elements within links and joints whose numbers may vary."""
+
+ROUNDING = 1e-13
+"""Of a number that is computed in another order, relative to the largest of its kind."""
+
+Element = ElementTree.Element
+Columns = Mapping[str, Sequence[Any]]
+"""A word that stands in an attribute -> the numbers that variants have in its place, or texts of several numbers."""
+
+
+class Body(NamedTuple):
+    """The inertia of a link about a frame, of k variants or, in all of them, 1.
+
+    Attributes:
+        mass: [kg], shape (k,).
+        centre: Centre of mass [m], shape (k, 3).
+        moments: Inertia about the centre [kg*m^2], shape (k, 3, 3).
+    """
+
+    mass: Array
+    centre: Array
+    moments: Array
+
+    def parameters(self) -> Array:
+        """Return dynamic parameters about the frame, shape (k, 10); see ``PARAMETERS``."""
+        m, c = self.mass[:, None, None], self.centre
+        squares = np.vecdot(c, c)[:, None, None] * np.eye(3) - c[:, :, None] * c[:, None]
+        about = self.moments + m * squares
+        rows = about[:, (0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)]
+        found = np.empty((len(about), PARAMETERS))
+        found[:, 0], found[:, 1:4], found[:, 4:] = self.mass, self.mass[:, None] * c, rows
+        return found
+
+
+def _carried(place: VariantPlacement, body: Body) -> Body:
+    """Return an inertia about the frame in which its own is placed."""
+    turned = place.rotation @ body.moments @ place.rotation.swapaxes(1, 2)
+    return Body(body.mass, place.translation + np.matvec(place.rotation, body.centre), turned)
+
+
+def model_variants(model: pin.Model, xml: str, marked: str, columns: Columns) -> tuple[ModelVariants, Flags]:
+    """Return variants of a model, and which of them are models at all, shape (k,).
+
+    Args:
+        model: Pinocchio's model of the first variant.
+        xml: Its text.
+        marked: The same text, with words of ``columns`` where numbers vary.
+        columns: The numbers.
+
+    Raises:
+        VariantsDiffer: Other numbers vary than masses, inertias and origins, or what follows from them is not known.
+    """
+    robot = ElementTree.fromstring(marked)
+    _check_places(robot, columns)
+    read = _Reader(model, urdf_tree(ElementTree.fromstring(xml)), robot, columns)
+    return read.variants()
+
+
+def _check_places(robot: Element, columns: Columns) -> None:
+    """Raise where a number varies that is not read here.
+
+    Raises:
+        VariantsDiffer: Says where.
+    """
+    for part in robot:
+        for element, read in _elements(part):
+            texts = [*([] if read else element.attrib.values()), element.text or "", element.tail or ""]
+            if any(word in text for text in texts for word in columns):
+                raise VariantsDiffer(f"<{element.tag}> of <{part.tag} name='{part.get('name')}'>")
+    if any(word in text for text in robot.attrib.values() for word in columns):
+        raise VariantsDiffer("<robot>")
+
+
+def _elements(part: Element) -> Iterator[tuple[Element, bool]]:
+    """Yield a part of a model and what is in it but for drawings, and whether numbers of it are read here."""
+    yield part, False
+    for child in part:
+        if child.tag == "inertial" and part.tag == "link":
+            yield child, False
+            yield from ((inner, inner.tag in READ["link"]) for inner in child)
+        elif child.tag not in DRAWN or part.tag != "link":
+            yield from ((inner, inner is child and part.tag == "joint" and child.tag in READ["joint"])
+                        for inner in child.iter())  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Reader:
+    """What is needed to read variants: the first one's model and tree, and the text with columns."""
+
+    model: pin.Model
+    tree: Tree
+    robot: Element
+    columns: Columns
+
+    def variants(self) -> tuple[ModelVariants, Flags]:
+        places, moved = self._placements()
+        owner = {name: self._frame(name).parentJoint for name in self.tree.links}
+        own = {name: body for name in self.tree.links if (body := self._varied_body(name)) is not None}
+        varied = {owner[name] for name in (*own, *places)} - {0}
+        possible = np.ones(self._count, dtype=bool)
+        for body in own.values():
+            possible &= ~impossible(np.broadcast_to(body.moments, (self._count, 3, 3))) & (body.mass >= 0.0)
+        bodies = {joint: np.zeros((self._count, PARAMETERS)) for joint in sorted(varied)}
+        for name, joint in owner.items():
+            if joint in bodies:
+                place = places.get(name) or VariantPlacement.of(self._frame(name).placement)
+                bodies[joint] = bodies[joint] + _carried(place, own.get(name) or self._body(name)).parameters()
+        if not all(parameters[0, 0] > 0.0 for parameters in bodies.values()):
+            raise VariantsDiffer("a body without mass")
+        for joint, parameters in bodies.items():
+            possible &= np.isfinite(parameters).all(axis=1) & (parameters[:, 0] > 0.0)
+            _same(parameters[0], self.model.inertias[joint].toDynamicParameters())
+        for joint, place in moved.items():
+            possible &= np.isfinite(place.translation).all(axis=1) & np.isfinite(place.rotation).all(axis=(1, 2))
+            _same(place.rotation[0], self.model.jointPlacements[joint].rotation)
+            _same(place.translation[0], self.model.jointPlacements[joint].translation)
+        for parameters in bodies.values():
+            parameters[~possible] = parameters[0]  # finite numbers for what is not looked at
+        return self._stacked(bodies, moved, places), possible
+
+    def _stacked(
+        self, bodies: Mapping[int, Array], moved: Mapping[int, VariantPlacement], places: Mapping[str, VariantPlacement]
+    ) -> ModelVariants:
+        k = self._count
+        shapes = np.zeros((k, 0, PARAMETERS)), np.zeros((k, 0, 3, 3)), np.zeros((k, 0, 3))
+        turns = [np.broadcast_to(place.rotation, (k, 3, 3)) for place in moved.values()]
+        shifts = [np.broadcast_to(place.translation, (k, 3)) for place in moved.values()]
+        parameters, turned, shifted = (
+            np.stack(each, axis=1) if each else none
+            for each, none in zip((list(bodies.values()), turns, shifts), shapes, strict=True)
+        )
+        world = self.model.frames[UNIVERSE]
+        ground = VariantFrame(world.name, world.type, world.parentJoint, VariantPlacement.of(world.placement))
+        frames = [ground, *(self._variant_frame(frame, places) for frame in self.model.frames.tolist()[1:])]
+        return ModelVariants(self.model, frames, (*bodies,), parameters, (*moved,), turned, shifted)
+
+    def _variant_frame(self, frame: pin.Frame, places: Mapping[str, VariantPlacement]) -> VariantFrame:
+        link = frame.name in self.tree.links and frame.type == pin.FrameType.BODY
+        place = places.get(frame.name) or VariantPlacement.of(frame.placement) if link or not places else None
+        return VariantFrame(frame.name, frame.type, frame.parentJoint, place)
+
+    @property
+    def _count(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def _frame(self, link: str) -> pin.Frame:
+        return self.model.frames[self.model.getFrameId(link, pin.FrameType.BODY)]
+
+    def _placements(self) -> tuple[dict[str, VariantPlacement], dict[int, VariantPlacement]]:
+        """Return links that are fixed elsewhere on their joint, by name, and joints that are, by index."""
+        places, moved = dict[str, VariantPlacement](), dict[int, VariantPlacement]()
+        origins = {element.get("name"): element.find("origin") for element in self.robot.findall("joint")}
+        for joint in self.tree.joints:
+            origin = self._origin(origins.get(joint.name))
+            if origin is None and joint.parent not in places:
+                continue
+            if joint.kind not in ("fixed", "revolute", "prismatic", "ball"):
+                raise VariantsDiffer(f"origin of the {joint.kind} joint '{joint.name}'")
+            parent = places.get(joint.parent) or VariantPlacement.of(self._frame(joint.parent).placement)
+            place = parent * (origin or VariantPlacement.of(joint.placement))
+            if joint.kind == "fixed":
+                places[joint.child] = place
+            else:
+                moved[self.model.getJointId(joint.name)] = place
+        return places, moved
+
+    def _origin(self, origin: Element | None) -> VariantPlacement | None:
+        """Return an origin that varies; ``None`` for one that does not."""
+        return None if origin is None or not self._varies(origin) else self._place(origin)
+
+    def _varied_body(self, link: str) -> Body | None:
+        """Return the inertia of a link, about its own frame, where it varies."""
+        inertial = self.robot.find(f"link[@name='{link}']/inertial") if "'" not in link else None
+        if inertial is None or not any(self._varies(element) for element in inertial):
+            return None
+        mass, origin, inertia = (inertial.find(tag) for tag in ("mass", "origin", "inertia"))
+        if mass is None or inertia is None:
+            raise VariantsDiffer(f"link '{link}'")
+        text = (inertia.get(key, "0") for key in ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz"))
+        moments = self._numbers(" ".join(text)).reshape(-1, 3, 3)
+        place = VariantPlacement.of(pin.SE3.Identity()) if origin is None else self._place(origin)
+        found = _carried(place, Body(self._numbers(mass.get("value", ""))[:, 0], np.zeros((1, 3)), moments))
+        return Body(*(np.broadcast_to(x, (self._count, *x.shape[1:])) for x in found))
+
+    def _place(self, origin: Element) -> VariantPlacement:
+        shift, angles = (self._numbers(origin.get(key, "0 0 0")) for key in ("xyz", "rpy"))
+        return VariantPlacement(_turns(angles), shift)
+
+    def _body(self, link: str) -> Body:
+        body = self.tree.links[link]
+        return Body(np.array([body.mass]), body.lever[None], body.inertia[None])
+
+    def _varies(self, element: Element) -> bool:
+        return any(word in text for text in element.attrib.values() for word in self.columns)
+
+    def _numbers(self, text: str) -> Array:
+        """Return the numbers of an attribute, shape (k, numbers), or (1, numbers) where none varies.
+
+        Raises:
+            VariantsDiffer: A word is neither a number nor a column.
+        """
+        try:
+            words = [_read(self.columns.get(word) or (word,)) for word in text.split()]
+        except ValueError:
+            raise VariantsDiffer(f"'{text}'") from None
+        count = max(map(len, words), default=1)
+        return np.concatenate([np.broadcast_to(word, (count, word.shape[1])) for word in words], axis=1)
+
+
+def _read(column: Sequence[Any]) -> Array:
+    """Return the numbers of a column, shape (k, 1), or of a column of texts, shape (k, numbers).
+
+    Raises:
+        ValueError: A text is no number, or they have not all as many.
+    """
+    rows = [[*map(decimal, each.split())] if isinstance(each, str) else [float(each)] for each in column]
+    return np.array(rows, dtype=np.float64)
+
+
+def _turns(angles: Array) -> Array:
+    """Return ``Rz(yaw) Ry(pitch) Rx(roll)``, angles of shape (k, 3), as an array of shape (k, 3, 3)."""
+    (sr, sp, sy), (cr, cp, cy) = np.sin(angles).T, np.cos(angles).T
+    rows = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def _same(own: Array, first: Array) -> None:
+    """Raise where what was computed for the first variant is not what its model has.
+
+    Raises:
+        VariantsDiffer: Something in the model is not in its text, such as a payload.
+    """
+    if not np.abs(own - first).max() <= ROUNDING * np.abs(first).max():
+        raise VariantsDiffer("the model of the first variant")

@@ -1,0 +1,103 @@
+"""The cable that does not stretch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import msgspec
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.input.units import Unit, unit
+from pinarm.input.yaml.schema import InputStruct, Span
+from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.joints import METRE
+from pinarm.mechanics.paths import PathLength
+
+
+class Cable(InputStruct, frozen=True, tag_field="kind", tag="cable"):
+    """A cable without mass that does not stretch, from one link over others to the last one; it only pulls.
+
+    On the way it runs without friction over small pulleys or through eyes, whose radius does not count: at the origins
+    of the links between, its tension S acts along both parts, and at the ends once. ``loop.NAME.tension`` is S, and
+    ``loop.NAME.length`` the length of the path through the links, which is that of the cable while it is taut.
+
+    Inverse problems and statics take it as taut, and tell where it would have to push. In a forward motion it goes
+    slack where it would, and its becoming taut is an impact without rebound. It is taut at the start unless the given
+    positions leave it slack.
+
+    Attributes:
+        through: The links, from one end to the other, such as ``[weight, pulley, door]``.
+        length: Length of the cable.
+    """
+
+    through: Annotated[list[str], msgspec.Meta(min_length=2)]
+    length: Span
+
+    def bind(self, model: pin.Model, name: str) -> CableLoop:
+        """Return the cable of one model.
+
+        Raises:
+            InputError: A link does not exist, or the cable ties nothing that moves.
+        """
+        return CableLoop(name, PathLength.through(model, self.through), float(self.length))
+
+
+@dataclass(frozen=True, eq=False)
+class CableLoop:
+    """A cable of one mechanism: the constraint ``w(q) = length`` of its path, which can only be shorter.
+
+    The multiplier lam pushes the points apart: the tension is ``-lam``.
+
+    Attributes:
+        name: Its name.
+        path: Its path.
+        length: [m].
+    """
+
+    name: str
+    path: PathLength
+    length: float
+    kind: str = "cable"
+    size: int = 1
+    side: float = field(default=-1.0, repr=False)
+
+    def unit(self, row: int) -> Unit:
+        """Return metre."""
+        return METRE
+
+    def gap(self, state: Kinematics) -> Array:
+        """Return by how much the path is longer than the cable [m], shape (1,)."""
+        return np.array([self.path.value(state) - self.length])
+
+    def rows(self, state: Kinematics) -> Array:
+        """Return G, shape (1, nv)."""
+        return self.path.row(state)[None]
+
+    def drift(self, state: Kinematics) -> Array:
+        """Return G' v, shape (1,)."""
+        return np.array([self.path.drift(state)])
+
+    def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
+        """Return the forces on the links of its path; see ``Constraint``."""
+        return self.path.wrenches(links, lam[:, 0])
+
+    def push(self, q: Array, lam: Array) -> Array:
+        """Return the tension [N], negative where it would have to push, shape (n,)."""
+        return -lam
+
+    def push_unit(self) -> Unit:
+        """Return N."""
+        return unit("N")
+
+    @property
+    def opens(self) -> str:
+        """What happens where it would have to push."""
+        return "it goes slack"
+
+    def whereabouts(self, q: Array) -> str:
+        """Return nothing: the instant tells."""
+        return ""

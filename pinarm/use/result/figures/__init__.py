@@ -1,0 +1,1 @@
+"""Figures of curves: integrals, extremes, crossings, percentiles, with their errors."""

@@ -1,0 +1,97 @@
+"""Where a curve crosses zero: between neighbouring places with opposite signs, and near extremes between these."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.use.result.figures.bracket_fit import BracketFit
+
+Curve = Callable[[Array], Array]
+"""Values at places, shape (n,)."""
+
+POINTS, ROUNDS = 17, 14
+"""A bracket is cut in 16 parts 14 times: 16^14 is beyond the digits of a double, so it ends at rounding."""
+
+CORRECTIONS = 2
+"""Newton steps from the root of a polynomial, which is known to 1e-8 of the bracket: each squares that."""
+
+FLAT = 4 * np.finfo(float).eps
+"""Relative difference of values that are one value but for rounding."""
+
+TOUCHES = 1e-12
+"""Height of an extreme, relative to the largest value, below which the curve touches zero there: it is one place."""
+
+
+def crossings(curve: Curve, t: Array, parts: int = 0) -> list[float]:
+    """Return where a curve is zero, in the order of the places t, shape (n,).
+
+    Args:
+        curve: The curve.
+        t: Places, ascending or descending: what takes place twice between two of them is not seen.
+        parts: Into how many brackets the whole is cut besides, whose extremes are places as well; 0 for none.
+    """
+    values = curve(t)
+    if parts:
+        t, values = _with_extremes(curve, t, values, parts)
+    found = []
+    for k in range(len(t) - 1):
+        if values[k] == 0.0:
+            found.append(float(t[k]))
+        elif values[k] * values[k + 1] < 0.0:
+            found.append(root(curve, (float(t[k]), float(t[k + 1]))))
+    return [*found, float(t[-1])] if values[-1] == 0.0 else found
+
+
+def _with_extremes(curve: Curve, t: Array, values: Array, parts: int) -> tuple[Array, Array]:
+    """Return places and values with those in brackets between the first and the last, and with extremes there."""
+    known = dict(zip(t.tolist(), values.tolist(), strict=True))
+    size = float(np.abs(values).max())
+    begin, end = sorted((float(t[0]), float(t[-1])))
+    for low, high in pairwise(np.linspace(begin, end, parts + 1).tolist()):
+        places = BracketFit.places(low, high)
+        heights = curve(places)
+        if np.ptp(heights) <= FLAT * np.abs(heights).max():  # a rest, which has no crossings within
+            continue
+        size = max(size, float(np.abs(heights).max()))
+        known = {**dict(zip(places.tolist(), heights.tolist(), strict=True)), **known}
+        known.update(_extremes(curve, BracketFit(low, high, heights), TOUCHES * size))
+    along = np.array(sorted(known, reverse=bool(t[-1] < t[0])))
+    return along, np.array([known[place] for place in along.tolist()])
+
+
+def _extremes(curve: Curve, fit: BracketFit, slack: float) -> Iterator[tuple[float, float]]:
+    """Yield places of extremes and the values there, 0 where the curve touches it."""
+    places = fit.extremes() if fit.is_resolved else np.empty(0)
+    for place, value in zip(places.tolist(), curve(places).tolist() if len(places) else (), strict=True):
+        yield place, value if abs(value) > slack else 0.0
+
+
+def root(curve: Curve, bracket: tuple[float, float]) -> float:
+    """Return where a curve is zero between two places at which it has opposite signs."""
+    (low, high), fit = sorted(bracket), BracketFit(*bracket, curve(BracketFit.places(*bracket)))
+    places = fit.crossings() if fit.is_resolved else np.empty(0)
+    if not len(places) or fit.slope(t := float(places[0])) == 0.0:
+        return _bisected(curve, bracket)
+    for _ in range(CORRECTIONS):
+        change = float(curve(np.array([t]))[0]) / fit.slope(t)
+        t = min(max(t - change, low), high)
+    return t
+
+
+def _bisected(curve: Curve, bracket: tuple[float, float]) -> float:
+    """Return where a curve changes its sign first, as one that has a kink."""
+    low, high = bracket
+    for _ in range(ROUNDS):
+        t = np.linspace(low, high, POINTS)
+        values = curve(t)
+        change = np.flatnonzero((values[:-1] == 0.0) | (values[:-1] * values[1:] < 0.0))
+        if not len(change):
+            break
+        low, high = t[change[0]], t[change[0] + 1]
+        if values[change[0]] == 0.0:
+            return float(low)
+    return 0.5 * float(low + high)

@@ -1,0 +1,128 @@
+"""Adaptive Gauss-Kronrod quadrature of several functions at once, all points of a round of bisections in one call.
+
+A rule of 21 points K, exact for polynomials of degree 31, holds one of 10 points G; ``|K - G|`` bounds the error of K
+from far above. R. Piessens and others, *QUADPACK* (1983), dqk21.f.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinarm.arrays import Array, Indices
+
+_HALF = (
+    (0.995657163025808080735527280689003, 0.011694638867371874278064396062192, 0.0),
+    (0.973906528517171720077964012084452, 0.032558162307964727478818972459390, 0.066671344308688137593568809893332),
+    (0.930157491355708226001207180059508, 0.054755896574351996031381300244580, 0.0),
+    (0.865063366688984510732096688423493, 0.075039674810919952767043140916190, 0.149451349150580593145863396957698),
+    (0.780817726586416897063717578345042, 0.093125454583697605535065465083366, 0.0),
+    (0.679409568299024406234327365114874, 0.109387158802297641899210590325805, 0.219086362515982043995534934228163),
+    (0.562757134668604683339000099272694, 0.123491976262065851077958109831074, 0.0),
+    (0.433395394129247190799265943165784, 0.134709217311473325928054001771707, 0.269266719309996355091226921569469),
+    (0.294392862701460198131126603103866, 0.142775938577060080797094273138717, 0.0),
+    (0.148874338981631210884826001129720, 0.147739104901338491374841515972068, 0.295524224714752870173815619188769),
+)
+"""Positive nodes, descending, and the weights of K and G there."""
+
+_POSITIVE = np.array(_HALF)
+NODES: Array = np.concatenate([-_POSITIVE[:, 0], [0.0], _POSITIVE[::-1, 0]])
+KRONROD: Array = np.concatenate([_POSITIVE[:, 1], [0.149445554002916905664936468389821], _POSITIVE[::-1, 1]])
+GAUSS: Array = np.concatenate([_POSITIVE[:, 2], [0.0], _POSITIVE[::-1, 2]])
+
+NARROWEST = 1e-13
+"""Part of an interval below which its parts are not bisected: their points would not differ."""
+
+PATIENCE, NOISE = 4, 1e-4
+"""Rounds of bisections within which the error has to be halved, where it is below this, relative to the largest value
+times the length: what they do not halve is rounding of the functions, not their shape."""
+
+
+@dataclass(frozen=True, eq=False)
+class Panels:
+    """Neighbouring parts of an interval, m of them, with the integrals of k functions over each.
+
+    Attributes:
+        low: Where each begins, ascending, shape (m,).
+        high: Where each ends, shape (m,).
+        values: Integrals, shape (m, k).
+        errors: Bounds of their errors, shape (m, k).
+    """
+
+    low: Array
+    high: Array
+    values: Array
+    errors: Array
+
+    @staticmethod
+    def points(low: Array, high: Array) -> Array:
+        """Return where the functions have to be known between m pairs of bounds, ascending, shape (21 m,)."""
+        return np.asarray((0.5 * (low + high)[:, None] + 0.5 * (high - low)[:, None] * NODES).ravel())
+
+    @classmethod
+    def of(cls, low: Array, high: Array, f: Array) -> Panels:
+        """Return the panels between m pairs of bounds, the functions at their points given, shape (21 m, k)."""
+        f = f.reshape(len(low), len(NODES), -1)
+        half = 0.5 * (high - low)[:, None]
+        kronrod = half * np.einsum("p,mpk->mk", KRONROD, f)
+        return cls(low, high, kronrod, np.abs(kronrod - half * np.einsum("p,mpk->mk", GAUSS, f)))
+
+    def refined(self, at: Callable[[Array], Array], poor: Indices) -> Panels:
+        """Return them with some bisected: those whose numbers are given, ascending."""
+        low, high = self.low[poor], self.high[poor]
+        middle = 0.5 * (low + high)
+        lows, highs = (np.stack(pair, 1).ravel() for pair in ((low, middle), (middle, high)))
+        parts, kept = Panels.of(lows, highs, at(self.points(lows, highs))), np.delete(np.arange(len(self.low)), poor)
+        order = np.concatenate([self.low[kept], lows]).argsort()
+        merged = (np.concatenate([own[kept], new])[order]
+                  for own, new in ((self.low, parts.low), (self.high, parts.high), (self.values, parts.values),
+                                   (self.errors, parts.errors)))  # fmt: skip
+        return Panels(*merged)
+
+    def poor(self, allowed: Array) -> Indices:
+        """Return the numbers of those that have to be bisected, as few as leave half of the allowed error, ascending.
+
+        Args:
+            allowed: Error of every integral that is good enough, shape (k,), positive.
+        """
+        share = (self.errors / allowed).max(axis=1)
+        order = share.argsort(kind="stable")
+        worst = order[np.cumsum(share[order]) > 0.5]
+        wide = self.high - self.low > NARROWEST * (self.high[-1] - self.low[0])
+        return np.sort(worst[wide[worst]])
+
+
+def integrate(
+    at: Callable[[Array], Array], first: Panels, relative: float, absolute: Array, most: int
+) -> tuple[Array, Array]:
+    """Return the integrals of k functions of size 1 over an interval, and bounds of their errors, both of shape (k,).
+
+    Bisections end where every error is allowed, where no panel can be bisected, or where they no longer help.
+
+    Args:
+        at: Points, ascending, shape (n,) -> values of the functions, shape (n, k).
+        first: The panel of the whole interval.
+        relative: Allowed error relative to an integral.
+        absolute: Allowed error of every integral beside that, shape (k,), positive.
+        most: Number of panels at which bisections end.
+    """
+    panels, before = first, list[Array]()
+    while True:
+        value, error = panels.values.sum(axis=0), panels.errors.sum(axis=0)
+        before.append(error)
+        allowed = absolute + relative * np.abs(value)
+        if (error <= allowed).all() or len(panels.low) >= most or _noisy(before, first.high[0] - first.low[0]):
+            return value, error
+        poor = panels.poor(allowed)
+        if not len(poor):
+            return value, error
+        panels = panels.refined(at, poor)
+
+
+def _noisy(errors: list[Array], length: float) -> bool:
+    """Tell whether the last rounds did not halve an error, though all are small; errors of every round are given."""
+    if len(errors) <= PATIENCE or (errors[-1] > NOISE * length).any():
+        return False
+    return bool((errors[-1] >= 0.5 * errors[-1 - PATIENCE]).any())

@@ -1,0 +1,50 @@
+"""Elimination of many systems at once, against numpy's solution of each."""
+
+import numpy as np
+import pytest
+
+from pinarm.engine.constraints.nullspaces.elimination import Elimination, Order, dense
+
+N, M, NV = 5, 3, 6
+
+
+def systems(seed: int) -> np.ndarray:
+    """Return N matrices near each other, with zeros at the same places."""
+    generator = np.random.default_rng(seed)
+    first = generator.normal(size=(M, NV)) * (generator.uniform(size=(M, NV)) < 0.7)
+    return first + 0.01 * generator.normal(size=(N, M, NV)) * (first != 0.0)
+
+
+def sparse(matrices: np.ndarray) -> dict[int, dict[int, np.ndarray]]:
+    return {i: {j: matrices[:, i, j] for j in range(NV) if matrices[:, i, j].any()} for i in range(M)}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_unknowns_follow_from_those_that_are_free(seed: int) -> None:
+    matrices, generator = systems(seed), np.random.default_rng(100 + seed)
+    rows = sparse(matrices)
+    assert dense(rows, (M, NV)) == pytest.approx(matrices[0])
+    order = Order.of(matrices[0], M)
+    b = generator.normal(size=(M, N))
+    free = {column: generator.normal(size=N) for column in set(range(NV)) - set(order.columns)}
+    x = Elimination.of(rows, order).solve(dict(enumerate(b)), free)
+    for k in range(N):
+        rest = b[:, k] - sum(matrices[k][:, column] * value[k] for column, value in free.items())
+        expected = np.linalg.solve(matrices[k][:, list(order.columns)], rest)
+        assert [x[column][k] for column in order.columns] == pytest.approx(expected, rel=1e-9)
+
+
+def test_dependent_rows_are_in_no_pair() -> None:
+    matrix = np.array([[1.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 3.0]])
+    order = Order.of(matrix, np.linalg.matrix_rank(matrix))
+    assert len(order.rows) == 2
+    assert 2 in order.rows
+
+
+def test_a_determinant_that_changes_its_sign_is_another_branch() -> None:
+    """``x cos q = 0`` at q on both sides of 90 deg, ordered at 0."""
+    q = np.deg2rad([0.0, 60.0, 89.0, 91.0, 180.0])
+    order = Order.of(np.array([[1.0]]), 1)
+    eliminated = Elimination.of({0: {0: np.cos(q)}}, order)
+    assert eliminated.continued().tolist() == [True, True, False, False, False]
+    assert eliminated.sound().tolist() == [True, True, False, False, True]

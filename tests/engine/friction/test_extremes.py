@@ -1,0 +1,76 @@
+"""What two and three joints at rest may share, by hand."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pinarm.engine.friction.balance import FrictionBalance, groups_of
+from pinarm.engine.friction.extremes import extreme_frictions
+from pinarm.engine.friction.response import SlipResponse
+from pinarm.engine.friction.slipping import CarriedLoads
+from pinarm.mechanics.friction.bearing import Bearing
+from pinarm.mechanics.friction.law import FrictionLaw
+
+
+def held(slips, pull, limits, mu=None, weight=0.0, coupling=0.0):
+    """One mass of 1 kg that a pull acts on, with joints of given slips; the last carries ``weight + coupling f_0``."""
+    k, slips = len(limits), np.array(slips)[:, None]
+    laws = [FrictionLaw.plain(limit) for limit in limits]
+    bearings = [Bearing.none() for _ in limits]
+    wrench, response = np.zeros((k, 6)), np.zeros((k, k, 6))
+    if mu is not None:
+        laws[-1], bearings[-1] = FrictionLaw(mu, mu, 0.0, 0.0), Bearing.thread(np.eye(3)[0], 1.0)
+        wrench[-1, 0], response[-1, 0, 0] = weight, coupling
+    contacts = [SimpleNamespace(name=f"joint.{i}", law=law, bearing=bearing)
+                for i, (law, bearing) in enumerate(zip(laws, bearings, strict=True))]  # fmt: skip
+    state = SlipResponse(pull * slips[:, 0], slips @ slips.T, CarriedLoads(wrench, response),
+                         np.zeros(k, dtype=bool), slips, np.eye(1))  # fmt: skip
+    balance = FrictionBalance(contacts, state, np.zeros(k))
+    groups = groups_of(contacts, state, list(range(k)))
+    told = balance.solve(np.zeros(k), groups, np.zeros(k, dtype=bool)).f
+    return balance, groups, told
+
+
+def extremes(*given, **further):
+    balance, groups, told = held(*given, **further)
+    found = extreme_frictions(balance, np.zeros(len(told)), groups, told)
+    slips = balance.response.slips[:, 0]
+    assert found @ slips == pytest.approx(np.full(len(found), told @ slips), rel=1e-12)  # the load is held
+    return found
+
+
+def test_two_joints_of_constant_friction():
+    """``f_0 + f_1 = -5`` with ``|f_0| <= 10`` and ``|f_1| <= 3``: f_0 from -8 to -2."""
+    assert extremes([1.0, 1.0], 5.0, [10.0, 3.0])[:, 0] == pytest.approx([-8.0, -2.0], rel=1e-10)
+    assert extremes([1.0, 1.0], 5.0, [1.0, 30.0])[:, 0] == pytest.approx([-1.0, 1.0], rel=1e-10)
+
+
+def test_slips_of_other_sizes_and_directions():
+    """``f_0 - 2 f_1 = -5``: f_0 from -10, its own limit, to 1, where ``f_1 = 3`` is at its limit."""
+    found = extremes([1.0, -2.0], 5.0, [10.0, 3.0])
+    assert sorted(found[:, 0]) == pytest.approx([-10.0, 1.0], rel=1e-10)
+    assert sorted(found[:, 1]) == pytest.approx([-2.5, 3.0], rel=1e-10)
+
+
+def test_a_limit_that_depends_on_what_is_shared():
+    """``|f_1| <= 0.1 (40 + 2 f_0)`` and ``f_0 + f_1 = -5``: ``-5 - f_0 = -+0.1 (40 + 2 f_0)``."""
+    found = extremes([1.0, 1.0], 5.0, [10.0, 0.0], mu=0.1, weight=40.0, coupling=2.0)
+    assert found[:, 0] == pytest.approx([-9.0 / 1.2, -1.0 / 0.8], rel=1e-10)
+
+
+def test_a_limit_that_grows_faster_than_what_it_holds():
+    """``|5 + f_0| <= |20 - 3 f_0|`` for all ``f_0 <= 15/4``: the other joint limits it from below."""
+    found = extremes([1.0, 1.0], 5.0, [60.0, 0.0], mu=1.0, weight=20.0, coupling=-3.0)
+    assert found[:, 0] == pytest.approx([-60.0, 15.0 / 4.0], rel=1e-10)
+
+
+def test_three_joints_have_the_corners_of_a_polygon():
+    """Each of three is least and greatest where the other two are at limits, or at its own limit."""
+    found = extremes([1.0, 1.0, 1.0], 2.0, [3.0, 4.0, 10.0])
+    assert found.min(axis=0) == pytest.approx([-3.0, -4.0, -9.0], rel=1e-12)
+    assert found.max(axis=0) == pytest.approx([3.0, 4.0, 5.0], rel=1e-12)
+
+
+def test_one_joint_leaves_nothing_open():
+    assert len(extremes([1.0], 2.0, [3.0])) == 0

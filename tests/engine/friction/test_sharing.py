@@ -1,0 +1,59 @@
+"""Friction that a guide and a gear share, against a scalar equation by hand."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from pinarm.engine.friction.balance import SlipGroup
+from pinarm.engine.friction.response import SlipResponse
+from pinarm.engine.friction.sharing import SharedFriction
+from pinarm.engine.friction.slipping import CarriedLoads
+from pinarm.errors import DynamicsError
+from pinarm.mechanics.friction.bearing import Bearing
+
+RATIO, CONSTANT, WEIGHT = 10.0, 60.0, 1000.0
+"""Slip of the gear per slip of the guide, limit of the guide [N], and normal force of the gear without friction [N]."""
+
+
+def shared(pull, mu, coupling):
+    """A guide of constant friction, and a gear that carries ``WEIGHT + coupling f`` under friction f of the guide.
+
+    The pull acts along the guide, on a mass of 1 kg.
+    """
+    guide = SimpleNamespace(name="joint.guide", bearing=Bearing.none())
+    gear = SimpleNamespace(name="coupling.gear", bearing=Bearing.thread(np.eye(3)[0], 1.0))
+    wrench, response = np.zeros((2, 6)), np.zeros((2, 2, 6))
+    wrench[1, 0], response[1, 0, 0] = WEIGHT, coupling
+    slips = np.array([[1.0], [RATIO]])
+    state = SlipResponse(pull * slips[:, 0], slips @ slips.T, CarriedLoads(wrench, response), np.zeros(2, dtype=bool),
+                         slips, np.eye(1))  # fmt: skip
+    group = SlipGroup((0, 1), np.array([1.0, RATIO]), np.ones(2))
+    mu, constant = np.array([0.0, mu]), np.array([CONSTANT, 0.0])
+    return SharedFriction([guide, gear], state, [group], np.zeros(2), mu, constant)
+
+
+def at_share(sigma, mu, coupling):
+    """Friction of both in proportion sigma to their limits."""
+    guide = sigma * CONSTANT
+    return np.array([guide, sigma * mu * abs(WEIGHT + coupling * guide)])
+
+
+@pytest.mark.parametrize("coupling", [0.0, 3.0, -9.0, -30.0])
+@pytest.mark.parametrize("pull", [-300.0, 40.0, 130.0, 410.0])
+def test_members_share_in_proportion_to_limits_that_depend_on_what_they_share(pull, coupling):
+    mu = 0.1
+    f = shared(pull, mu, coupling).solve()
+    sigma = brentq(lambda s: pull + np.array([1.0, RATIO]) @ at_share(s, mu, coupling), -1.0, 1.0, xtol=1e-15)
+    assert f == pytest.approx(at_share(sigma, mu, coupling), rel=1e-12)
+
+
+def test_a_group_that_breaks_loose_has_its_limits():
+    """Together they hold 60 + 10 * 0.1 * (1000 - 3 * 60) = 880 N."""
+    assert shared(-900.0, 0.1, -3.0).solve() == pytest.approx([60.0, 82.0], rel=1e-14)
+
+
+def test_what_is_not_found_is_refused():
+    with pytest.raises(DynamicsError, match=r"how joint\.guide, coupling\.gear share the friction .* is not found"):
+        shared(-900.0, np.nan, -3.0).solve()

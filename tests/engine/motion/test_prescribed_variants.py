@@ -1,0 +1,68 @@
+"""What is prescribed in variants: states, efforts and the kinds of drives that are followed."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.engine.mechanism_variants import mechanism_variants
+from pinarm.engine.motion.prescribed_motion import PrescribedMotion
+from pinarm.engine.motion.prescribed_variants import prescribed_variants
+from pinarm.engine.statics.actuation import actuation
+from pinarm.mechanics.geometry.model_variants import VariantsDiffer
+
+SCENARIOS = Path(__file__).parents[3] / "scenarios"
+ROUNDING = 1e-12
+
+
+def solved(name: str, *values: str) -> tuple[pinarm.Scenario, PrescribedMotion, pinarm.Result]:
+    scenario = pinarm.load(SCENARIOS / f"{name}.yaml", list(values))
+    result = scenario.run()
+    motion = result.outcome.motion
+    assert isinstance(motion, PrescribedMotion)
+    return scenario, motion, result
+
+
+@pytest.mark.parametrize(
+    ("name", "argument", "factors"),
+    [("crank_rocker_turning", "b", (1.0, 1.05, 0.97)), ("crank_rocker_turning", "m3", (1.0, 2.0, 0.5)),
+     ("gen411_arm_vertical", "l1", (1.0, 1.02, 0.99)), ("gen411_arm_static", "l1", (1.0, 1.2, 0.7))],
+)  # fmt: skip
+def test_states_and_efforts_are_those_of_each_alone(name: str, argument: str, factors: tuple[float, ...]) -> None:
+    scenario, motion, result = solved(name)
+    nominal, unit = scenario.mechanism.arguments[argument], scenario.mechanism.argument_units[argument]
+    given = {argument: nominal}
+    variants, _ = mechanism_variants(scenario.mechanism, given, {argument: [nominal * factor for factor in factors]})
+    rows, sound = prescribed_variants(motion, result.trajectory, variants)
+    assert sound.all()
+    for k, factor in enumerate(factors):
+        alone = solved(name, f"arguments.{argument}={nominal * factor!r} {unit}")[2].trajectory
+        for own, other in ((rows.q, alone.q), (rows.v, alone.v), (rows.a, alone.a), (rows.tau, alone.tau)):
+            of_variant = own[:, min(k, own.shape[1] - 1)]
+            np.testing.assert_allclose(of_variant, other, atol=ROUNDING * max(1.0, np.abs(other).max()))
+        lam = np.asarray(rows.lam)
+        np.testing.assert_allclose(
+            lam[:, min(k, lam.shape[1] - 1)], np.asarray(alone.lam),
+            atol=ROUNDING * np.abs(alone.tau).max() * 100,  # forces [N] of torques at levers of 0.1 m
+        )  # fmt: skip
+
+
+def test_drives_along_task_coordinates_are_left_to_each_case_alone() -> None:
+    scenario, motion, result = solved("gen411_arm_vertical")
+    variants, _ = mechanism_variants(scenario.mechanism, {"m_A": 0.1}, {"m_A": [0.1, 0.2]})
+    drives = actuation(scenario.mechanism, ["O", "A_height"], [])
+    other = replace(motion, prescription=replace(motion.prescription, drives=drives))
+    with pytest.raises(VariantsDiffer, match="task coordinates"):
+        prescribed_variants(other, result.trajectory, variants)
+
+
+def test_losses_of_gears_are_left_to_each_case_alone() -> None:
+    scenario, motion, result = solved("exoskeleton_leg_knee")
+    name, value = next(
+        (name, value) for name, value in scenario.mechanism.arguments.items() if isinstance(value, float)
+    )
+    variants, _ = mechanism_variants(scenario.mechanism, {name: value}, {name: [value, value]})
+    with pytest.raises(VariantsDiffer, match="losses"):
+        prescribed_variants(motion, result.trajectory, variants)

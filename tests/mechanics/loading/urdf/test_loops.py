@@ -1,0 +1,142 @@
+"""Extensions of URDF that close loops: the same parallelogram in each of them, whose angles are known.
+
+Crank and rocker, 1 m long, stand on y in the drawing, 0.8 m apart; the coupler lies along x. Wherever the crank is, the
+rocker has the same angle, and the coupler turns back by it. Static efforts follow from weights and their heights.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import ModelError
+from pinarm.mechanics.loading.pinocchio_model import build_model
+
+INERTIA = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
+
+
+def link(name, at="0 0.5 0", mass=2.0):
+    return f'<link name="{name}"><inertial><origin xyz="{at}"/><mass value="{mass}"/>{INERTIA}</inertial></link>'
+
+
+def joint(name, parent, child, xyz="0 0 0", kind="continuous", axis="0 0 1", attributes=""):
+    return (
+        f'<joint name="{name}" type="{kind}" {attributes}><origin xyz="{xyz}"/><parent link="{parent}"/>'
+        f'<child link="{child}"/><axis xyz="{axis}"/></joint>'
+    )
+
+
+OPEN = (
+    '<link name="ground"/>' + link("crank") + link("rocker") + link("coupler", "0.4 0 0", 3.0)
+    + joint("A", "ground", "crank", attributes='independent="true"') + joint("B", "crank", "coupler", "0 1 0")
+    + joint("C", "ground", "rocker", "0.8 0 0")
+)  # fmt: skip
+PLUS = (
+    '<loop name="D" type="revolute"><predecessor link="coupler"><origin xyz="0.8 0 0"/></predecessor>'
+    '<successor link="rocker"><origin xyz="0 1 0"/></successor><axis xyz="0 0 1"/></loop>'
+)
+CLOSED = {
+    "URDF+": PLUS,
+    "URDF+ as an exporter misspells it": PLUS.replace("link=", "name=").replace("successor", "sucessor"),
+    "Isaac Sim": '<loop_joint name="D" type="continuous"><link1 link="coupler" xyz="0.8 0 0" rpy="0 0 0"/>'
+    '<link2 link="rocker" xyz="0 1 0" rpy="0 0 0"/><axis xyz="0 0 1"/></loop_joint>',
+    "Isaac Sim's example, with two link1": '<loop_joint name="D" type="spherical">'
+    '<link1 link="coupler" xyz="0.8 0 0" rpy="0 0 0"/><link1 link="rocker" xyz="0 1 0" rpy="0 0 0"/></loop_joint>',
+    "Gazebo": '<gazebo><joint name="D" type="revolute"><parent>rocker</parent><child>coupler</child>'
+    "<pose>0.8 0 0 0 0 0</pose><axis><xyz>0 0 1</xyz><dynamics><damping>0.1</damping></dynamics></axis></joint>"
+    '<plugin name="p" filename="f"/></gazebo><gazebo reference="crank"><mu1>0.2</mu1></gazebo>',
+}
+
+
+def solved(tmp_path, text):
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "m.urdf").write_text(f'<robot name="m">{text}</robot>')
+    (tmp_path / "m.yaml").write_text("pinarm: 1\nrobot: m.urdf\ngravity: {direction: -y}\n")
+    over = {"A": {"from": "-40 deg", "to": "50 deg", "samples": 7}}
+    data = {"pinarm": 1, "mechanism": Mechanism.load(tmp_path / "m.yaml")}
+    return pinarm.run({**data, "problem": {"kind": "statics", "over": over, "drives": ["A"]},
+                       "outputs": ["joint.A.effort", "B", "C"]})  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_a_parallelogram_of_each_extension(tmp_path, name):
+    run = solved(tmp_path, OPEN + CLOSED[name])
+    angle = np.deg2rad(np.linspace(-40, 50, 7))
+    assert run["C"].values == pytest.approx(angle, abs=1e-12)
+    assert run["B"].values == pytest.approx(-angle, abs=1e-12)
+    weight = 2 * 2.0 * 0.5 + 3.0  # heights of crank and rocker grow half as fast as that of the coupler
+    assert run["joint.A.effort"].values == pytest.approx(-weight * 9.81 * np.sin(angle), abs=1e-10)
+    assert any("closing loops of the tree of joints: joint D" in note for note in run.notes())
+
+
+def test_what_a_joint_of_gazebo_has_beside_its_motion_is_told(tmp_path):
+    notes = solved(tmp_path, OPEN + CLOSED["Gazebo"]).notes()
+    assert any("damping" in note and "D, closing loops, are not modelled" in note for note in notes)
+    assert any("not read: <mu1>, <plugin>" in note for note in notes)
+
+
+def test_a_coupling_holds_sums_of_joints_from_where_the_ways_part(tmp_path):
+    """Its reference parser: +ratio for the joints to the predecessor, -1 for those to the successor."""
+    tail = link("tail") + joint("T", "coupler", "tail", "0.8 0 0")
+    coupling = '<coupling name="K"><predecessor link="rocker"/><successor link="tail"/><ratio value="2"/></coupling>'
+    text = f'<robot name="m">{OPEN}{tail}{coupling}</robot>'
+    robot = build_model(text)
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "m.urdf").write_text(text)
+    assert robot.couplings["K"].weights == {"T": 1.0, "B": 1.0, "A": 1.0, "C": -2.0}
+    [row] = [one for one in Mechanism.load(tmp_path / "m.urdf").constraints if one.name == "K"]
+    q = dict(zip(robot.model.names[1:], (0.1, 0.2, 0.3, 0.35), strict=True))
+    weights = dict(zip(robot.model.names[1:], row.coordinate.weights, strict=True))
+    assert sum(weights[name] * q[name] for name in q) == pytest.approx(q["A"] + q["B"] + q["T"] - 2 * q["C"])
+
+
+def test_two_links_of_one_branch_are_coupled_below_the_nearer_one():
+    coupling = '<coupling name="K"><predecessor link="crank"/><successor link="coupler"/></coupling>'
+    with pytest.raises(ModelError, match="<coupling> 'K': it couples no two joints"):
+        build_model(f'<robot name="m">{OPEN}{coupling}</robot>')
+
+
+def test_a_gearbox_of_gazebo_couples_joints_on_its_reference_body():
+    box = (
+        "<gazebo><joint name='K' type='gearbox'><parent>crank</parent><child>rocker</child><gearbox_ratio>4"
+        "</gearbox_ratio><gearbox_reference_body>ground</gearbox_reference_body><axis><xyz>0 0 1</xyz></axis>"
+        "<axis2><xyz>0 0 -1</xyz></axis2></joint></gazebo>"
+    )
+    gear = build_model(f'<robot name="m">{OPEN}{box}</robot>').couplings["K"]
+    assert (gear.joints, gear.ratio) == (("A", "C"), 0.25)  # theta_1 = A, theta_2 = -C: A = 4 C
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    (PLUS.replace('name="D"', 'name="A"'), "two joints have the name 'A'"),
+    (PLUS.replace('name="D" ', ""), "a <loop> has no name"),
+    (PLUS.replace('"revolute"', '"revolut"'), "<loop> 'D': its type is 'revolut'"),
+    (PLUS.replace('"rocker"', '"roker"'), "its link 'roker' does not exist"),
+    (PLUS.replace('xyz="0 0 1"', 'xyz="0 0 0"'), "<loop> 'D': its axis is 0 0 0"),
+    (PLUS.replace('xyz="0.8 0 0"', 'xyz="0.8 0"'), "origin in 'coupler': xyz='0.8 0' is not a vector"),
+    (PLUS.replace('xyz="0.8 0 0"', 'xzy="0.8 0 0"'), "has no attribute 'xzy'"),
+    (PLUS.split("<successor")[0] + "</loop>", "<loop> 'D': it has 0 <successor>"),
+    (PLUS + '<link name="D_1"/>' + joint("f", "rocker", "D_1", kind="fixed"), "name of its frame, is a link"),
+    ('<loop_joint name="D" type="spherical"><link1 link="crank"/></loop_joint>', "<loop_joint> 'D': it has 1 links"),
+    (CLOSED["Gazebo"].replace(">rocker<", ">world<"), "<joint> 'D': its link 'world' does not exist"),
+    (CLOSED["Gazebo"].replace("revolute", "weld"), "a joint of type 'weld' is not read"),
+    ('<coupling name="K"><predecessor link="crank"/><successor link="rocker"/><ratio value="0"/></coupling>',
+     "it couples no two joints"),
+])  # fmt: skip
+def test_mistakes_are_told(text, message):
+    with pytest.raises(ModelError, match=message):
+        build_model(f'<robot name="m">{OPEN}{text}</robot>')
+
+
+def test_a_link_with_two_parents_is_told_how_loops_are_said():
+    with pytest.raises(ModelError, match="carried by two joints") as caught:
+        build_model(f'<robot name="m">{OPEN}{joint("D", "rocker", "coupler")}</robot>')
+    assert "<loop>" in str(caught.value)
+
+
+def test_a_result_is_saved_and_read_again(tmp_path):
+    run = solved(tmp_path, OPEN + PLUS)
+    again = pinarm.run(run.save(tmp_path / "out", plots=False) / "scenario.yaml")
+    assert again["joint.A.effort"].values.tolist() == run["joint.A.effort"].values.tolist()
+    assert math.isfinite(again["C"].max())

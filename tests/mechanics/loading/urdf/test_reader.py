@@ -1,0 +1,223 @@
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pinarm.errors import ModelError
+from pinarm.input.roots import example_robot_data
+from pinarm.mechanics.loading import pinocchio_model
+from pinarm.mechanics.loading.model_tree import Mimic
+from pinarm.mechanics.loading.pinocchio_model import build_model
+
+ROBOTS = sorted((example_robot_data() / "robots").glob("*/*/*.urdf"))
+JOINTLESS = {"ur3", "quadrotor_base", "iris_simple"}
+ARM = {"name": "arm", "axis": "0 1 0", "mass": 2.0, "com": "0.5 0 0", "inertia": (0.1, 0.2, 0.2)}
+LIMIT = '<limit lower="-1000" upper="1000" effort="1000" velocity="1000"/>'
+
+
+def refusal(xml):
+    with pytest.raises(ModelError) as caught:
+        build_model(xml)
+    return caught.value
+
+
+def counting_turns(xml):
+    """The same text with its continuous joints revolute: Pinocchio's reader has no angle for them otherwise."""
+    robot = ElementTree.fromstring(xml)
+    for joint in robot.findall("joint"):
+        if joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            limit = joint.find("limit")
+            limit = ElementTree.SubElement(joint, "limit", effort="1", velocity="1") if limit is None else limit
+            limit.attrib.update(lower="-1e9", upper="1e9")
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
+@pytest.mark.parametrize("file", [one for one in ROBOTS if one.stem not in JOINTLESS], ids=lambda one: one.stem)
+def test_a_published_robot_is_what_pinocchios_own_reader_makes_of_it(file):
+    xml = file.read_text()
+    ours, theirs = build_model(xml, defects="noted").model, pin.buildModelFromXML(counting_turns(xml))
+    assert list(ours.names) == list(theirs.names)
+    for one, other in zip(ours.frames, theirs.frames, strict=True):
+        assert (one.name, one.type, one.parentJoint) == (other.name, other.type, other.parentJoint)
+        assert one.placement.homogeneous == pytest.approx(other.placement.homogeneous, abs=1e-14)
+    for one, other in zip(ours.inertias, theirs.inertias, strict=True):
+        assert one.toDynamicParameters() == pytest.approx(other.toDynamicParameters(), abs=1e-13)
+    q, v, a = np.random.default_rng(0).normal(size=(3, ours.nv))
+    expected = pin.rnea(theirs, theirs.createData(), q, v, a)
+    assert pin.rnea(ours, ours.createData(), q, v, a) == pytest.approx(expected, abs=1e-13 * np.abs(expected).max())
+    assert ours.damping == pytest.approx(theirs.damping)
+
+
+def test_nothing_is_said_on_the_users_terminal(chain, capfd):
+    odd = chain(ARM).replace('name="test"', "").replace(LIMIT, '<limit effort="x"/>')
+    with pytest.raises(ModelError):
+        build_model(odd)
+    build_model(chain(ARM).replace(' name="test"', ""))
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("part", "broken", "message"),
+    [
+        ('<link name="base"/>', '<link name="base"/><link name="base"/>', "two links have the name 'base'"),
+        ('<link name="base"/>', '<link name="base"/><link/>', "a link has no name"),
+        ("<inertial>", "<inertial/><inertial>", "link 'arm_link': it has 2 <inertial>"),
+        ('ixx="0.1" ', "", "link 'arm_link': ixx is missing"),
+        ('type="continuous"', 'type="universal"', "joint 'arm': its type is 'universal'"),
+        (LIMIT, '<limit effort="-1" velocity="1"/>', "joint 'arm': its limit of effort is negative"),
+        (LIMIT, '<limit effort="1" velocity="nan"/>', "joint 'arm': limit of velocity: 'nan' is not a finite number"),
+        ('mass value="2.0"', 'mass value="2_0"', "link 'arm_link': mass: '2_0' is not a number"),
+        ("</robot>", '<joint name="arm2" type="fixed"><parent link="base"/><child link="arm_link"/></joint></robot>',
+         "link 'arm_link' is carried by two joints, 'arm2' and 'arm'"),
+        ("</robot>", '<joint name="back" type="fixed"><parent link="arm_link"/><child link="base"/></joint></robot>',
+         "the model has 0 links that no joint carries"),
+        ("</robot>", '<link name="a"/><link name="b"/><joint name="ab" type="fixed"><parent link="a"/><child link="b"/>'
+         '</joint><joint name="ba" type="fixed"><parent link="b"/><child link="a"/></joint></robot>',
+         "the joints ab, ba hang in a circle"),
+    ],
+)  # fmt: skip
+def test_what_is_no_tree_of_bodies_is_refused(chain, part, broken, message):
+    xml = chain(ARM)
+    assert part in xml
+    assert refusal(xml.replace(part, broken, 1)).message == message
+
+
+def test_limits_the_wrong_way_round_are_refused(chain):
+    xml = chain({**ARM, "kind": "revolute"}).replace('lower="-1000"', 'lower="2000"')
+    assert refusal(xml).message == "joint 'arm': its limits are 2000 to 1000"
+
+
+def test_a_mass_without_inertia_is_a_point_and_is_noted(chain):
+    xml = chain(ARM)
+    bare = xml[: xml.index("<inertia ")] + xml[xml.index("</inertial>") :]
+    robot = build_model(bare)
+    assert robot.model.inertias[1].mass == 2.0
+    assert not robot.model.inertias[1].inertia.any()
+    assert "link 'arm_link': it has a mass but no <inertia>, and is taken for a point mass" in robot.notes
+
+
+def test_limits_of_nothing_are_unknown_and_noted(chain):
+    known, unknown = ({**ARM, "name": name, "kind": "revolute"} for name in ("known", "unknown"))
+    xml = chain(known, unknown).replace(LIMIT, '<limit lower="-1" upper="2" effort="3" velocity="4"/>', 1)
+    robot = build_model(xml.replace(LIMIT, '<limit effort="0" velocity="0"/>'))
+    model = robot.model
+    assert (model.lowerPositionLimit.tolist(), model.upperPositionLimit.tolist()) == ([-1.0, -np.inf], [2.0, np.inf])
+    assert (model.effortLimit.tolist(), model.velocityLimit.tolist()) == ([3.0, np.inf], [4.0, np.inf])
+    for kind in ("position", "effort", "velocity"):
+        assert f"{kind} limits of 0, or none, are taken for unknown: joint unknown" in robot.notes
+
+
+def test_continuous_joints_have_no_position_limits(chain):
+    model = build_model(chain(ARM)).model
+    assert (model.lowerPositionLimit[0], model.upperPositionLimit[0]) == (-np.inf, np.inf)
+    assert (model.effortLimit[0], model.velocityLimit[0]) == (1000.0, 1000.0)
+
+
+def coupled(chain, *mimics):
+    """Three joints a, b, c; each mimic is text in the joint of its name."""
+    xml = chain(*({**ARM, "name": name} for name in "abc"))
+    for name, text in mimics:
+        xml = xml.replace(f'<joint name="{name}" type="continuous">', f'<joint name="{name}" type="continuous">{text}')
+    return xml
+
+
+def test_joints_that_mimic_others_are_read(chain):
+    robot = build_model(coupled(
+        chain, ("b", '<mimic joint="a" multiplier="-2.5" offset="0.3"/>'), ("c", '<mimic joint="b"/>')))  # fmt: skip
+    assert robot.mimics == (Mimic("b", "a", -2.5, 0.3), Mimic("c", "b", 1.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("mimics", "message"),
+    [
+        ([("b", '<mimic joint="d"/>')], "joint 'b' mimics 'd', which does not exist"),
+        ([("b", '<mimic joint="b"/>')], "joint 'b' mimics itself: b -> b"),
+        ([("a", '<mimic joint="c"/>'), ("b", '<mimic joint="a"/>'), ("c", '<mimic joint="b"/>')],
+         "joint 'a' mimics itself: a -> c -> b -> a"),
+        ([("b", '<mimic joint="a" multiplier="nan"/>')],
+         "joint 'b': mimic: multiplier: 'nan' is not a finite number"),
+    ],
+)  # fmt: skip
+def test_couplings_that_cannot_be_are_refused(chain, mimics, message):
+    assert refusal(coupled(chain, *mimics)).message == message
+
+
+def test_a_joint_cannot_mimic_one_that_is_fixed(chain):
+    xml = coupled(chain, ("c", '<mimic joint="b"/>')).replace('name="b" type="continuous"', 'name="b" type="fixed"')
+    assert refusal(xml).message == "joint 'c' mimics 'b', which is fixed"
+
+
+@pytest.mark.parametrize(("within", "noted"), [
+    ("<mechanicalReduction>50</mechanicalReduction>", True),
+    ("<actuator><mechanicalReduction>-1.0</mechanicalReduction><motorInertia>0</motorInertia></actuator>", False),
+    ("<actuator><motorInertia>1e-4</motorInertia></actuator>", True),
+])  # fmt: skip
+def test_gears_of_transmissions_are_noted(chain, within, noted):
+    xml = chain(ARM).replace("</robot>", f'<transmission name="gearbox">{within}</transmission></robot>')
+    said = "gears and rotors of transmissions are modelled as 'drives' only: gearbox"
+    assert (said in build_model(xml).notes) == noted
+
+
+def test_defects_are_taken_as_written_where_that_is_asked_for(chain):
+    xml = coupled(chain, ("b", '<mimic joint="d"/>')).replace('ixx="0.1"', 'ixx="-0.1"', 1)
+    robot = build_model(xml, defects="noted")
+    assert robot.model.inertias[1].inertia[0, 0] == pytest.approx(-0.1)
+    assert robot.mimics == ()
+    assert "joint 'b' mimics 'd', which does not exist; taken as written" in robot.notes
+    assert any(note.startswith("link 'a_link': a principal moment of inertia is negative") for note in robot.notes)
+    assert "say 'defects: noted'" in refusal(xml).hint
+
+
+@pytest.mark.parametrize("negative", ["-1", "-1e-30"])
+def test_a_negative_mass_is_never_taken(chain, negative):
+    with pytest.raises(ModelError, match="the mass is negative"):
+        build_model(chain(ARM).replace('mass value="2.0"', f'mass value="{negative}"'), defects="noted")
+
+
+class TestBase:
+    """The root of a model held or afloat."""
+
+    def test_floats_where_it_is_asked_to(self, chain):
+        model = build_model(chain(ARM), base="floating").model
+        assert list(model.names)[1:] == ["root.x", "root.y", "root.z", "root", "arm"]
+        assert (model.nq, model.nv) == (8, 7)
+
+    def test_is_held_where_the_model_lets_it_float(self, chain):
+        floating = chain({**ARM, "name": "free", "kind": "floating"}, ARM)
+        assert build_model(floating).model.nv == 7
+        assert build_model(floating, base="floating").model.nv == 7
+        assert build_model(floating, base="fixed").model.nv == 1
+
+    def test_needs_its_names(self, chain):
+        taken = chain({**ARM, "name": "root"})
+        with pytest.raises(ModelError, match="a joint 'root', which is the name"):
+            build_model(taken, base="floating")
+        with pytest.raises(ModelError, match="a link 'world', which is the name"):
+            build_model(chain(ARM).replace("arm_link", "world"), base="floating")
+
+    def test_of_a_body_without_joints_may_float(self):
+        inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+        brick = f'<robot name="r"><link name="brick">{inertial}</link></robot>'
+        assert build_model(brick, base="floating").model.nv == 6
+        assert "base: floating" in refusal(brick).hint
+
+
+def test_names_that_parts_of_a_joint_take_are_refused(chain):
+    xml = chain({**ARM, "name": "free", "kind": "floating"}, {**ARM, "name": "free.x"})
+    assert refusal(xml).message == "two joints have the name 'free.x'"
+
+
+def test_more_freedom_than_memory_holds_is_refused(chain, monkeypatch):
+    monkeypatch.setattr(pinocchio_model, "MOST", 250)
+    many = chain(*({**ARM, "name": f"j{k}"} for k in range(251)))
+    assert refusal(many).message == "the model has 251 degrees of freedom"
+
+
+def test_joints_beyond_which_there_is_no_mass_are_noted(chain):
+    light = {"mass": 0.0, "inertia": (0.0, 0.0, 0.0)}
+    notes = build_model(
+        chain({**ARM, **light}, ARM | {"name": "b"}, {**light, "name": "c"}, {**light, "name": "d"})
+    ).notes
+    assert [note for note in notes if "mass" in note] == ["nothing beyond joint c has a mass"]

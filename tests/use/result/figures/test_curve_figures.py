@@ -1,0 +1,134 @@
+"""Figures of curves with closed forms: ``M = 20 sin(alpha)`` from 0 to 180 deg, and a speed that rises and falls.
+
+On the trapezoid from 0 to 1 rad at 1 rad/s^2 the speed is t until 1 s and 2 - t until 2 s, the acceleration 1 and -1.
+"""
+
+from collections.abc import Callable
+from math import pi, sin, sqrt
+from typing import Any
+
+import pytest
+
+import pinarm
+from pinarm.errors import InputError
+from pinarm.use.show.terminal import report
+
+ROUNDING = 1e-13
+"""Relative: sums of a few hundred numbers of double precision."""
+
+CLOSED_FORMS = [
+    ("statics", "M", "mean", 40 / pi), ("statics", "M", "rms", 20 / sqrt(2)), ("statics", "M", "integral", 40.0),
+    ("statics", "M", "peak", 20.0), ("statics", "-M", "peak", 20.0), ("statics", "M", "p50", 20 * sin(pi / 4)),
+    ("statics", "M", "p95", 20 * sin(0.95 * pi / 2)),
+    ("statics", "abs(alpha - 1)", "integral", 0.5 + (pi - 1) ** 2 / 2),
+    ("inverse", "joint.pivot.velocity", "mean", 0.5), ("inverse", "joint.pivot.velocity", "rms", sqrt(1 / 3)),
+    ("inverse", "joint.pivot.velocity", "integral", 1.0), ("inverse", "joint.pivot.acceleration", "rms", 1.0),
+    ("inverse", "joint.pivot.acceleration", "mean", 0.0), ("inverse", "joint.pivot.velocity", "p25", 0.25),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "quantity", "name", "value"), CLOSED_FORMS)
+def test_figures_are_those_of_closed_forms_within_their_errors(
+    scenario: Callable[..., Any], kind: str, quantity: str, name: str, value: float
+) -> None:
+    number, error = scenario(kind).run().number(f"{quantity} @ {name}")
+    assert abs(number - value) <= error + ROUNDING * max(abs(value), 1.0)
+    assert error <= 1e-4 * max(abs(value), 1.0)
+
+
+@pytest.mark.parametrize("name", ["mean", "rms", "integral", "p95"])
+def test_figures_do_not_hang_on_the_rows_of_the_table(scenario: Callable[..., Any], name: str) -> None:
+    coarse, fine = (
+        scenario("inverse", "", ("samples: 9", f"samples: {samples}")).run().number(f"M @ {name}")[0]
+        for samples in (2, 301)
+    )
+    # they are taken of the motion, integrals to 1e-10 and percentiles to the same part of the range
+    assert coarse == pytest.approx(fine, rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["statics", "inverse"])
+def test_a_percentile_takes_about_as_many_states_as_an_rms_value(
+    scenario: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    result, points = scenario(kind).run(), []
+    solved = type(result.lookup).quantities_at
+
+    def counted(run: Any, interval: int, t: Any) -> Any:
+        points.append(len(t))
+        return solved(run, interval, t)
+
+    monkeypatch.setattr(type(result.lookup), "quantities_at", counted)
+    result.number("M @ rms")
+    taken = sum(points)
+    points.clear()
+    result.number("M @ p95")
+    assert sum(points) <= 2 * taken  # 17 nodes a piece, beside 21 of Gauss and Kronrod
+
+
+def test_what_a_speed_brings_about_is_its_integral(scenario: Callable[..., Any]) -> None:
+    result = scenario("forward", "accuracy: {tolerance: 1.0e-9}\n").run()
+    turned = result.trajectory.q[-1, 0] - result.trajectory.q[0, 0]
+    # the dense output of the speed and that of the angle err by the tolerance each
+    assert result.number("joint.pivot.velocity @ integral")[0] == pytest.approx(turned, abs=1e-7)
+
+
+def test_a_quantity_that_is_only_rounding_takes_no_more_points_than_a_smooth_one(
+    scenario: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result, points = scenario("inverse").run(), []
+    solved = type(result.lookup).quantities_at
+
+    def counted(run: Any, interval: int, t: Any) -> Any:
+        points.append(len(t))
+        return solved(run, interval, t)
+
+    monkeypatch.setattr(type(result.lookup), "quantities_at", counted)
+    taken = {}
+    for name in ("alpha", "(alpha + 1.1)**2 - alpha**2 - 2.2*alpha - 1.21"):
+        points.clear()
+        value, error = result.number(f"{name} @ rms")
+        taken[name] = (value, error, sum(points))
+    (_, _, smooth), (value, error, rounding) = taken.values()
+    assert rounding <= 2 * smooth
+    assert 1e-17 < value < 1e-15 and error < 1e-15
+
+
+def test_an_integral_has_the_unit_of_the_parameter_in_it(scenario: Callable[..., Any]) -> None:
+    result = scenario("inverse", "numbers: [joint.pivot.power @ integral, M @ rms]\n").run()
+    units = {text: series.unit for text, (series, _) in result.numbers().items()}
+    assert units["joint.pivot.power @ integral"].dimension == units["M @ rms"].dimension  # J = W s, as N m
+
+
+def test_rows_that_stand_alone_have_no_figures(scenario: Callable[..., Any]) -> None:
+    with pytest.raises(InputError, match="these rows stand alone"):
+        scenario("state").run().number("M @ rms")
+
+
+ENTRY = "expect: [{quantity: M, at: %s, value: %s, rtol: 1.0e-12, source: 20/sqrt(2)}]\n"
+
+
+@pytest.mark.parametrize(("value", "verdict"), [("14.142135623730951 N*m", "agrees"), ("14.15 N*m", "MISS")])
+def test_an_answer_key_may_ask_for_a_figure(scenario: Callable[..., Any], value: str, verdict: str) -> None:
+    [finding] = pinarm.check(scenario("statics", ENTRY % ("rms", value)))
+    assert finding.verdict == verdict
+
+
+def test_an_unknown_figure_is_refused_with_those_that_there_are(scenario: Callable[..., Any]) -> None:
+    with pytest.raises(InputError, match="there is no place 'rsm' on a run") as error:
+        scenario("statics", ENTRY % ("rsm", "1 N*m"))
+    assert "rms" in f"{error.value.hint} {error.value.expected}"
+
+
+def test_a_value_is_found_that_brings_about_a_figure(scenario: Callable[..., Any]) -> None:
+    """A load m at the tip makes ``M = (20 + 10 m) sin(alpha)``: its rms is ``30/sqrt(2)`` for 1 kg."""
+    more = f"""
+payloads: {{load: {{point: tip, mass: 0.2 kg}}}}
+find: {{for: {{payloads.load.mass: 0.2 kg}}, so_that: {{M @ rms: {30 / sqrt(2)!r} N*m}}}}
+"""
+    assert scenario("statics", more).run().figures["payloads.load.mass [kg]"] == pytest.approx(1.0, rel=1e-9)
+
+
+def test_numbers_are_told_with_the_error_of_their_quadrature(scenario: Callable[..., Any]) -> None:
+    result = scenario("statics", "numbers: [M @ rms]\n").run()
+    assert "M @ rms: 14.14214 N*m (quadrature " in report(result)
+    assert result.summary()["numbers"]["M @ rms"]["value"] == pytest.approx(20 / sqrt(2), rel=1e-12)

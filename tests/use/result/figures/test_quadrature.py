@@ -1,0 +1,82 @@
+"""Adaptive quadrature: against closed forms of polynomials, kinks, peaks and jumps, and against SciPy's."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import cubature
+
+from pinarm.use.result.figures.quadrature import GAUSS, KRONROD, NODES, PATIENCE, Panels, integrate
+
+ROUNDING = 1e-14
+"""Of sums of some hundred terms of size 1."""
+
+
+def integrals(f, low, high, relative=1e-10, absolute=1e-13, most=2000):
+    """Return the integrals of functions ``f(t)``, shape (n, k), their bounds, and the numbers of points asked for."""
+    asked = []
+
+    def at(t):
+        asked.append(len(t))
+        assert (np.diff(t) > 0.0).all()
+        return f(t)
+
+    bounds = np.array([low]), np.array([high])
+    first = Panels.of(*bounds, f(Panels.points(*bounds)))
+    width = first.values.shape[1]
+    value, error = integrate(at, first, relative, np.full(width, absolute * (high - low)), most)
+    return value, error, asked
+
+
+class TestPanels:
+    @pytest.mark.parametrize("degree", range(32))
+    def test_kronrod_is_exact_to_degree_31(self, degree):
+        exact = 0.0 if degree % 2 else 2.0 / (degree + 1)
+        assert KRONROD @ NODES**degree == pytest.approx(exact, abs=ROUNDING)
+
+    @pytest.mark.parametrize("degree", range(20))
+    def test_gauss_is_exact_to_degree_19(self, degree):
+        exact = 0.0 if degree % 2 else 2.0 / (degree + 1)
+        assert GAUSS @ NODES**degree == pytest.approx(exact, abs=ROUNDING)
+
+
+class TestIntegrate:
+    def test_smooth_functions_take_no_bisection(self):
+        value, error, asked = integrals(lambda t: np.stack([np.exp(t), np.cos(t)], 1), -1.0, 2.0)
+        assert value == pytest.approx([math.e**2 - 1 / math.e, math.sin(2) + math.sin(1)], rel=ROUNDING)
+        assert not asked and (error < 1e-9).all()
+
+    @pytest.mark.parametrize(
+        ("f", "exact"),
+        [
+            (lambda t: abs(t - 0.3), 0.5 * (1.3**2 + 0.7**2)),
+            (lambda t: np.sqrt(t + 1.0), 2.0 / 3.0 * 2.0**1.5),
+            (lambda t: 1e-4 / (t**2 + 1e-8), 2.0 * math.atan(1e4)),
+            (lambda t: (t > 0.2).astype(float), 0.8),
+        ],
+    )  # a kink, an infinite slope, a peak of width 1e-4, a jump
+    def test_what_is_not_smooth_is_bisected_until_the_error_is_allowed(self, f, exact):
+        value, error, asked = integrals(lambda t: f(t)[:, None], -1.0, 1.0)
+        assert abs(value[0] - exact) <= error[0] + ROUNDING
+        assert error[0] <= 1e-13 * 2.0 + 1e-10 * exact
+        assert len(asked) <= 60
+
+    def test_it_is_that_of_scipy(self):
+        def f(t):
+            return np.stack([np.abs(np.sin(7.0 * t)), np.sin(40.0 * t) ** 2], 1)
+
+        value, error, _ = integrals(f, 0.0, 2.0)
+        theirs = cubature(lambda t: f(t[:, 0]), [0.0], [2.0], rtol=1e-10, atol=2e-13)
+        assert (abs(value - theirs.estimate) <= error + theirs.error + ROUNDING).all()
+
+    def test_noise_ends_the_bisections(self):
+        noise = np.random.default_rng(1)
+        value, error, asked = integrals(lambda t: (1.0 + 1e-6 * noise.normal(size=len(t)))[:, None], 0.0, 1.0)
+        assert value[0] == pytest.approx(1.0, abs=1e-6)
+        assert 1e-9 < error[0] < 1e-5
+        assert len(asked) <= PATIENCE + 1
+
+    def test_it_ends_at_most_panels_and_says_what_error_is_left(self):
+        _, error, asked = integrals(lambda t: np.sin(1e5 * t)[:, None] ** 2, 0.0, 1.0, most=64)
+        assert error[0] > 1e-3
+        assert sum(asked) <= 21 * 2 * 2 * 64
