@@ -1,7 +1,7 @@
 """Joints of the type ``gearbox`` of SDF: they move no link, and couple two joints on one body.
 
 With theta_1 the angle from the reference body to the parent about ``<axis>``, and theta_2 that from the reference body
-to the child about ``<axis2>``, ``theta_1 = -gearbox_ratio theta_2``.
+to the child about ``<axis2>``, ``theta_2 = -gearbox_ratio theta_1``.
 
 Source: SDFormat 1.12, specification of joint, gearbox_reference_body and gearbox_ratio.
 """
@@ -71,7 +71,7 @@ def gear_of(joint: Element, frames: Frames, version: tuple[int, int], hinges: It
                place.rotation @ axis_in(axis, place, frames, version, where), where)
         for end, axis in (("parent", first), ("child", second))
     )  # fmt: skip
-    return Gear(joints=(one, two), ratio=-own * other / ratio)
+    return Gear(joints=(one, two), ratio=-own * other * ratio)
 
 
 def _hinge(hinges: Iterable[Hinge], base: str, link: str, axis: Array, where: str) -> tuple[str, float]:

@@ -105,7 +105,7 @@ def test_a_gearbox_of_gazebo_couples_joints_on_its_reference_body():
         "<axis2><xyz>0 0 -1</xyz></axis2></joint></gazebo>"
     )
     gear = build_model(f'<robot name="m">{OPEN}{box}</robot>').couplings["K"]
-    assert (gear.joints, gear.ratio) == (("A", "C"), 0.25)  # theta_1 = A, theta_2 = -C: A = 4 C
+    assert (gear.joints, gear.ratio) == (("A", "C"), 4.0)  # theta_1 = A, theta_2 = -C: C = 4 A
 
 
 @pytest.mark.parametrize(("text", "message"), [
