@@ -3,10 +3,12 @@
 import ast
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -56,11 +58,6 @@ def module_of(file: Path) -> str:
 MODULES = {module_of(file): PACKAGE / file for file in FILES if file.as_posix() not in ("__init__.py", "__main__.py")}
 
 
-@cache
-def tree_of(file: Path) -> ast.Module:
-    return ast.parse(file.read_text(encoding="utf-8"))
-
-
 def is_for_types(node: ast.AST) -> bool:
     return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
 
@@ -92,16 +89,42 @@ def imports(tree: ast.AST) -> Iterator[str]:
                 yield full if full.removeprefix("pinarm.") in MODULES else of
 
 
-def within(tree: ast.AST) -> set[str]:
-    """Return the modules of the package that a tree imports."""
-    names = {name for name in imports(tree) if name.startswith("pinarm.")}
-    return {name.removeprefix("pinarm.") for name in names}
+def module_level(tree: ast.Module) -> Iterator[str]:
+    """Yield the modules that are imported as soon as the file is, outside functions and ``if TYPE_CHECKING``."""
+    outer: list[ast.stmt] = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
+    return imports(ast.Module(body=outer, type_ignores=[]))
+
+
+class Source(NamedTuple):
+    """What a file imports anywhere and at its top, by module, and the classes that it defines."""
+
+    imports: set[str]
+    top: set[str]
+    classes: list[str]
+
+
+@cache
+def sources() -> dict[Path, Source]:
+    """Return what stands in every file of the package."""
+    trees = ((file, ast.parse((PACKAGE / file).read_text(encoding="utf-8"))) for file in FILES)
+    return {
+        file: Source(
+            set(imports(tree)),
+            set(module_level(tree)),
+            [node.name for node in ast.walk(tree) if isinstance(node, ast.ClassDef)],
+        )
+        for file, tree in trees
+    }
 
 
 @cache
 def imported() -> dict[str, set[str]]:
     """Return what every module imports of the package, inside functions too, but for annotations alone."""
-    return {module: within(tree_of(path)) - {module} for module, path in MODULES.items()}
+    within = {
+        module_of(file): {name.removeprefix("pinarm.") for name in source.imports if name.startswith("pinarm.")}
+        for file, source in sources().items()
+    }
+    return {module: within[module] - {module} for module in MODULES}
 
 
 def place(module: str) -> tuple[int, int]:
@@ -137,22 +160,14 @@ def test_the_floor_plan_lists_what_there_is() -> None:
 
 
 def test_no_class_name_is_used_twice() -> None:
-    classes = [
-        node.name for path in MODULES.values() for node in ast.walk(tree_of(path)) if isinstance(node, ast.ClassDef)
-    ]
-    assert {name for name in classes if classes.count(name) > 1 and not name.startswith("_")} == set()
-
-
-def module_level(tree: ast.Module) -> Iterator[str]:
-    """Yield the modules that are imported as soon as the file is, outside functions and ``if TYPE_CHECKING``."""
-    outer: list[ast.stmt] = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
-    return imports(ast.Module(body=outer, type_ignores=[]))
+    classes = Counter(name for source in sources().values() for name in source.classes)
+    assert {name for name, count in classes.items() if count > 1 and not name.startswith("_")} == set()
 
 
 def test_costly_modules_are_imported_where_they_are_used() -> None:
-    for file in FILES:
+    for file, source in sources().items():
         allowed = LATE.get(file.as_posix(), set())
-        assert not {name.partition(".")[0] for name in module_level(tree_of(PACKAGE / file))} & (COSTLY - allowed), file
+        assert not {name.partition(".")[0] for name in source.top} & (COSTLY - allowed), file
 
 
 RUNS = [
