@@ -97,7 +97,8 @@ def _delassus_scale(closure: Closure, closed: list[Array]) -> float:
     model, ranks, scale = closure.model, set[int](), 0.0
     for q in [*places_of(model), *closed] if closed else []:
         rows, inverse = closure.rows(closure.state(q)), inverse_mass(model, q)
-        if inverse is None:
+        turning = np.linalg.norm(rows, axis=1).max() > NOISE  # rows of redundant loops alone are rounding
+        if inverse is None or not turning:
             return 0.0
         delassus = rows @ inverse @ rows.T
         size = np.sqrt(np.diag(delassus))
@@ -106,8 +107,7 @@ def _delassus_scale(closure: Closure, closed: list[Array]) -> float:
             return 0.0
         s = np.linalg.svd(rows[kept] / size[kept, None] @ np.linalg.cholesky(inverse), compute_uv=False)
         rank = int((s > CLEAR * s[0]).sum())
-        turning = np.linalg.norm(rows, axis=1).max() > NOISE  # rows of redundant loops alone are rounding
-        if not turning or (s[rank:] > REPEATED * s[0]).any() or s[0] > UNEVEN**0.5 * s[rank - 1]:
+        if (s[rank:] > REPEATED * s[0]).any() or s[0] > UNEVEN**0.5 * s[rank - 1]:
             return 0.0
         ranks.add(rank)
         scale = scale or float((size[kept] ** 2).min())
