@@ -76,17 +76,35 @@ class MassMatrices:
 
 
 @dataclass(frozen=True, eq=False)
-class ConstrainedMasses:
-    """Masses of many joints that constraints leave few free motions.
+class _RecursiveMasses:
+    """Masses of many joints: products by recursion.
 
     Attributes:
         model: Pinocchio's model.
         q: Configurations, shape (n, nq).
-        free: T, shape (n, nv, f).
     """
 
     model: pin.Model
     q: Array
+
+    @cached_property
+    def diagonal(self) -> Array:
+        """Diagonal of M."""
+        return np.array([mass_diagonal(self.model, q) for q in self.q])
+
+    def times(self, x: Array) -> Array:
+        """Return ``M x``."""
+        return np.array([mass_times(self.model, q, one) for q, one in zip(self.q, x, strict=True)])
+
+
+@dataclass(frozen=True, eq=False)
+class ConstrainedMasses(_RecursiveMasses):
+    """Masses of many joints that constraints leave few free motions.
+
+    Attributes:
+        free: T, shape (n, nv, f).
+    """
+
     free: Array
 
     @cached_property
@@ -99,31 +117,13 @@ class ConstrainedMasses:
         """See ``FreeMasses``."""
         return condition_of(self._along)
 
-    @cached_property
-    def diagonal(self) -> Array:
-        """Diagonal of M."""
-        return np.array([mass_diagonal(self.model, q) for q in self.q])
-
-    def times(self, x: Array) -> Array:
-        """Return ``M x``."""
-        return np.array([mass_times(self.model, q, one) for q, one in zip(self.q, x, strict=True)])
-
     def responses(self, moving: Array, most: Array) -> tuple[Array, Array]:
         """See ``FreeMasses``."""
         return _along(self.free, self._along, moving, most)
 
 
-@dataclass(frozen=True, eq=False)
-class TreeMasses:
-    """Masses of a tree of many joints that no constraint ties: T is the identity.
-
-    Attributes:
-        model: Pinocchio's model.
-        q: Configurations, shape (n, nq).
-    """
-
-    model: pin.Model
-    q: Array
+class TreeMasses(_RecursiveMasses):
+    """Masses of a tree of many joints that no constraint ties: T is the identity."""
 
     @cached_property
     def condition(self) -> Array:
@@ -139,15 +139,6 @@ class TreeMasses:
         largest = largest_eigenvalue(nv, lambda x: mass_times(self.model, q, x / size) / size)
         inverse = largest_eigenvalue(nv, lambda x: size * mass_solved(self.model, q, size * x))
         return largest * inverse if 0.0 < inverse < 1.0 / MASSLESS else np.inf
-
-    @cached_property
-    def diagonal(self) -> Array:
-        """Diagonal of M."""
-        return np.array([mass_diagonal(self.model, q) for q in self.q])
-
-    def times(self, x: Array) -> Array:
-        """Return ``M x``."""
-        return np.array([mass_times(self.model, q, one) for q, one in zip(self.q, x, strict=True)])
 
     def responses(self, moving: Array, most: Array) -> tuple[Array, Array]:
         """See ``FreeMasses``."""
