@@ -5,7 +5,6 @@ Of few joints M is a matrix; of many, M and its inverse are applied by recursion
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -15,6 +14,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.mass_matrix import mass_diagonal, mass_solved, mass_times
 from pinarm.engine.dynamics.masses import MASSLESS, NOTHING
+from pinarm.records import Record
 
 
 class FreeMasses(Protocol):
@@ -39,8 +39,7 @@ class FreeMasses(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class MassMatrices:
+class MassMatrices(Record, frozen=True):
     """Masses as matrices.
 
     Attributes:
@@ -75,8 +74,7 @@ class MassMatrices:
         return _along(self.free, self._along, moving, most)
 
 
-@dataclass(frozen=True, eq=False)
-class _RecursiveMasses:
+class _RecursiveMasses(Record, frozen=True):
     """Masses of many joints: products by recursion.
 
     Attributes:
@@ -97,8 +95,7 @@ class _RecursiveMasses:
         return np.array([mass_times(self.model, q, one) for q, one in zip(self.q, x, strict=True)])
 
 
-@dataclass(frozen=True, eq=False)
-class ConstrainedMasses(_RecursiveMasses):
+class ConstrainedMasses(_RecursiveMasses, frozen=True):
     """Masses of many joints that constraints leave few free motions.
 
     Attributes:
@@ -122,7 +119,7 @@ class ConstrainedMasses(_RecursiveMasses):
         return _along(self.free, self._along, moving, most)
 
 
-class TreeMasses(_RecursiveMasses):
+class TreeMasses(_RecursiveMasses, frozen=True):
     """Masses of a tree of many joints that no constraint ties: T is the identity."""
 
     @cached_property

@@ -6,7 +6,6 @@ The rows of each are those of ``row_measures``, numbered through.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,12 +18,12 @@ from pinarm.engine.constraints.row_measures import EvaluatedRows, RowMeasure, ro
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.model_variants import Model
+from pinarm.records import Record
 
 __all__ = ["BLOCK", "BatchJacobians", "EvaluatedJacobians", "rows_of"]
 
 
-@dataclass(frozen=True, eq=False)
-class BatchJacobians:
+class BatchJacobians(Record, frozen=True):
     """What several constraints and coordinates measure, their rows numbered through.
 
     Attributes:
@@ -76,8 +75,7 @@ class BatchJacobians:
         ])  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class EvaluatedJacobians:
+class EvaluatedJacobians(Record, frozen=True):
     """The rows of several measures at many configurations.
 
     Attributes:

@@ -6,7 +6,7 @@ An open chain has no rows; nothing else distinguishes it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -28,6 +28,7 @@ from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.batch_jacobians import BatchJacobians, EvaluatedJacobians
@@ -292,8 +293,7 @@ class Closure:
         return total
 
 
-@dataclass(frozen=True, eq=False)
-class MeasuredRows:
+class MeasuredRows(Record, frozen=True):
     """The rows of a closure at n configurations, and what has been computed of them.
 
     Attributes:

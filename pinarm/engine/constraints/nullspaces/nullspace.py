@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from pinarm.engine.constraints.nullspaces.dense_nullspace import (
     dense_parts,
     solved,
 )
+from pinarm.records import Record
 
 __all__ = ["ACTS", "MANY", "RANK", "UNCLOSED", "VANISHED", "RowDecompositions", "SplitRows", "solved", "split_rows"]
 
@@ -35,8 +35,7 @@ def split_rows(rows: Array, reach: Array | float = 1.0) -> SplitRows:
     return RowDecomposition.of(rows, reach)
 
 
-@dataclass(frozen=True, eq=False)
-class RowDecompositions:
+class RowDecompositions(Record, frozen=True):
     """The rows of G taken apart at n configurations, those with the same rank together.
 
     Attributes:
