@@ -16,7 +16,8 @@ from pinarm.engine.control.memory import ControlMemory
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.integrator import Acceleration, Interval
-from pinarm.mechanics.control.controller import Controller, Switch
+from pinarm.mechanics.control.controller import Controller, Given
+from pinarm.mechanics.limited_states import Switch
 from pinarm.records import replace
 
 if TYPE_CHECKING:
@@ -149,7 +150,7 @@ class _SampledStates:
         return self.memory.next(t)
 
 
-def _value(load: PresentEfforts, number: int, switch: Switch) -> Callable[[Array, Array, Array], Array]:
+def _value(load: PresentEfforts, number: int, switch: Switch[Given]) -> Callable[[Array, Array, Array], Array]:
     return lambda t, q, v: switch.value(load.given(number, t, q, v))
 
 
