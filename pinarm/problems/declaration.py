@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
+
+from msgspec import field
+
+from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
     from pinarm.mechanics.forces.kinds import Force
@@ -14,8 +17,7 @@ if TYPE_CHECKING:
 ValueT = TypeVar("ValueT")
 
 
-@dataclass(frozen=True)
-class Declaration:
+class Declaration(ValueRecord, frozen=True):
     """What a problem says about the coordinates of a mechanism.
 
     Attributes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgspec
@@ -42,6 +41,7 @@ from pinarm.problems.joint_values import check_levels, check_rates, followers_of
 from pinarm.problems.loads import LOADS, bind_loads, schema_row
 from pinarm.problems.prescription.prescribed_laws import laws_of, profile_remarks
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.control.controls import Controls

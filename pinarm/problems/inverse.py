@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import msgspec
@@ -31,6 +30,7 @@ from pinarm.problems.loads import LOADS, bind_loads, schema_row
 from pinarm.problems.prescription.prescribed_laws import grid_of, laws_of, profile_remarks
 from pinarm.problems.prescription.resolution import NearestPosture, joint_motion, rough_start
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.outcome import Outcome

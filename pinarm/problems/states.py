@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import msgspec
@@ -34,6 +33,7 @@ from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import LOADS, bind_constant_loads, schema_row
 from pinarm.problems.prescription.prescribed_laws import laws_of
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.outcome import Outcome

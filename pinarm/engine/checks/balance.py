@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -18,6 +17,7 @@ from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.model_variants import Model
 from pinarm.mechanics.geometry.vectors import crossed
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Solution
@@ -167,8 +167,7 @@ def demands(model: Model, links: LinkPlacements, twists: Array, rates: Array) ->
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class EnergyAccount:
+class EnergyAccount(Record, frozen=True):
     """What the energy of an integrated motion is balanced from.
 
     Attributes:

@@ -11,7 +11,6 @@ force, may be less within the set than at its corners.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
 
@@ -21,6 +20,7 @@ from pinarm.arrays import Array
 from pinarm.engine.friction.balance import FrictionBalance, SlipGroup
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.slip_vectors import sizes
+from pinarm.records import replace
 
 WITHIN, SAME = 1e-12, 1e-12
 """Part of its bound by which a joint may exceed it at a corner; and of the friction by which corners are one."""

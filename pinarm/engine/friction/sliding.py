@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,7 @@ from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.friction.contact import FrictionContact, slip_rows
 from pinarm.mechanics.friction.slip_vectors import same_joint, several, sizes, unit_vectors
 from pinarm.mechanics.laws.motion_law import MotionLaw
+from pinarm.records import replace
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +20,7 @@ from pinarm.engine.statics.effort_distribution import UNIQUE
 from pinarm.engine.statics.selected_drives import SelectedDrives
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.model_variants import ModelVariants
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -28,8 +29,7 @@ ROW = "row"
 """Parameter of rows that are only numbered."""
 
 
-@dataclass(frozen=True, eq=False)
-class EventRecord:
+class EventRecord(Record, frozen=True):
     """An event of a run, or an impact.
 
     Attributes:

@@ -9,7 +9,7 @@ and numbers with units, ``(2e4 N/m)*Y``. A name with several meanings is refused
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -27,6 +27,7 @@ from pinarm.input.formulas.expressions import Expression
 from pinarm.input.formulas.grammar import CONSTANTS
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
+from pinarm.records import replace
 
 MAX_DEPTH = 50
 """Symbols may stand for symbols; deeper nesting would exhaust the interpreter's stack."""

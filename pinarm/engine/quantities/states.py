@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +28,7 @@ from pinarm.input.units import unit
 from pinarm.mechanics.ball_joints import configuration, places_of, unit_of, velocities_of
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.mechanics.loading.pinocchio_layout import UNIT
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism

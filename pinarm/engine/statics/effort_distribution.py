@@ -6,7 +6,6 @@ With as many drives as degrees of freedom the load determines them. ``shared_eff
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.errors import DrivesError, DynamicsError
 from pinarm.mechanics.coordinates import Coordinate
+from pinarm.records import ValueRecord
 
 CARRIED = 1e-9
 """Largest part of a load that no drive carries, relative to the load: rounding leaves 1e-13."""
@@ -39,8 +39,7 @@ class EffortDistribution(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class UniqueEfforts:
+class UniqueEfforts(ValueRecord, frozen=True):
     """The efforts that the load determines; more drives than degrees of freedom are refused."""
 
     def efforts(self, ways: Array, load: Array, least: Array) -> tuple[Array, Flags]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +14,7 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.statics.effort_distribution import UNIQUE, EffortDistribution
 from pinarm.errors import DrivesError, DynamicsError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, driven_along
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -23,8 +23,7 @@ WEAK = 1e-9
 """Smallest singular value of S T, relative to the longest row of S, that still determines the drives' efforts."""
 
 
-@dataclass(frozen=True, eq=False)
-class SelectedDrives:
+class SelectedDrives(Record, frozen=True):
     """Drives along some coordinates; the other joints are passive.
 
     Attributes:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
+from pinarm.records import Record, replace
 
 ALIKE = (
     "name", "nq", "nv", "njoints", "nframes", "names", "parents", "joints", "supports", "subtrees", "gravity",
@@ -28,8 +29,7 @@ class VariantsDiffer(Exception):
     """What was asked is computed of one model at a time: variants have to be solved one by one."""
 
 
-@dataclass(frozen=True, eq=False)
-class VariantPlacement:
+class VariantPlacement(Record, frozen=True):
     """A placement in k variants, or in all of them, with k = 1; it is composed as Pinocchio's ``SE3`` is.
 
     Attributes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -25,6 +24,7 @@ from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.actuation.effort_sharing import Share, drives_of
 from pinarm.problems.loads import LOADS, bind_loads
 from pinarm.problems.recording.recorded_columns import check_rows, recorded_rows
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.outcome import Outcome

@@ -10,10 +10,12 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Container, Mapping
-from dataclasses import dataclass, field
+
+from msgspec import field
 
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit, unit
+from pinarm.records import ValueRecord
 
 DEGREE = unit("deg")
 
@@ -26,8 +28,7 @@ _NUMBER = re.compile(r"(?P<before>(?:min |max )?)(?P<quantity>.*?)(?P<after>(?: 
 _GROUP = re.compile(r"([_^])\{([^{}]*)\}")
 
 
-@dataclass(frozen=True)
-class Presentation:
+class Presentation(ValueRecord, frozen=True):
     """How the quantities of a scenario are shown.
 
     Attributes:

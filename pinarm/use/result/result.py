@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 import numpy as np
+from msgspec.structs import asdict
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import LOST
@@ -24,6 +25,7 @@ from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplification import Removal
+from pinarm.records import replace
 from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED
 from pinarm.use.result.row_lookup import PLATEAU, Lookup, unreached
 
@@ -398,8 +400,8 @@ class Result:
             "accuracy": self._accuracy(),
             "cost": {name: int(value) for name, value in self.figures.items() if name in COSTS},
             "findings": {name: x for name, x in self.figures.items() if name not in (*MEASURES, *COSTS)},
-            "limits": [{**vars(excess), "unit": str(excess.unit)} for excess in self.excesses()],
-            "not solved for": [vars(removal) for removal in self.removals],
+            "limits": [{**asdict(excess), "unit": str(excess.unit)} for excess in self.excesses()],
+            "not solved for": [asdict(removal) for removal in self.removals],
             "notes": self.notes(),
             "versions": {"pinarm": pinarm.__version__, "pinocchio": pinocchio.__version__, "numpy": np.__version__},
             "input": self.digest(),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,7 @@ from pinarm.engine.quantities.names import EXTREMES, OPEN, Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.numbers import is_whole
+from pinarm.records import replace
 from pinarm.use.result.figures.curve_figures import FIGURES, figure, figure_unit, is_figure
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,6 +28,7 @@ from pinarm.input.yaml.values import Values, value_at, varied, written_unit
 from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
+from pinarm.records import replace
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.failures import failures_in_words, overflow
 from pinarm.use.scenario.file_kind import GIVEN, refuse_changes, refuse_mechanism, refuse_model

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import count
 from typing import TYPE_CHECKING
 
@@ -11,6 +10,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import LOST
 from pinarm.errors import Interrupted, PinarmError
+from pinarm.records import replace
 from pinarm.use.progress import tell
 from pinarm.use.result.measures import RESIDUALS
 from pinarm.use.result.result import Result

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.records import ValueRecord
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's palette."""
@@ -30,8 +31,7 @@ Marker = Literal["", "o", "s", "x", "mount"]
 """Circle, square or cross, as in matplotlib, or what a mechanism stands on; none where it is empty."""
 
 
-@dataclass(frozen=True)
-class Line:
+class Line(ValueRecord, frozen=True):
     """A line through points, or marks at points, or both.
 
     Attributes:
@@ -59,8 +59,7 @@ class Line:
     opacity: float = 1.0
 
 
-@dataclass(frozen=True)
-class Note:
+class Note(ValueRecord, frozen=True):
     """A text at a point.
 
     Attributes:
@@ -127,8 +126,7 @@ class Panel:
         return limits(across, self.margin), limits(up, 0.06)
 
 
-@dataclass(frozen=True)
-class Chart:
+class Chart(ValueRecord, frozen=True):
     """Panels below each other, with one horizontal axis.
 
     Attributes:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.records import replace
 from pinarm.use.show.chart import Line, Note, extent
 from pinarm.use.show.labels import runs
 

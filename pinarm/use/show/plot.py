@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -16,6 +15,7 @@ from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import ROW
 from pinarm.errors import InputError, choices
 from pinarm.input.yaml.schema import in_si
+from pinarm.records import ValueRecord
 from pinarm.use.result.expectation import ERRATA
 from pinarm.use.result.figures.curve_figures import is_figure
 from pinarm.use.result.presentation import Presentation
@@ -87,8 +87,7 @@ def graph(drawn: Graph, how: Presentation = PLAIN) -> Chart:
     return Chart(plain(drawn.title), [panel], WIDTH, WIDTH * 0.7)
 
 
-@dataclass(frozen=True)
-class Printed:
+class Printed(ValueRecord, frozen=True):
     """A published figure where it belongs.
 
     Attributes:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.records import ValueRecord
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.chart import Line, Marker, Style
 from pinarm.use.show.replay.framing import Framing, View, framing
@@ -21,8 +21,7 @@ PATH, GROUND = "#8b949e", "#59595f"
 """Colours of paths, and of what does not move."""
 
 
-@dataclass(frozen=True)
-class Scene:
+class Scene(ValueRecord, frozen=True):
     """What a sketch shows of a mechanism.
 
     Attributes:

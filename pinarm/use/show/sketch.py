@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array, distinct
 from pinarm.engine.mechanism import Mechanism
+from pinarm.records import ValueRecord, replace
 from pinarm.use.show.chart import COLOURS, Chart, Line, Note, Panel
 from pinarm.use.show.labels import PLAIN, plain, shown, symbol
 from pinarm.use.show.note_places import note_places
@@ -53,8 +53,7 @@ FAINT = "#d0d4d9"
 """Colour of positions in between."""
 
 
-@dataclass(frozen=True)
-class Pose:
+class Pose(ValueRecord, frozen=True):
     """A position that is drawn strongly.
 
     Attributes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +11,7 @@ from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.couplings.transmissions import ToothContact
+from pinarm.records import ValueRecord
 from pinarm.use.show.replay.overlays import BodyPoint
 from pinarm.use.show.replay.sticks import cuboid, reach
 from pinarm.use.show.replay.tracks import Node
@@ -29,8 +29,7 @@ EVEN = 1e-9
 """Difference of two moments of inertia, relative to them, up to which they are the same."""
 
 
-@dataclass(frozen=True)
-class Stick:
+class Stick(ValueRecord, frozen=True):
     """A polyline that is fixed to a body.
 
     Attributes:
@@ -44,8 +43,7 @@ class Stick:
     weight: float = 1.0
 
 
-@dataclass(frozen=True)
-class StickFigure:
+class StickFigure(ValueRecord, frozen=True):
     """What is drawn of the bodies.
 
     Attributes:

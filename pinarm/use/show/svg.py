@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from html import escape
 from itertools import pairwise
 
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.records import ValueRecord, replace
 from pinarm.use.show.chart import Chart, Line, Note, Panel
 from pinarm.use.show.labels import TextRun, runs
 
@@ -38,8 +38,7 @@ FONT = "DejaVu Sans, Verdana, Helvetica, Arial, sans-serif"
 POWERS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
-@dataclass(frozen=True)
-class Scale:
+class Scale(ValueRecord, frozen=True):
     """How numbers of an axis become places on the page.
 
     Attributes:
@@ -236,7 +235,7 @@ def _below(lines: Sequence[Line], width: float, height: float) -> list[str]:
 
 def _entry(line: Line, x: float, y: float) -> Iterator[str]:
     flat = Scale(0.0, 1.0, x, x + 20.0), Scale(0.0, 1.0, y, y - 1.0)
-    yield from _line(Line(**{**vars(line), "x": np.array([0.0, 1.0]), "y": np.zeros(2), "marker": ""}), *flat)
+    yield from _line(replace(line, x=np.array([0.0, 1.0]), y=np.zeros(2), marker=""), *flat)
     yield _mark(line, x + 10.0, y) if line.marker else ""
     yield _text(x + 26.0, y + 0.36 * SMALL, line.label, SMALL)
 

@@ -1,6 +1,5 @@
 """What is prescribed in variants: states, efforts and the kinds of drives that are followed."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ from pinarm.engine.motion.prescribed_motion import PrescribedMotion
 from pinarm.engine.motion.prescribed_variants import prescribed_variants
 from pinarm.engine.statics.actuation import actuation
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
+from pinarm.records import replace
 
 SCENARIOS = Path(__file__).parents[3] / "scenarios"
 ROUNDING = 1e-12

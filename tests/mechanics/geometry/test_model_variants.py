@@ -1,7 +1,5 @@
 """Variants of random trees against Pinocchio's model of each variant alone."""
 
-from dataclasses import replace
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -9,6 +7,7 @@ import pytest
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.model_variants import VariantFrame, VariantPlacement, VariantsDiffer, spatial_inertias
+from pinarm.records import replace
 from tests.mechanics.geometry.random_variants import random_variants
 
 ROUNDING = 1e-12

@@ -12,12 +12,12 @@ their number.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.records import Record
 from pinarm.use.result.figures.bracket_fit import DEGREE, BracketFit
 
 FIRST, ROUNDS, MOST = 3, 40, 512
@@ -30,8 +30,7 @@ HALVINGS = 60
 """Of the range of values: then a value is known to rounding."""
 
 
-@dataclass(frozen=True, eq=False)
-class CurvePiece:
+class CurvePiece(Record, frozen=True):
     """A curve between two places.
 
     Attributes:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.records import ValueRecord
 from pinarm.use.show.replay.shapes import Shape
 from pinarm.use.show.replay.tracks import Node
 
@@ -32,8 +32,7 @@ FIELD, ROOM = 28.0, 1.18
 """Angle of the camera from the lowest to the highest point [deg], and the room that is left around the motion."""
 
 
-@dataclass(frozen=True)
-class ParallelView:
+class ParallelView(ValueRecord, frozen=True):
     """Everything as large as it is, seen along an axis.
 
     Attributes:
@@ -47,8 +46,7 @@ class ParallelView:
         return np.asarray(self.axes @ points.T)
 
 
-@dataclass(frozen=True)
-class Camera:
+class Camera(ValueRecord, frozen=True):
     """What is nearer appears larger, as in the replay; lengths are true at the distance of the centre.
 
     Attributes:
@@ -73,8 +71,7 @@ View = ParallelView | Camera
 """How points of the world come into a picture."""
 
 
-@dataclass(frozen=True)
-class Framing:
+class Framing(ValueRecord, frozen=True):
     """The box of the whole motion and the view on it, in world axes.
 
     Attributes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -21,6 +20,7 @@ from pinarm.mechanics.forces.point import AppliedWrench, TwoPointSpring
 from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.joints import frame_of
 from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.records import ValueRecord
 from pinarm.use.show.replay.packing import Packing
 from pinarm.use.show.replay.tracks import Node
 
@@ -32,8 +32,7 @@ ARROWS = {
 """Kinds of arrows, and what the legend calls them. Their colours are in ``overlays.js``."""
 
 
-@dataclass(frozen=True)
-class BodyPoint:
+class BodyPoint(ValueRecord, frozen=True):
     """A point that is fixed to a body.
 
     Attributes:
@@ -53,8 +52,7 @@ class BodyPoint:
         return np.asarray(places[:, self.node, :3, :3] @ self.place + places[:, self.node, :3, 3])
 
 
-@dataclass(frozen=True)
-class Connection:
+class Connection(ValueRecord, frozen=True):
     """Two points that something joins, drawn as what it is.
 
     Attributes:
@@ -74,8 +72,7 @@ class Connection:
         return {"kind": self.kind, "a": one.plain(), "b": two.plain(), **extremes}
 
 
-@dataclass(frozen=True)
-class Arrow:
+class Arrow(ValueRecord, frozen=True):
     """A force or a moment at a point, over the rows.
 
     Attributes:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree
@@ -17,6 +16,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, ModelError, PinarmError
 from pinarm.input.numbers import decimal, is_decimal
 from pinarm.input.roots import contained_file, example_robot_data, root_of
+from pinarm.records import ValueRecord
 from pinarm.use.show.replay.meshes import Mesh, read_mesh
 
 Colour = tuple[float, float, float, float]
@@ -37,8 +37,7 @@ GROUND: Colour = (0.55, 0.57, 0.60, 1.0)
 """Of what does not move."""
 
 
-@dataclass(frozen=True)
-class Shape:
+class Shape(ValueRecord, frozen=True):
     """Something solid that is fixed to a body.
 
     Attributes:
@@ -79,8 +78,7 @@ def colour_of(node: int) -> Colour:
     return PALETTE[(node - 1) % len(PALETTE)] if node else GROUND
 
 
-@dataclass(frozen=True)
-class Visuals:
+class Visuals(ValueRecord, frozen=True):
     """What a model draws.
 
     Attributes:

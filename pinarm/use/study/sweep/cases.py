@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -17,6 +17,7 @@ from pinarm.input.roots import file_root, note_files, noting_files
 from pinarm.input.units import Unit
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import varied
+from pinarm.records import replace
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.result import Result
 from pinarm.use.result.run_number import EXAMPLES

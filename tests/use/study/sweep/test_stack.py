@@ -1,7 +1,6 @@
 """Cases solved together against the same cases alone, on every scenario that can take part."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ import pinarm
 from pinarm import PinarmError
 from pinarm.input.roots import given_root
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
+from pinarm.records import replace
 from pinarm.use.study.run import run
 from pinarm.use.study.sweep.axes import Value
 from pinarm.use.study.sweep.cases import WORTH, Task, Wanted, solve_case
