@@ -56,8 +56,8 @@ BACKWARDS = N / ETA * 0.3 / (LOAD + REFLECTED / ETA)
 """Acceleration under 0.3 N m while the motor brakes."""
 
 
-@pytest.mark.parametrize("period", [{}, {"period": "30 ms"}])
-@pytest.mark.parametrize("ratio", [N, -N])
+@pytest.mark.parametrize(("ratio", "period"), [
+    (N, {}), (-N, {}), pytest.param(-N, {"period": "30 ms"}, marks=pytest.mark.slow)])  # fmt: skip
 def test_a_constant_torque_drives_through_the_efficiency(servo, ratio, period):
     sign = np.sign(ratio)
     result = pinarm.run(forward(servo(ratio=ratio), [constant(0.3, **period)], outputs=("x", "drive.servo.torque")))
@@ -83,7 +83,7 @@ def test_a_motor_brakes_against_the_load_and_reverses(servo):
 
 @pytest.mark.parametrize("torque, moves", [(0.3 * ETA * 1.01, 0), (0.3 / ETA * 0.99, 0), (0.3 * ETA * 0.99, -1),
                                            (0.3 / ETA * 1.01, 1)])  # fmt: skip
-@pytest.mark.parametrize("period", [{}, {"period": "50 ms"}])
+@pytest.mark.parametrize("period", [{}, pytest.param({"period": "50 ms"}, marks=pytest.mark.slow)])
 def test_a_gear_at_rest_holds_between_both_efficiencies(servo, torque, moves, period):
     """A load of -3 N m: motor torques from ``3 eta / N`` to ``3 / (N eta)`` hold it."""
     result = pinarm.run(forward(servo(), [constant(torque, **period)], loads=push(-3.0)))
