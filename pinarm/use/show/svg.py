@@ -12,7 +12,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.use.show.chart import Chart, Line, Note, Panel
-from pinarm.use.show.labels import TextRun, runs
+from pinarm.use.show.labels import TextRun, runs, text_width
 
 POINTS = 72.0
 """Points per inch, the unit of the pages."""
@@ -212,7 +212,7 @@ def _note(note: Note, across: Scale, up: Scale) -> str:
 def _legend(panel: Panel, lines: Sequence[Line], box: Box, across: Scale, up: Scale) -> Iterator[str]:
     """Yield the names of lines, in that corner of the panel where least is drawn."""
     left, top, right, bottom = box
-    wide = 26.0 + max(_width(line.label, SMALL) for line in lines)
+    wide = 26.0 + max(text_width(line.label, SMALL) for line in lines)
     tall = 1.4 * SMALL * len(lines)
     x = np.concatenate([np.atleast_1d(across.at(line.x)).ravel() for line in panel.lines])
     y = np.concatenate([np.atleast_1d(up.at(line.y)).ravel() for line in panel.lines])
@@ -225,7 +225,7 @@ def _legend(panel: Panel, lines: Sequence[Line], box: Box, across: Scale, up: Sc
 
 def _below(lines: Sequence[Line], width: float, height: float) -> list[str]:
     """Return the names of lines below all panels, two beside each other."""
-    wide = 34.0 + max((_width(line.label, SMALL) for line in lines), default=0.0)
+    wide = 34.0 + max((text_width(line.label, SMALL) for line in lines), default=0.0)
     elements: list[str] = []
     for k, line in enumerate(lines):
         beside = min(2, len(lines) - k + k % 2)
@@ -253,11 +253,6 @@ def _text(
     look = f' fill="{colour}"' if colour else ""
     look += ' paint-order="stroke" stroke="#ffffff" stroke-width="2.5" stroke-linejoin="round"' if halo else ""
     return f'<text x="{x:.2f}" y="{y:.2f}" font-size="{size:g}" text-anchor="{anchor}"{look}>{parts}</text>'
-
-
-def _width(label: str, size: float) -> float:
-    """Return about how wide a label is [points]."""
-    return 0.92 * LETTER * size * sum(len(run.text) for run in runs(label))
 
 
 def _run(run: TextRun, size: float) -> str:
