@@ -22,7 +22,8 @@ ORDINARY = 0.64
 WIDTHS = dict.fromkeys("ijl.,:;'|!I ", 0.34) | dict.fromkeys("frtJs_-()[]", 0.5) | dict.fromkeys("mwMW%@", 0.99)
 """Width of narrow and of wide letters."""
 
-_GREEK = "alpha beta gamma delta epsilon theta lambda omega phi psi Delta Theta Omega Phi Psi Gamma Lambda"
+_GREEK = ("alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega "
+          "Gamma Delta Theta Lambda Xi Sigma Phi Psi Omega")  # fmt: skip
 _SYMBOL = re.compile(rf"(?P<greek>{_GREEK.replace(' ', '|')})_?(?P<number>\d*)(?P<rate>d{{0,2}})"
                      r"|(?P<letter>[A-Za-z])(_(?P<index>[A-Za-z0-9]+)|(?P<digits>\d+))")  # fmt: skip
 _DOLLAR = re.compile(r"(?<!\\)\$")

@@ -148,7 +148,7 @@ def _cam(nodes: Sequence[Node], cam: CamCoupling, contact: CamContact) -> Iterat
 
 
 def _edges(shape: Shape) -> Iterator[Stick]:
-    """Yield the edges of a solid: of a box, of a cylinder or a capsule with two lines along it, circles of a sphere."""
+    """Yield the edges of a solid; of a cylinder or a capsule also lines along it and a spoke, of a sphere circles."""
     corners, centre = shape.extent(), shape.placement.translation
     if shape.kind == "box":
         for a in range(8):
@@ -163,6 +163,7 @@ def _edges(shape: Shape) -> Iterator[Stick]:
     radius, length = shape.size
     for end in (-0.5, 0.5):
         yield Stick(shape.node, centre + end * length * z + _circle(radius, x, y), THIN)
+    yield Stick(shape.node, centre + 0.5 * length * z + np.outer([0.0, radius], x), THIN)
     for side in (x, -x, y, -y):
         yield Stick(shape.node, centre + radius * side + np.outer([-0.5, 0.5], length * z), THIN)
 
