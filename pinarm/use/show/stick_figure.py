@@ -10,10 +10,9 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
-from pinarm.mechanics.couplings.cams.cam_contact import Roller
-from pinarm.mechanics.couplings.cams.cam_coupling import CamContact, CamCoupling
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.couplings.transmissions import ToothContact
+from pinarm.use.show.cam_bodies import cam_bodies
 from pinarm.use.show.chart import Style
 from pinarm.use.show.replay.overlays import BodyPoint
 from pinarm.use.show.replay.shapes import Shape, primitives
@@ -100,8 +99,7 @@ def stick_figure(mechanism: Mechanism, nodes: Sequence[Node], joined: Sequence[B
         tips += [BodyPoint(node, end) for end in ends if (node, tuple(end)) not in known]
     longest = max((float(np.linalg.norm(stick.points[-1])) for stick in drawn), default=np.inf)
     own_shapes = list(primitives(mechanism)) if compact else []
-    cams = [stick for coupling in mechanism.constraints if isinstance(coupling, CamCoupling) and coupling.contact
-            for stick in _cam(nodes, coupling, coupling.contact)]  # fmt: skip
+    cams = [Stick(one.node, line, THIN) for one in cam_bodies(mechanism, nodes) for line in (one.outline, one.spoke)]
     drawn += cams
     for node in (node for node in compact if all(node != stick.node for stick in cams)):
         shapes = [shape for shape in own_shapes if shape.node == node]
@@ -130,21 +128,6 @@ def _wheels(mechanism: Mechanism) -> Iterator[tuple[int, float]]:
         contact = coupling.transmission if isinstance(coupling, Coupling) else None
         if isinstance(contact, ToothContact):
             yield from zip((contact.first, contact.second), contact.surfaces.radii, strict=True)
-
-
-def _cam(nodes: Sequence[Node], cam: CamCoupling, contact: CamContact) -> Iterator[Stick]:
-    """Yield the outline of a cam and its roller, where the body that carries both is the parent of their joints."""
-    pair, surface = contact.plane.pair, contact.surface
-    bodies = [nodes[member.body] for member in (pair.first, pair.second)]
-    if any(body.parent != pair.carrier for body in bodies):
-        return
-    outline = (cam.shape - bodies[0].placement.translation) @ bodies[0].placement.rotation
-    yield Stick(pair.first.body, outline, THIN)
-    yield Stick(pair.first.body, np.array([np.zeros(3), outline[0]]), THIN)
-    if isinstance(surface, Roller):
-        rim = contact.point.start + surface.radius * np.exp(1j * WHEEL)
-        placed = contact.plane.origin + contact.plane.vectors(rim) - bodies[1].placement.translation
-        yield Stick(pair.second.body, placed @ bodies[1].placement.rotation, THIN)
 
 
 def _edges(shape: Shape) -> Iterator[Stick]:
