@@ -361,3 +361,12 @@ def test_a_picture_shows_no_controls(solved: Callable[..., Any], shown: Callable
             "[...document.querySelectorAll('button, select, input[type=checkbox]')].filter((e) => e.offsetWidth).length"
         )
         assert page.evaluate(seen) == 0
+
+
+def test_on_a_telephone_the_slider_is_as_wide_as_the_page(
+    solved: Callable[..., Any], _browser: Page, tmp_path: Path
+) -> None:
+    solved("gen411_arm_static").replay(tmp_path / "replay.html")
+    _browser.open(tmp_path / "replay.html", "#t=0", width=400, height=800)
+    assert _browser.evaluate("document.getElementById('slider').offsetWidth") > 350
+    assert _browser.evaluate("document.documentElement.scrollWidth") == 400
