@@ -27,6 +27,9 @@ FLAT = 1e-9
 Style = Literal["-", "--", ":", "-.", ""]
 """Full, dashed, dotted or dash-dotted, as in matplotlib; no line where it is empty."""
 
+Window = tuple[tuple[float, float], tuple[float, float]]
+"""Ends of the horizontal and of the vertical axis."""
+
 Marker = Literal["", "o", "s", "x", "mount"]
 """Circle, square or cross, as in matplotlib, or what a mechanism stands on; none where it is empty."""
 
@@ -100,6 +103,7 @@ class Panel:
         margin: Room beside the lines, relative to their extent.
         ticks: Places of the ticks of the horizontal axis; round numbers where it is empty.
         grid: Whether lines run through the picture at the ticks.
+        window: Ends of both axes; those of the lines, with the margin, where it is left out.
     """
 
     lines: Sequence[Line] = field(repr=False)
@@ -112,9 +116,12 @@ class Panel:
     margin: float = 0.01
     ticks: Sequence[float] = ()
     grid: bool = True
+    window: Window | None = None
 
-    def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return the ends of both axes: those of the lines, with a margin; see ``limits``."""
+    def extent(self) -> Window:
+        """Return the ends of both axes: the window, or those of the lines, with a margin; see ``limits``."""
+        if self.window is not None:
+            return self.window
         if self.equal:
             low, high = extent(self.lines)
             largest = float((high - low).max()) or 1.0

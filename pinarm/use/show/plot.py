@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Iterator
-from itertools import cycle
+from itertools import cycle, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -20,7 +20,7 @@ from pinarm.use.result.expectation import ERRATA
 from pinarm.use.result.figures.curve_figures import is_figure
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.result.row_lookup import NotReached
-from pinarm.use.show.chart import COLOURS, HEAD, HEIGHT, WIDTH, Chart, Line, Panel
+from pinarm.use.show.chart import COLOURS, HEAD, HEIGHT, WIDTH, Chart, Line, Panel, Style
 from pinarm.use.show.labels import PLAIN, axis_label, plain, shown
 
 if TYPE_CHECKING:
@@ -29,6 +29,12 @@ if TYPE_CHECKING:
 
 POINTS: dict[str, Any] = {"style": "", "marker": "o"}
 """Look of rows that stand for themselves."""
+
+STYLES: tuple[Style, ...] = ("-", "--", ":", "-.")
+"""Of curves that have a colour for the first time, for the second time, and so on."""
+
+ENTRY = 0.23
+"""Height of a line of a legend below a graph, of more curves than there are colours [inch]."""
 
 FEW = 12
 """Rows that stand for themselves and have their own tick."""
@@ -78,13 +84,15 @@ def graph(drawn: Graph, how: Presentation = PLAIN) -> Chart:
     (scale, along), (own, measured) = shown(drawn.curves[0].across, how), shown(drawn.curves[0].up, how)
     lines = [
         Line(curve.across.values / scale, curve.up.values / own, colour, label=plain(curve.label),
-             **(POINTS if curve.points else {}))
-        for curve, colour in zip(drawn.curves, cycle(COLOURS))
+             **(POINTS if curve.points else {"style": style}))
+        for curve, (style, colour) in zip(drawn.curves, cycle(product(STYLES, COLOURS)))
     ]  # fmt: skip
     across, up = drawn.curves[0].across.name, drawn.curves[0].up.name
     panel = Panel(lines, across=axis_label(across, along, how), up=axis_label(up, measured, how),
                   equal=drawn.equal, margin=0.05)  # fmt: skip
-    return Chart(plain(drawn.title), [panel], WIDTH, WIDTH * 0.7)
+    if len(lines) <= len(COLOURS):
+        return Chart(plain(drawn.title), [panel], WIDTH, WIDTH * 0.7)
+    return Chart(plain(drawn.title), [panel], WIDTH, WIDTH * 0.7 + ENTRY * -(-len(lines) // 2), "below")
 
 
 class Printed(ValueRecord, frozen=True):

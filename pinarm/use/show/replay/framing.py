@@ -128,6 +128,8 @@ def framing(
     gravity = np.asarray(model.gravity.linear)
     up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, 1.0])
     axis = _common_axis(nodes, places[0])
+    if axis is None:
+        axis = _plane_of_slides(nodes, places, paths)
     if axis is not None:
         across = np.linalg.norm((high - low) * np.sqrt(np.maximum(1.0 - axis**2, 0.0)))
         if abs(axis) @ (high - low) > FLAT * across:
@@ -174,6 +176,19 @@ def _common_axis(nodes: Sequence[Node], place: Array) -> Array | None:
     axis = turning[0]
     parallel = all(np.linalg.norm(np.cross(axis, other)) < PARALLEL for other in turning)
     return axis if parallel and all(abs(axis @ other) < PARALLEL for other in sliding) else None
+
+
+def _plane_of_slides(nodes: Sequence[Node], places: Array, paths: Sequence[Array]) -> Array | None:
+    """Return the normal of the plane in which bodies that only slide move, with what joins them; else ``None``."""
+    moved = [k for k, node in enumerate(nodes) if node.kind != "fixed"]
+    if not moved or any(nodes[k].kind != "slide" for k in moved):
+        return None
+    points = np.concatenate([places[:, moved, :3, 3].reshape(-1, 3), *paths])
+    directions = np.array([places[0, k, :3, :3] @ nodes[k].axis for k in moved])
+    offsets = points - points.mean(axis=0)
+    size = float(np.abs(offsets).max()) or 1.0
+    _, sizes, axes = np.linalg.svd(np.concatenate([offsets / size, directions, np.zeros((3, 3))]), full_matrices=False)
+    return np.asarray(axes[2]) if sizes[2] < PARALLEL < sizes[1] else None
 
 
 def _facing(axis: Array, up: Array) -> Array:

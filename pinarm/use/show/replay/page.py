@@ -20,6 +20,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.use.output.folder import write_file
+from pinarm.use.show.cam_bodies import cam_bodies
 from pinarm.use.show.labels import axis_label, name_label, runs, unicode_label, unit_text
 from pinarm.use.show.replay import overlays
 from pinarm.use.show.replay.framing import Framing, framing
@@ -27,7 +28,7 @@ from pinarm.use.show.replay.meshes import thinned
 from pinarm.use.show.replay.names import gathered, names_of
 from pinarm.use.show.replay.packing import Packing, compressed
 from pinarm.use.show.replay.shapes import Shape, visuals
-from pinarm.use.show.replay.sticks import sticks
+from pinarm.use.show.replay.sticks import reach, sticks
 from pinarm.use.show.replay.tracks import Node, nodes_of, placed, rows_shown
 
 if TYPE_CHECKING:
@@ -122,7 +123,9 @@ def _scene(
     model = run.mechanism.model
     nodes, places = nodes_of(model, run.q), placed(model, run.q)
     drawn = visuals(run.mechanism)
-    shapes = [*drawn.shapes, *sticks(model, nodes, drawn.bare)]
+    cams = [one for one in cam_bodies(run.mechanism, nodes) if one.node in drawn.bare]
+    plain = drawn.bare - {one.node for one in cams if not len(reach(model, nodes, one.node))}
+    shapes = [*drawn.shapes, *sticks(model, nodes, plain), *(one.plate() for one in cams)]
     paths = [overlays.traced(model, name) for name in traces]
     joined, acting = overlays.pairs(run.mechanism, run.dynamics.forces), overlays.arrows(run, nodes, kinds)
     marks = [end for pair in joined for end in pair.ends] + [point for path in paths for point, _ in path]
