@@ -136,6 +136,11 @@ class Trajectory:
         return len(self), *(1,) * (self.q.ndim - 2)
 
     @property
+    def parameters(self) -> Array:
+        """Values of the parameter, shape (n,), or (n, 1) where there are several variants, (n, k) where it varies."""
+        return self.grid.t if self.grid.t.ndim > 1 else self.grid.t.reshape(self.row_axes)
+
+    @property
     def value_shapes(self) -> tuple[tuple[int, ...], ...]:
         """Shapes that a quantity may have: (n,), or (n, 1) and (n, k) of k variants."""
         model = self.mechanism.model

@@ -123,6 +123,16 @@ class ModelVariants:
     turns: Array = field(repr=False)
     shifts: Array = field(repr=False)
 
+    @classmethod
+    def alike(cls, model: pin.Model, count: int) -> ModelVariants:
+        """Return variants of a model that do not differ."""
+        frames = [
+            VariantFrame(frame.name, frame.type, frame.parentJoint, VariantPlacement.of(frame.placement))
+            for frame in model.frames.tolist()
+        ]
+        none = np.zeros((count, 0, PARAMETERS)), np.zeros((count, 0, 3, 3)), np.zeros((count, 0, 3))
+        return cls(model, frames, (), none[0], (), *none[1:])
+
     def __len__(self) -> int:
         return len(self.parameters)
 

@@ -25,7 +25,7 @@ from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.key_path import argument_of
 from pinarm.input.yaml.schema import Measured
 from pinarm.input.yaml.values import Values, value_at, varied, written_unit
-from pinarm.problems import KINDS, Problem, problem_class
+from pinarm.problems import KINDS, PrescribingProblem, Problem, problem_class
 from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
 from pinarm.use.result.result import Result
@@ -34,6 +34,7 @@ from pinarm.use.scenario.file_kind import GIVEN, refuse_changes, refuse_mechanis
 from pinarm.use.scenario.scenario_file import ScenarioFile
 
 if TYPE_CHECKING:
+    from pinarm.engine.motion.prescribed_motion import PrescribedTable
     from pinarm.mechanics.control.function import ControlFunction, FunctionControl
     from pinarm.use.result.section_number import Numbered
 
@@ -299,6 +300,19 @@ class Scenario:
             if isinstance(error.partial, Outcome):
                 error.partial = self.result(error.partial)
             raise
+
+    def prescribed_table(self) -> PrescribedTable | None:
+        """Return what the problem prescribes at which rows, with nothing solved.
+
+        ``None`` where laws do not determine the motion, or it is solved on a part of the mechanism.
+
+        Raises:
+            InputError: The problem has a mistake.
+        """
+        problem = self.problem
+        if not isinstance(problem, PrescribingProblem) or self.simplification.part is not None:
+            return None
+        return problem.table(self.mechanism, self.content.accuracy, self._place)
 
     def solved_outcome(self) -> Outcome:
         """Return what comes out for the whole mechanism; nothing is measured or checked."""

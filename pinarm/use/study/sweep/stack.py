@@ -1,14 +1,15 @@
-"""Cases of a sweep that differ by numbers of the model only, solved together as one array.
+"""Cases of a sweep that differ by numbers of the model or of what is prescribed, solved together as one array.
 
-The first case is solved as any other: its motion is that of all, its checks of names and units hold for all. Masses,
-inertias and placements of the others are arrays over the cases, and so are efforts, quantities and measured figures, by
-the same functions. The last case of the first stack is solved alone too, and compared.
+The first case is solved as any other: its checks of names and units hold for all. Masses, inertias and placements of
+the others are arrays over the cases, and so are positions, efforts, quantities and measured figures, by the same
+functions; laws are read and evaluated case by case. The last case of the first stack is solved alone too, and compared.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,16 +19,24 @@ from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.checks.sample import sampled
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
-from pinarm.engine.mechanism_variants import mechanism_variants, require_joint_forces, some_variants
-from pinarm.engine.motion.prescribed_motion import PrescribedMotion
-from pinarm.engine.motion.prescribed_variants import prescribed_variants
+from pinarm.engine.mechanism_variants import (
+    alike_variants,
+    mechanism_variants,
+    require_joint_forces,
+    some_variants,
+)
+from pinarm.engine.motion.prescribed_motion import PrescribedMotion, PrescribedTable
+from pinarm.engine.motion.prescribed_variants import PrescribedVariants, follows_alike
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import PinarmError
 from pinarm.input.units import unit
+from pinarm.input.yaml.values import varied
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
+from pinarm.use.result.section_number import SectionNumber
 from pinarm.use.scenario.failures import failures_in_words
 from pinarm.use.study.sweep.axes import Value
-from pinarm.use.study.sweep.cases import WORTH, Row, Task, solved_case
+from pinarm.use.study.sweep.cases import QUADRATURE, WORTH, Row, Task, solved_case
+from pinarm.use.study.sweep.variant_numbers import VariantNumbers
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -49,19 +58,22 @@ none of them is trusted."""
 
 ARGUMENT = "arguments."
 
+PRESCRIBED = tuple(f"problem.{key}." for key in ("motion", "time", "over", "hold", "velocity", "acceleration"))
+"""What begins paths to numbers of laws, and of the rows at which they are looked at."""
+
 
 Attempt = Callable[[Callable[[Sequence[Any]], "list[Row | None]"], Sequence[Any]], "list[Row | None]"]
 """Returns what a function says of cases, and what is told of those for which it raises something."""
 
 Kind = tuple[tuple[str, Value], ...] | None
-"""What cases have in common that may be solved together; ``None`` of one that varies no argument."""
+"""What cases have in common that may be solved together; ``None`` of one that varies neither arguments nor laws."""
 
 
 def kind_of(values: Mapping[str, Value]) -> Kind:
-    """Return the kind of a case: its values but for those of arguments."""
-    varied = any(path.startswith(ARGUMENT) for path in values)
-    kept = ((path, "" if path.startswith(ARGUMENT) else value) for path, value in values.items())
-    return tuple(kept) if varied else None
+    """Return the kind of a case: its values but for those of arguments and laws."""
+    columns = (ARGUMENT, *PRESCRIBED)
+    kept = tuple((path, "" if path.startswith(columns) else value) for path, value in values.items())
+    return kept if any(path.startswith(columns) for path in values) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +98,7 @@ class Stack:
     def begin(cls, task: Task, values: Mapping[str, Value]) -> tuple[Stack | None, Row]:
         """Solve a first case alone, and return what others need of it, ``None`` for nothing; and its row."""
         solved = solved_case(task, values)
-        if solved.result is None or any(entry.number for entry in task.wanted):
+        if solved.result is None or any(isinstance(entry.number, SectionNumber) for entry in task.wanted):
             return None, solved.row
         result, motion = solved.result, solved.result.outcome.motion
         if not isinstance(motion, PrescribedMotion) or _is_special(result, motion):
@@ -98,11 +110,9 @@ class Stack:
         """Number of cases that are solved together, whose model is expanded at once."""
         return EXPANDED
 
-    @property
-    def block(self) -> int:
-        """Number of cases whose arrays are of a size that suits processors."""
-        run = self.first.trajectory
-        return max(1, NUMBERS // (len(run) * int(run.mechanism.model.njoints) * 6))
+    def block_of(self, rows: int) -> int:
+        """Return the number of cases with so many rows whose arrays are of a size that suits processors."""
+        return max(1, NUMBERS // (rows * int(self.first.trajectory.mechanism.model.njoints) * 6))
 
     def rows(self, cases: Sequence[Mapping[str, Value]]) -> list[Row | None]:
         """Return the rows of cases; ``None`` of those that are to be solved alone.
@@ -122,44 +132,72 @@ class Stack:
 
     def _by_blocks(self, cases: Sequence[Mapping[str, Value]], attempt: Attempt) -> list[Row | None]:
         """Return the rows of cases whose model is expanded at once."""
+        mechanism, possible = self._mechanism(cases)
+        require_joint_forces(self.motion.prescription.dynamics.forces)
+        tables = [self._table, *map(self._table_of, cases)]
+
+        def solve(places: Sequence[int]) -> list[Row | None]:
+            known = [place for place in places if tables[place] is not None]
+            chosen = np.array([0, *known])  # the first case is the one that the others are followed from
+            followed = [table for place in chosen.tolist() if (table := tables[place]) is not None]
+            numbers, finite = self._numbers(some_variants(mechanism, chosen), followed)
+            kept = (possible[chosen] & finite)[1:].tolist()
+            rows = zip(known, (numbers[1:] + 0.0).tolist(), kept, strict=True)  # -0 becomes 0
+            found = {place: Row(tuple(row), "", self.files) for place, row, sound in rows if sound}
+            return [found.get(place) for place in places]
+
+        every, size = range(1, len(cases) + 1), self.block_of(len(self.first.trajectory))
+        blocks = (every[start : start + size] for start in range(0, len(every), size))
+        return [row for places in blocks for row in attempt(solve, places)]
+
+    def _mechanism(self, cases: Sequence[Mapping[str, Value]]) -> tuple[Mechanism, Flags]:
+        """Return the mechanism in the first case and in others, and which of them can be followed so."""
         scenario = self.first.scenario
         given = {name: scenario.mechanism.arguments[name] for name in scenario.content.arguments}
         columns = {
             path.removeprefix(ARGUMENT): _column(value, [case[path] for case in (self.values, *cases)])
             for path, value in self.values.items() if path.startswith(ARGUMENT)
         }  # fmt: skip
-        mechanism, possible = mechanism_variants(scenario.mechanism, given, columns)
-        require_joint_forces(self.motion.prescription.dynamics.forces)
+        if columns:
+            return mechanism_variants(scenario.mechanism, given, columns)
+        return alike_variants(scenario.mechanism, 1 + len(cases)), np.ones(1 + len(cases), dtype=bool)
 
-        def solve(places: Sequence[int]) -> list[Row | None]:
-            chosen = np.array([0, *places])  # the first case is the one that the others are followed from
-            numbers, finite = self._numbers(some_variants(mechanism, chosen), len(chosen))
-            kept = (possible[chosen] & finite)[1:].tolist()
-            rows = zip((numbers[1:] + 0.0).tolist(), kept, strict=True)  # -0 becomes 0
-            return [Row(tuple(row), "", self.files) if known else None for row, known in rows]
+    @cached_property
+    def _table(self) -> PrescribedTable:
+        """What the first case follows."""
+        return PrescribedTable(self.motion.prescription, self.first.trajectory.grid, self.motion.start)
 
-        every, size = range(1, len(cases) + 1), self.block
-        blocks = (every[start : start + size] for start in range(0, len(every), size))
-        return [row for places in blocks for row in attempt(solve, places)]
-
-    def _numbers(self, mechanism: Mechanism, count: int) -> tuple[Array, Flags]:
-        """Return results and measures of accuracy, shape (k, columns), and which cases are finite."""
+    def _table_of(self, case: Mapping[str, Value]) -> PrescribedTable | None:
+        """Return what a case follows, ``None`` where its rows are others; the same object where it is the first's."""
+        own = {path: value for path, value in case.items() if path.startswith(PRESCRIBED)}
+        if not own:
+            return self._table
         scenario = self.first.scenario
-        run, sound = prescribed_variants(self.motion, self.first.trajectory, mechanism)
+        try:
+            table = scenario.with_document(varied(scenario.document, own)).prescribed_table()
+        except PinarmError:
+            return None
+        return table if table is not None and follows_alike(table, self._table) else None
+
+    def _numbers(self, mechanism: Mechanism, tables: Sequence[PrescribedTable]) -> tuple[Array, Flags]:
+        """Return results and measures of accuracy, shape (k, columns), and which cases are finite."""
+        scenario, count = self.first.scenario, len(tables)
+        variants = PrescribedVariants(self.motion, self.first.trajectory, mechanism, tables)
+        run, sound = variants.rows()
         judged = Quantities(run.some(sampled(len(run), JUDGED)), scenario.symbols, scenario.content.undetermined)
         quantities, finite = judged.of(run), sound.copy()
+        told = VariantNumbers(variants, run, quantities, self.block_of).told(self.task.wanted, finite)
         outputs = [quantities[name].values for name in scenario.content.outputs]
-        wanted = [quantities[entry.quantity].values for entry in self.task.wanted]
-        for values in (*outputs, *wanted):
-            finite &= np.isfinite(values).all(axis=0)
+        for values in (*outputs, *told.numbers):
+            finite &= np.isfinite(values).all(axis=0) if values.ndim > 1 else np.isfinite(values)
         figures = {**power_balance(run), **residual_figures(run), **quantities.figures()}
         if figures.keys() != self.first.figures.keys():
             raise VariantsDiffer("which figures can be measured")
         for figure in figures.values():
             finite &= np.isfinite(figure)
-        extremes = [extreme for values in wanted for extreme in (values.min(axis=0), values.max(axis=0))]
-        columns = [*extremes, *(figures.get(name, np.nan) for name in WORTH)]
-        return np.stack([np.broadcast_to(column, count) for column in columns], axis=1), finite
+        figures[QUADRATURE] = told.quadrature
+        columns = [*told.numbers, *(figures.get(name, np.nan) for name in WORTH)]
+        return np.stack([np.broadcast_to(column, count) for column in columns], axis=1), finite & told.sound
 
     def agrees(self, values: Mapping[str, Value], alone: Row) -> bool | None:
         """Tell whether a case has the same numbers here as alone; ``None`` where it has none here.
