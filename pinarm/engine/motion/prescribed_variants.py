@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.variant_closure import VariantClosure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion, prescribed_at_start
 from pinarm.engine.kinematics.variant_motion import VariantMotion, VariantStates
+from pinarm.engine.motion.integrated_variants import grid_of_variants
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion, PrescribedTable, Prescription
 from pinarm.engine.motion.standstill import lossy
 from pinarm.engine.motion.trajectory import Trajectory
@@ -23,6 +24,7 @@ from pinarm.engine.statics.effort_distribution import UNIQUE
 from pinarm.engine.statics.selected_drives import SelectedDrives
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
+from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -43,6 +45,16 @@ class PrescribedVariants:
     run: Trajectory
     mechanism: Mechanism
     tables: Sequence[PrescribedTable]
+
+    @property
+    def grids(self) -> list[Grid]:
+        """The rows of each variant."""
+        return [table.grid for table in self.tables]
+
+    def some(self, mechanism: Mechanism, variants: Indices, grids: Sequence[Grid]) -> PrescribedVariants:
+        """Return some of the variants, of which these are the mechanism, at other rows."""
+        some = zip(variants.tolist(), grids, strict=True)
+        return replace(self, mechanism=mechanism, tables=[replace(self.tables[k], grid=grid) for k, grid in some])
 
     def rows(self) -> tuple[Trajectory, Flags]:
         """Return the states with the efforts that they take, and which variants are on the branch, shape (k,).
@@ -128,9 +140,7 @@ class PrescribedVariants:
         dynamics = Dynamics.of_variants(closure.model, prescription.dynamics.forces)
         drives = None if prescription.drives is None else _drives(prescription.drives, closure)
         q, v, a, sound = states
-        grid = self.tables[0].grid
-        if not self._alike:
-            grid = replace(grid, t=np.stack([table.grid.t for table in self.tables], axis=1))
+        grid = grid_of_variants(self.grids)
         lam = Multipliers.known(np.zeros((*q.shape[:2], closure.size)), closure.size)
         rows = replace(self.run, grid=grid, mechanism=self.mechanism, q=q, v=v, a=a, tau=np.zeros_like(v), lam=lam,
                        closure=closure, dynamics=dynamics)  # fmt: skip

@@ -143,6 +143,15 @@ class ModelVariants:
             turns=self.turns[places], shifts=self.shifts[places],
         )  # fmt: skip
 
+    def tree(self, place: int) -> pin.Model:
+        """Return Pinocchio's model of one of the variants, its joints and bodies; its frames are those of the first."""
+        model = self.first.copy()
+        for joint, parameters in zip(self.bodies, self.parameters[place], strict=True):
+            model.inertias[joint] = pin.Inertia.FromDynamicParameters(parameters)
+        for joint, turn, shift in zip(self.moved, self.turns[place], self.shifts[place], strict=True):
+            model.jointPlacements[joint] = pin.SE3(turn, shift)
+        return model
+
     @property
     def in_place(self) -> bool:
         """Whether all variants have their joints and frames in the same places: only masses and inertias vary."""

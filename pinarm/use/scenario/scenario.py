@@ -223,7 +223,7 @@ class Scenario:
     def simplification(self) -> Simplification:
         """What is solved in place of the question about the whole mechanism."""
         if self.content.modelled == "whole":
-            return Simplification.whole(self.problem, self.mechanism, self.content.accuracy, self._place)
+            return Simplification.whole(self.problem, self.mechanism, self.content.accuracy, self.place)
         expected = (text for entry in self.content.expect for text in (entry.quantity, entry.formula or ""))
         wanted = self.content.find.requested() if self.content.find else ()
         texts = [*self.content.outputs, *self.content.numbers, *wanted, *expected]
@@ -231,7 +231,7 @@ class Scenario:
             with self.document.locating(key):
                 texts += assessment.requested(self.mechanism)
         requested = requested_joints(texts, self.symbols, self.mechanism)
-        return Simplification.required(self.problem, self.mechanism, self.content.accuracy, self._place, requested)
+        return Simplification.required(self.problem, self.mechanism, self.content.accuracy, self.place, requested)
 
     def controlled(
         self, control: Mapping[str | tuple[str, ...], ControlFunction], period: float | None = None, delay: float = 0.0
@@ -312,7 +312,7 @@ class Scenario:
         problem = self.problem
         if not isinstance(problem, PrescribingProblem) or self.simplification.part is not None:
             return None
-        return problem.table(self.mechanism, self.content.accuracy, self._place)
+        return problem.table(self.mechanism, self.content.accuracy, self.place)
 
     def solved_outcome(self) -> Outcome:
         """Return what comes out for the whole mechanism; nothing is measured or checked."""
@@ -383,7 +383,7 @@ class Scenario:
             PinarmError: Something is wrong; the message says where.
         """
         with failures_in_words():
-            self.problem.prepare(self.mechanism, self.content.accuracy, self._place)
+            self.problem.prepare(self.mechanism, self.content.accuracy, self.place)
             quantities = self.quantities()
             for index, name in enumerate(self.content.outputs):
                 with self.document.locating("outputs", index):
@@ -445,7 +445,8 @@ class Scenario:
         """Return the quantities of one row, with nothing solved: enough to see which there are, and their units."""
         return Quantities(self.problem.schema_row(self.mechanism), self.symbols, self.content.undetermined)
 
-    def _place(self, *path: str | int) -> AbstractContextManager[None]:
+    def place(self, *path: str | int) -> AbstractContextManager[None]:
+        """Give errors their place in the problem; see ``Document.locating``."""
         return self.document.locating("problem", *path)
 
 

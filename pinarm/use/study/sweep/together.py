@@ -15,7 +15,8 @@ from itertools import islice
 from pinarm.input.xacro.templates import WAYS
 from pinarm.use.study.sweep.axes import Value
 from pinarm.use.study.sweep.cases import Row, Task, solve_case
-from pinarm.use.study.sweep.stack import Kind, Stack, kind_of
+from pinarm.use.study.sweep.stacks.columns import Kind, kind_of
+from pinarm.use.study.sweep.stacks.stack import Stack
 
 Job = tuple[int, str, dict[str, Value]]
 """A case, its digest, and its values."""

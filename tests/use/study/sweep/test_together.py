@@ -9,7 +9,7 @@ import pinarm
 from pinarm.use.study.sweep import together
 from pinarm.use.study.sweep.axes import Value
 from pinarm.use.study.sweep.cases import Row, Task, Wanted, solve_case
-from pinarm.use.study.sweep.stack import Stack
+from pinarm.use.study.sweep.stacks.stack import Stack
 from pinarm.use.study.sweep.together import CaseSolver, Job
 
 BRANCHES = """\

@@ -11,13 +11,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
+from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.mechanism_variants import some_variants
-from pinarm.engine.motion.prescribed_variants import PrescribedVariants
+from pinarm.engine.motion.outcome import SolvedMotion
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
@@ -26,6 +27,42 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.run_number import RunNumber
 from pinarm.use.study.sweep.cases import Wanted
+
+
+class MovingVariants(Protocol):
+    """Motions of k variants of a mechanism."""
+
+    @property
+    def run(self) -> Trajectory:
+        """The rows of the first variant."""
+        ...
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The variants."""
+        ...
+
+    @property
+    def motion(self) -> SolvedMotion:
+        """The motion of the first variant."""
+        ...
+
+    @property
+    def grids(self) -> Sequence[Grid]:
+        """The rows of each variant."""
+        ...
+
+    def some(self, mechanism: Mechanism, variants: Indices, grids: Sequence[Grid]) -> Self:
+        """Return some of the variants, of which these are the mechanism, at other rows."""
+        ...
+
+    def rows(self) -> tuple[Trajectory, Flags]:
+        """Return the states at the rows, and which variants are sound, shape (k,)."""
+        ...
+
+    def at(self, near: Array) -> tuple[Trajectory, Flags]:
+        """Return the same at rows each of which is a state of its own, near configurations of shape (n, k, nq)."""
+        ...
 
 
 class Told(NamedTuple):
@@ -131,7 +168,7 @@ class VariantNumbers:
         block: Number of rows -> the number of cases whose states are solved at once.
     """
 
-    variants: PrescribedVariants
+    variants: MovingVariants
     run: Trajectory
     quantities: Quantities
     block: Callable[[int], int]
@@ -175,8 +212,8 @@ class VariantNumbers:
     def _lookups(self) -> list[CaseLookup]:
         """The runs of all cases."""
         motion, found = self.variants.motion, list[CaseLookup]()
-        for case, table in enumerate(self.variants.tables):
-            rows = replace(self.variants.run, grid=table.grid)
+        for case, grid in enumerate(self.variants.grids):
+            rows = replace(self.variants.run, grid=grid)
             found.append(CaseLookup(CaseQuantities(rows, shared=self.quantities, case=case), motion))
         return found
 
@@ -193,12 +230,9 @@ class VariantNumbers:
     def _solve_alike(self, places: Sequence[Place], sound: Flags) -> None:
         """Solve states at as many instants of each case."""
         cases = np.array([place.case for place in places])
-        tables = [
-            replace(table, grid=_at(table.grid, place))
-            for place in places for table in (self.variants.tables[place.case],)
-        ]  # fmt: skip
+        grids = [_at(self.variants.grids[place.case], place) for place in places]
         mechanism = some_variants(self.variants.mechanism, cases)
-        run, good = replace(self.variants, mechanism=mechanism, tables=tables).at(self._near(places, cases))
+        run, good = self.variants.some(mechanism, cases, grids).at(self._near(places, cases))
         quantities = self.quantities.of(run)
         sound[cases[~good]] = False
         for k, place in enumerate(places):
@@ -208,7 +242,7 @@ class VariantNumbers:
     def _near(self, places: Sequence[Place], cases: Indices) -> Array:
         """Return configurations near those at places, shape (n, places, nq): those of rows, moved on to the places."""
         q, v, a = (x[:, np.minimum(cases, x.shape[1] - 1)] for x in (self.run.q, self.run.v, self.run.a))
-        rows, steps = zip(*(_nearest(self.variants.tables[place.case].grid, place) for place in places), strict=True)
+        rows, steps = zip(*(_nearest(self.variants.grids[place.case], place) for place in places), strict=True)
         row, h = np.stack(rows, axis=1), np.stack(steps, axis=1)[..., None]
         every = np.arange(len(places))
         if self.run.separate:
