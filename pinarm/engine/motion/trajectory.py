@@ -130,6 +130,20 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.grid.t)
 
+    def link_motion_at(self, rows: Indices) -> tuple[LinkPlacements, Array, Array, Array]:
+        """Return the same at some rows, shape (k,); the last ones are kept, since checks look at the same rows."""
+        if len(rows) == len(self):
+            return self.link_motion
+        asked = rows.tobytes()
+        if asked not in self._looked:
+            self._looked.clear()
+            self._looked[asked] = moving(self.mechanism.model, self.q[rows], self.v[rows], self.a[rows])
+        return self._looked[asked]
+
+    @cached_property
+    def _looked(self) -> dict[bytes, tuple[LinkPlacements, Array, Array, Array]]:
+        return {}
+
     @property
     def row_axes(self) -> tuple[int, ...]:
         """Shape of what is the same in all variants, (n,), or (n, 1) where there are several."""
