@@ -84,28 +84,27 @@ class ForwardCases:
         """
         scenario = self.result.scenario
         own = scenario.with_document(varied(scenario.document, values)) if values else scenario
-        problem, hybrid = own.problem, self._prepared(own, values, mechanism, place)
-        if not isinstance(problem, Forward) or not _is_free(hybrid):
+        hybrid, grid = self._prepared(own, values, mechanism, place), self.first.grid
+        if hybrid is None:
             return None
         motion = integrate_to_size(hybrid, *hybrid.start)
-        grid = self.first.grid
-        if any(not path.startswith(INITIAL) for path in values):
-            grid = hybrid.grid(problem.time.instants())
-        if grid.rows != self.first.grid.rows or len(motion.segments) > 1 or motion.end < hybrid.time[1]:
+        if hybrid.time != self.motion.hybrid.time:
+            grid = hybrid.grid(_forward(own).time.instants())
+        if len(grid.t) != len(self.first.grid.t) or len(motion.segments) > 1 or motion.end < hybrid.time[1]:
             return None
         return ForwardCase(IntegratedMotion(self.motion.mechanism, hybrid, motion), grid)
 
     def _prepared(
         self, scenario: Scenario, values: Mapping[str, Value], mechanism: Mechanism, place: int
-    ) -> HybridSystem:
-        """Return what is integrated; of a case with the masses and lengths of the first one only the start is new."""
-        whole, variants = self.motion.mechanism, mechanism.model
-        differs = bool(variants.bodies) or bool(variants.moved)
-        moved = replace(whole, model=variants.tree(place)) if differs else whole
-        hybrid = scenario.problem.prepare(moved, scenario.content.accuracy, scenario.place)
-        if differs or any(not path.startswith(INITIAL) for path in values):
-            return hybrid  # type: ignore[no-any-return]
-        return replace(self.motion.hybrid, initial=hybrid.initial)
+    ) -> HybridSystem | None:
+        """Return what is integrated, ``None`` where it is another motion; mostly only the start is a new one."""
+        whole, variants, problem = self.motion.mechanism, mechanism.model, _forward(scenario)
+        same = not variants.bodies and not variants.moved
+        if same and all(path.startswith(INITIAL) for path in values):
+            return replace(self.motion.hybrid, initial=problem.initial_state(whole, scenario.place))
+        moved = whole if same else replace(whole, model=variants.tree(place))
+        hybrid = problem.prepare(moved, scenario.content.accuracy, scenario.place)
+        return hybrid if _is_free(hybrid) else None
 
     def variants(self, mechanism: Mechanism, motions: Sequence[ForwardCase]) -> IntegratedVariants:
         """Return the motions of variants."""
@@ -116,6 +115,12 @@ class ForwardCases:
         """Return the energy that nothing accounts for."""
         found = [energy_of(each.motion.motion) for each in motions]
         return {name: np.array([each[name] for each in found]) for name in found[0]}
+
+
+def _forward(scenario: Scenario) -> Forward:
+    problem = scenario.problem
+    assert isinstance(problem, Forward)
+    return problem
 
 
 def _is_free(hybrid: HybridSystem) -> bool:
