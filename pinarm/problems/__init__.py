@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pinarm.errors import InputError, Place, choices
 
@@ -25,6 +25,10 @@ KINDS = {
     "recorded": ("recording.recorded", "Recorded"),
 }
 """Kind, and its module and class. A new kind is one class and one entry."""
+
+
+PRESCRIBING = ("statics", "state", "inverse", "kinematics")
+"""Kinds in which laws determine the motion: those of ``PrescribingProblem``."""
 
 
 class Problem(Protocol):
@@ -58,7 +62,6 @@ class Problem(Protocol):
         ...
 
 
-@runtime_checkable
 class PrescribingProblem(Problem, Protocol):
     """A question about a mechanism whose motion laws determine."""
 

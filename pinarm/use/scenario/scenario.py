@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.figures import plain
@@ -25,7 +25,7 @@ from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.key_path import argument_of
 from pinarm.input.yaml.schema import Measured
 from pinarm.input.yaml.values import Values, value_at, varied, written_unit
-from pinarm.problems import KINDS, PrescribingProblem, Problem, problem_class
+from pinarm.problems import KINDS, PRESCRIBING, Problem, problem_class
 from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
 from pinarm.use.result.result import Result
@@ -36,6 +36,7 @@ from pinarm.use.scenario.scenario_file import ScenarioFile
 if TYPE_CHECKING:
     from pinarm.engine.motion.prescribed_motion import PrescribedTable
     from pinarm.mechanics.control.function import ControlFunction, FunctionControl
+    from pinarm.problems import PrescribingProblem
     from pinarm.use.result.section_number import Numbered
 
 
@@ -301,18 +302,24 @@ class Scenario:
                 error.partial = self.result(error.partial)
             raise
 
-    def prescribed_table(self) -> PrescribedTable | None:
+    def prescribed_table(self, like: Scenario) -> PrescribedTable | None:
         """Return what the problem prescribes at which rows, with nothing solved.
 
         ``None`` where laws do not determine the motion, or it is solved on a part of the mechanism.
 
+        Args:
+            like: The scenario itself, or one that differs from it by numbers of the problem only.
+
         Raises:
             InputError: The problem has a mistake.
         """
-        problem = self.problem
-        if not isinstance(problem, PrescribingProblem) or self.simplification.part is not None:
+        if self.problem.kind not in PRESCRIBING:
             return None
-        return problem.table(self.mechanism, self.content.accuracy, self.place)
+        declared, known = self.problem.declaration(), like.problem.declaration()
+        alike = declared is not None and known is not None and declared.differs_by_numbers(known)
+        if (like if alike else self).simplification.part is not None:
+            return None
+        return cast("PrescribingProblem", self.problem).table(self.mechanism, self.content.accuracy, self.place)
 
     def solved_outcome(self) -> Outcome:
         """Return what comes out for the whole mechanism; nothing is measured or checked."""

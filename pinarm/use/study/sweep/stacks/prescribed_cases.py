@@ -61,7 +61,7 @@ class PrescribedCases:
         if not values:
             return self.first
         scenario = self.result.scenario
-        table = scenario.with_document(varied(scenario.document, values)).prescribed_table()
+        table = scenario.with_document(varied(scenario.document, values)).prescribed_table(scenario)
         return table if table is not None and follows_alike(table, self.first) else None
 
     def variants(self, mechanism: Mechanism, motions: Sequence[PrescribedTable]) -> PrescribedVariants:
