@@ -24,8 +24,13 @@ Kind = tuple[tuple[str, Value], ...] | None
 
 def kind_of(values: Mapping[str, Value]) -> Kind:
     """Return the kind of a case: its values but for those of ``COLUMNS``."""
-    kept = tuple((path, "" if path.startswith(COLUMNS) else value) for path, value in values.items())
-    return kept if any(path.startswith(COLUMNS) for path in values) else None
+    kept = tuple((path, "" if _is_column(path) else value) for path, value in values.items())
+    return kept if any(map(_is_column, values)) else None
+
+
+def _is_column(path: str) -> bool:
+    """Whether numbers at a path may differ from case to case: those of rows may not, which arrays have in common."""
+    return path.startswith(COLUMNS) and not path.endswith(".samples")
 
 
 def moving(values: Mapping[str, Value]) -> dict[str, Value]:

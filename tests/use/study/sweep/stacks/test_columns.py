@@ -5,6 +5,7 @@ from pinarm.use.study.sweep.stacks.columns import kind_of, moving
 
 def test_the_kind_of_a_case_is_what_is_no_argument_and_no_law() -> None:
     assert kind_of({"gravity": "none"}) is None
+    assert kind_of({"problem.time.samples": 5}) is None
     assert kind_of({"arguments.m": "1 kg", "problem.start.A": "1 rad"}) == kind_of(
         {"arguments.m": "2 kg", "problem.start.A": "1 rad"}
     )
