@@ -45,6 +45,16 @@ def mechanism_variants(
     return changed, possible & np.array(expanded.holds)
 
 
+def alike_variants(mechanism: Mechanism, count: int) -> Mechanism:
+    """Return a mechanism as variants of itself that do not differ, but may move in different ways.
+
+    Raises:
+        VariantsDiffer: More depends on the model than the motion of its links.
+    """
+    _require_plain(mechanism)
+    return replace(mechanism, model=ModelVariants.alike(mechanism.model, count))
+
+
 def some_variants(mechanism: Mechanism, places: Indices) -> Mechanism:
     """Return the mechanism of some of its variants."""
     variants = mechanism.model

@@ -50,6 +50,18 @@ class Declaration(ValueRecord, frozen=True):
         """Coordinates that the problem imposes."""
         return [*self.held, *self.moved, *self.laws]
 
+    def differs_by_numbers(self, other: Declaration) -> bool:
+        """Tell whether another problem says the same of the same coordinates but for numbers.
+
+        Then the same joints can be left out: that depends on what stands still, moves, and is looked at.
+        """
+        return self._structure == other._structure
+
+    @property
+    def _structure(self) -> tuple[object, ...]:
+        laws = [(name, type(law), getattr(law, "of", "")) for name, law in self.laws.items()]
+        return [*self.held], [*self.moved], laws, [*self.watched], [*self.drives], [*self.loads]
+
 
 def others(given: Mapping[str, ValueT], names: Collection[str]) -> dict[str, ValueT]:
     """Return what is given for coordinates that are not among some names."""

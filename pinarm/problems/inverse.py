@@ -12,7 +12,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import with_friction_columns
 from pinarm.engine.kinematics.joint_motion import JointMotion
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.prescribed_motion import Prescription
+from pinarm.engine.motion.prescribed_motion import PrescribedTable, Prescription
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation, actuation
 from pinarm.errors import Place, locating_drives
@@ -102,16 +102,24 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
         drives = drives_of(mechanism, self.drives, list(self.motion), self.share, place)
         return joint_motion(mechanism, motion, self.resolve, place), drives, forces
 
+    def table(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
+    ) -> PrescribedTable:
+        """Return what is prescribed at which instants."""
+        motion, drives, forces = prepared or self.prepare(mechanism, accuracy, place)
+        laws = [*motion.laws, *(law for force in forces.values() for law in force.laws())]
+        grid = grid_of(mechanism, motion, self.time.instants(), laws)
+        known = Prescription(mechanism, motion, drives, Dynamics.of(mechanism.model, forces), "t", unit("s"))
+        with place("motion"):
+            return PrescribedTable(known, grid, rough_start(mechanism, self.start, self.resolve))
+
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
     ) -> Outcome:
         """Return the motion of the joints and the efforts of the drives."""
-        motion, drives, forces = prepared or self.prepare(mechanism, accuracy, place)
-        laws = [*motion.laws, *(law for force in forces.values() for law in force.laws())]
-        grid = grid_of(mechanism, motion, self.time.instants(), laws)
+        table = self.table(mechanism, accuracy, place, prepared)
         with place("motion"), locating_drives(place, "drives" if self.drives else "motion"):
-            prescription = Prescription(mechanism, motion, drives, Dynamics.of(mechanism.model, forces), "t", unit("s"))
-            found = prescription.outcome(grid, rough_start(mechanism, self.start, self.resolve))
+            found = table.outcome()
         remarks = [
             *omitted_drives_remarks(mechanism, self.drives, [*self.motion]),
             *profile_remarks(mechanism, self.motion),

@@ -13,7 +13,7 @@ from pinarm.engine.checks.figures import relative
 from pinarm.engine.checks.sample import SAMPLE, sampled
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.model_variants import Model
 from pinarm.mechanics.geometry.vectors import crossed
@@ -92,8 +92,7 @@ def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array
         speeds, shape (rows,) [W].
     """
     model, lam = run.mechanism.model, run.lam.at(rows)
-    every = len(rows) == len(run)
-    links, twists, rates, columns = run.link_motion if every else moving(model, run.q[rows], run.v[rows], run.a[rows])
+    links, twists, rates, columns = run.link_motion_at(rows)
     held = run.closure.load(links, columns, run.q[rows], lam)
     wrenches = demands(model, links, twists, rates)
     asked, sizes = _asked(links, columns, links.at_world(wrenches))

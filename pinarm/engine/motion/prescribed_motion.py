@@ -165,6 +165,28 @@ class Prescription(Record, frozen=True):
         return found
 
 
+class PrescribedTable(Record, frozen=True):
+    """A prescription, and the rows at which the motion is wanted; nothing is solved yet.
+
+    Attributes:
+        prescription: What is prescribed.
+        grid: Values of the parameter.
+        start: Rough configuration at the first of them, shape (nq,): it chooses the branch.
+    """
+
+    prescription: Prescription
+    grid: Grid
+    start: Array
+
+    def outcome(self) -> Outcome:
+        """Return the states; see ``Prescription.outcome``.
+
+        Raises:
+            AssemblyError: A position cannot be reached.
+        """
+        return self.prescription.outcome(self.grid, self.start)
+
+
 class PrescribedMotion(Record, frozen=True):
     """A prescribed motion that has been solved at some values of its parameter.
 

@@ -130,10 +130,29 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.grid.t)
 
+    def link_motion_at(self, rows: Indices) -> tuple[LinkPlacements, Array, Array, Array]:
+        """Return the same at some rows, shape (k,); the last ones are kept, since checks look at the same rows."""
+        if len(rows) == len(self):
+            return self.link_motion
+        asked = rows.tobytes()
+        if asked not in self._looked:
+            self._looked.clear()
+            self._looked[asked] = moving(self.mechanism.model, self.q[rows], self.v[rows], self.a[rows])
+        return self._looked[asked]
+
+    @cached_property
+    def _looked(self) -> dict[bytes, tuple[LinkPlacements, Array, Array, Array]]:
+        return {}
+
     @property
     def row_axes(self) -> tuple[int, ...]:
         """Shape of what is the same in all variants, (n,), or (n, 1) where there are several."""
         return len(self), *(1,) * (self.q.ndim - 2)
+
+    @property
+    def parameters(self) -> Array:
+        """Values of the parameter, shape (n,), or (n, 1) where there are several variants, (n, k) where it varies."""
+        return self.grid.t if self.grid.t.ndim > 1 else self.grid.t.reshape(self.row_axes)
 
     @property
     def value_shapes(self) -> tuple[tuple[int, ...], ...]:

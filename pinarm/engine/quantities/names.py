@@ -95,7 +95,7 @@ class Quantities:
     def parameter(self) -> Series:
         """What runs along the rows, whatever else has its name."""
         run = self.trajectory
-        return Series(run.parameter, run.unit, run.grid.t.reshape(run.row_axes))
+        return Series(run.parameter, run.unit, run.parameters)
 
     def __getitem__(self, name: str) -> Series:
         """Return a quantity by its name, a symbol, or a formula of them.

@@ -161,7 +161,8 @@ class Grid(ValueRecord, frozen=True):
     Other cuts, where pieces meet smoothly, have no row of their own; an interval between them may have no row.
 
     Attributes:
-        t: Instants [s], or values of the coordinate swept, shape (n,).
+        t: Instants [s], or values of the coordinate swept, shape (n,); of variants that have rows at others, shape
+            (n, k), with the cuts of the first.
         cuts: Bounds of the intervals, shape (m + 1,).
         rows: First row of each interval, and n; shape (m + 1,).
     """

@@ -64,8 +64,9 @@ class BracketFit(Record, frozen=True):
         inside = real[np.abs(real) <= 1.0]
         return 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * inside
 
+    @cached_property
     def extremes(self) -> Array:
-        """Return the places within the bracket where the slope is zero, in order."""
+        """The places within the bracket where the slope is zero, in order."""
         return self._within(np.asarray(chebyshev.chebder(self.coefficients), float))
 
     def crossings(self) -> Array:

@@ -52,7 +52,7 @@ class CurvePiece(Record, frozen=True):
     @cached_property
     def turns(self) -> tuple[Array, Array]:
         """Places between which the polynomial rises or falls, and its values there, each of shape (n,)."""
-        places = np.concatenate([[self.fit.low], self.fit.extremes(), [self.fit.high]])
+        places = np.concatenate([[self.fit.low], self.fit.extremes, [self.fit.high]])
         return places, self.fit.at(places)
 
     def below(self, value: float) -> float:
