@@ -18,6 +18,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.constraint import one_sided
+from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.friction.balance import FrictionBalance, SlipGroup
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.slip_vectors import sizes
@@ -145,3 +148,32 @@ def _at(
     if found is None or (np.abs(found.held) > found.bounds * (1.0 + WITHIN)).any():
         return None
     return found.f
+
+
+def held_part(closure: Closure, lam: Multipliers, other: Multipliers) -> Array:
+    """Return how far from one friction to another one constraints that push or pull only hold, shape (n,).
+
+    Args:
+        closure: The constraints.
+        lam: Multipliers under the first friction, shape (n, m).
+        other: Those under the other one.
+    """
+    part, slices = np.ones(len(lam)), closure.slices()
+    for constraint in one_sided(closure.constraints):
+        row = slices[constraint.name].start
+        now, then = (constraint.side * np.asarray(multipliers)[:, row] for multipliers in (lam, other))
+        gone = (then < 0.0) & (now >= 0.0)
+        part = np.minimum(part, np.divide(now, now - then, out=np.ones_like(now), where=gone))
+    return part
+
+
+def filled(friction: Array, extremes: Sequence[Array]) -> list[Array]:
+    """Return other frictions of n rows, shape (n, k) each, by those of each row, shape (e, k).
+
+    Rows with fewer have the given friction, shape (n, k), in place of them.
+    """
+    others = [friction.copy() for _ in range(max(map(len, extremes), default=0))]
+    for row, frictions in enumerate(extremes):
+        for other, each in zip(others, frictions, strict=False):
+            other[row] = each
+    return others

@@ -14,10 +14,10 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.constraint import one_sided
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.friction.balance import FrictionSolution
+from pinarm.engine.friction.extremes import filled, held_part
 from pinarm.engine.friction.sliding import SlidingFriction
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
@@ -115,20 +115,10 @@ class FrictionalSystem:
         told = self._under(found, grid.t, demand, friction)
         others = []
         for other in (self._under(found, grid.t, demand, each) for each in filled(friction, extremes)):
-            part = self._holding_part(told, other)[:, None]
+            part = held_part(self.closure, told.lam, other.lam)[:, None]
             within = friction + part * (other.friction - friction)
             others.append(other if (part == 1.0).all() else self._under(found, grid.t, demand, within))
         return replace(told, others=tuple(others))
-
-    def _holding_part(self, told: CompletedStates, other: CompletedStates) -> Array:
-        """Return how far from the told friction to another one constraints that push or pull only hold, shape (n,)."""
-        found, slices = np.ones(len(told.q)), self.closure.slices()
-        for constraint in one_sided(self.closure.constraints):
-            row = slices[constraint.name].start
-            now, then = (constraint.side * np.asarray(states.lam)[:, row] for states in (told, other))
-            gone = (then < 0.0) & (now >= 0.0)
-            found = np.minimum(found, np.divide(now, now - then, out=np.ones_like(now), where=gone))
-        return found
 
     @property
     def _shares(self) -> bool:
@@ -170,15 +160,6 @@ class FrictionalSystem:
         linear = {name: one for name, one in named.items() if isinstance(one, LinearCoordinate)}
         others = {name: one for name, one in named.items() if name not in linear}
         return SelectedDrives(linear, others, own, self.closure).efforts(t, q, demand)
-
-
-def filled(told: Array, extremes: Sequence[Array]) -> list[Array]:
-    """Return other frictions of n rows, shape (n, k) each, by those of each row, shape (e, k); told ones fill up."""
-    found = [told.copy() for _ in range(max(map(len, extremes), default=0))]
-    for row, frictions in enumerate(extremes):
-        for other, friction in zip(found, frictions, strict=False):
-            other[row] = friction
-    return found
 
 
 def remarks_on_rest(systems: Iterable[System]) -> list[str]:
