@@ -163,8 +163,8 @@ class HybridSystem:
             return self.system(mode.held)
         from pinarm.engine.motion.systems.frictional import FrictionalSystem
 
-        friction, span = self.friction(mode.held), self._span(t)
-        held = friction.held(mode.slip, q, lambda: friction.sliding(mode.slip, span).equation.at(t, q, v))
+        friction = self.friction(mode.held)
+        held = friction.held(mode.slip, self._span(t), q)
         inner = self._built(mode.held, held, replace(self.initial, q=q, v=v))
         return FrictionalSystem(friction, mode.slip, inner, self.cuts)
 
