@@ -36,6 +36,7 @@ from pinarm.mechanics.friction.slip_vectors import same_joint, several, sizes, u
 from pinarm.mechanics.laws import Constant
 
 if TYPE_CHECKING:
+    from pinarm.engine.motion.segmented.end_stops import Bound
     from pinarm.engine.motion.systems.frictional import FrictionalSystem
 
 ALIKE = 1e-9
@@ -58,12 +59,14 @@ class StickSlip:
         closure: Constraints of the mechanism.
         dynamics: The equation of motion without this friction.
         prescribed: Coordinates that follow laws, stops that are rested on included.
+        stops: These stops.
     """
 
     contacts: Sequence[FrictionContact]
     closure: Closure
     dynamics: Dynamics
     prescribed: PrescribedCoordinates
+    stops: Sequence[Bound] = ()
 
     @cached_property
     def rows(self) -> Closure:
