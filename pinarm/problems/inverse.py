@@ -53,7 +53,8 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
         resolve: Which of its motions a mechanism makes that has more degrees of freedom than laws, such as an arm of
             seven joints whose hand follows a path: the one nearest to a posture.
         drives: Coordinates that the drives act along, as many as there are degrees of freedom, or more that ``share``;
-            every joint of an open chain where none is named, and the coordinates of ``motion`` where there are loops.
+            where the key is left out, every joint of an open chain, and the coordinates of ``motion`` where there are
+            loops.
         share: How drives share the load where there are more of them than degrees of freedom: ``least_squares`` (the
             least sum of squares of their efforts), ``bounded`` (the same within the effort limits of the model), or
             ``weights`` and ``limits`` by drive. With as many drives as degrees of freedom it changes nothing, but for
@@ -67,7 +68,7 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
     time: TimeGrid
     motion: Annotated[dict[str, Motion], msgspec.Meta(min_length=1)]
     resolve: NearestPosture | None = None
-    drives: list[str] = []
+    drives: Annotated[list[str], msgspec.Meta(min_length=1)] = []
     share: Share | None = None
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}

@@ -83,7 +83,7 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
     deferred: ClassVar[Deferred] = LOADS
     over: Annotated[dict[str, Range], msgspec.Meta(max_length=1)] = {}
     hold: dict[str, Level] = {}
-    drives: list[str] = []
+    drives: Annotated[list[str], msgspec.Meta(min_length=1)] = []
     share: Share | None = None
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
@@ -147,7 +147,7 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
     hold: dict[str, Level] = {}
     velocity: dict[str, Rate] = {}
     acceleration: dict[str, SecondRate] = {}
-    drives: list[str] = []
+    drives: Annotated[list[str], msgspec.Meta(min_length=1)] = []
     share: Share | None = None
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}

@@ -73,14 +73,15 @@ def undetermined(
     """Return that drives are at a dead point, or too few to carry the load; shapes (f, d) and (f,)."""
     u, s, vt = np.linalg.svd(ways)
     r, freedom = int((s >= least).sum()), len(load)
-    if min(len(drives), freedom) > r:
+    left = np.abs(load - ways @ (vt[:r].T @ ((u[:, :r].T @ load) / s[:r]))).max()
+    too_few = len(drives) < freedom and left > CARRIED * np.abs(load).max()
+    if min(len(drives), freedom) > r and not too_few:
         shares = np.abs(vt[r:]).max(axis=0)
         weak = ", ".join(name for name, share in zip(drives, shares, strict=True) if share > 1e-6)
         return DynamicsError(
             f"at {t:.9g} the efforts of {weak} are not determined: the mechanism is at a dead point of these drives",
             expected="drives that can move the mechanism at every instant", t=t,
         )  # fmt: skip
-    left = np.abs(load - ways @ (vt[:r].T @ ((u[:, :r].T @ load) / s[:r]))).max()
     return DrivesError(
         f"at {t:.9g} the drives {', '.join(drives)} leave a load of {left:.3g} N*m or N uncarried",
         expected=f"{freedom} drives, as many as the mechanism has degrees of freedom",

@@ -79,7 +79,7 @@ class SelectedDrives(Record, frozen=True):
     def _system(self, q: Array, demand: Array, free: Array) -> tuple[Array, Array, Array]:
         """Return ``(S T)^T``, shape (n, f, d), the load ``T^T demand``, shape (n, f), and the least singular value."""
         rows = rows_of(self.own.model, list(self.named.values()), q)
-        least = WEAK * np.linalg.norm(rows, axis=2).max(axis=1, initial=0.0)
+        least = WEAK * np.linalg.norm(rows, axis=2).max(axis=1, initial=np.finfo(float).tiny)
         return np.einsum("fnj,ndj->nfd", free, rows), np.einsum("fnj,nj->nf", free, demand), least
 
     def _refusal(self, t: float, q: Array, demand: Array) -> DynamicsError | DrivesError:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
 import numpy as np
@@ -60,7 +60,7 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
     file: str = ""
     columns: dict[str, list[float] | str] = {}
     derivatives: Literal["given", "spline"] = "given"
-    drives: list[str] = []
+    drives: Annotated[list[str], msgspec.Meta(min_length=1)] = []
     share: Share | None = None
     loads: dict[str, Force] = {}
 

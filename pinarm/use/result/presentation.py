@@ -24,7 +24,7 @@ ACCENTS = {"dot": "\u0307", "ddot": "\u0308", "dddot": "\u20db", "hat": "\u0302"
 
 _ACCENT = re.compile(r"\\(dddot|ddot|dot|hat|bar|tilde)\s*(?:\{([^{}]*)\}|(\\[A-Za-z]+|[A-Za-z]))")
 _LETTER = re.compile(r"\\(var)?([A-Za-z]+)")
-_NUMBER = re.compile(r"(?P<before>(?:min |max )?)(?P<quantity>.*?)(?P<after>(?: @ .*)?)")
+_NUMBER = re.compile(r"(?P<before>(?:min |max )?)(?P<quantity>.*?)(?P<after>(?:\.least|\.greatest)?(?: @ .*)?)")
 _GROUP = re.compile(r"([_^])\{([^{}]*)\}")
 
 

@@ -67,7 +67,7 @@ def _residuals(scenario: Scenario, search: Find) -> dict[str, Array]:
     result, left = scenario.result(scenario.solved_outcome()), {}
     for name, target in (search.wanted or {}).items():
         number = search.number(name, scenario.content.assessments)
-        values = np.array([number.value(result)[0]]) if number else result[name].values
+        values = np.array([number.value(result)[0]]) if number else result.quantities.determined(name).values
         left[name] = values - float(target)
     return left
 

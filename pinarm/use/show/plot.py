@@ -15,7 +15,7 @@ from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import ROW
 from pinarm.errors import InputError, choices
 from pinarm.input.yaml.schema import in_si
-from pinarm.records import ValueRecord
+from pinarm.records import ValueRecord, replace
 from pinarm.use.result.expectation import ERRATA
 from pinarm.use.result.figures.curve_figures import is_figure
 from pinarm.use.result.presentation import Presentation
@@ -70,13 +70,23 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
         series = result[name]
         factor, unit = shown(series, how)
         curve = Line(along.values / scale, series.values / factor, COLOURS[index % len(COLOURS)], **look)
+        bounds = _bounds(result, curve, name, factor)
         marks = _marks([entry for entry in keys if entry.quantity == name], scale, factor)
         panels.append(Panel(
-            (curve, *marks), title=axis_label(series.name, unit, how), margin=0.05 if look else 0.01,
+            (curve, *bounds, *marks), title=axis_label(series.name, unit, how), margin=0.05 if look else 0.01,
             across=axis_label(along.name, measured, how) if index == len(names) - 1 else "",
             ticks=tuple(run.grid.t.tolist()) if own_ticks else (),
         ))  # fmt: skip
     return Chart(plain(result.content.title or result.name), panels, WIDTH, HEAD + HEIGHT * len(names))
+
+
+def _bounds(result: Result, curve: Line, name: str, factor: float) -> list[Line]:
+    """Return the least and the greatest values of a quantity that frictions at rest leave open; none of another one."""
+    if not result.quantities.open_rows(name).any():
+        return []
+    least, greatest = (replace(curve, y=each.values / factor, width=0.8, style="--")
+                       for each in result.quantities.bounds(name))  # fmt: skip
+    return [replace(least, label="least and greatest, as several frictions hold one motion"), greatest]
 
 
 def graph(drawn: Graph, how: Presentation = PLAIN) -> Chart:
@@ -114,10 +124,12 @@ class Printed(ValueRecord, frozen=True):
 def answer_key(result: Result, along: str) -> list[Printed]:
     """Return what was published of a run and can be drawn over its curves: figures at one row, formulas over all.
 
-    A figure for a place that the run does not come to is left out.
+    A figure for a place that the run does not come to is left out, and one for what friction leaves open.
     """
     found = []
     for entry in result.content.expect:
+        if isinstance(entry.at, str) and result.quantities.open_rows(entry.quantity).any():
+            continue  # the extreme is that of one of many shares, and check refuses it
         if entry.published_formula is not None and entry.at == "all":
             figures = np.broadcast_to(result.quantities.figure(entry.published_formula), len(result))
             found.append(Printed(entry.quantity, result[along].values, figures, entry.verdict))

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pinarm.engine.checks.balance import EnergyAccount, energy_balance, power_balance
+from pinarm.engine.checks.balance import GAUSS_NODES, EnergyAccount, energy_balance, part_weights, power_balance
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Interval
@@ -191,3 +191,15 @@ class TestEnergyBalance:
         )
         run = outcome(Forward(time=TimeGrid(end=1.0, samples=5)), held)
         assert run.figures["energy"] == 0.0
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_powers_at_the_nodes_of_a_step_are_integrated_over_its_parts(count):
+    """Over a part exactly up to degree 3, over the whole step up to degree 7, as Gauss's rule is."""
+    x = 0.5 * (np.polynomial.legendre.leggauss(GAUSS_NODES)[0] + 1.0)
+    ends = np.linspace(0.0, 1.0, count + 1)
+    for degree in range(8):
+        parts = part_weights(count) @ x**degree / count
+        if degree < GAUSS_NODES:
+            assert parts == pytest.approx(np.diff(ends ** (degree + 1)) / (degree + 1), rel=1e-13)
+        assert parts.sum() == pytest.approx(1.0 / (degree + 1), rel=1e-13)

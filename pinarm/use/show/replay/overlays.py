@@ -244,24 +244,28 @@ def _torques(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
 
 def _reactions(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
     """Yield the forces of the parents on the children at the joints, as far as rigid bodies determine them."""
-    found, model = Reactions(run), run.mechanism.model
+    found, model, others = Reactions(run), run.mechanism.model, [Reactions(other) for other in run.others]
+    size = np.abs(found.joints[:, 1:, :3]).max(initial=0.0) or 1.0
     for joint in range(1, model.njoints):
         added = [stressed[:, joint, :3] for stressed in found.stressed_joints]
+        added += [(other.joints - found.joints)[:, joint, :3] / size for other in others]
         yield _reaction(BodyPoint(joint, np.zeros(3)), found.joints[:, joint, :3], added)
     for name, loop in found.loops.items():
         added = [stressed[:, :3] for stressed in found.stressed_loop(name)]
+        added += [(other.loop(name) - found.loop(name))[:, :3] / size for other in others]
         yield _reaction(point_of(model, loop.second), found.loop(name)[:, :3], added)
 
 
 def _reaction(at: BodyPoint, forces: Array, added: Sequence[Array]) -> Arrow:
-    """Return a reaction without the directions in which self-stresses can add to it.
+    """Return a reaction without the directions in which self-stresses, or other shares of frictions, can add to it.
 
     In planar loops of revolute joints, for example, the forces in the plane are determined, those across it are not.
 
     Args:
         at: Where it acts.
         forces: One choice of the reaction [N], shape (n, 3).
-        added: What each self-stress adds to it, each of shape (n, 3).
+        added: What each self-stress of length 1 adds to it, or other frictions at rest, as a part of the largest force,
+            each of shape (n, 3).
     """
     _, sizes, axes = np.linalg.svd(np.concatenate([np.zeros((3, 3)), *added]), full_matrices=False)
     free = axes[sizes > ACTS]

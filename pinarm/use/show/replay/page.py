@@ -6,7 +6,7 @@ import html
 import json
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,6 +17,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.use.output.folder import write_file
@@ -94,7 +95,7 @@ def replay_page(
         InputError: A name is unknown, or the run does not have what is asked.
     """
     names = list(dict.fromkeys(result.content.outputs if plots is None else plots))
-    curves = [result[name] for name in names]
+    curves = list(_with_bounds(result.quantities, names))
     rows = rows_shown(result.trajectory, [series.values for series in curves])
     run = result.trajectory.some(rows) if len(rows) < len(result) else result.trajectory
     packing = Packing()
@@ -219,6 +220,14 @@ def _parameter(run: Trajectory, measured: Unit | None, how: Presentation) -> Pla
     name, scale = unicode_label(name_label(run.parameter, how)), measured.factor if measured else 1.0
     kind = {"time": run.parameter == "t", "discrete": run.numbered}
     return {"name": name, "unit": unit_text(measured), "scale": scale, **kind}
+
+
+def _with_bounds(quantities: Quantities, names: Sequence[str]) -> Iterator[Series]:
+    """Yield quantities, each followed by its bounds where it depends on how frictions at rest share a load."""
+    for name in names:
+        yield quantities[name]
+        if quantities.open_rows(name).any():
+            yield from quantities.bounds(name)
 
 
 def _curve(series: Series, how: Presentation, rows: Indices, colour: str, packing: Packing) -> Plain:

@@ -109,8 +109,8 @@ class Wanted:
         if number:
             numbers = [(float(number[0].values[0]), number[1])]
         else:
-            values = quantities[self.quantity].values
-            numbers = [(float(values.min()), 0.0), (float(values.max()), 0.0)]
+            least, greatest = quantities.bounds(self.quantity)
+            numbers = [(float(least.values.min()), 0.0), (float(greatest.values.max()), 0.0)]
         if not np.isfinite(numbers).all():
             raise DynamicsError(f"{self.labels()[0]} is not finite")
         return [(number + 0.0, error) for number, error in numbers]  # -0 becomes 0
