@@ -17,6 +17,7 @@ import pinarm
 PACKAGE = Path(pinarm.__file__).parent
 
 FLOOR_PLAN = {
+    "records": "",
     "errors": "",
     "arrays": "",
     "input": "numbers units roots xml_text xml_names mjcf_includes formulas yaml csv_rows motion_tables xacro robots",

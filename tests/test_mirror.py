@@ -219,6 +219,9 @@ ELSEWHERE = {
         "use/study/batch/reduced_table use/study/batch/worker_blocks",
     ),
     "use/study/sweep/test_axes.py": ("values as they are written", "use/study/sweep/value_syntax"),
+    "use/study/sweep/stacks/test_stack.py": (
+        "cases of all kinds against each alone", "use/study/sweep/stacks/prescribed_cases",
+    ),
     "use/study/sweep/test_cases.py": ("one case", "use/result/run_number use/study/sweep/case_solver"),
 }  # fmt: skip
 """Test file -> why it is the one, and the modules without a test file of their name that it tests."""

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from html.parser import HTMLParser
 
+import markdown
 import pytest
 import yaml
 from code_blocks import ROOT
@@ -17,7 +18,8 @@ from site_generator.formulas import with_mathml
 from site_generator.gallery import ENTRIES
 from site_generator.key_tables import key_tables
 from site_generator.kind_pages import EXAMPLES, example_of, with_kind_links
-from site_generator.repository_pages import file_page, linked_files, with_site_links
+from site_generator.repository_pages import file_page, linked_files, with_plain_bars, with_site_links
+from site_generator.solids import solids
 
 import pinarm
 from pinarm.use.show.replay.chromium import browser, chromium
@@ -71,6 +73,15 @@ def test_links_to_files_of_the_repository_lead_to_their_pages():
     assert with_site_links(text, "start/page.md") == (
         "[a](../repository/scenarios/gen411_arm_static.yaml.md) [b](../loops.md#x) [c](https://x.org) [d](../index.md)"
     )
+
+
+def test_bars_in_code_of_tables_have_no_backslash():
+    """Python-Markdown takes code as it stands, and does not part a table there."""
+    row = "| `run A\\|B` | text `x \\| y` |"
+    shown = markdown.markdown("| a | b |\n| --- | --- |\n" + with_plain_bars(row), extensions=["tables"])
+    assert "<code>run A|B</code>" in shown
+    assert "<code>x | y</code>" in shown
+    assert with_plain_bars("a `b \\| c`") == "a `b \\| c`"
 
 
 def test_files_are_shown_whole():
@@ -169,3 +180,10 @@ def search_offline(site):
         asked = [event["params"]["request"]["url"] for event in page.events
                  if event["method"] == "Network.requestWillBeSent"]  # fmt: skip
         assert {url.split(":")[0] for url in asked} <= {"file", "data", "about", "blob"}
+
+
+def test_a_body_on_a_cable_is_drawn_with_it():
+    """At the start a straight line in blue, at the end one in orange."""
+    picture = solids(pinarm.run(EXAMPLES / "loop_joints" / "cable.yaml"))
+    lines = re.findall(r'<path d="M [^"]*L [^"LMCQz]*"[^>]*style="fill: none; stroke: (#\w+)', picture)
+    assert [lines.count(colour) for colour in ("#0072b2", "#d55e00")] == [1, 1]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -21,6 +20,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.forces.joint_definitions import JointSpring
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic
+from pinarm.records import replace
 
 NEWTON = "Newton-Euler equations of all bodies in extended precision"
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.integrator import Acceleration, Interval
 from pinarm.mechanics.control.controller import Controller, Given
 from pinarm.mechanics.limited_states import Switch
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.systems import System

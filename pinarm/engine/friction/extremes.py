@@ -11,22 +11,28 @@ force, may be less within the set than at its corners.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.constraint import one_sided
+from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.friction.balance import FrictionBalance, SlipGroup
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.slip_vectors import sizes
+from pinarm.records import replace
 
 WITHIN, SAME = 1e-12, 1e-12
 """Part of its bound by which a joint may exceed it at a corner; and of the friction by which corners are one."""
 
 MOST = 1024
 """Corners that are tried at most: those of 8 joints that hold one motion."""
+
+ALONE = 4
+"""Joints at rest on laws or stops up to which all 2^n ends are told."""
 
 PARTS, FAR, HALVINGS = 64, 12, 80
 """Steps along a line in which an end is looked for first, up to twice the sum of limits and load; how often the step is
@@ -61,6 +67,37 @@ def extreme_frictions(balance: FrictionBalance, direction: Array, stuck: Sequenc
         stuck: The groups at rest.
         told: The friction that is told, shape (k,): joints that slip keep theirs.
     """
+    shared = _shared(balance, direction, stuck, told)
+    corners = shared if len(shared) else told[None]
+    for i in _at_rest_on_laws(balance, direction, stuck):
+        corners = np.concatenate([_with_limit(balance, direction, stuck, corners, i, sign) for sign in (-1.0, 1.0)])
+    return corners if len(corners) > 1 else np.zeros((0, len(told)))
+
+
+def _at_rest_on_laws(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup]) -> list[int]:
+    """Return joints at rest where a law or a stop holds them: friction shares that load with it."""
+    grouped = {i for group in stuck for i in group.members}
+    found = [i for i in np.flatnonzero((direction == 0.0) & balance.response.driven).tolist() if i not in grouped]
+    return found if len(found) <= ALONE else []
+
+
+def _with_limit(
+    balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], corners: Array, i: int, sign: float
+) -> Array:
+    """Return frictions in which joint i has its limit at rest in a direction, shape (e, k)."""
+    forced, resting = direction.copy(), np.zeros(len(direction), dtype=bool)
+    forced[i], resting[i] = -sign, True
+    try:
+        solution = balance.solve(forced, stuck, resting)
+    except DynamicsError:
+        solution = None
+    limited = corners.copy()
+    limited[:, i] = 0.0 if solution is None else solution.f[i]
+    return limited
+
+
+def _shared(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], told: Array) -> Array:
+    """Return the frictions at the corners of what groups share, shape (e, k)."""
     counts = [len(joints_of(balance, group)) for group in stuck]
     if sorted(counts)[-2:] in ([2], [1, 2]):
         return _ends(balance, stuck, stuck[counts.index(2)], told)
@@ -145,3 +182,37 @@ def _at(
     if found is None or (np.abs(found.held) > found.bounds * (1.0 + WITHIN)).any():
         return None
     return found.f
+
+
+def held_part(closure: Closure, lam: Multipliers, other: Multipliers) -> Array:
+    """Return how far from one friction to another one constraints that push or pull only hold, shape (n,).
+
+    Args:
+        closure: The constraints.
+        lam: Multipliers under the first friction, shape (n, m).
+        other: Those under the other one.
+    """
+    part, slices = np.ones(len(lam)), closure.slices()
+    for constraint in one_sided(closure.constraints):
+        row = slices[constraint.name].start
+        pushes = (constraint.side * np.asarray(multipliers)[:, row] for multipliers in (lam, other))
+        part = np.minimum(part, pushing_part(*pushes))
+    return part
+
+
+def pushing_part(push: Array, other: Array) -> Array:
+    """Return how far from one push to another one it does not become a pull, shape (n,)."""
+    gone = (other < 0.0) & (push >= 0.0)
+    return np.divide(push, push - other, out=np.ones_like(push), where=gone)
+
+
+def filled(friction: Array, extremes: Sequence[Array]) -> list[Array]:
+    """Return other frictions of n rows, shape (n, k) each, by those of each row, shape (e, k).
+
+    Rows with fewer have the given friction, shape (n, k), in place of them.
+    """
+    others = [friction.copy() for _ in range(max(map(len, extremes), default=0))]
+    for row, frictions in enumerate(extremes):
+        for other, each in zip(others, frictions, strict=False):
+            other[row] = each
+    return others

@@ -45,16 +45,12 @@ class SlipResponse:
         mobility: A, shape (k, k).
         loads: ``w0 + W f``.
         driven: Which slips the constraints and laws determine, shape (k,).
-        slips: J T, what is free of the slips, shape (k, m).
-        free: T, shape (nv, m).
     """
 
     acceleration: Array
     mobility: Array
     loads: CarriedLoads
     driven: Flags
-    slips: Array
-    free: Array
 
     def at(self, f: Array) -> Array:
         """Return alpha under friction f, shape (k,)."""
@@ -91,8 +87,7 @@ class SlipEquation:
         loads = CarriedLoads(np.zeros((k, 6)), np.zeros((k, k, 6)))
         if self.loaded:
             loads = solved.loads()
-        return SlipResponse(solved.alpha, solved.mobility, loads, solved.driven, solved.slips @ solved.split.free,
-                            solved.split.free)  # fmt: skip
+        return SlipResponse(solved.alpha, solved.mobility, loads, solved.driven)
 
     @cached_property
     def decomposed(self) -> Callable[[Array], SplitRows]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,7 @@ from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.friction.contact import FrictionContact, slip_rows
 from pinarm.mechanics.friction.slip_vectors import same_joint, several, sizes, unit_vectors
 from pinarm.mechanics.laws.motion_law import MotionLaw
+from pinarm.records import replace
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,8 @@ class SlidingFriction(ForceElement):
         prescribed: The coordinates that follow laws.
         slip: Directions, and what is stuck.
         span: Interval of time on which no law jumps [s].
+        known: Solutions in rows of states that have been asked for, by these; ``None`` where they are not kept, as in
+            an integration: efforts of controllers jump between two states that are the same.
     """
 
     contacts: Sequence[FrictionContact]
@@ -41,6 +44,7 @@ class SlidingFriction(ForceElement):
     prescribed: PrescribedCoordinates
     slip: Slip
     span: tuple[float, float]
+    known: dict[tuple[object, ...], list[FrictionSolution]] | None = field(default=None, repr=False)
 
     @cached_property
     def direction(self) -> Array:
@@ -87,6 +91,14 @@ class SlidingFriction(ForceElement):
 
     def solutions(self, t: Array, q: Array, v: Array) -> list[FrictionSolution]:
         """Return the friction in states of one interval: where nothing moves and no load changes, solved once."""
+        if self.known is None:
+            return self._solutions(t, q, v)
+        asked = self.span, t.tobytes(), q.tobytes(), v.tobytes()
+        if asked not in self.known:
+            self.known[asked] = self._solutions(t, q, v)
+        return self.known[asked]
+
+    def _solutions(self, t: Array, q: Array, v: Array) -> list[FrictionSolution]:
         if len(t) > 1 and (q == q[0]).all() and (v == v[0]).all() and self._lasts(t, q, v):
             return [self.solution(float(t[0]), q[0], v[0])] * len(t)
         return [self.solution(*row) for row in zip(t, q, v, strict=True)]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.integration.integrator import Crossing, Solution
+from pinarm.records import ValueRecord
 
 PARTS, REFINEMENTS = 16, 14
 """Parts into which a bracket is divided, and how often: 16^-14 is below the rounding of a double."""
@@ -29,8 +29,7 @@ CONVERGED, MOST_PARTS = 1e-3, 4096
 """Size of the last coefficients of a series that has converged, over the largest; and most steps tried for it."""
 
 
-@dataclass(frozen=True)
-class Watch:
+class Watch(ValueRecord, frozen=True):
     """A function of the state whose zero crossings are located along a motion.
 
     Attributes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,13 +12,13 @@ from pinarm.errors import InputError
 from pinarm.mechanics.ball_joints import ball_coordinates
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.laws.motion_law import MotionLaw
+from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
 
 
-@dataclass(frozen=True)
-class PrescribedCoordinates:
+class PrescribedCoordinates(ValueRecord, frozen=True):
     """Coordinates with the laws that they follow.
 
     Attributes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.model_variants import ModelVariants
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -28,8 +29,7 @@ ROW = "row"
 """Parameter of rows that are only numbered."""
 
 
-@dataclass(frozen=True, eq=False)
-class EventRecord:
+class EventRecord(Record, frozen=True):
     """An event of a run, or an impact.
 
     Attributes:
@@ -130,10 +130,29 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.grid.t)
 
+    def link_motion_at(self, rows: Indices) -> tuple[LinkPlacements, Array, Array, Array]:
+        """Return the same at some rows, shape (k,); the last ones are kept, since checks look at the same rows."""
+        if len(rows) == len(self):
+            return self.link_motion
+        asked = rows.tobytes()
+        if asked not in self._looked:
+            self._looked.clear()
+            self._looked[asked] = moving(self.mechanism.model, self.q[rows], self.v[rows], self.a[rows])
+        return self._looked[asked]
+
+    @cached_property
+    def _looked(self) -> dict[bytes, tuple[LinkPlacements, Array, Array, Array]]:
+        return {}
+
     @property
     def row_axes(self) -> tuple[int, ...]:
         """Shape of what is the same in all variants, (n,), or (n, 1) where there are several."""
         return len(self), *(1,) * (self.q.ndim - 2)
+
+    @property
+    def parameters(self) -> Array:
+        """Values of the parameter, shape (n,), or (n, 1) where there are several variants, (n, k) where it varies."""
+        return self.grid.t if self.grid.t.ndim > 1 else self.grid.t.reshape(self.row_axes)
 
     @property
     def value_shapes(self) -> tuple[tuple[int, ...], ...]:

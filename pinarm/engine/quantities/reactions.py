@@ -24,7 +24,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.joint_axes import loop_axis, tree_axis
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import OpenReaction, left_open
-from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import crossed, joined
 from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
@@ -153,7 +153,7 @@ class Reactions:
         run, model = self.run, self.model
         checked = sampled(len(run))
         rows = checked[(checked >= part.start) & (checked < part.stop)]
-        links, twists, rates, _ = moving(model, run.q[rows], run.v[rows], run.a[rows])
+        links, twists, rates, _ = run.link_motion_at(rows)
         asked, wrenches = links.outwards(demands(model, links, twists, rates).sum(axis=0)), self.joints[rows]
         parents = np.array(model.parents)
         carries = (parents == np.arange(model.njoints)[:, None]).astype(float)

@@ -10,7 +10,6 @@ import math
 from abc import abstractmethod
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -20,6 +19,7 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, check_unit, measured_fields
+from pinarm.records import ValueRecord
 
 FILE_KEYS = {"start": "from", "end": "to"}
 """Field -> key in files, where the key is a Python keyword or would shadow one of its meanings."""
@@ -40,8 +40,7 @@ JUMP = 1e-9
 """Difference of two sides, relative to the size of s, s' or s'', below which there is no jump."""
 
 
-@dataclass(frozen=True)
-class Piece:
+class Piece(ValueRecord, frozen=True):
     """A smooth interval of a law.
 
     Attributes:
@@ -155,15 +154,15 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
         return self.smooth_pieces[place].function
 
 
-@dataclass(frozen=True)
-class Grid:
+class Grid(ValueRecord, frozen=True):
     """Instants at which a problem is solved, divided into intervals on which every law is one smooth piece.
 
     An instant at which s, s' or s'' of a law jumps has two rows: the end of one interval and the start of the next.
     Other cuts, where pieces meet smoothly, have no row of their own; an interval between them may have no row.
 
     Attributes:
-        t: Instants [s], or values of the coordinate swept, shape (n,).
+        t: Instants [s], or values of the coordinate swept, shape (n,); of variants that have rows at others, shape
+            (n, k), with the cuts of the first.
         cuts: Bounds of the intervals, shape (m + 1,).
         rows: First row of each interval, and n; shape (m + 1,).
     """

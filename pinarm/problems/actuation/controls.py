@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
@@ -30,6 +30,7 @@ from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.mechanics.limited_states import FREE
 from pinarm.mechanics.motors import Actuator, MotorDefinition
 from pinarm.problems.actuation.inverses import InverseOfLoops, InverseOfTree, inverse_of_couplings
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.quantities.names import Quantities

@@ -47,6 +47,9 @@ MOST_INTERVALS = 100
 KEPT = 20
 """Sets of points whose states are kept: the integrals of several quantities begin with the same points."""
 
+FITS = 200
+"""Curves between two places whose polynomials are kept: several numbers of one quantity look into the same ones."""
+
 Spot = tuple[int, float]
 """An interval of the run and a value of its parameter within it."""
 
@@ -85,6 +88,7 @@ class Lookup:
     quantities: Quantities = field(repr=False)
     motion: SolvedMotion | None
     _kept: dict[tuple[int, bytes], Quantities] = field(init=False, repr=False, default_factory=dict)
+    _fits: dict[tuple[float, float, bytes], BracketFit] = field(init=False, repr=False, default_factory=dict)
 
     @property
     def run(self) -> Trajectory:
@@ -106,6 +110,9 @@ class Lookup:
                 del self._kept[next(iter(self._kept))]
             self._kept[asked] = self.quantities.of(self._rows_at(interval, t))
         return self._kept[asked]
+
+    def announce(self, places: Sequence[tuple[int, Array]]) -> None:
+        """Note intervals and values of the parameter, shape (n,), at each of which states are about to be asked for."""
 
     def _rows_at(self, interval: int, t: Array) -> Trajectory:
         if self.motion is None:
@@ -214,28 +221,30 @@ class Lookup:
         run, values = self.run, height(self.quantities)
         slack = PLATEAU * float(np.abs(values).max())
         best = int((values >= values.max() - slack).argmax())
-        spots = []
+        brackets = []
         for row in (best, *_rivals(values, best, slack)):
             low, high = sorted((run.grid.t[max(row - 1, 0)], run.grid.t[min(row + 1, len(values) - 1)]))
             for interval, (start, end, _) in enumerate(self.intervals):
-                bracket = max(low, min(start, end)), min(high, max(start, end))
+                bracket = float(max(low, min(start, end))), float(min(high, max(start, end)))
                 if bracket[0] <= bracket[1]:
-                    spots.append(self._refined(interval, height, bracket))
-        spots += self._between_few_rows(height)
+                    brackets.append((interval, bracket))
+        brackets += self._between_few_rows()
+        self.announce([(interval, BracketFit.places(*bracket)) for interval, bracket in brackets])
+        spots = [self._refined(interval, height, bracket) for interval, bracket in brackets]
         top, interval, t = max(spots, key=lambda spot: spot[0])
         if top <= values[best] + slack:
             interval = next(k for k, (_, _, rows) in enumerate(self.intervals) if rows.start <= best < rows.stop)
             t = float(run.grid.t[best])
         return self._row(interval, t)
 
-    def _between_few_rows(self, height: Callable[[Quantities], Array]) -> list[tuple[float, int, float]]:
-        """Return the largest height in each interval that has few rows, which may pass an extreme between them."""
-        spots = []
+    def _between_few_rows(self) -> list[tuple[int, tuple[float, float]]]:
+        """Return brackets in each interval that has few rows, which may pass an extreme between them."""
+        brackets = []
         for interval in self._few:
             start, end, _ = self.intervals[interval]
             cuts = np.linspace(start, end, PARTS + 1)
-            spots += [self._refined(interval, height, (min(pair), max(pair))) for pair in pairwise(cuts.tolist())]
-        return spots
+            brackets += [(interval, (min(pair), max(pair))) for pair in pairwise(cuts.tolist())]
+        return brackets
 
     def _refined(
         self, interval: int, height: Callable[[Quantities], Array], bracket: tuple[float, float]
@@ -247,16 +256,25 @@ class Lookup:
         spot, top = float(t[peak]), float(heights[peak])
         if np.ptp(heights) <= FLAT * np.abs(heights).max():
             return top, interval, spot
-        fit = BracketFit(*bracket, heights)
+        fit = self._fit(bracket, heights)
         if not fit.is_resolved:
             return self._narrowed(interval, height, bracket)
-        places = fit.extremes()
+        places = fit.extremes
         if len(places):
             place = float(places[fit.at(places).argmax()])
             risen = float(height(self._row(interval, place))[0])
             if risen > top:
                 spot, top = place, risen
         return top, interval, spot
+
+    def _fit(self, bracket: tuple[float, float], heights: Array) -> BracketFit:
+        """Return the polynomial through heights at the nodes of a bracket; the last ones are kept."""
+        curve = *bracket, heights.tobytes()
+        if curve not in self._fits:
+            if len(self._fits) >= FITS:
+                self._fits.clear()
+            self._fits[curve] = BracketFit(*bracket, heights)
+        return self._fits[curve]
 
     def _narrowed(
         self, interval: int, height: Callable[[Quantities], Array], bracket: tuple[float, float]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import count
 from typing import TYPE_CHECKING
 
@@ -11,6 +10,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import LOST
 from pinarm.errors import Interrupted, PinarmError
+from pinarm.records import replace
 from pinarm.use.progress import tell
 from pinarm.use.result.measures import RESIDUALS
 from pinarm.use.result.result import Result
@@ -67,7 +67,7 @@ def _residuals(scenario: Scenario, search: Find) -> dict[str, Array]:
     result, left = scenario.result(scenario.solved_outcome()), {}
     for name, target in (search.wanted or {}).items():
         number = search.number(name, scenario.content.assessments)
-        values = np.array([number.value(result)[0]]) if number else result[name].values
+        values = np.array([number.value(result)[0]]) if number else result.quantities.determined(name).values
         left[name] = values - float(target)
     return left
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,10 +24,13 @@ from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.rotors import GearedRotor
 from pinarm.problems.simplify.simplification import Removal
+from pinarm.records import replace
+from pinarm.use.scenario.failures import failures_in_words
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run
 
 if TYPE_CHECKING:
+    from pinarm.engine.motion.segmented.hybrid_motion import HybridSystem
     from pinarm.mechanics.forces.force_element import ForceElement
     from pinarm.problems.actuation.controls import ControlOfRun
     from pinarm.use.show.chart import Chart
@@ -207,11 +211,28 @@ def explain(path: str | Path | Mechanism, values: Values | None = None) -> Expla
     file = Path(path)
     if file.suffix in (".yaml", ".yml") and "problem" in (Document.read(file).data or {}):
         scenario = Scenario.load(file, values)
-        q, whole = run(scenario).trajectory.q, scenario.mechanism
-        some = [q[k] for k in np.unique(np.linspace(0, len(q) - 1, ROWS).astype(int))]
-        found = _explained(whole, some, "where the motion begins", scenario.simplification.removals)
+        whole = scenario.mechanism
+        found = _explained(whole, _positions(scenario), "where the motion begins", scenario.simplification.removals)
         return replace(found, control=getattr(scenario.problem, "control", ()))
     return _structure(Mechanism.load(path, values=values))
+
+
+def _positions(scenario: Scenario) -> list[Array]:
+    """Return where a scenario begins, and further closed configurations: beside it, of an integrated motion."""
+    declaration = scenario.problem.declaration()
+    if declaration is not None and declaration.integrated and not scenario.content.find:
+        return beside(scenario.mechanism, _start(scenario))
+    q = run(scenario).trajectory.q
+    return [q[k] for k in np.unique(np.linspace(0, len(q) - 1, ROWS).astype(int))]
+
+
+def _start(scenario: Scenario) -> Array:
+    """Return where an integrated motion begins, its loops closed, shape (nq,); the motion is not solved."""
+    place = partial(scenario.document.locating, "problem")
+    with failures_in_words():
+        system: HybridSystem = scenario.problem.prepare(scenario.mechanism, scenario.content.accuracy, place)
+        with place("initial"):
+            return system.begin(system.initial)[0]
 
 
 def _structure(mechanism: Mechanism) -> Explanation:

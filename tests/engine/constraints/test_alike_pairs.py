@@ -1,6 +1,5 @@
 """Pairs that are evaluated as one, against each by itself."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +9,7 @@ import pinarm
 from pinarm.engine.constraints.alike_pairs import BLOCK, alike_pairs
 from pinarm.engine.constraints.batch_jacobians import BatchJacobians
 from pinarm.engine.mechanism import Mechanism
+from pinarm.records import replace
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
 

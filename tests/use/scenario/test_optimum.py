@@ -2,7 +2,6 @@
 
 import math
 import pickle
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError, IntegrationError, PinarmError
+from pinarm.records import replace
 from pinarm.use.scenario.landscape import Landscape, Trial
 from pinarm.use.scenario.optimum import optimum, spread
 from pinarm.use.scenario.scenario import Scenario

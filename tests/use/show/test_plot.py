@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 import pinarm
+from pinarm.engine.series import Series
 from pinarm.errors import InputError
-from pinarm.use.show.plot import encoded, save_plots
+from pinarm.input.units import unit
+from pinarm.use.result.section import Curve, Graph
+from pinarm.use.show.plot import encoded, graph, save_plots
 
 ROOT = Path(pinarm.__file__).parents[1]
 
@@ -141,3 +144,12 @@ def test_the_resolution_of_png_is_as_asked_for(scenario: Callable[..., Any]) -> 
     assert Image.open(io.BytesIO(encoded(chart, "png"))).size[0] == 1400
     with pytest.raises(InputError, match="not written as 'gif'"):
         encoded(chart, "gif")
+
+
+def test_many_curves_differ_by_colour_or_by_dashes_and_are_named_below() -> None:
+    across = Series("t", unit("s"), np.arange(3.0))
+    curves = [Curve(across, Series("x", unit("m"), k + np.arange(3.0)), f"case {k}") for k in range(15)]
+    drawn = graph(Graph("cases", "Cases", curves))
+    assert len({(line.colour, line.style) for line in drawn.panels[0].lines}) == 15
+    assert drawn.legend == "below"
+    assert graph(Graph("cases", "Cases", curves[:6])).legend == "inside"

@@ -7,7 +7,7 @@ import pytest
 
 import pinarm
 from pinarm.cli.main import main
-from pinarm.errors import InputError
+from pinarm.errors import InputError, IntegrationError
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
 
@@ -75,3 +75,24 @@ def test_rods_that_spin_between_two_balls_are_counted(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text("pinarm: 1\nrobot: rods.urdf\n")
     free = pinarm.explain(tmp_path / "m.yaml")
     assert not free.mobility.spins and "spin by themselves" not in str(free)  # a ball that no loop holds
+
+
+def test_an_integrated_motion_is_explained_where_it_begins_without_being_solved(tmp_path: Path) -> None:
+    """A pendulum of 1 m, let go at 30 degrees; its run would fail, as it may take one step only."""
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "m.yaml").write_text(
+        "pinarm: 1\nplanar:\n  points: {O: [0, 0], A: [1 m, 0]}\n  ground: [O]\n"
+        "  links: {rod: {points: [O, A], mass: 1 kg}}\n"
+    )
+    (tmp_path / "s.yaml").write_text(
+        "pinarm: 1\nmechanism: m.yaml\nproblem: {kind: forward, time: {end: 1 s}, initial: {position: {O: 30 deg}}}\n"
+        "accuracy: {max_steps: 1}\noutputs: [O]\n"
+    )
+    with pytest.raises(IntegrationError):
+        pinarm.run(tmp_path / "s.yaml")
+    found = pinarm.explain(tmp_path / "s.yaml")
+    assert found.q == pytest.approx([np.pi / 6], abs=1e-12)
+    assert "mobility 1 where the motion begins" in str(found)
+    [axis] = found.sketch().axes
+    [tip] = [text.xy for text in axis.texts if text.get_text() == "A"]
+    assert tip == pytest.approx([np.cos(np.pi / 6), 0.5], abs=1e-12)

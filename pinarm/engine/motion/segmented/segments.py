@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import field
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.systems import CompletedStates, System
 from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Solution
 
 
-@dataclass(frozen=True, eq=False)
-class MotionSegment:
+class MotionSegment(Record, frozen=True):
     """A part of a motion during which the same constraints hold.
 
     Attributes:
@@ -34,8 +34,7 @@ class MotionSegment:
     holding: Flags
 
 
-@dataclass(frozen=True, eq=False)
-class SegmentedMotion:
+class SegmentedMotion(Record, frozen=True):
     """An integrated motion: segments, end to end.
 
     Attributes:

@@ -68,6 +68,8 @@ class PointMotion:
         self.regular, self.singular, self.open = 0.0, True, 0.0
         self.t, self.step, self.least = -np.inf, 0.0, 0.0
         self.ranks: dict[float, int] = {}
+        self.unchecked = np.nan
+        """Instant of an accepted state whose acceleration is still to be looked at, when it is first asked for [s]."""
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration, near singular positions that of the closed state."""
@@ -84,7 +86,8 @@ class PointMotion:
             v = self.tangent(v)
         tolerant = self.tolerant if not self.near and self.rank < self.points.tied.rank else None
         a = (tolerant[1] if tolerant else self.free)(t, q, v)
-        if t == self.t:
+        if t == self.unchecked:  # stages of steps that end there are not closed
+            self.unchecked = np.nan
             require_closed_accelerations(self.rows, a, self.points.right(), t, q)
         return a
 
@@ -148,7 +151,7 @@ class PointMotion:
         if not self.singular and self.t > -np.inf:
             self.step = t - self.t
         self.least = FLOOR * self.step if self.singular else 0.0
-        self.t = t
+        self.t = self.unchecked = t
         self.ranks[t] = self.rank
         self.require_known_way(t)
         return q, v

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -19,6 +19,7 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import Joint
+from pinarm.records import replace
 
 AT_PARENT = "at_parent"
 """Asks for the moment of a joint about its place on the parent: where a joint slides, the child's origin moves."""

@@ -243,6 +243,14 @@ class CamCoupling(JointRelation):
         assert self.contact is not None
         return self.contact.touch(self.profile(sample_range(self.profile)))
 
+    @property
+    def shape(self) -> Array:
+        """The outline of the cam in its carrier where the cam's joint is at 0 [m], shape (n, 3); see ``outline``."""
+        assert self.contact is not None
+        plane, (turning, _) = self.contact.plane, self.contact.senses
+        points = self.outline.point * np.exp(-1j * turning * sample_range(self.profile))
+        return plane.origin + plane.vectors(points)
+
     def flawed(self, q: Array) -> Flags:
         """Return where the outline of the cam is undercut."""
         if self.contact is None:

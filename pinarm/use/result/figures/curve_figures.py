@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -24,6 +23,7 @@ from pinarm.arrays import Array
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
+from pinarm.records import ValueRecord
 from pinarm.use.result.figures.percentile import percentile
 from pinarm.use.result.figures.quadrature import Panels, integrate
 from pinarm.use.result.row_lookup import Lookup
@@ -38,8 +38,7 @@ ROUNDING = 4e-16
 _PERCENTILE = re.compile(r"p([0-9]{1,3}(?:\.[0-9]{1,3})?)")
 
 
-@dataclass(frozen=True)
-class CurveFigure:
+class CurveFigure(ValueRecord, frozen=True):
     """A figure of a curve.
 
     Attributes:

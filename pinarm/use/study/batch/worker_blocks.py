@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Generic, TypeVar
@@ -13,6 +13,7 @@ from pinarm.arrays import Array
 from pinarm.errors import NumericsError, PinarmError
 from pinarm.input.roots import file_root, given_root
 from pinarm.input.yaml.document import Document
+from pinarm.records import replace
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.batch.block import Block, Question, answered
 from pinarm.use.study.workers.chunk_order import LostJob

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -17,6 +17,7 @@ from pinarm.input.roots import file_root, note_files, noting_files
 from pinarm.input.units import Unit
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import varied
+from pinarm.records import replace
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.result import Result
 from pinarm.use.result.run_number import EXAMPLES
@@ -108,8 +109,8 @@ class Wanted:
         if number:
             numbers = [(float(number[0].values[0]), number[1])]
         else:
-            values = quantities[self.quantity].values
-            numbers = [(float(values.min()), 0.0), (float(values.max()), 0.0)]
+            least, greatest = quantities.bounds(self.quantity)
+            numbers = [(float(least.values.min()), 0.0), (float(greatest.values.max()), 0.0)]
         if not np.isfinite(numbers).all():
             raise DynamicsError(f"{self.labels()[0]} is not finite")
         return [(number + 0.0, error) for number, error in numbers]  # -0 becomes 0

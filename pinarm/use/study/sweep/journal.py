@@ -24,6 +24,7 @@ import numpy as np
 
 from pinarm.errors import InputError
 from pinarm.input.roots import Stamp, stamp_of
+from pinarm.records import replace
 from pinarm.use.study.sweep.axes import Value
 from pinarm.use.study.sweep.cases import Row, Task
 from pinarm.use.study.workers.versions import versions
@@ -125,7 +126,7 @@ class JournalEntry(msgspec.Struct, frozen=True, omit_defaults=True):
 
     def sealed(self) -> JournalEntry:
         """Return the entry with its seal."""
-        return msgspec.structs.replace(self, seal=digest(msgspec.to_builtins(msgspec.structs.replace(self, seal=""))))
+        return replace(self, seal=digest(msgspec.to_builtins(replace(self, seal=""))))
 
 
 class Journal:

@@ -1,7 +1,7 @@
-"""The jobs of a chunk: those that differ by numbers of the model only are solved as one array, the others one by one.
+"""The jobs of a chunk: those that differ by numbers only are solved as one array, the others one by one.
 
-Which way a case is solved depends on the case only, and its numbers do not depend on those that are solved with it:
-they are the same to the last digit however cases are spread over workers.
+The numbers of a case do not depend on those that are solved with it. They are the same to the last digit however cases
+are spread over workers; of loops, which are followed from the first case of a worker, they differ by rounding.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from itertools import islice
 from pinarm.input.xacro.templates import WAYS
 from pinarm.use.study.sweep.axes import Value
 from pinarm.use.study.sweep.cases import Row, Task, solve_case
-from pinarm.use.study.sweep.stack import Kind, Stack, kind_of
+from pinarm.use.study.sweep.stacks.columns import Kind, kind_of
+from pinarm.use.study.sweep.stacks.stack import Stack
 
 Job = tuple[int, str, dict[str, Value]]
 """A case, its digest, and its values."""

@@ -1,7 +1,6 @@
 """Cases solved together against the same cases alone, on every scenario that can take part."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +10,13 @@ import pinarm
 from pinarm import PinarmError
 from pinarm.input.roots import given_root
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
+from pinarm.records import replace
 from pinarm.use.study.run import run
 from pinarm.use.study.sweep.axes import Value
 from pinarm.use.study.sweep.cases import WORTH, Task, Wanted, solve_case
-from pinarm.use.study.sweep.stack import Stack, kind_of
+from pinarm.use.study.sweep.stacks.stack import Stack
 
-SCENARIOS = Path(__file__).parents[4] / "scenarios"
+SCENARIOS = Path(__file__).parents[5] / "scenarios"
 TOGETHER = {
     "gen411_arm_dynamic": ("m_A", "l1", "l2"), "gen411_arm_dynamic_true": ("m_BA", "l2", "m_B"),
     "gen411_arm_horizontal": ("m_A", "m_BA"), "gen411_arm_horizontal_general": ("m_A", "l1", "l2"),
@@ -69,6 +69,35 @@ def test_numbers_and_figures_are_those_of_each_case_alone(name: str) -> None:
     cases = cases_of(path, names, 6)
     task = task_of(path)
     assert compared(task, cases) >= 4
+
+
+COLUMNS: list[tuple[str, Sequence[str], dict[str, tuple[float, float, str]]]] = [
+    ("gen411_arm_static", (), {"problem.hold.O": (-20.0, 70.0, "deg"), "problem.over.phi.to": (20.0, 90.0, "deg")}),
+    ("gen411_arm_vertical", (), {"problem.motion.O.speed": (18.0, 25.0, "rad/s"), "arguments.l1": (0.25, 0.255, "m")}),
+    ("gen411_arm_dynamic", (), {"problem.acceleration.phi": (3.0, 8.0, "rad/s^2"), "arguments.l2": (0.2, 0.3, "m")}),
+    ("handling_arm_profile", (), {"problem.motion.phi.profile.to": (100.0, 115.0, "deg")}),
+    ("gen411_arm_swing", ("phi", "A_y @ min"),
+     {"problem.initial.velocity.B": (-3.0, 3.0, "rad/s"), "arguments.m_A": (0.1, 0.5, "kg")}),
+    ("gen411_arm_swing", (),
+     {"problem.initial.position.O": (-90.0, -30.0, "deg"), "problem.time.end": (1.0, 2.0, "s")}),
+    ("rssr_turning", (), {"problem.motion.theta.speed": (40.0, 60.0, "rpm"), "problem.time.end": (0.9, 1.1, "s")}),
+    ("crank_rocker_turning", ["t @ max(T)", "T @ theta2=2 rad", "theta4 @ mean"],
+     {"arguments.b": (0.33, 0.37, "m"), "problem.motion.theta2.speed": (90.0, 120.0, "rpm")}),
+    ("gen411_arm_static", ["phi @ max(C_B)", "C_B @ p40", "C_B", "F_By @ end"],
+     {"arguments.m_A": (0.1, 0.5, "kg"), "problem.hold.O": (0.0, 60.0, "deg")}),
+]  # fmt: skip
+"""Scenarios, results, and paths with the least and the greatest of their values: laws, rows and arguments."""
+
+
+@pytest.mark.parametrize(("name", "results", "ranges"), COLUMNS)
+def test_laws_and_numbers_are_those_of_each_case_alone(
+    name: str, results: Sequence[str], ranges: dict[str, tuple[float, float, str]]
+) -> None:
+    cases: Cases = [
+        {path: f"{low + share * (high - low)!r} {unit}" for path, (low, high, unit) in ranges.items()}
+        for share in (0.3, 0.0, 1.0)
+    ]
+    assert compared(task_of(SCENARIOS / f"{name}.yaml", results), cases) == 3
 
 
 def compared(task: Task, cases: Cases) -> int:
@@ -207,7 +236,7 @@ def test_a_case_that_differs_alone_is_noticed(arm: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "results"),
-    [("gen411_arm_static", ["C_B @ max"]), ("gen411_arm_swing", ()), ("crank_rocker_two_drives", ()),
+    [("crank_rocker_free", ()), ("brick_thrown", ()), ("crank_rocker_two_drives", ()),
      ("gen411_arm_equilibria", ()), ("exoskeleton_leg_knee", ()), ("planetary_gear_reducer", ())],
 )  # fmt: skip
 def test_other_questions_are_answered_one_by_one(name: str, results: Sequence[str]) -> None:
@@ -218,11 +247,3 @@ def test_other_questions_are_answered_one_by_one(name: str, results: Sequence[st
     if stack is not None:
         with pytest.raises(VariantsDiffer):
             stack.together([other])
-
-
-def test_the_kind_of_a_case_is_what_is_not_an_argument() -> None:
-    assert kind_of({"problem.time.end": "1 s"}) is None
-    assert kind_of({"arguments.m": "1 kg", "problem.time.end": "1 s"}) == kind_of(
-        {"arguments.m": "2 kg", "problem.time.end": "1 s"}
-    )
-    assert kind_of({"arguments.m": 1.0, "gravity": "none"}) != kind_of({"arguments.m": 1.0})

@@ -1,0 +1,1 @@
+"""Cases of a sweep that are solved together as one array."""
