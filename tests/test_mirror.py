@@ -72,7 +72,6 @@ ELSEWHERE = {
     "engine/motion/segmented/test_end_stops.py": ("impacts", "engine/motion/segmented/hybrid_motion problems/events"),
     "engine/motion/test_trajectory.py": (
         "rows of a motion", "engine/motion/integrated_motion engine/motion/outcome engine/motion/prescribed_motion "
-        "engine/motion/segmented/segments",
     ),
     "engine/quantities/test_names.py": (
         "quantities asked by name", "engine/quantities/ball_quantities engine/quantities/evaluation "

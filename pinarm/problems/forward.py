@@ -194,6 +194,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         try:
             motion = integrate_to_size(hybrid, q, v, first)
         except (IntegrationError, Interrupted) as error:
+            if error.partial is not None and error.partial.end <= self.time.instants()[0]:
+                error.partial = None
             if error.partial is not None:
                 reached = IntegratedMotion(mechanism, hybrid, error.partial)
                 grid = hybrid.grid(self.time.instants(), error.partial.seams).until(error.partial.end)

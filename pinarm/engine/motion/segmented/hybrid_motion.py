@@ -349,6 +349,7 @@ class HybridSystem:
             v = self.contacts.impact(t, q, v, approached)
         mode = self.mode(t, q, v)
         while (end := self.integrate_segment(motion, mode, t, q, v, first)) is not None:
+            motion.require_progress()
             t, q, v, first = end.t, end.q, end.v, None
             if end.stops:
                 break
