@@ -2,7 +2,7 @@
 
 Of a group only the sum ``phi = sum_i c_i f_i`` is determined, and ``|f_i| <= L_i(f)``: limits depend on loads, and
 these on f. A quantity that is linear in f is least and greatest at corners of this set. Of two joints the set is a
-piece of a line: its ends are looked for from the friction that is told, as far as no limit is exceeded; limits may grow
+piece of a line: its ends are looked for from the friction of the rows, as far as no limit is exceeded; limits may grow
 with the friction, as of a worm that locks. Of more joints corners are where all but one are at their limits and that
 one has the rest, by the equation of slip with the law of rest. A quantity that is not linear, such as the length of a
 force, may be less within the set than at its corners.
@@ -58,27 +58,27 @@ def joints_of(balance: FrictionBalance, group: SlipGroup) -> list[str]:
     return list(dict.fromkeys(balance.contacts[i].name for i in group.members))
 
 
-def extreme_frictions(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], told: Array) -> Array:
+def extreme_frictions(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], friction: Array) -> Array:
     """Return the frictions at the corners, shape (e, k); none where nothing is open, or corners are not known.
 
     Args:
         balance: The state.
         direction: Of joints that slip, 0 of others, shape (k,).
         stuck: The groups at rest.
-        told: The friction that is told, shape (k,): joints that slip keep theirs.
+        friction: Of the rows, shape (k,): joints that slip keep theirs.
     """
-    shared = _shared(balance, direction, stuck, told)
-    corners = shared if len(shared) else told[None]
+    shared = _shared(balance, direction, stuck, friction)
+    corners = shared if len(shared) else friction[None]
     for i in _at_rest_on_laws(balance, direction, stuck):
         corners = np.concatenate([_with_limit(balance, direction, stuck, corners, i, sign) for sign in (-1.0, 1.0)])
-    return corners if len(corners) > 1 else np.zeros((0, len(told)))
+    return corners if len(corners) > 1 else np.zeros((0, len(friction)))
 
 
 def _at_rest_on_laws(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup]) -> list[int]:
     """Return joints at rest where a law or a stop holds them: friction shares that load with it."""
     grouped = {i for group in stuck for i in group.members}
-    found = [i for i in np.flatnonzero((direction == 0.0) & balance.response.driven).tolist() if i not in grouped]
-    return found if len(found) <= ALONE else []
+    members = [i for i in np.flatnonzero((direction == 0.0) & balance.response.driven).tolist() if i not in grouped]
+    return members if len(members) <= ALONE else []
 
 
 def _with_limit(
@@ -96,29 +96,29 @@ def _with_limit(
     return limited
 
 
-def _shared(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], told: Array) -> Array:
+def _shared(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], friction: Array) -> Array:
     """Return the frictions at the corners of what groups share, shape (e, k)."""
     counts = [len(joints_of(balance, group)) for group in stuck]
     if sorted(counts)[-2:] in ([2], [1, 2]):
-        return _ends(balance, stuck, stuck[counts.index(2)], told)
-    return _all_corners(balance, direction, stuck, told)
+        return _ends(balance, stuck, stuck[counts.index(2)], friction)
+    return _all_corners(balance, direction, stuck, friction)
 
 
-def _ends(balance: FrictionBalance, stuck: Sequence[SlipGroup], group: SlipGroup, told: Array) -> Array:
+def _ends(balance: FrictionBalance, stuck: Sequence[SlipGroup], group: SlipGroup, friction: Array) -> Array:
     """Return the ends of what two joints may share, shape (2, k); none where one of them is nowhere."""
     members, name = np.array(group.members), joints_of(balance, group)[0]
     first = np.array([balance.contacts[i].name == name for i in group.members])
-    weights, way = group.ratios * group.units, np.zeros(len(told))
-    way[members] = np.where(first, 1.0 / weights[first].sum(), -1.0 / weights[~first].sum()) * group.units
+    weights, exchange = group.ratios * group.units, np.zeros(len(friction))
+    exchange[members] = np.where(first, 1.0 / weights[first].sum(), -1.0 / weights[~first].sum()) * group.units
     every = [i for each in stuck for i in each.members]
-    size = weights @ balance.limits(told)[members] + abs(float(group.ratios @ told[members]))
+    size = weights @ balance.limits(friction)[members] + abs(float(group.ratios @ friction[members]))
 
     def holds(s: float) -> bool:
-        f = told + s * way
+        f = friction + s * exchange
         return bool((sizes(balance.contacts, f)[every] <= balance.limits(f)[every] * (1.0 + WITHIN)).all())
 
-    found = [told + _last(holds, sign * size) * way for sign in (-1.0, 1.0)]
-    return np.array(found) if np.isfinite(found).all() else np.zeros((0, len(told)))
+    ends = [friction + _last(holds, sign * size) * exchange for sign in (-1.0, 1.0)]
+    return np.array(ends) if np.isfinite(ends).all() else np.zeros((0, len(friction)))
 
 
 def _last(holds: Callable[[float], bool], size: float) -> float:
@@ -135,21 +135,21 @@ def _last(holds: Callable[[float], bool], size: float) -> float:
     return low
 
 
-def _all_corners(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], told: Array) -> Array:
+def _all_corners(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], friction: Array) -> Array:
     choices = [list(_corners(balance, group)) for group in stuck]
     count = int(np.prod([len(each) for each in choices]))
-    found = list[Array]()
+    corners = list[Array]()
     for choice in product(*choices) if 1 < count <= MOST else ():
         try:
             corner = _at(balance, direction, stuck, choice)
         except DynamicsError:  # the equation of slip has not exactly one root
-            return np.zeros((0, len(told)))
+            return np.zeros((0, len(friction)))
         if corner is not None:
-            corner = np.where(direction != 0.0, told, corner)
+            corner = np.where(direction != 0.0, friction, corner)
             slack = SAME * np.abs(corner).max(initial=0.0)
-            if all(np.abs(other - corner).max() > slack for other in found):
-                found.append(corner)
-    return np.array(found).reshape(-1, len(told))
+            if all(np.abs(other - corner).max() > slack for other in corners):
+                corners.append(corner)
+    return np.array(corners).reshape(-1, len(friction))
 
 
 def _corners(balance: FrictionBalance, group: SlipGroup) -> Iterator[Corner]:
@@ -168,20 +168,20 @@ def _at(
     balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], corners: Sequence[Corner]
 ) -> Array | None:
     """Return the friction at corners of the groups, shape (k,); ``None`` where the rest exceeds its own limit."""
-    way, resting, groups = direction.copy(), np.zeros(len(direction), dtype=bool), []
+    forced, resting, groups = direction.copy(), np.zeros(len(direction), dtype=bool), []
     for group, corner in zip(stuck, corners, strict=True):
         limited = [group.members[k] for k in corner.limited]
-        way[limited], resting[limited] = group.units[corner.limited] * corner.signs, True
+        forced[limited], resting[limited] = group.units[corner.limited] * corner.signs, True
         first = corner.rest[0]
         groups.append(replace(
             group, members=tuple(group.members[k] for k in corner.rest),
             ratios=group.ratios[corner.rest] / group.ratios[first],
             units=group.units[corner.rest] * np.sign(group.ratios[first]),
         ))  # fmt: skip
-    found = balance.solve(way, groups, resting)
-    if found is None or (np.abs(found.held) > found.bounds * (1.0 + WITHIN)).any():
+    solution = balance.solve(forced, groups, resting)
+    if solution is None or (np.abs(solution.held) > solution.bounds * (1.0 + WITHIN)).any():
         return None
-    return found.f
+    return solution.f
 
 
 def held_part(closure: Closure, lam: Multipliers, other: Multipliers) -> Array:
