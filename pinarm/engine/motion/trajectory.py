@@ -201,8 +201,8 @@ class Trajectory:
         """Return the effort along a joint [N*m or N], by its index in v, shape (n,).
 
         That of its drive, with what accelerates its rotor; of a joint without one, what couplings do along it, with
-        their friction: ``sum_k G_k lam_k + J_k f_k``. Where a motor acts on a rotor that is a joint of its own, its effort less the losses of the
-        gear; behind an elastic gear what the gear gives, ``tau - N^2 J a`` of the rotor.
+        their friction: ``sum_k G_k lam_k + J_k f_k``. Where a motor acts on a rotor that is a joint of its own, its
+        effort less the losses of the gear; behind an elastic gear what the gear gives, ``tau - N^2 J a`` of the rotor.
         """
         if (drive := self._motor_at(joint)) is not None:
             rotor, friction = self.mechanism.driven_joint(drive).v, self.columns.get(f"drive.{drive}.friction")
