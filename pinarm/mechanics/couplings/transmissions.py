@@ -129,7 +129,7 @@ class ToothContact(Record, frozen=True):
 
 
 class ThreadContact(Record, frozen=True):
-    """A thread without friction: a force F along the axis of the screw, and the moment ``h F`` about it.
+    """A thread but for its friction: a force F along the axis of the screw, and the moment ``h F`` about it.
 
     Attributes:
         carrier: Index of the joint that moves the carrier.
@@ -166,7 +166,7 @@ class ThreadContact(Record, frozen=True):
 
     def __str__(self) -> str:
         """Return its kind and lead."""
-        return f"thread without friction, lead {2e3 * np.pi * self.pitch:.6g} mm"
+        return f"thread, lead {2e3 * np.pi * self.pitch:.6g} mm"
 
 
 class Strands(Record, frozen=True):

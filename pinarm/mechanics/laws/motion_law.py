@@ -36,6 +36,10 @@ INSIDE = 1e-3
 """Part of an interval by which ``Grid.moved_inside`` moves its rows: a law that starts with a jerk, or with the fifth
 power of the time, has left rest there by 1e-6 or 1e-12 of its range, and has not turned back yet."""
 
+SAMPLES = np.array([0.0, *np.sort(0.5 * (math.sqrt(5.0) - 1.0) * np.arange(1, 8) % 1.0), 1.0])
+"""Parts of a piece at which its size is estimated: between its ends multiples of the golden ratio, which are not all at
+the zeros of what oscillates."""
+
 JUMP = 1e-9
 """Difference of two sides, relative to the size of s, s' or s'', below which there is no jump."""
 
@@ -56,7 +60,12 @@ class Piece(ValueRecord, frozen=True):
     def size(self) -> Array:
         """Return estimates of the largest |s|, |s'| and |s''|, from 9 samples, shape (3,)."""
         ends = [end for end in (self.start, self.end) if math.isfinite(end)] or [0.0]
-        return np.asarray(np.abs(np.array(self.function(np.linspace(ends[0], ends[-1], 9)))).max(axis=1))
+        t = ends[0] + (ends[-1] - ends[0]) * SAMPLES
+        return np.asarray(np.abs(np.array(self.function(t))).max(axis=1))
+
+    def between(self, low: float, high: float) -> Piece:
+        """Return the part of it between two instants that it does not lie outside of."""
+        return Piece(max(self.start, low), min(self.end, high), self.function)
 
 
 def polynomial(origin: float, *coefficients: float) -> Callable[[Array], Values]:

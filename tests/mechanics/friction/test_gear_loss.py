@@ -63,7 +63,8 @@ def test_a_constant_torque_drives_through_the_efficiency(servo, ratio, period):
     result = pinarm.run(forward(servo(ratio=ratio), [constant(0.3, **period)], outputs=("x", "drive.servo.torque")))
     t = result["t"].values
     assert np.abs(result["x"].values - 0.5 * sign * FORWARDS * t**2).max() < 1e-10
-    assert np.abs(result["joint.x.effort"].values - sign * LOAD * FORWARDS).max() < 1e-12
+    assert np.abs(result["joint.x.effort"].values - sign * (LOAD + REFLECTED) * FORWARDS).max() < 1e-12
+    assert np.abs(result["joint.x.link_effort"].values - sign * LOAD * FORWARDS).max() < 1e-12
     assert np.abs(result["drive.servo.torque"].values - 0.3).max() < 1e-12
     assert result.figures["energy"] < 1e-12
 
@@ -123,7 +124,7 @@ def test_forward_of_inverse_is_the_motion(servo):
 
 def test_the_inverse_problem_is_that_of_the_gear_without_a_motor(servo):
     law = {"x": {"law": "harmonic", "mean": "0.3 rad", "amplitude": "0.8 rad", "pulsation": "5 rad/s"}}
-    asked = {"pinarm": 1, "outputs": ["drive.servo.torque", "joint.x.effort"], "problem": {
+    asked = {"pinarm": 1, "outputs": ["drive.servo.torque", "joint.x.effort", "joint.x.link_effort"], "problem": {
         "kind": "inverse", "time": {"end": "2 s", "samples": 41}, "motion": law}}  # fmt: skip
     plain, motor = (pinarm.run({**asked, "mechanism": servo(0.1, motor=kind)}) for kind in (None, {"kind": "ideal"}))
     for name in asked["outputs"]:
