@@ -12,6 +12,7 @@ from msgspec.structs import replace as replace_fields
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import with_friction_columns
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
+from pinarm.engine.kinematics.law_count import determining
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
@@ -265,7 +266,7 @@ def _prescribed(
     laws_of(mechanism, held, lambda _, name: place("hold", name))
     motion: dict[str, MotionLaw] = {**{swept: ConstantSpeed(speed=1.0) for swept in over}, **held}
     with place():
-        return PrescribedCoordinates.of(mechanism, motion)
+        return determining(mechanism, motion)
 
 
 def _forces(

@@ -7,6 +7,7 @@ import pytest
 
 from pinarm import Mechanism
 from pinarm.engine.kinematics.joint_motion import follow
+from pinarm.engine.kinematics.law_count import determining
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.variant_motion import VariantMotion, VariantStates
@@ -29,7 +30,7 @@ def law(speed: float = SPEED) -> dict[str, ConstantSpeed]:
 
 def followed(columns: dict[str, list[float]], rows: int = 120) -> tuple[VariantStates, Grid, PrescribedCoordinates]:
     mechanism = Mechanism.load(PATH, FIRST)
-    prescribed = PrescribedCoordinates.of(mechanism, law())
+    prescribed = determining(mechanism, law())
     grid = Grid.cover(np.linspace(0.0, np.pi, rows), prescribed.laws)
     start = start_configuration(mechanism, START)
     q, _, _ = follow(mechanism, prescribed, grid, start)
@@ -87,7 +88,7 @@ def test_a_variant_is_sound_only_where_it_moves_alone_and_moves_as_alone(seed: i
     states, grid, _ = followed(columns)
     for k, lengths in enumerate(zip(*columns.values(), strict=True), start=1):
         mechanism = Mechanism.load(PATH, dict(zip(FIRST, lengths, strict=True)))
-        prescribed, start = PrescribedCoordinates.of(mechanism, law()), start_configuration(mechanism, START)
+        prescribed, start = determining(mechanism, law()), start_configuration(mechanism, START)
         try:
             alone = follow(mechanism, prescribed, grid, start)
         except AssemblyError:
@@ -136,7 +137,7 @@ def test_variants_with_laws_of_their_own_move_by_freudensteins_equation(turns: f
 def test_another_branch_at_the_start_is_noticed() -> None:
     """From this start the variant closes on the other side, where its rows near those of the first one are none."""
     mechanism = Mechanism.load(PATH, FIRST)
-    prescribed = PrescribedCoordinates.of(mechanism, law())
+    prescribed = determining(mechanism, law())
     grid = Grid.cover(np.linspace(0.0, 1.0, 40), prescribed.laws)
     open_start, crossed_start = (start_configuration(mechanism, {"A": s * 0.7, "theta4": s * 1.4}) for s in (1, -1))
     q, _, _ = follow(mechanism, prescribed, grid, open_start)
@@ -151,4 +152,4 @@ def test_a_singular_beginning_is_left_to_each_case_alone() -> None:
     mechanism = Mechanism.load(PATH, FIRST)
     variants, _ = mechanism_variants(mechanism, FIRST, {"b": [0.35, 0.36]})
     with pytest.raises(VariantsDiffer, match="singular"):
-        VariantMotion.of(variants.closure, PrescribedCoordinates.of(mechanism, law()), np.zeros(3))
+        VariantMotion.of(variants.closure, determining(mechanism, law()), np.zeros(3))
