@@ -7,7 +7,7 @@ of the states is computed of all of them at once.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +18,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.integrated_motion import IntegratedMotion
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism

@@ -118,7 +118,7 @@ def test_rows_too_far_apart_are_left_to_each_case_alone() -> None:
 def test_variants_with_laws_of_their_own_move_by_freudensteins_equation(turns: float) -> None:
     """Where a variant turns faster than the first one, the first's rows are no guess of its own."""
     mechanism, start = Mechanism.load(PATH, FIRST), start_configuration(Mechanism.load(PATH, FIRST), START)
-    prescribed = PrescribedCoordinates.of(mechanism, law())
+    prescribed = PrescribedCoordinates.bound(mechanism, law())
     t = np.stack([np.linspace(0.0, 2.0 * np.pi / SPEED, 121), np.linspace(0.0, 2.0 * np.pi * turns / SPEED, 121)], 1)
     theta2 = SPEED * t
     laws = np.array([theta2, np.full_like(t, SPEED), np.zeros_like(t)])[..., None]

@@ -12,7 +12,7 @@ those of forward kinematics.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -26,6 +26,7 @@ from pinarm.input.units import Unit, unit
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.records import replace
 from pinarm.use.assessments.loads.joint import moved_link
 from pinarm.use.result.section import SectionTable
 

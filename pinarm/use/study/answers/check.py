@@ -10,7 +10,7 @@ is within 2 %. Anything else that differs is a miss.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, half_last_digit
 from pinarm.input.yaml.schema import in_si
 from pinarm.input.yaml.values import Values
+from pinarm.records import replace
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.figures.curve_figures import is_figure
 from pinarm.use.result.result import Result

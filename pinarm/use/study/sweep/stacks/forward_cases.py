@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -18,6 +18,7 @@ from pinarm.engine.motion.systems.free import FreeSystem
 from pinarm.input.yaml.values import varied
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.forward import Forward
+from pinarm.records import replace
 from pinarm.use.result.result import Result
 from pinarm.use.study.sweep.axes import Value
 from pinarm.use.study.sweep.stacks.columns import INITIAL

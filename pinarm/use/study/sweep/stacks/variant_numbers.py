@@ -9,7 +9,7 @@ found by the same steps as those of a case alone.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple, Protocol, Self
 
@@ -24,6 +24,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import replace
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.run_number import RunNumber
 from pinarm.use.study.sweep.cases import Wanted
