@@ -90,7 +90,9 @@ class Adaptive(ValueRecord, frozen=True):
             return _terms(self.tableau, interval, manifold, steps)
         from pinarm.engine.integration.compiled_steps import terms
 
-        return terms(self.tableau, interval.compiled, steps)
+        found = terms(self.tableau, interval.compiled, steps)
+        # Rows that the library cannot solve for in a further stage are solved for by singular values.
+        return found if np.isfinite(found).all() else _terms(self.tableau, interval, manifold, steps)
 
     def diagnose(self, solution: Solution) -> list[str]:
         """Return a note where the stability limit, not the error, keeps steps short.
