@@ -154,8 +154,11 @@ class Scenario:
 
     @property
     def name(self) -> str:
-        """Name of the file without its ending."""
-        stem = self.document.path.stem if self.document.path else ""
+        """Name of the file without its ending; of ``scenario.yaml``, as ``new`` writes it, that of its folder."""
+        path = self.document.path
+        stem = path.stem if path else ""
+        if path and stem == "scenario":
+            stem = path.parent.resolve().name
         return stem.strip(". ") or "scenario"  # ``...yaml`` has the stem ``..``, which is another folder
 
     @cached_property
