@@ -30,7 +30,7 @@ from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.failures import failures_in_words, overflow
-from pinarm.use.scenario.file_kind import GIVEN, refuse_changes, refuse_mechanism, refuse_model
+from pinarm.use.scenario.file_kind import GIVEN, refuse_changes, refuse_folder, refuse_mechanism, refuse_model
 from pinarm.use.scenario.scenario_file import ScenarioFile
 
 if TYPE_CHECKING:
@@ -67,6 +67,7 @@ class Scenario:
         Raises:
             InputError: The file cannot be read or has a mistake; the message says where.
         """
+        refuse_folder(Path(path))
         refuse_model(Path(path))
         document, folder = Document.read(Path(path), source=str(path)), Path(path).parent
         refuse_mechanism(Path(path), document.data)

@@ -23,6 +23,7 @@ from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.rotors import GearedRotor
 from pinarm.problems.simplify.simplification import Removal
+from pinarm.use.scenario.file_kind import refuse_folder
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run
 
@@ -205,6 +206,7 @@ def explain(path: str | Path | Mechanism, values: Values | None = None) -> Expla
     if isinstance(path, Mechanism):
         return _structure(path)
     file = Path(path)
+    refuse_folder(file)
     if file.suffix in (".yaml", ".yml") and "problem" in (Document.read(file).data or {}):
         scenario = Scenario.load(file, values)
         q, whole = run(scenario).trajectory.q, scenario.mechanism
