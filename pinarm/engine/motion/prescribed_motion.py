@@ -11,6 +11,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.kinematics.abscissa import running
 from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory
 from pinarm.engine.motion.outcome import Outcome, positions_by_interval
 from pinarm.engine.motion.standstill import STANDSTILL, at_rest, directions, law_size, lossy, pace_of, row_paces
@@ -62,12 +63,13 @@ class Prescription(Record, frozen=True):
         Raises:
             AssemblyError: A position cannot be reached.
         """
-        states = self.motion.follow(grid, start)
-        self._refuse_jumps(states.motion)
-        known, grid = replace(self, motion=states.motion), states.grid
-        rows = known._rows(states)
-        pace = known._pace(rows)
-        rows = known.solved(rows, pace)
+        with running(self.parameter, self.unit):
+            states = self.motion.follow(grid, start)
+            self._refuse_jumps(states.motion)
+            known, grid = replace(self, motion=states.motion), states.grid
+            rows = known._rows(states)
+            pace = known._pace(rows)
+            rows = known.solved(rows, pace)
         motion = None if rows.numbered else PrescribedMotion(known, grid.cuts, grid.t, rows.q, start, pace)
         return Outcome(
             rows, motion, figures=states.motion.figures(states), notes=(*states.motion.jumps, *known._notes(rows, pace))
