@@ -388,9 +388,15 @@ def test_friction_of_a_thread_loads_its_bearings(write):
     """The nut's guide carries nothing along its axis but the load, the spindle's thrust bearing all of it."""
     problem = "{kind: inverse, time: {end: 1 s, samples: 2}, motion: {turn: {law: constant_speed, speed: 3 rad/s}}}"
     mechanism = LOAD + COUPLED + "friction: {thread: {mu: 0.08, radius: 15 mm}}\n"
-    result = pinarm.run(write(SCREW, mechanism, problem, "joint.turn.force.z, joint.lift.moment.z, joint.turn.effort"))
+    outputs = "joint.turn.force.z, joint.lift.moment.z, joint.turn.effort, joint.lift.effort"
+    result = pinarm.run(write(SCREW, mechanism, problem, outputs))
     assert result["joint.turn.force.z"].values == pytest.approx(6400.0, rel=1e-12)
     assert result["joint.lift.moment.z"].values == pytest.approx(-result["joint.turn.effort"].values, rel=1e-12)
+    for name in ("coupling.thread.axial", "coupling.thread.force.z", "joint.lift.effort"):
+        assert result[name].values == pytest.approx(6400.0, rel=1e-12)
+    raising = torque(6400.0, 0.008, 0.03, 0.08)
+    assert result["coupling.thread.torque"].values == pytest.approx(-raising, rel=1e-12)
+    assert result["coupling.thread.moment.z"].values == pytest.approx(raising, rel=1e-12)
     assert result.figures["bodies"] < 1e-13
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -200,9 +200,9 @@ class Trajectory:
     def effort(self, joint: int) -> Array:
         """Return the effort along a joint [N*m or N], by its index in v, shape (n,).
 
-        That of its drive, with what accelerates its rotor; of a joint without one, what couplings do along it:
-        ``sum_k G_k lam_k``. Where a motor acts on a rotor that is a joint of its own, its effort less the losses of the
-        gear; behind an elastic gear what the gear gives, ``tau - N^2 J a`` of the rotor.
+        That of its drive, with what accelerates its rotor; of a joint without one, what couplings do along it, with
+        their friction: ``sum_k G_k lam_k + J_k f_k``. Where a motor acts on a rotor that is a joint of its own, its
+        effort less the losses of the gear; behind an elastic gear what the gear gives, ``tau - N^2 J a`` of the rotor.
         """
         if (drive := self._motor_at(joint)) is not None:
             rotor, friction = self.mechanism.driven_joint(drive).v, self.columns.get(f"drive.{drive}.friction")
@@ -212,7 +212,16 @@ class Trajectory:
         if not (acting := self.couplings_at(joint)):
             return self.tau[..., joint]
         lam, places = np.asarray(self.lam), self.closure.slices()
-        return np.asarray(sum(weight * lam[:, places[name].start] for name, weight in acting.items()))
+        found = np.asarray(sum(weight * lam[:, places[name].start] for name, weight in acting.items()))
+        return found + self._friction_in(acting, joint) if self.mechanism.frictions else found
+
+    def _friction_in(self, couplings: Collection[str], joint: int) -> Array:
+        """Return what friction between the members of couplings does along a joint, by its index in v, shape (n,)."""
+        from pinarm.mechanics.friction.contact import slip_rows
+
+        contacts, names = self.mechanism.frictions, {f"coupling.{name}" for name in couplings}
+        between = np.array([contact.name in names for contact in contacts])
+        return np.asarray((slip_rows(self.mechanism.model, contacts, self.q)[..., joint] * self.friction) @ between)
 
     def armature(self, joint: int) -> float:
         """Return the inertia of rotors that ``effort`` of a joint accelerates too [kg*m^2 or kg], by its index in v."""

@@ -82,6 +82,11 @@ class JointRelation(ABC):
     def known(self) -> bool:
         """Whether the wrenches on bodies that do what the multiplier does are known."""
 
+    @property
+    @abstractmethod
+    def second(self) -> int:
+        """Index of the joint that moves the second member; the wrenches must be known."""
+
     @abstractmethod
     def unit(self, row: int) -> Unit:
         """Return the unit of the gap."""
@@ -172,6 +177,12 @@ class Coupling(JointRelation):
     def known(self) -> bool:
         """Whether there is a transmission."""
         return self.transmission is not None
+
+    @property
+    def second(self) -> int:
+        """That of the transmission."""
+        assert self.transmission is not None
+        return self.transmission.second
 
     def unit(self, row: int) -> Unit:
         """Return the unit of the gap."""

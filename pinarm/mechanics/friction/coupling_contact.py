@@ -67,6 +67,10 @@ class CouplingContact(ABC):
     def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
         """Return what the friction, shape (n,), does to the members; see ``FrictionContact``."""
 
+    def part(self, name: str, f: Array) -> Array:
+        """Return what friction adds to a single force or moment of the coupling [N or N*m], shape (n,): nothing."""
+        return np.zeros_like(f)
+
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
         """Return the multiplier as the first component of a wrench, shape (n, 6)."""
         return self.carried(lam)

@@ -139,6 +139,12 @@ class CamCoupling(JointRelation):
         """Whether the contact is known."""
         return self.contact is not None
 
+    @property
+    def second(self) -> int:
+        """That of the follower."""
+        assert self.contact is not None
+        return self.contact.plane.pair.second.body
+
     def unit(self, row: int) -> Unit:
         """Return the unit of the follower's joint."""
         return self.follower_joint.unit
