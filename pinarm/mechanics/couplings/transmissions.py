@@ -132,7 +132,7 @@ class ToothContact:
 
 @dataclass(frozen=True, eq=False)
 class ThreadContact:
-    """A thread without friction: a force F along the axis of the screw, and the moment ``h F`` about it.
+    """A thread but for its friction: a force F along the axis of the screw, and the moment ``h F`` about it.
 
     Attributes:
         carrier: Index of the joint that moves the carrier.
@@ -169,7 +169,7 @@ class ThreadContact:
 
     def __str__(self) -> str:
         """Return its kind and lead."""
-        return f"thread without friction, lead {2e3 * np.pi * self.pitch:.6g} mm"
+        return f"thread, lead {2e3 * np.pi * self.pitch:.6g} mm"
 
 
 @dataclass(frozen=True, eq=False)

@@ -115,7 +115,15 @@ class Explanation:
                 lines.append(f"  {one.name}: cable {course}, 1 row; pulls only")
             elif isinstance(one, GearedRotor):
                 lines.append(f"  {one.name}: the rotor {one.rotor.name} moves with what the drive acts along, 1 row")
+        lines += self._slipping_belts()
         return lines if len(lines) > 1 else ["no loops: an open chain"]
+
+    def _slipping_belts(self) -> list[str]:
+        """Return a line for every belt that slips: no row ties its wheels."""
+        from pinarm.mechanics.friction.belt import BeltFriction
+
+        belts = [one.coupling for one in self.mechanism.frictions if isinstance(one, BeltFriction)]
+        return [f"  {belt.name}: belt, no row: friction ties its wheels; {belt.description}" for belt in belts]
 
     def _mobility(self) -> list[str]:
         found = self.mobility
@@ -155,6 +163,8 @@ class Explanation:
             ": ".join(filter(None, (f"force {name}", one.description))) + self._pulling(one)
             for name, one in mechanism.forces.items()
         ]
+        frictions = {one.name: one.law.words(one.effort) for one in mechanism.frictions}
+        lines += [f"friction of {name.replace('.', ' ', 1)}: {law}" for name, law in frictions.items()]
         lines += [f"drive {name} at {drive.coordinate}" for name, drive in mechanism.drives.items()]
         acting = [*mechanism.control, *self.control]
         lines += [f"controller of {', '.join(one.drives)}: {one.description}" for one in acting]
