@@ -76,10 +76,24 @@ def _resolution(text: str) -> int:
     return int(text)
 
 
+def _sources(prefix: str, **asked: object) -> list[str]:
+    """Return how the source of ``new`` may go on: templates, folders and model files."""
+    from argcomplete.completers import FilesCompleter
+
+    from pinarm.engine.model_source import FILES
+    from pinarm.use.store.new import templates
+
+    files = FilesCompleter([ending[1:] for ending in (*FILES, ".yaml")])(prefix)
+    return [*(name for name in templates() if name.startswith(prefix)), *files]
+
+
 def _new(new: ArgumentParser) -> None:
-    new.add_argument("source", metavar="TEMPLATE|MODEL",
-                     help="four_bar, slider_crank, scissor_lift, cam or arm; a URDF, xacro, MJCF or SDF file; the name "
-                     "of a robot; or a mechanism file with a drawing, of which the URDF is written")  # fmt: skip
+    source = new.add_argument(
+        "source", metavar="TEMPLATE|MODEL",
+        help="four_bar, slider_crank, scissor_lift, cam or arm; a URDF, xacro, MJCF or SDF file; the name of a robot; "
+        "or a mechanism file with a drawing, of which the URDF is written",
+    )  # fmt: skip
+    source.completer = _sources  # type: ignore[attr-defined]  # where argcomplete looks for it
     new.add_argument("-o", "--output", type=Path,
                      help="folder (default: TEMPLATE, or that of MODEL); files that exist are kept")  # fmt: skip
 
