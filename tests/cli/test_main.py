@@ -349,7 +349,8 @@ def test_the_schema_knows_the_words_of_files(capsys: pytest.CaptureFixture[str])
 
 @pytest.mark.parametrize(("line", "offered"), [
     ("pinarm ru", {"run"}), ("pinarm sweep s.yaml --ov", {"--over"}), ("pinarm schema m", {"mechanism"}),
-    ("pinarm re", {"replay", "report"}),
+    ("pinarm re", {"replay", "report"}), ("pinarm new s", {"scissor_lift", "slider_crank"}),
+    ("pinarm quantities panda --like joint.panda_joint7.lin", {"joint.panda_joint7.link_effort"}),
 ])  # fmt: skip
 def test_the_shell_is_told_how_a_line_may_go_on(line: str, offered: set[str], tmp_path: Path) -> None:
     pytest.importorskip("argcomplete")
