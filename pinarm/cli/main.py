@@ -99,6 +99,7 @@ def _run(options: argparse.Namespace) -> int:
     folder = options.output or Path("results") / scenario.name
     options.output = folder
     check_replaceable(folder, "result")  # before the work
+    replaced = _title(folder)
     with shown_by(_progress):
         result = scenario.verified() if options.verify else scenario.run()
         solved = time.perf_counter()
@@ -107,10 +108,22 @@ def _run(options: argparse.Namespace) -> int:
         _print_json({**result.summary(), "folder": str(folder)})
     else:
         print(report(result))
-        print(f"written to {folder}")
+        other = replaced is not None and replaced != result.content.title
+        print(f"written to {folder}" + (f", in place of the result of '{replaced}'" if other else ""))
     if result.contradiction:
         return NumericsError.exit_code
     return MISSED if result.missed else OK
+
+
+def _title(folder: Path) -> str | None:
+    """Return the title of the scenario whose result a folder holds; ``None`` where it holds none that can be read."""
+    import json
+
+    try:
+        title = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["title"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return title if isinstance(title, str) else None
 
 
 def _check(options: argparse.Namespace) -> int:

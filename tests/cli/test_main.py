@@ -88,6 +88,16 @@ def test_run_writes_a_result_and_says_where(here: Path, capsys: pytest.CaptureFi
     assert set(files(here / "results/a")) >= {"scenario.yaml", "summary.json", "trajectory.csv", "timing.json"}
 
 
+def test_run_says_whose_result_it_replaces(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Files of one name in different folders share a folder of results, unless told otherwise."""
+    assert main(["run", "a.yaml", "-o", "r", "--no-plots"]) == 0
+    assert main(["run", "a.yaml", "-o", "r", "--no-plots"]) == 0
+    assert "in place of" not in capsys.readouterr().out
+    (here / "a.yaml").write_text((here / "a.yaml").read_text().replace("title: Held", "title: Let go"))
+    assert main(["run", "a.yaml", "-o", "r", "--no-plots"]) == 0
+    assert capsys.readouterr().out.endswith("written to r, in place of the result of 'Held'\n")
+
+
 def test_run_elsewhere_without_plots(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "a.yaml", "-o", "there/deep", "--no-plots"]) == 0
     assert (here / "there/deep/trajectory.csv").is_file()
