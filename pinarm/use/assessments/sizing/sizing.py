@@ -140,6 +140,11 @@ class Sizing(InputStruct, frozen=True):
             expected, hint = choices(self.drive, drives)
             with within("drive"):
                 raise InputError(f"there is no drive '{self.drive}'", expected=expected, hint=hint)
+        if drives[self.drive].elasticity is not None:
+            with within("drive"):
+                raise InputError(f"the drive '{self.drive}' is elastic: how its joint moves depends on the rotor",
+                                 expected="a drive that moves its joint as the rotor turns",
+                                 hint="size it without elasticity, then run the motor that fits with it")  # fmt: skip
         _ = quantities[f"drive.{self.drive}.torque"]
 
     def evaluate(self, result: Result) -> Section:

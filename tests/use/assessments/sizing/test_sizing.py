@@ -160,3 +160,14 @@ def test_mistakes_in_what_is_asked_are_told(sized: Callable[..., Any], more: str
 def test_a_drive_that_does_not_exist_is_told_by_a_run_too(sized: Callable[..., Any]) -> None:
     with pytest.raises(InputError, match="there is no drive 'moter'"):
         sized("ratios: [50]", HEADING + SMALL, ("drive: motor", "drive: moter"))
+
+
+def test_an_elastic_drive_is_refused(scenario: Callable[..., Any], folder: Path) -> None:
+    """Its joint does not follow the rotor, whose share of the effort no candidate's rotor can take the place of."""
+    mechanism = folder / "pendulum.yaml"
+    elastic = "efficiency: 1, rotor_inertia: 1e-5 kg*m^2, elasticity: {stiffness: 1e4 N*m/rad}"
+    mechanism.write_text(mechanism.read_text().replace("efficiency: 0.8", elastic))
+    (folder / "motors.csv").write_text(HEADING + SMALL)
+    text = "sizing: {drive: motor, catalogue: motors.csv, ratios: [50]}\n"
+    with pytest.raises(InputError, match="the drive 'motor' is elastic"):
+        _ = scenario("forward", text).run().sections["sizing"]
