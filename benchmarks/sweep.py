@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 import pinarm
+from pinarm.use.cases.case import Task, Wanted
+from pinarm.use.cases.together import CaseSolver
 from pinarm.use.result.measures import MEASURES
-from pinarm.use.study.sweep.cases import Task, Wanted
-from pinarm.use.study.sweep.together import CaseSolver
 
 ROOT = Path(__file__).parents[1]
 SCENARIO = ROOT / "scenarios" / "gen411_arm_static.yaml"
@@ -65,7 +65,7 @@ def together(scenario: pinarm.Scenario, cases: list[dict[str, str]]) -> np.ndarr
     """Solve them as a process of a sweep does with a chunk; return what it keeps."""
     quantities = scenario.quantities()
     wanted = tuple(Wanted.read(text).measured(quantities)[0] for text in scenario.content.outputs)
-    solver = CaseSolver(Task(*scenario.located, wanted))
+    solver = CaseSolver(Task.of(scenario, wanted))
     return np.array([row.numbers for row in solver.together([(k, "", given) for k, given in enumerate(cases)])])
 
 

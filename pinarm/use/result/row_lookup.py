@@ -23,11 +23,12 @@ from pinarm.use.result.figures.crossings import FLAT, POINTS, ROUNDS, crossings
 if TYPE_CHECKING:
     from pinarm.use.result.expectation import Expectation
 
-_HEIGHTS: dict[str, Callable[[Array], Array]] = {
+HEIGHTS: dict[str, Callable[[Array], Array]] = {
     "max": lambda x: x,
     "min": lambda x: -x,
     "largest": lambda x: np.abs(x),
 }
+"""Name of an extreme -> what is largest there."""
 
 PLATEAU = 1e-12
 """Relative difference to an extreme below which a row of the table is the extreme: the first of them is."""
@@ -152,7 +153,7 @@ class Lookup:
 
     def _crossings(self, along: str, value: float) -> list[Spot]:
         """Return where a quantity takes a value, in order; intervals with few rows are looked into between these."""
-        few = set(self._few)
+        few = set(self.few)
         spots = []
         for interval, (start, end, rows) in enumerate(self.intervals):
             t = self.run.grid.t[rows]
@@ -167,7 +168,7 @@ class Lookup:
         return np.asarray(self.quantities_at(interval, t)[along].values - value)
 
     @cached_property
-    def _few(self) -> list[int]:
+    def few(self) -> list[int]:
         """Numbers of the intervals that have few rows; none where these are many intervals."""
         found = [k for k, (start, end, rows) in enumerate(self.intervals)
                  if start != end and rows.stop - rows.start < FEW]  # fmt: skip
@@ -203,7 +204,7 @@ class Lookup:
         """Return the row at which a quantity is largest, smallest, or largest in size."""
         if not np.isfinite(self.quantities[name].values).all():
             raise InputError(f"{name} is not finite everywhere: it has no extreme")
-        return self.highest(lambda rows: _HEIGHTS[which](rows[name].values))
+        return self.highest(lambda rows: HEIGHTS[which](rows[name].values))
 
     def highest(self, height: Callable[[Quantities], Array]) -> Quantities:
         """Return the row at which a function of the quantities is largest, refined between the samples.
@@ -215,7 +216,7 @@ class Lookup:
         slack = PLATEAU * float(np.abs(values).max())
         best = int((values >= values.max() - slack).argmax())
         spots = []
-        for row in (best, *_rivals(values, best, slack)):
+        for row in (best, *rivals(values, best, slack)):
             low, high = sorted((run.grid.t[max(row - 1, 0)], run.grid.t[min(row + 1, len(values) - 1)]))
             for interval, (start, end, _) in enumerate(self.intervals):
                 bracket = max(low, min(start, end)), min(high, max(start, end))
@@ -231,7 +232,7 @@ class Lookup:
     def _between_few_rows(self, height: Callable[[Quantities], Array]) -> list[tuple[float, int, float]]:
         """Return the largest height in each interval that has few rows, which may pass an extreme between them."""
         spots = []
-        for interval in self._few:
+        for interval in self.few:
             start, end, _ = self.intervals[interval]
             cuts = np.linspace(start, end, PARTS + 1)
             spots += [self._refined(interval, height, (min(pair), max(pair))) for pair in pairwise(cuts.tolist())]
@@ -273,7 +274,7 @@ class Lookup:
         return top, interval, spot
 
 
-def _rivals(values: Array, best: int, slack: float) -> list[int]:
+def rivals(values: Array, best: int, slack: float) -> list[int]:
     """Return the rows near which heights between the rows may be above all rows, the most promising first.
 
     Between samples of a parabola its top is above them by an eighth of their second difference at most; half of it is

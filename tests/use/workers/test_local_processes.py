@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 
 from pinarm import PinarmError
-from pinarm.use.study.workers.chunk_order import LostJob
-from pinarm.use.study.workers.distribute import HOPELESS, NotBegun, WorkerDeath, distribute
-from pinarm.use.study.workers.local_processes import LocalProcesses, _how
+from pinarm.use.workers.chunk_order import LostJob
+from pinarm.use.workers.distribute import HOPELESS, NotBegun, WorkerDeath, distribute
+from pinarm.use.workers.local_processes import LocalProcesses, _how
 
 SQUARE = "def job(n):\n    return n * n\n"
 KILLED = """
@@ -113,11 +113,11 @@ def test_nothing_of_the_folder_is_run_and_the_script_not_twice(tmp_path: Path) -
     script = tmp_path / "elsewhere" / "script.py"
     script.parent.mkdir()
     script.write_text(
-        "print('script')\nimport math\nfrom pinarm.use.study.workers.distribute import distribute\n"
-        "from pinarm.use.study.workers.local_processes import LocalProcesses\n"
+        "print('script')\nimport math\nfrom pinarm.use.workers.distribute import distribute\n"
+        "from pinarm.use.workers.local_processes import LocalProcesses\n"
         "print(sum(root for _, root in distribute(math.isqrt, iter([4, 9]), LocalProcesses(1))))\n"
     )
-    known = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[4])}
+    known = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
     done = subprocess.run(
         [sys.executable, "-P", script], cwd=tmp_path, env=known, capture_output=True, text=True, timeout=120, check=True
     )

@@ -1,4 +1,4 @@
-"""One case of a sweep: the scenario with other values, solved, and a few numbers of its result."""
+"""One case of many: a scenario with other values, solved, and a few numbers of its result."""
 
 from __future__ import annotations
 
@@ -7,24 +7,32 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from pinarm.arrays import Array
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
-from pinarm.errors import DynamicsError, InputError, Location, PinarmError
-from pinarm.input.roots import file_root, note_files, noting_files
+from pinarm.errors import DynamicsError, InputError, Interrupted, Location, NumericsError, PinarmError
+from pinarm.input.roots import file_root, given_root, note_files, noting_files
 from pinarm.input.units import Unit
-from pinarm.input.yaml.document import Document
-from pinarm.input.yaml.values import varied
+from pinarm.use.result.failures import failures_in_words
 from pinarm.use.result.measures import MEASURES
-from pinarm.use.result.result import Result
-from pinarm.use.result.run_number import EXAMPLES
+from pinarm.use.result.row_lookup import HEIGHTS
+from pinarm.use.result.run_number import EXAMPLES, RunNumber
 from pinarm.use.result.section_number import AnyNumber, Numbered, measured, names_section, read_number
-from pinarm.use.scenario.failures import failures_in_words
-from pinarm.use.scenario.scenario import Scenario
-from pinarm.use.study.run import run
-from pinarm.use.study.sweep.axes import Value
+
+if TYPE_CHECKING:
+    from pinarm.use.cases.variant_rows import VariantRows
+    from pinarm.use.result.result import Result
+    from pinarm.use.scenario.scenario import Scenario, ScenarioSource
+
+Value = int | float | str | bool
+"""What stands at a path of a case, as a scenario file would have it."""
+
+Case = Mapping[str, Value]
+"""Path -> value that replaces that of the scenario."""
 
 QUADRATURE, GLOBAL_ERROR = "quadrature error", "global error"
 WORTH = (*MEASURES, QUADRATURE, GLOBAL_ERROR)
@@ -35,9 +43,56 @@ the global error where the scenario has a target for it."""
 NO_SECTIONS: Mapping[str, Numbered] = MappingProxyType({})
 
 
+class Taken(Protocol):
+    """What is taken from the result of each case: some numbers, as many in every case."""
+
+    def numbers(self, result: Result) -> list[tuple[float, float]]:
+        """Return the numbers [SI], each with the error of its quadrature.
+
+        Raises:
+            PinarmError: This result has none.
+        """
+
+    def known_of_variants(self, first: Result) -> bool:
+        """Tell whether the numbers are also those of variants of a run, along its motion."""
+
+    def of_variants(self, rows: VariantRows) -> list[Array]:
+        """Return the numbers of variants, each of shape (k,) or (1,); NaN of those that are to be solved alone.
+
+        Raises:
+            PinarmError: There is no such quantity of variants.
+        """
+
+
+@dataclass(frozen=True)
+class RowValues:
+    """The values of a quantity in all rows.
+
+    Attributes:
+        quantity: A quantity, a symbol or a formula.
+    """
+
+    quantity: str
+
+    def numbers(self, result: Result) -> list[tuple[float, float]]:
+        """Return the values: see ``Taken``."""
+        values = result.quantities[self.quantity].values
+        if not np.isfinite(values).all():
+            raise DynamicsError(f"{self.quantity} is not finite")
+        return [(float(value), 0.0) for value in values]
+
+    def known_of_variants(self, first: Result) -> bool:
+        """Tell that they are: see ``Taken``."""
+        return True
+
+    def of_variants(self, rows: VariantRows) -> list[Array]:
+        """Return the values: see ``Taken``."""
+        return [*rows.values(self.quantity)]
+
+
 @dataclass(frozen=True)
 class Wanted:
-    """What a sweep takes from the result of each case: a number of the run, or the bounds of a quantity in its rows.
+    """A number of the run, or the bounds of a quantity in its rows.
 
     Attributes:
         quantity: A quantity, a symbol or a formula; of a number, its name.
@@ -93,8 +148,25 @@ class Wanted:
         columns = [replace(series, name=label, values=np.zeros(0)) for label in self.labels()]
         return replace(self, unit=series.unit), columns
 
+    def known_of_variants(self, first: Result) -> bool:
+        """Tell whether it is a bound, an extreme, or a value at either end: see ``Taken``."""
+        if isinstance(self.number, RunNumber):
+            return self.number.at in ("start", "end") or (self.number.at in HEIGHTS and not first.lookup.few)
+        return self.number is None
+
+    def of_variants(self, rows: VariantRows) -> list[Array]:
+        """Return the numbers: see ``Taken``."""
+        number = self.number
+        if not isinstance(number, RunNumber):
+            values = rows.values(self.quantity)
+            return [values.min(axis=0), values.max(axis=0)]
+        if number.at in ("start", "end"):
+            return [rows.values(number.quantity)[0 if number.at == "start" else -1]]
+        assert isinstance(number.at, str)
+        return [rows.extreme(number.at, number.of, number.quantity)]
+
     def numbers(self, result: Result) -> list[tuple[float, float]]:
-        """Return the numbers [SI], each with the error of its quadrature.
+        """Return the numbers: see ``Taken``.
 
         Raises:
             InputError: The place does not exist in this run, or the quantity is of another kind in this case.
@@ -131,32 +203,51 @@ class Row:
     files: tuple[str, ...] = ()
     final: bool = True
 
+    @property
+    def taken(self) -> tuple[float, ...]:
+        """The numbers without the measures of accuracy."""
+        return self.numbers[: -len(WORTH)]
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """The measures of accuracy that the case has."""
+        named = zip(WORTH, self.numbers[-len(WORTH) :], strict=False)
+        return {name: figure for name, figure in named if not np.isnan(figure)}
+
 
 @dataclass(frozen=True)
 class Task:
-    """What is the same in all cases of a sweep.
+    """What is the same in all cases of one scenario.
 
     Attributes:
-        document: The scenario.
-        folder: Folder that paths in it are relative to.
+        source: What the scenario is read from: a process that misses a file of it has to be able to say so.
         wanted: What to take from each result.
         root: Folder that files may refer to; each file's own where it is ``None``.
     """
 
-    document: Document
-    folder: Path
-    wanted: tuple[Wanted, ...]
+    source: ScenarioSource
+    wanted: tuple[Taken, ...]
     root: Path | None = None
 
-    def scenario(self, values: Mapping[str, Value]) -> Scenario:
+    @classmethod
+    def of(cls, scenario: Scenario, wanted: Iterable[Taken]) -> Task:
+        """Return what is the same in all cases of a scenario, for a process in any folder."""
+        return cls(scenario.source, tuple(wanted), given_root())
+
+    @cached_property
+    def scenario(self) -> Scenario:
+        """The scenario."""
+        return self.source.scenario()
+
+    def case(self, values: Case) -> Scenario:
         """Return the scenario of a case, with its mechanism loaded: that of the case before if it is the same.
 
         Raises:
             PinarmError: It has a mistake.
         """
-        document = varied(self.document, values)
         last = self._last[0] if self._last else None
-        scenario = last.scenario.with_document(document) if last else Scenario.of(document, self.folder)
+        document = self.scenario.varied_document(values)
+        scenario = (last.scenario if last else self.scenario).with_document(document)
         if last and scenario.loaded:
             note_files(last.files)
             return scenario
@@ -176,7 +267,7 @@ class LoadedCase:
     """A case with its mechanism loaded.
 
     Attributes:
-        scenario: Its scenario.
+        scenario: The scenario of the case.
         files: The files that its mechanism refers to.
     """
 
@@ -197,12 +288,12 @@ class Solved:
     result: Result | None = None
 
 
-def solve_case(task: Task, values: Mapping[str, Value]) -> Row:
+def solve_case(task: Task, values: Case) -> Row:
     """Return the row of one case; see ``solved_case``."""
     return solved_case(task, values).row
 
 
-def solved_case(task: Task, values: Mapping[str, Value]) -> Solved:
+def solved_case(task: Task, values: Case) -> Solved:
     """Solve one case: a function of plain data, for any process on any machine that sees the files.
 
     Args:
@@ -211,10 +302,13 @@ def solved_case(task: Task, values: Mapping[str, Value]) -> Solved:
 
     Returns:
         The row; that of a case that fails says why, and has no result.
+
+    Raises:
+        Interrupted: By the user.
     """
     with file_root(task.root), noting_files() as files:
         try:
-            result = run(task.scenario(values))
+            result = task.case(values).run()
             numbers = [number for entry in task.wanted for number in entry.numbers(result)]
             quadrature = [error / abs(number) for number, error in numbers if error and number]
             if result.contradiction:
@@ -227,11 +321,25 @@ def solved_case(task: Task, values: Mapping[str, Value]) -> Solved:
             figures[GLOBAL_ERROR] = np.nan if result.error is None else result.error
             worth = (figures.get(name, np.nan) for name in WORTH)
             return Solved(Row((*(number for number, _ in numbers), *worth), "", _names(files)), result)
+        except Interrupted:
+            raise
         except PinarmError as error:
             return Solved(Row((), _one_line(error), _names(files)))
         except Exception as error:  # a fault of the program costs one case, and is told as what it is
             said = f"the program failed: {type(error).__name__}: {error}"
             return Solved(Row((), said, _names(files), final=False))
+
+
+def failure(task: Task, values: Case, row: Row) -> PinarmError:
+    """Return the error of a case that failed, with its place: it is solved again."""
+    try:
+        with file_root(task.root):
+            result = task.case(values).run()
+            for entry in task.wanted:
+                entry.numbers(result)
+    except PinarmError as error:
+        return error
+    return NumericsError(row.error)
 
 
 def _names(files: Iterable[Path]) -> tuple[str, ...]:

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.use.study.sweep import together
-from pinarm.use.study.sweep.axes import Value
-from pinarm.use.study.sweep.cases import Row, Task, Wanted, solve_case
-from pinarm.use.study.sweep.stack import Stack
-from pinarm.use.study.sweep.together import CaseSolver, Job
+from pinarm.use.cases import together
+from pinarm.use.cases.case import Row, Task, Value, Wanted, solve_case
+from pinarm.use.cases.stack import Stack
+from pinarm.use.cases.together import CaseSolver, Job
 
 BRANCHES = """\
 <robot name="pendulum" xmlns:xacro="http://www.ros.org/wiki/xacro">
@@ -34,7 +33,7 @@ def masses(*texts: str, **others: Value) -> list[Job]:
 
 @pytest.fixture
 def task(held: pinarm.Scenario) -> Task:
-    return Task(held.document, held.folder, (Wanted.read("M").measured(held.quantities())[0],))
+    return Task.of(held, (Wanted.read("M").measured(held.quantities())[0],))
 
 
 @pytest.fixture
@@ -75,7 +74,7 @@ def test_every_branch_of_a_model_has_a_stack(path: Path, sizes: list[int]) -> No
     (path.parent / "pendulum.yaml").write_text((path.parent / "pendulum.yaml").read_text().replace(", l: m", ""))
     path.write_text(path.read_text().replace("arguments: {l: 1 m}\n", ""))
     scenario = pinarm.load(path)
-    task = Task(scenario.document, scenario.folder, (Wanted.read("joint.pivot.effort"),))
+    task = Task.of(scenario, (Wanted.read("joint.pivot.effort"),))
     jobs = masses("1 kg", "3 kg", "1.5 kg", "4 kg", "1.9 kg", "1.8 kg")
     rows = list(CaseSolver(task).together(jobs))
     np.testing.assert_allclose([row.numbers[1] for row in rows], [10, 90, 15, 120, 19, 18], rtol=1e-13)

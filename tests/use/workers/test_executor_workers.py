@@ -9,10 +9,10 @@ import pytest
 
 from pinarm.engine.dynamics.parallel import cores
 from pinarm.errors import InputError, NumericsError
-from pinarm.use.study.workers import executor_workers
-from pinarm.use.study.workers.chunk_order import LostJob
-from pinarm.use.study.workers.distribute import distribute
-from pinarm.use.study.workers.executor_workers import ExecutorWorkers
+from pinarm.use.workers import executor_workers
+from pinarm.use.workers.chunk_order import LostJob
+from pinarm.use.workers.distribute import distribute
+from pinarm.use.workers.executor_workers import ExecutorWorkers
 
 
 def square(n: int) -> int:
@@ -92,7 +92,7 @@ def test_the_work_is_given_up_where_there_are_no_workers_for_long(monkeypatch: p
             return Future[Any]()
 
     monkeypatch.setattr(executor_workers, "ABSENCE", 0.05)
-    monkeypatch.setattr("pinarm.use.study.workers.distribute.PATIENCE", 0.1)
+    monkeypatch.setattr("pinarm.use.workers.distribute.PATIENCE", 0.1)
     with pytest.raises(NumericsError, match=r"there have been no workers for 0\.05 s"):
         list(distribute(square, iter([1]), ExecutorWorkers(Empty())))
 

@@ -5,20 +5,9 @@ from __future__ import annotations
 from concurrent.futures import Executor
 
 from pinarm.engine.dynamics.parallel import cores
-from pinarm.errors import InputError
-from pinarm.use.study.workers.distribute import Workers
-from pinarm.use.study.workers.executor_workers import ExecutorWorkers
-from pinarm.use.study.workers.local_processes import LocalProcesses
-
-
-def check_number(workers: int | None) -> None:
-    """Raise where a number of workers is none.
-
-    Raises:
-        InputError: It is below 1.
-    """
-    if workers is not None and workers < 1:
-        raise InputError(f"{workers} workers solve nothing", expected="at least 1")
+from pinarm.use.workers.distribute import Workers
+from pinarm.use.workers.executor_workers import ExecutorWorkers
+from pinarm.use.workers.local_processes import LocalProcesses
 
 
 def chosen_workers(number: int | None, executor: Executor | None) -> Workers:

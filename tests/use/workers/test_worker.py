@@ -12,10 +12,10 @@ import pytest
 
 import pinarm
 from pinarm.use.study.sweep.sweep_files import csv
-from pinarm.use.study.workers import worker
-from pinarm.use.study.workers.chunk_order import ChunkOrder, packed, read_answer
-from pinarm.use.study.workers.versions import versions
-from pinarm.use.study.workers.worker import work
+from pinarm.use.workers import worker
+from pinarm.use.workers.chunk_order import ChunkOrder, packed, read_answer
+from pinarm.use.workers.versions import versions
+from pinarm.use.workers.worker import work
 
 
 class Elsewhere(Executor):

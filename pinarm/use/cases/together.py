@@ -13,11 +13,11 @@ from functools import cached_property
 from itertools import islice
 
 from pinarm.input.xacro.templates import WAYS
-from pinarm.use.study.sweep.axes import Value
-from pinarm.use.study.sweep.cases import Row, Task, solve_case
-from pinarm.use.study.sweep.stack import Kind, Stack, kind_of
+from pinarm.use.cases.case import Case, Row, Task, solve_case
+from pinarm.use.cases.stack import Kind, Stack, kind_of
+from pinarm.use.workers.worker import Late
 
-Job = tuple[int, str, dict[str, Value]]
+Job = tuple[int, str, Case]
 """A case, its digest, and its values."""
 
 KINDS = 8
@@ -39,7 +39,7 @@ class _Known:
 
 @dataclass(frozen=True)
 class CaseSolver:
-    """What workers do with the jobs of a sweep.
+    """What workers do with cases.
 
     Attributes:
         task: What is the same in all cases.
@@ -51,8 +51,13 @@ class CaseSolver:
         """Solve one case by itself."""
         return solve_case(self.task, job[2])
 
-    def together(self, jobs: Sequence[Job]) -> Iterator[Row]:
-        """Yield the rows of jobs in their order; each is solved when it is asked for, or with one before it."""
+    def together(self, jobs: Sequence[Job], late: Late = lambda: False) -> Iterator[Row]:
+        """Yield the rows of jobs in their order; each is solved when it is asked for, or with one before it.
+
+        Args:
+            jobs: The jobs.
+            late: Tells whether to end as soon as all that is solved has been yielded.
+        """
         left: dict[Kind, deque[int]] = {}
         kinds = [kind_of(job[2]) for job in jobs]
         for place, kind in enumerate(kinds):
@@ -60,6 +65,8 @@ class CaseSolver:
         rows: dict[int, Row] = {}
         for place, kind in enumerate(kinds):
             if place not in rows:
+                if not rows and late():
+                    return
                 rows |= self._solved(self._known(kind), left[kind], jobs)
             yield rows.pop(place)
 

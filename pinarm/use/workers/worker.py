@@ -6,13 +6,16 @@ import pickle
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol, runtime_checkable
 
 from pinarm.input.roots import noting_files
-from pinarm.use.study.workers.chunk_order import Answers, ChunkOrder, FilesLacking, LostJob, answered, unpacked
-from pinarm.use.study.workers.travelling_files import Mirror, SharedFiles
-from pinarm.use.study.workers.versions import versions
+from pinarm.use.workers.chunk_order import Answers, ChunkOrder, FilesLacking, LostJob, answered, unpacked
+from pinarm.use.workers.travelling_files import Mirror, SharedFiles
+from pinarm.use.workers.versions import versions
+
+NOTHING = object()
+"""What is left of a chunk that is not answered to its end."""
 
 KEPT = 2
 """Sessions that a thread keeps its function and files of."""
@@ -34,12 +37,16 @@ def work(wanted: dict[str, str], order: bytes) -> bytes | dict[str, str]:
     return answered(session.answer(given), session.files.prefix)
 
 
+Late = Callable[[], bool]
+"""Tells whether nothing is to be begun any more once there are answers."""
+
+
 @runtime_checkable
 class Together(Protocol):
     """A function of jobs that solves several of them at once."""
 
-    def together(self, jobs: Sequence[Any]) -> Iterator[Any]:
-        """Yield the answers of jobs, in their order, none of which raises."""
+    def together(self, jobs: Sequence[Any], late: Late) -> Iterator[Any]:
+        """Yield the answers of jobs, in their order, none of which raises; of the first ones where it gets late."""
 
 
 class _Session:
@@ -60,12 +67,17 @@ class _Session:
             return lacking
         begin, answers = time.perf_counter(), list[Any]()
         jobs = unpacked(order.jobs, self.files.prefix)
-        coming = self.function.together(jobs) if isinstance(self.function, Together) else map(self._answer_of, jobs)
+
+        def late() -> bool:
+            return bool(answers) and time.perf_counter() - begin > order.budget
+
+        together = self.function.together if isinstance(self.function, Together) else self._one_by_one
+        coming = together(jobs, late)
         while len(answers) < len(jobs):
-            if answers and time.perf_counter() - begin > order.budget:
-                break
             with noting_files() as files:
-                answer = next(coming)
+                answer = next(coming, NOTHING)
+            if answer is NOTHING:
+                break
             lacking = self.files.unknown(files)
             if lacking.paths:
                 if not answers:
@@ -73,6 +85,12 @@ class _Session:
                 break
             answers.append(answer)
         return Answers(answers, time.perf_counter() - begin)
+
+    def _one_by_one(self, jobs: Sequence[Any], late: Late) -> Iterator[Any]:
+        for job in jobs:
+            if late():
+                return
+            yield self._answer_of(job)
 
     def _answer_of(self, job: Any) -> Any:
         try:

@@ -4,7 +4,7 @@ import pickle
 from pathlib import Path, PurePosixPath
 
 from pinarm.errors import InputError
-from pinarm.use.study.workers.chunk_order import answered, packed, read_answer, unpacked
+from pinarm.use.workers.chunk_order import answered, packed, read_answer, unpacked
 
 
 def test_absolute_paths_are_led_below_a_folder_and_relative_ones_are_names() -> None:

@@ -7,31 +7,39 @@ a job that kills whoever works on it is lost.
 
 from __future__ import annotations
 
+import math
 import os
 import pickle
 import queue
+import sys
 from collections import deque
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future
 from contextlib import closing
 from dataclasses import dataclass, field, replace
-from itertools import islice
+from itertools import chain, islice
 from typing import Any, Generic, Protocol, TypeVar
 
 from pinarm.errors import InputError, NumericsError
-from pinarm.use.study.workers.chunk_order import Answers, ChunkOrder, FilesLacking, LostJob, packed, read_answer
-from pinarm.use.study.workers.travelling_files import Parcel
-from pinarm.use.study.workers.versions import differences, versions
-from pinarm.use.study.workers.worker import work
+from pinarm.use.workers.chunk_order import Answers, ChunkOrder, FilesLacking, LostJob, packed, read_answer
+from pinarm.use.workers.travelling_files import Parcel
+from pinarm.use.workers.versions import differences, versions
+from pinarm.use.workers.worker import work
 
 LEAST_TIME, TIME_PER_WORKER = 0.2, 0.005
 """Time of a chunk [s]: at least, and for each worker there is, so that answers come 200 times a second at most."""
+
+PAYS = 0.8
+"""Time of a job in a chunk, relative to that in one of half the size, below which a larger chunk is tried."""
 
 DEATHS = 3
 """Deaths of workers with one and the same job after which it is given up."""
 
 HOPELESS = 10
 """Deaths in a row, with no answer in between, after which the work is given up."""
+
+AHEAD = 100
+"""Jobs that are looked at to see whether they are few."""
 
 PATIENCE = 5.0
 """Time without an answer after which workers are looked for [s]."""
@@ -92,42 +100,57 @@ class Chunk(Generic[JobT]):
     """Jobs for one worker.
 
     Attributes:
-        jobs: The jobs.
+        jobs: The jobs, each with its number.
         deaths: How many workers have died with it, or with a chunk that it is a part of.
         contents: Digests of the files that are sent with it.
     """
 
-    jobs: tuple[JobT, ...]
+    jobs: tuple[tuple[int, JobT], ...]
     deaths: int = 0
     contents: frozenset[str] = frozenset()
 
 
 @dataclass(eq=False)
 class Pace:
-    """How many jobs fill a chunk.
+    """How many jobs fill a chunk: as many as fit in its time, and as many as it pays to solve at once.
 
     Attributes:
-        size: As many.
+        size: How many.
         seconds: Time of a job of late [s].
+        paying: Jobs of the largest chunk that took less time for each than half as many did, by ``PAYS``.
+        least: Least time of a job in such a chunk [s].
     """
 
     size: int = 1
     seconds: float = 0.0
+    paying: int = 1
+    least: float = math.inf
 
     def note(self, jobs: int, seconds: float, budget: float) -> None:
         """Note how long a chunk took; the next is at most twice as large as the largest before."""
         each = seconds / jobs
         self.seconds = min(each, 0.5 * (self.seconds + each)) if self.seconds else each  # the first ones load more
-        self.size = max(1, min(2 * max(self.size, jobs), int(budget / max(self.seconds, 1e-9))))
+        if jobs >= 2 * self.paying and each < PAYS * self.least:
+            self.paying, self.least = jobs, each
+        elif jobs <= self.paying:
+            self.least = min(self.least, each)
+        fitting = min(2 * max(self.size, jobs), int(budget / max(self.seconds, 1e-9)))
+        self.size = max(fitting, 2 * self.paying)
 
 
 @dataclass(eq=False)
-class _Distribution(Generic[JobT]):
-    """The chunks that workers have, and the jobs that are left."""
+class Dispatch(Generic[JobT, AnswerT]):
+    """The chunks that workers have of a function's jobs, and the jobs that are left.
 
-    function: bytes
-    jobs: Iterator[JobT]
+    Attributes:
+        function: Importable by its name, as is all that it holds.
+        workers: Who does it.
+    """
+
+    function: Callable[[JobT], AnswerT]
     workers: Workers
+    jobs: Iterator[tuple[int, JobT]] = field(default_factory=lambda: iter(()))
+    share: int = sys.maxsize
     pace: Pace = field(default_factory=Pace)
     returned: deque[Chunk[JobT]] = field(default_factory=deque)
     given: dict[Future[Any], Chunk[JobT]] = field(default_factory=dict)
@@ -137,9 +160,45 @@ class _Distribution(Generic[JobT]):
 
     def __post_init__(self) -> None:
         self.session, self.parcel = os.urandom(16).hex(), self.workers.files
+        self.packed = packed(self.function)
+
+    def answers(self, jobs: Iterable[JobT]) -> Generator[tuple[int, JobT, AnswerT | LostJob], None, None]:
+        """Yield the number of each job, the job and its answer, in the order in which answers come.
+
+        Args:
+            jobs: Taken as they are needed, and a few ahead; of few every worker gets a share. Those of a call before
+                are all answered.
+
+        Raises:
+            InputError: A worker has other versions.
+            NumericsError: Workers die one after the other, or there are none any more.
+        """
+        left = enumerate(jobs)
+        seen = [*islice(left, AHEAD)]
+        self.jobs = chain(seen, left)
+        self.share = -(-len(seen) // self.workers.count()) if len(seen) < AHEAD else sys.maxsize
+        self.hand_out()
+        while self.given:
+            for (number, job), answer in self._coming():
+                yield number, job, answer
+            self.hand_out()
+
+    def in_order(self, jobs: Iterable[JobT]) -> Iterator[AnswerT | LostJob]:
+        """Yield the answers in the order of their jobs; see ``answers``."""
+        early, wanted = dict[int, AnswerT | LostJob](), 0
+        for number, _, answer in self.answers(jobs):
+            early[number] = answer
+            while wanted in early:
+                yield early.pop(wanted)
+                wanted += 1
+
+    def close(self) -> None:
+        """End the workers."""
+        self.workers.close()
 
     @property
     def budget(self) -> float:
+        """Time after which a worker begins no other job of a chunk [s]."""
         return max(LEAST_TIME, TIME_PER_WORKER * self.workers.count())
 
     def hand_out(self) -> None:
@@ -153,17 +212,18 @@ class _Distribution(Generic[JobT]):
     def _next(self) -> Chunk[JobT] | None:
         if self.returned:
             return self.returned.popleft()
-        jobs = tuple(islice(self.jobs, self.pace.size))
+        jobs = tuple(islice(self.jobs, min(self.pace.size, self.share)))
         return Chunk(jobs) if jobs else None
 
     def _order(self, chunk: Chunk[JobT]) -> ChunkOrder:
-        order = ChunkOrder(self.session, self.orders, self.function, packed(chunk.jobs), self.budget)
+        jobs = packed([job for _, job in chunk.jobs])
+        order = ChunkOrder(self.session, self.orders, self.packed, jobs, self.budget)
         if self.parcel is None:
             return order
         contents = {digest: self.parcel.contents[digest] for digest in chunk.contents}
         return replace(order, files=dict(self.parcel.entries), contents=contents)
 
-    def answers(self) -> Iterator[tuple[JobT, Any]]:
+    def _coming(self) -> Iterator[tuple[tuple[int, JobT], Any]]:
         """Wait for a chunk, and yield its jobs with their answers."""
         try:
             future = self.over.get(timeout=PATIENCE)
@@ -182,7 +242,7 @@ class _Distribution(Generic[JobT]):
         else:
             yield from self._take(chunk, read_answer(outcome))
 
-    def _take(self, chunk: Chunk[JobT], answer: Answers | FilesLacking) -> Iterator[tuple[JobT, Any]]:
+    def _take(self, chunk: Chunk[JobT], answer: Answers | FilesLacking) -> Iterator[tuple[tuple[int, JobT], Any]]:
         self.deaths = 0
         if isinstance(answer, FilesLacking):
             assert self.parcel is not None
@@ -195,7 +255,7 @@ class _Distribution(Generic[JobT]):
         if left := chunk.jobs[done:]:
             self.returned.append(Chunk(left))
 
-    def _bury(self, chunk: Chunk[JobT], death: WorkerDeath) -> Iterator[tuple[JobT, LostJob]]:
+    def _bury(self, chunk: Chunk[JobT], death: WorkerDeath) -> Iterator[tuple[tuple[int, JobT], LostJob]]:
         """Halve a chunk with which a worker died, down to single jobs; give up one with which several did."""
         self.deaths += 1
         if self.deaths >= HOPELESS:
@@ -223,9 +283,6 @@ def distribute(
         InputError: A worker has other versions.
         NumericsError: Workers die one after the other, or there are none any more.
     """
-    with closing(workers):
-        work_left = _Distribution(packed(function), jobs, workers)
-        work_left.hand_out()
-        while work_left.given:
-            yield from work_left.answers()
-            work_left.hand_out()
+    with closing(Dispatch(function, workers)) as spread:
+        for _, job, answer in spread.answers(jobs):
+            yield job, answer

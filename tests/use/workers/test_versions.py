@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import pinarm
-from pinarm.use.study.workers.versions import code_digest, differences, versions
+from pinarm.use.workers.versions import code_digest, differences, versions
 
 
 def test_they_are_those_that_are_installed() -> None:

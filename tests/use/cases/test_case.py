@@ -8,12 +8,12 @@ import pytest
 
 import pinarm
 from pinarm import PinarmError
-from pinarm.use.study.sweep.cases import WORTH, Row, Task, Wanted, solve_case
+from pinarm.use.cases.case import WORTH, Row, Task, Wanted, solve_case
 
 
 def solved(held: pinarm.Scenario, results: list[str], **values: object) -> Row:
     wanted = tuple(Wanted.read(text).measured(held.quantities())[0] for text in results)
-    task = pickle.loads(pickle.dumps(Task(held.document, held.folder, wanted)))
+    task = pickle.loads(pickle.dumps(Task.of(held, wanted)))
     return solve_case(task, {name.replace("__", "."): value for name, value in values.items()})
 
 
@@ -116,13 +116,13 @@ def test_cases_with_the_same_mechanism_load_it_once(held: pinarm.Scenario, monke
     loaded, read = [], scenarios.read_mechanism
     monkeypatch.setattr(scenarios, "read_mechanism", lambda *given, **more: loaded.append(1) or read(*given, **more))
     wanted = tuple(Wanted.read(text).measured(held.quantities())[0] for text in ["M @ end", "alpha @ end"])
-    task = Task(held.document, held.folder, wanted)
+    task = Task.of(held, wanted)
     cases = [{"problem.over.pivot.to": f"{angle} deg"} for angle in (60, 70, 80)]
     loaded.clear()
     rows = [solve_case(task, values) for values in cases]
     assert len(loaded) == 1
     for values, row in zip(cases, rows, strict=True):
-        alone = solve_case(Task(held.document, held.folder, wanted), values)
+        alone = solve_case(Task.of(held, wanted), values)
         assert row.numbers == alone.numbers
         assert row.files == alone.files, "a change of the model's file concerns every case"
         assert any(file.endswith(".urdf") or file.endswith(".xacro") for file in row.files)

@@ -16,11 +16,11 @@ import pytest
 
 import pinarm
 from pinarm import PinarmError
-from pinarm.cli.main import BAD_INPUT, NUMERICS_FAILED
-from pinarm.use.study.workers.cluster import cluster
+from pinarm.cli.main import BAD_INPUT, NUMERICS_FAILED, main
+from pinarm.use.workers.cluster import cluster
 
 pytest.importorskip("distributed")
-ROOT = str(Path(__file__).parents[4])
+ROOT = str(Path(__file__).parents[3])
 WAIT = 120.0
 
 
@@ -188,6 +188,29 @@ def test_a_sweep_that_began_here_goes_on_on_a_cluster(
 
 
 @pytest.mark.slow
+def test_searches_and_sensitivities_have_the_same_numbers_on_a_cluster(
+    path: Path, tmp_path: Path, start: Callable[..., Cluster]
+) -> None:
+    asked = {"sensitivity": {"of": ["M @ max"], "to": {"m": "1 %", "l": "1 mm"}, "monte_carlo": 30}}
+    sought = {"find": {"for": {"arguments.m": "1 kg"}, "so_that": {"M @ end": "30 N*m"}}}
+    dask = start()
+    for _ in range(2):
+        dask.add_worker()
+    with cluster(dask.address) as executor:
+        here, there = (pinarm.run(path, asked, executor=who).section("sensitivity") for who in (None, executor))
+        assert {k: repr(x.values[0]) for k, x in there.numbers.items()} == {
+            k: repr(x.values[0]) for k, x in here.numbers.items()
+        }
+        assert pinarm.run(path, sought, executor=executor).figures == pinarm.run(path, sought).figures
+    told = ["run", str(path), "--set", "sensitivity={of: [M @ max], to: {m: 1 %}}", "--json", "-o"]
+    for name, options in (("here", []), ("there", ["--cluster", dask.address])):
+        assert main([*told, str(tmp_path / name), *options]) == 0
+    tables = [file.read_bytes() for file in sorted(tmp_path.glob("*/sensitivity*.csv"))]
+    assert len(tables) >= 2
+    assert tables[: len(tables) // 2] == tables[len(tables) // 2 :]
+
+
+@pytest.mark.slow
 def test_an_interrupt_keeps_what_is_done(path: Path, tmp_path: Path, start: Callable[..., Cluster]) -> None:
     out, dask = tmp_path / "out", start()
     dask.add_worker()
@@ -206,12 +229,12 @@ def test_a_job_that_kills_its_workers_is_the_only_one_that_fails(
 ) -> None:  # fmt: skip
     """Dask gives a chunk up when three workers have died with it: a nanny starts them again."""
     hostile = module(
-        "import os\nfrom pinarm.use.study.sweep.together import CaseSolver\n"
+        "import os\nfrom pinarm.use.cases.together import CaseSolver\n"
         "class Hostile(CaseSolver):\n"
-        "    def together(self, jobs):\n"
+        "    def together(self, jobs, late):\n"
         "        if any(job[2]['arguments.m'] == '2.0 kg' for job in jobs):\n"
         "            os._exit(9)\n"
-        "        return super().together(jobs)\n"
+        "        return super().together(jobs, late)\n"
     )
     from pinarm.use.study.sweep import case_solver
 
@@ -267,7 +290,7 @@ def test_a_cluster_may_want_certificates(path: Path, tmp_path: Path, start: Call
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "127.0.0.1:1", "nonsense://x", "tcp://"])
 def test_an_address_at_which_nobody_answers_is_refused(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    from pinarm.use.study.workers import cluster as module
+    from pinarm.use.workers import cluster as module
 
     monkeypatch.setattr(module, "TIMEOUT", 0.5)
     with pytest.raises(PinarmError, match=f"no scheduler of Dask answers at {address}"), cluster(address):

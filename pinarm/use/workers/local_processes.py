@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from pinarm.use.study.workers.distribute import NotBegun, Outcome, WorkerDeath
+from pinarm.use.workers.distribute import NotBegun, Outcome, WorkerDeath
 
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"

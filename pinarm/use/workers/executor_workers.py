@@ -9,8 +9,8 @@ from typing import Any
 
 from pinarm.engine.dynamics.parallel import cores
 from pinarm.errors import InputError, NumericsError
-from pinarm.use.study.workers.distribute import Outcome, WorkerDeath
-from pinarm.use.study.workers.travelling_files import Parcel
+from pinarm.use.workers.distribute import Outcome, WorkerDeath
+from pinarm.use.workers.travelling_files import Parcel
 
 RECOUNT = 1.0
 """Time after which workers are counted again [s]: clusters grow and shrink."""

@@ -13,7 +13,7 @@ from weakref import finalize
 
 from pinarm.errors import InputError
 from pinarm.input.roots import MARKERS
-from pinarm.use.study.workers.chunk_order import FileEntry, FilesLacking
+from pinarm.use.workers.chunk_order import FileEntry, FilesLacking
 
 MOST_BYTES = 500_000_000
 """Of all files of a work."""

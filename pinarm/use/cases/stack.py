@@ -1,4 +1,4 @@
-"""Cases of a sweep that differ by numbers of the model only, solved together as one array.
+"""Cases that differ by numbers of the model only, solved together as one array.
 
 The first case is solved as any other: its motion is that of all, its checks of names and units hold for all. Masses,
 inertias and placements of the others are arrays over the cases, and so are efforts, quantities and measured figures, by
@@ -7,13 +7,13 @@ the same functions. The last case of the first stack is solved alone too, and co
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.checks.sample import sampled
@@ -25,9 +25,10 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import PinarmError
 from pinarm.input.units import unit
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
-from pinarm.use.scenario.failures import failures_in_words
-from pinarm.use.study.sweep.axes import Value
-from pinarm.use.study.sweep.cases import WORTH, Row, Task, solved_case
+from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.use.cases.case import WORTH, Case, Row, Task, Value, solved_case
+from pinarm.use.cases.variant_rows import VariantRows
+from pinarm.use.result.failures import failures_in_words
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -57,7 +58,7 @@ Kind = tuple[tuple[str, Value], ...] | None
 """What cases have in common that may be solved together; ``None`` of one that varies no argument."""
 
 
-def kind_of(values: Mapping[str, Value]) -> Kind:
+def kind_of(values: Case) -> Kind:
     """Return the kind of a case: its values but for those of arguments."""
     varied = any(path.startswith(ARGUMENT) for path in values)
     kept = ((path, "" if path.startswith(ARGUMENT) else value) for path, value in values.items())
@@ -69,7 +70,7 @@ class Stack:
     """What is the same in cases that are solved together.
 
     Attributes:
-        task: The sweep.
+        task: What is the same in all cases.
         values: The values of the first case.
         first: Its result, solved alone.
         files: The files that cases refer to.
@@ -77,19 +78,20 @@ class Stack:
     """
 
     task: Task
-    values: Mapping[str, Value]
+    values: Case
     first: Result
     files: tuple[str, ...]
     motion: PrescribedMotion
 
     @classmethod
-    def begin(cls, task: Task, values: Mapping[str, Value]) -> tuple[Stack | None, Row]:
+    def begin(cls, task: Task, values: Case) -> tuple[Stack | None, Row]:
         """Solve a first case alone, and return what others need of it, ``None`` for nothing; and its row."""
         solved = solved_case(task, values)
-        if solved.result is None or any(entry.number for entry in task.wanted):
+        if solved.result is None:
             return None, solved.row
         result, motion = solved.result, solved.result.outcome.motion
-        if not isinstance(motion, PrescribedMotion) or _is_special(result, motion):
+        known = all(entry.known_of_variants(result) for entry in task.wanted)
+        if not known or not isinstance(motion, PrescribedMotion) or _is_special(result, motion):
             return None, solved.row
         return cls(task, values, result, solved.row.files, motion), solved.row
 
@@ -104,14 +106,14 @@ class Stack:
         run = self.first.trajectory
         return max(1, NUMBERS // (len(run) * int(run.mechanism.model.njoints) * 6))
 
-    def rows(self, cases: Sequence[Mapping[str, Value]]) -> list[Row | None]:
+    def rows(self, cases: Sequence[Case]) -> list[Row | None]:
         """Return the rows of cases; ``None`` of those that are to be solved alone.
 
         What one of them raises costs the others time only, and is told when it is solved alone.
         """
         return _tried(lambda some: self._by_blocks(some, _tried), cases)
 
-    def together(self, cases: Sequence[Mapping[str, Value]]) -> list[Row | None]:
+    def together(self, cases: Sequence[Case]) -> list[Row | None]:
         """Return the same where nothing is raised.
 
         Raises:
@@ -120,7 +122,7 @@ class Stack:
         """
         return self._by_blocks(cases, lambda solve, places: solve(places))
 
-    def _by_blocks(self, cases: Sequence[Mapping[str, Value]], attempt: Attempt) -> list[Row | None]:
+    def _by_blocks(self, cases: Sequence[Case], attempt: Attempt) -> list[Row | None]:
         """Return the rows of cases whose model is expanded at once."""
         scenario = self.first.scenario
         given = {name: scenario.mechanism.arguments[name] for name in scenario.content.arguments}
@@ -149,19 +151,24 @@ class Stack:
         judged = Quantities(run.some(sampled(len(run), JUDGED)), scenario.symbols, scenario.content.undetermined)
         quantities, finite = judged.of(run), sound.copy()
         outputs = [quantities[name].values for name in scenario.content.outputs]
-        wanted = [quantities[entry.quantity].values for entry in self.task.wanted]
-        for values in (*outputs, *wanted):
+
+        def between(places: Indices, grid: Grid) -> tuple[Quantities, Flags]:
+            more, kept = prescribed_variants(self.motion, self.motion.at(grid), some_variants(mechanism, places))
+            return judged.of(more), kept
+
+        rows = VariantRows(quantities, between)
+        wanted = [numbers for entry in self.task.wanted for numbers in entry.of_variants(rows)]
+        for values in (*outputs, *(numbers[None] for numbers in wanted)):
             finite &= np.isfinite(values).all(axis=0)
         figures = {**power_balance(run), **residual_figures(run), **quantities.figures()}
         if figures.keys() != self.first.figures.keys():
             raise VariantsDiffer("which figures can be measured")
         for figure in figures.values():
             finite &= np.isfinite(figure)
-        extremes = [extreme for values in wanted for extreme in (values.min(axis=0), values.max(axis=0))]
-        columns = [*extremes, *(figures.get(name, np.nan) for name in WORTH)]
+        columns = [*wanted, *(figures.get(name, np.nan) for name in WORTH)]
         return np.stack([np.broadcast_to(column, count) for column in columns], axis=1), finite
 
-    def agrees(self, values: Mapping[str, Value], alone: Row) -> bool | None:
+    def agrees(self, values: Case, alone: Row) -> bool | None:
         """Tell whether a case has the same numbers here as alone; ``None`` where it has none here.
 
         Raises:

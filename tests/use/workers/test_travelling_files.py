@@ -7,9 +7,9 @@ import pytest
 
 from pinarm.errors import InputError
 from pinarm.input.roots import contained_file, root_of
-from pinarm.use.study.workers import travelling_files
-from pinarm.use.study.workers.chunk_order import FilesLacking
-from pinarm.use.study.workers.travelling_files import Mirror, Parcel, SharedFiles
+from pinarm.use.workers import travelling_files
+from pinarm.use.workers.chunk_order import FilesLacking
+from pinarm.use.workers.travelling_files import Mirror, Parcel, SharedFiles
 
 
 @pytest.fixture

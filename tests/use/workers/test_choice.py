@@ -5,10 +5,11 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.use.study.workers import choice
-from pinarm.use.study.workers.choice import check_number, chosen_workers
-from pinarm.use.study.workers.executor_workers import ExecutorWorkers
-from pinarm.use.study.workers.local_processes import LocalProcesses
+from pinarm.use.workers import choice
+from pinarm.use.workers.choice import chosen_workers
+from pinarm.use.workers.executor_workers import ExecutorWorkers
+from pinarm.use.workers.local_processes import LocalProcesses
+from pinarm.use.workers.runners import check_number
 
 
 def test_processes_here_unless_there_is_an_executor(monkeypatch: pytest.MonkeyPatch) -> None:
