@@ -150,9 +150,10 @@ class Wanted:
 
     def known_of_variants(self, first: Result) -> bool:
         """Tell whether it is a bound, an extreme, or a value at either end: see ``Taken``."""
-        if isinstance(self.number, RunNumber):
-            return self.number.at in ("start", "end") or (self.number.at in HEIGHTS and not first.lookup.few)
-        return self.number is None
+        if not isinstance(self.number, RunNumber):
+            return self.number is None
+        place = self.number.at
+        return isinstance(place, str) and (place in ("start", "end") or (place in HEIGHTS and not first.lookup.few))
 
     def of_variants(self, rows: VariantRows) -> list[Array]:
         """Return the numbers: see ``Taken``."""
@@ -223,16 +224,19 @@ class Task:
         source: What the scenario is read from: a process that misses a file of it has to be able to say so.
         wanted: What to take from each result.
         root: Folder that files may refer to; each file's own where it is ``None``.
+        anchor: The case from which loops of all others are closed where they are solved together: the last digits
+            depend on it, and so on no worker; none where each begins with a case of its own.
     """
 
     source: ScenarioSource
     wanted: tuple[Taken, ...]
     root: Path | None = None
+    anchor: Case | None = None
 
     @classmethod
-    def of(cls, scenario: Scenario, wanted: Iterable[Taken]) -> Task:
+    def of(cls, scenario: Scenario, wanted: Iterable[Taken], anchor: Case | None = None) -> Task:
         """Return what is the same in all cases of a scenario, for a process in any folder."""
-        return cls(scenario.source, tuple(wanted), given_root())
+        return cls(scenario.source, tuple(wanted), given_root(), anchor)
 
     @cached_property
     def scenario(self) -> Scenario:

@@ -65,6 +65,13 @@ def kind_of(values: Case) -> Kind:
     return tuple(kept) if varied else None
 
 
+def of_kind(anchor: Case, values: Case) -> Case | None:
+    """Return the arguments of one case with all else of another; ``None`` where it has not the same ones."""
+    if {path for path in anchor if path.startswith(ARGUMENT)} != {path for path in values if path.startswith(ARGUMENT)}:
+        return None
+    return {path: anchor[path] if path.startswith(ARGUMENT) else value for path, value in values.items()}
+
+
 @dataclass(frozen=True, eq=False)
 class Stack:
     """What is the same in cases that are solved together.
@@ -94,6 +101,11 @@ class Stack:
         if not known or not isinstance(motion, PrescribedMotion) or _is_special(result, motion):
             return None, solved.row
         return cls(task, values, result, solved.row.files, motion), solved.row
+
+    @property
+    def follows(self) -> bool:
+        """Whether loops of the others are closed from the first case."""
+        return bool(self.first.trajectory.mechanism.closure.size)
 
     @property
     def most(self) -> int:

@@ -14,7 +14,7 @@ from itertools import islice
 
 from pinarm.input.xacro.templates import WAYS
 from pinarm.use.cases.case import Case, Row, Task, solve_case
-from pinarm.use.cases.stack import Kind, Stack, kind_of
+from pinarm.use.cases.stack import Kind, Stack, kind_of, of_kind
 from pinarm.use.workers.worker import Late
 
 Job = tuple[int, str, Case]
@@ -31,10 +31,12 @@ class _Known:
     Attributes:
         stacks: What they have in common: one for each branch that the model takes.
         alone: Whether they can only be solved one by one.
+        anchored: Whether the task's anchor has been tried.
     """
 
     stacks: list[Stack] = field(default_factory=list)
     alone: bool = False
+    anchored: bool = False
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,11 @@ class CaseSolver:
 
     def _solved(self, known: _Known, places: deque[int], jobs: Sequence[Job]) -> dict[int, Row]:
         """Return the rows of the first of some places, or of several; they are taken from these."""
+        if not known.anchored:
+            known.anchored = True
+            anchor = of_kind(self.task.anchor, jobs[places[0]][2]) if self.task.anchor and not known.alone else None
+            if anchor is not None:
+                self._begin(known, (-1, "", anchor), jobs[places[-1]])
         if not known.alone and not known.stacks:
             row = self._begin(known, jobs[places[0]], jobs[places[-1]])
             if not known.stacks:
@@ -90,7 +97,7 @@ class CaseSolver:
     def _other(self, known: _Known, job: Job) -> Row:
         """Return the row of a case that no stack takes; it may begin another one."""
         count = len(known.stacks)
-        if count == WAYS:
+        if count == WAYS or known.stacks[0].follows:
             return self(job)
         row = self._begin(known, job, job)
         (own,) = known.stacks[-1].rows([job[2]]) if len(known.stacks) > count else (None,)

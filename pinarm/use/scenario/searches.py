@@ -74,7 +74,8 @@ def _root(bare: Scenario, search: Find) -> FoundValues:
     """
     wanted = search.wanted or {}
     numbers = {name: search.number(name, bare.content.assessments) for name in wanted}
-    task = Task.of(bare, [Wanted(name, number) if number else RowValues(name) for name, number in numbers.items()])
+    taken = [Wanted(name, number) if number else RowValues(name) for name, number in numbers.items()]
+    task = Task.of(bare, taken, search.text(search.start))
     of_rows, runs = sum(number is None for number in numbers.values()), count(1)
 
     def left(row: Row) -> dict[str, Array]:
@@ -105,7 +106,7 @@ def _best(bare: Scenario, search: Find) -> Optimum:
     for corner in (search.start, *_bounds(search)):
         bare.varied(search.text(corner))  # what cannot be read fails here, and not as a run that is refused
     judge, runs = _Judge.of(search), count(1)
-    with solving(Task.of(bare, judge.wanted), bare.runners) as solve:
+    with solving(Task.of(bare, judge.wanted, search.text(search.start)), bare.runners) as solve:
 
         def trials(judge: _Judge, points: Sequence[Array]) -> list[Trial]:
             found = []

@@ -117,3 +117,18 @@ def test_only_the_kinds_used_last_are_kept(task: Task, monkeypatch: pytest.Monke
         changed = masses("1 kg", "2 kg", problem__over__pivot__to=f"{angle + 80} deg")
         assert not any(row.error for row in solver.together(changed))
     assert len(solver._kinds) == 2
+
+
+def test_loops_are_closed_from_the_anchor_whatever_case_comes_first() -> None:
+    """To the last digit: closed from one another they differ in it."""
+    path = Path(__file__).parents[3] / "scenarios" / "crank_rocker_turning.yaml"
+    scenario = pinarm.load(path, {"problem.time.samples": 61, "expect": []})
+    lengths = [
+        {f"arguments.{name}": f"{size * factor!r} m" for name, size in (("a", 0.1), ("b", 0.35), ("c", 0.25))}
+        for factor in (1.0003, 1.00171, 0.99937)
+    ]
+    anchor = {"arguments.a": "0.1 m", "arguments.b": "0.35 m", "arguments.c": "0.25 m"}
+    task = Task.of(scenario, [Wanted.read("T"), Wanted.read("F_B @ max")], anchor)
+    rows = list(CaseSolver(task).together(jobs_of(*lengths)))
+    apart = [row for case in lengths for row in CaseSolver(task).together(jobs_of(case))]
+    assert [repr(row) for row in apart] == [repr(row) for row in rows]

@@ -114,19 +114,21 @@ class Variation:
 
     def rows(self, changes: Array) -> Iterator[Row]:
         """Yield the rows of changed inputs: see ``Varied``."""
-        for row in self.solve(map(self._case, changes.tolist())):
+        for row in self.solve(case_of(self.inputs, each) for each in changes.tolist()):
             tell(f"sensitivity: run {next(self.runs)}")
             yield row
 
-    def _case(self, changes: Sequence[float]) -> Case:
-        """Return what a case sets: what changes, and arguments anyway, so that all cases are of one kind."""
-        changed = zip(self.inputs, changes, strict=True)
-        return {each.path: each.text(each.value + x) for each, x in changed if x or each.path.startswith("arguments.")}
+
+def case_of(inputs: Sequence[Input], changes: Sequence[float]) -> Case:
+    """Return what a case sets: what changes, and arguments anyway, so that all cases are of one kind."""
+    changed = zip(inputs, changes, strict=True)
+    return {each.path: each.text(each.value + x) for each, x in changed if x or each.path.startswith("arguments.")}
 
 
 @contextmanager
 def varied_runs(scenario: Scenario, inputs: Sequence[Input], numbers: Sequence[AnyNumber]) -> Iterator[Variation]:
     """Yield the numbers of a scenario's runs as a function of its inputs, solved by its runners."""
-    task = Task.of(scenario, [Wanted(number.label, number) for number in numbers])
+    unchanged = case_of(inputs, [0.0] * len(inputs))
+    task = Task.of(scenario, [Wanted(number.label, number) for number in numbers], unchanged)
     with solving(task, scenario.runners) as solve:
         yield Variation(inputs, solve)

@@ -174,7 +174,7 @@ def sweep(
         quantities, sections = _end(scenario, chosen).quantities(), scenario.numbered
         read = [Wanted.read(text, sections) for text in results or scenario.content.outputs]
         found = [entry.measured(quantities, sections) for entry in read]
-    task = Task.of(scenario, (entry for entry, _ in found))
+    task = Task.of(scenario, (entry for entry, _ in found), chosen.values(0))
     named = [column for _, columns in found for column in columns]
     named += [Series(name, DIMENSIONLESS, np.zeros(0)) for name in WORTH]
     solving = Solving(task, chosen, np.full((len(chosen), len(named)), np.nan), progress)
