@@ -1,6 +1,6 @@
-"""Sweeps: overhead against a loop by hand, two processes against one, and variants of a model per second.
+"""Sweeps: overhead against a loop by hand, two processes against one, and cases per second of one core's time.
 
-Variants are solved one by one, and together as one array, as the processes of a sweep do with a chunk of them.
+Cases are solved one by one, and together as one array, as the processes of a sweep do with a chunk of them.
 
 Run with ``python benchmarks/sweep.py``. A case is cheap: five positions of the two-rod arm at rest, with another mass.
 Best of several, taken in turn. Cores that others are using as well show in the second row.
@@ -10,23 +10,70 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 import pinarm
-from pinarm.use.cases.case import Task, Wanted
+from pinarm.use.cases.case import WORTH, Task, Wanted, solve_case
 from pinarm.use.cases.together import CaseSolver
 from pinarm.use.result.measures import MEASURES
 
 ROOT = Path(__file__).parents[1]
 SCENARIO = ROOT / "scenarios" / "gen411_arm_static.yaml"
 FEW_ROWS = ["problem.over.phi.samples=5"]
-LOOP = ROOT / "scenarios" / "crank_rocker_turning.yaml"
-LOOP_LENGTHS = {"a": (0.095, 0.105), "b": (0.34, 0.36)}
-MASSES = {"m_A": (0.1, 0.5)}
-CASES, VARIANTS, LOOPS, ROUNDS = 10_000, 1000, 1000, 3
+ONE_BY_ONE = 40
+"""Cases of each comparison that are solved by themselves."""
+
+
+class Comparison(NamedTuple):
+    """Cases of one scenario, solved together and one by one.
+
+    Attributes:
+        title: What varies.
+        scenario: Name of the scenario.
+        ranges: Path -> its least and greatest value, and their unit.
+        cases: How many are solved together.
+        values: Other values of the scenario.
+        results: What is taken from each case; its outputs where nothing is named.
+    """
+
+    title: str
+    scenario: str
+    ranges: dict[str, tuple[float, float, str]]
+    cases: int = 600
+    values: Sequence[str] = ()
+    results: Sequence[str] = ()
+
+
+MASS, LENGTHS = (
+    {"arguments.m_A": (0.1, 0.5, "kg")},
+    {"arguments.a": (0.095, 0.105, "m"), "arguments.b": (0.34, 0.36, "m")},
+)
+SPEED = {"problem.motion.theta2.speed": (80.0, 120.0, "rpm")}
+SWING = ["problem.time={end: 1 s, samples: 101}", "accuracy.tolerance=1e-6"]
+COMPARISONS = [
+    Comparison("a mass, 5 rows", "gen411_arm_static", MASS, 10_000, FEW_ROWS),
+    Comparison("a length, 5 rows", "gen411_arm_static", {"arguments.l2": (0.2, 0.3, "m")}, 10_000, FEW_ROWS),
+    Comparison(
+        "the angle that is held, 5 rows", "gen411_arm_static", {"problem.hold.O": (0.0, 60.0, "deg")}, 4000, FEW_ROWS
+    ),
+    Comparison("a mass, 241 rows", "gen411_arm_static", MASS, 2000),
+    Comparison("a mass, 241 rows, C_B @ max", "gen411_arm_static", MASS, 1000, (), ["C_B @ max"]),
+    Comparison("a mass, 241 rows, C_B @ rms", "gen411_arm_static", MASS, 1000, (), ["C_B @ rms"]),
+    Comparison("a mass", "crank_rocker_turning", {"arguments.m3": (0.5, 1.5, "kg")}),
+    Comparison("two lengths", "crank_rocker_turning", LENGTHS),
+    Comparison("the speed of the crank", "crank_rocker_turning", SPEED),
+    Comparison("two lengths, T @ max", "crank_rocker_turning", LENGTHS, 400, (), ["T @ max"]),
+    Comparison("two lengths, T @ rms", "crank_rocker_turning", LENGTHS, 400, (), ["T @ rms"]),
+    Comparison(
+        "an initial velocity, 1 s", "gen411_arm_swing", {"problem.initial.velocity.B": (-3.0, 3.0, "rad/s")}, 600, SWING
+    ),
+    Comparison("a mass, 1 s", "gen411_arm_swing", MASS, 600, SWING),
+]
+CASES, ROUNDS = 10_000, 3
 
 
 def best(*functions: Callable[[], object]) -> list[float]:
@@ -61,46 +108,41 @@ def swept(cases: int, workers: int) -> np.ndarray:
     return np.column_stack([series.values for series in sweep.columns])
 
 
-def together(scenario: pinarm.Scenario, cases: list[dict[str, str]]) -> np.ndarray:
-    """Solve them as a process of a sweep does with a chunk; return what it keeps."""
-    quantities = scenario.quantities()
-    wanted = tuple(Wanted.read(text).measured(quantities)[0] for text in scenario.content.outputs)
-    solver = CaseSolver(Task.of(scenario, wanted))
-    return np.array([row.numbers for row in solver.together([(k, "", given) for k, given in enumerate(cases)])])
-
-
-Bounds = dict[str, tuple[float, float]]
-"""Argument -> its least and greatest value [SI]."""
-
-
-def rate_together(path: Path, values: list[str], bounds: Bounds, cases: int) -> float:
-    """Return how many cases are solved together in a second of one core's time."""
-    scenario, rng = pinarm.load(path, values), np.random.default_rng(1)
-    units = {name: scenario.mechanism.argument_units[name] for name in bounds}
-    rows = [
-        {f"arguments.{name}": f"{rng.uniform(*ends)!r} {units[name]}" for name, ends in bounds.items()}
-        for _ in range(cases)
+def compared(given: Comparison) -> tuple[float, float]:
+    """Return how many cases are solved one by one, and together, in a second of one core's time."""
+    scenario, rng = (
+        pinarm.load(ROOT / "scenarios" / f"{given.scenario}.yaml", list(given.values)),
+        np.random.default_rng(1),
+    )
+    cases = [
+        {path: f"{rng.uniform(low, high)!r} {unit}" for path, (low, high, unit) in given.ranges.items()}
+        for _ in range(given.cases)
     ]
+    quantities = scenario.quantities()
+    wanted = tuple(Wanted.read(text).measured(quantities)[0] for text in given.results or scenario.content.outputs)
+    task = Task.of(scenario, wanted)
+    solver, jobs = CaseSolver(task), [(k, "", case) for k, case in enumerate(cases)]
     begin = time.process_time()
-    assert len(together(scenario, rows)) == cases
-    return cases / (time.process_time() - begin)
+    rows = [row.numbers for row in solver.together(jobs)]
+    middle = time.process_time()
+    alone = [solve_case(task, case).numbers for case in cases[:ONE_BY_ONE]]
+    end = time.process_time()
+    numbers = len(alone[0]) - len(WORTH)
+    own, other = (np.array([row[:numbers] for row in table]) for table in (rows[:ONE_BY_ONE], alone))
+    assert np.allclose(own, other, rtol=0.0, atol=1e-12 * np.abs(other).max())
+    return ONE_BY_ONE / (end - middle), given.cases / (middle - begin)
 
 
 def main() -> None:
     reference, table = by_hand(50), swept(50, 2)
     assert np.allclose(reference[:, : table.shape[1]], table, rtol=1e-12, atol=1e-12)
     hand, one, two = best(lambda: by_hand(CASES), lambda: swept(CASES, 1), lambda: swept(CASES, 2))
-    begin = time.process_time()
-    by_hand(VARIANTS)
-    rate = VARIANTS / (time.process_time() - begin)
-    masses = rate_together(SCENARIO, FEW_ROWS, MASSES, CASES)
-    loops = rate_together(LOOP, [], LOOP_LENGTHS, LOOPS)
     print(f"{CASES} cheap cases: by hand {hand:.1f} s, one process {one:.1f} s, two {two:.1f} s")
     print(f"{'sweep with one process / loop by hand':45s} {one / hand:6.2f}   wanted: at most 1.25")
     print(f"{'one process / two':45s} {one / two:6.2f}   wanted: at least 1.7")
-    print(f"{'variants of a mass per second of one core':45s} {rate:6.0f}   wanted: at least 300")
-    print(f"{'the same, 10,000 of them together':45s} {masses:6.0f}   wanted: at least 10000")
-    print(f"{'four-bars of two lengths, a revolution each':45s} {loops:6.0f}   wanted: at least 1000")
+    for each in COMPARISONS:
+        alone, together = compared(each)
+        print(f"{each.scenario + ': ' + each.title:60s} {alone:6.0f} {together:6.0f}   {together / alone:5.1f}")
 
 
 if __name__ == "__main__":

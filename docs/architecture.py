@@ -3,9 +3,9 @@
 A room is a folder of a layer with all below it, such as ``engine/dynamics``. The modules that stand directly in a layer
 are a room too, or several: those that rooms of the layer import stand apart from those that import rooms. An arrow from
 a room down to another says that a module of the first imports one of the second, inside functions too, but not for
-annotations only. Arrows that follow from others are left out (transitive reduction), as are those to ``errors`` and
-``arrays``, which all may import. The imports that close a circle, of each circle the fewest, are dashed and point
-upwards.
+annotations only. Arrows that follow from others are left out (transitive reduction), as are those to ``errors``,
+``arrays`` and ``records``, which all may import. The imports that close a circle, of each circle the fewest, are dashed
+and point upwards.
 """
 
 from __future__ import annotations

@@ -14,7 +14,15 @@ from site_generator.families import families
 from site_generator.formulas import with_mathml
 from site_generator.gallery import gallery_pages
 from site_generator.kind_pages import FOLDER, family_pages, with_kind_links
-from site_generator.repository_pages import PAGES, ROOT, file_page, linked_files, place_of, with_site_links
+from site_generator.repository_pages import (
+    PAGES,
+    ROOT,
+    file_page,
+    linked_files,
+    place_of,
+    with_plain_bars,
+    with_site_links,
+)
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
@@ -44,7 +52,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     """Add what is made to a page, and let links to files of the repository lead to their pages."""
-    return with_site_links(_with_tables(markdown, page.file.src_uri), page.file.src_uri)
+    return with_plain_bars(with_site_links(_with_tables(markdown, page.file.src_uri), page.file.src_uri))
 
 
 def _with_tables(markdown: str, place: str) -> str:

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass
 from typing import Any, ClassVar
+
+from pinarm.records import ValueRecord
 
 SHOWN = 160
 """Most characters of a line that an excerpt shows, and of a name in a list."""
@@ -17,8 +18,7 @@ COMPARED = 1_000_000
 """Most pairs of letters that are compared to find a similar name: at the worst they take half a second."""
 
 
-@dataclass(frozen=True)
-class Location:
+class Location(ValueRecord, frozen=True):
     """A place in a file that the user wrote.
 
     Attributes:

@@ -56,7 +56,12 @@ def test_they_are_in_order() -> None:
     assert len(EXAMPLES) == 13
 
 
-@pytest.mark.parametrize("path", [path for path in EXAMPLES if path not in NOTEBOOKS], ids=lambda path: path.stem)
+SCRIPTS = [path for path in EXAMPLES if path not in NOTEBOOKS]
+
+
+@pytest.mark.parametrize("path", [
+    pytest.param(path, id=path.stem, marks=pytest.mark.slow if "reactions" in path.stem else ()) for path in SCRIPTS
+])  # fmt: skip
 def test_a_script_runs(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     runpy.run_path(str(path))
     assert capsys.readouterr().out

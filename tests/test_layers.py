@@ -3,9 +3,12 @@
 import ast
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -14,11 +17,12 @@ import pinarm
 PACKAGE = Path(pinarm.__file__).parent
 
 FLOOR_PLAN = {
+    "records": "",
     "errors": "",
     "arrays": "",
     "input": "numbers units roots xml_text xml_names mjcf_includes formulas yaml csv_rows motion_tables xacro robots",
-    "mechanics": "geometry joints laws motors drives coordinates paths control rotors ball_joints loops forces "
-    "couplings loading friction payloads points perturbation planar description",
+    "mechanics": "geometry joints laws limited_states motors drives coordinates paths control rotors ball_joints loops "
+    "forces couplings loading friction payloads points perturbation planar description",
     "engine": "series kernel integration constraints dynamics mesh_inertias model_source kinematics statics friction "
     "control motion checks quantities mechanism_parts drive_parts mechanism mechanism_variants",
     "problems": "time_grid accuracy joint_values weights prescription loads actuation declaration events "
@@ -55,20 +59,17 @@ def module_of(file: Path) -> str:
 MODULES = {module_of(file): PACKAGE / file for file in FILES if file.as_posix() not in ("__init__.py", "__main__.py")}
 
 
-def tree_of(file: Path) -> ast.Module:
-    return ast.parse((PACKAGE / file).read_text(encoding="utf-8"))
-
-
 def is_for_types(node: ast.AST) -> bool:
     return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
 
 
 def nodes(tree: ast.AST) -> Iterator[ast.AST]:
     """Yield all nodes of a tree but those under ``if TYPE_CHECKING``."""
-    for node in ast.iter_child_nodes(tree):
-        if not is_for_types(node):
-            yield node
-            yield from nodes(node)
+    rest = [tree]
+    while rest:
+        inner = [node for node in ast.iter_child_nodes(rest.pop()) if not is_for_types(node)]
+        rest.extend(inner)
+        yield from inner
 
 
 def imports(tree: ast.AST) -> Iterator[str]:
@@ -89,14 +90,42 @@ def imports(tree: ast.AST) -> Iterator[str]:
                 yield full if full.removeprefix("pinarm.") in MODULES else of
 
 
-def within(tree: ast.AST) -> set[str]:
-    """Return the modules of the package that a tree imports."""
-    names = {name for name in imports(tree) if name.startswith("pinarm.")}
-    return {name.removeprefix("pinarm.") for name in names}
+def module_level(tree: ast.Module) -> Iterator[str]:
+    """Yield the modules that are imported as soon as the file is, outside functions and ``if TYPE_CHECKING``."""
+    outer: list[ast.stmt] = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
+    return imports(ast.Module(body=outer, type_ignores=[]))
 
 
-IMPORTED = {module: within(tree_of(path)) - {module} for module, path in MODULES.items()}
-"""Module -> what it imports of the package, inside functions too, but for annotations alone."""
+class Source(NamedTuple):
+    """What a file imports anywhere and at its top, by module, and the classes that it defines."""
+
+    imports: set[str]
+    top: set[str]
+    classes: list[str]
+
+
+@cache
+def sources() -> dict[Path, Source]:
+    """Return what stands in every file of the package."""
+    trees = ((file, ast.parse((PACKAGE / file).read_text(encoding="utf-8"))) for file in FILES)
+    return {
+        file: Source(
+            set(imports(tree)),
+            set(module_level(tree)),
+            [node.name for node in ast.walk(tree) if isinstance(node, ast.ClassDef)],
+        )
+        for file, tree in trees
+    }
+
+
+@cache
+def imported() -> dict[str, set[str]]:
+    """Return what every module imports of the package, inside functions too, but for annotations alone."""
+    within = {
+        module_of(file): {name.removeprefix("pinarm.") for name in source.imports if name.startswith("pinarm.")}
+        for file, source in sources().items()
+    }
+    return {module: within[module] - {module} for module in MODULES}
 
 
 def place(module: str) -> tuple[int, int]:
@@ -108,26 +137,19 @@ def place(module: str) -> tuple[int, int]:
     return list(FLOOR_PLAN).index(layer), rooms.index(room) if room else -1
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_imports_go_downwards_only(module: str) -> None:
+def test_imports_go_downwards_only() -> None:
     """Between layers, and between the rooms of a layer."""
-    upwards = [name for name in IMPORTED[module] if place(name) > place(module)]
-    assert all((module, name) in EXCEPTIONS for name in upwards), upwards
+    upwards = {(module, name) for module, names in imported().items() for name in names if place(name) > place(module)}
+    assert upwards == EXCEPTIONS.keys()
+    assert len(EXCEPTIONS) <= 5
 
 
 def test_there_is_no_circle_between_modules() -> None:
     """Imports inside functions count."""
     try:
-        TopologicalSorter(IMPORTED).prepare()
+        TopologicalSorter(imported()).prepare()
     except CycleError as error:
         pytest.fail(f"a circle of imports: {' -> '.join(error.args[1])}")
-
-
-def test_exceptions_are_few_and_needed() -> None:
-    assert len(EXCEPTIONS) <= 5
-    for module, name in EXCEPTIONS:
-        assert name in IMPORTED[module]
-        assert place(name) > place(module)
 
 
 def test_the_floor_plan_lists_what_there_is() -> None:
@@ -139,22 +161,14 @@ def test_the_floor_plan_lists_what_there_is() -> None:
 
 
 def test_no_class_name_is_used_twice() -> None:
-    classes = [
-        node.name for path in MODULES.values() for node in ast.walk(tree_of(path)) if isinstance(node, ast.ClassDef)
-    ]
-    assert {name for name in classes if classes.count(name) > 1 and not name.startswith("_")} == set()
+    classes = Counter(name for source in sources().values() for name in source.classes)
+    assert {name for name, count in classes.items() if count > 1 and not name.startswith("_")} == set()
 
 
-def module_level(tree: ast.Module) -> Iterator[str]:
-    """Yield the modules that are imported as soon as the file is, outside functions and ``if TYPE_CHECKING``."""
-    outer: list[ast.stmt] = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
-    return imports(ast.Module(body=outer, type_ignores=[]))
-
-
-@pytest.mark.parametrize("file", FILES, ids=str)
-def test_costly_modules_are_imported_where_they_are_used(file: Path) -> None:
-    allowed = LATE.get(file.as_posix(), set())
-    assert not {name.partition(".")[0] for name in module_level(tree_of(file))} & (COSTLY - allowed)
+def test_costly_modules_are_imported_where_they_are_used() -> None:
+    for file, source in sources().items():
+        allowed = LATE.get(file.as_posix(), set())
+        assert not {name.partition(".")[0] for name in source.top} & (COSTLY - allowed), file
 
 
 RUNS = [

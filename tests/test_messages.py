@@ -185,6 +185,11 @@ SCENARIOS = [
     (STATICS, "hold: {track", "hold: {trackk", ["s.yaml:6:10: the mechanism has no coordinate 'trackk'", "try: track"]),
     (FORWARD, "{pivot: 1 rad}", "{pivots: 1 rad}", ["s.yaml:6:24: the model has no joint 'pivots'", "try: pivot"]),
     (FORWARD, "{track: 1 m/s}", "{trakc: 1 m/s}", ["s.yaml:6:50: the model has no joint 'trakc'", "try: track"]),
+    # as many drives as degrees of freedom, two here; height does not change where the rod hangs
+    *[(SCENARIO, "  start: {pivot", f"  drives: [{drives}]\n  start: {{pivot", ["s.yaml:10:3: ", *said])
+      for drives, said in (("", ["this is []", "a list of length >= 1"]), ("track", ["uncarried", "2 drives, as many"]),
+                           ("height", ["the drives height leave a load of", "2 drives, as many"]),
+                           ("track, pivot, turn", ["more drives than degrees of freedom, 3 and 2"]))],
     # files
     (SCENARIO, "slider.yaml", "slidr.yaml", ["s.yaml:3:12: ", "slidr.yaml' does not exist", "slider.yaml"]),
     (SCENARIO, "slider.yaml", "../x.yaml",

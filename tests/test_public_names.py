@@ -14,9 +14,9 @@ import pytest
 import pinarm
 
 
-@pytest.mark.parametrize("name", pinarm.__all__)
-def test_every_public_name_exists(name: str) -> None:
-    assert getattr(pinarm, name) is getattr(import_module(pinarm._HOMES[name]), name)
+def test_every_public_name_exists() -> None:
+    for name in pinarm.__all__:
+        assert getattr(pinarm, name) is getattr(import_module(pinarm._HOMES[name]), name)
 
 
 def test_the_two_lists_of_names_agree() -> None:
@@ -41,7 +41,6 @@ def test_importing_the_package_imports_nothing_else() -> None:
     assert done.stdout.strip() == "[]"
 
 
-FUNCTIONS = [name for name in pinarm.__all__ if not isinstance(getattr(pinarm, name), type)]
 PLAIN = {
     "str", "int", "float", "bool", "object", "None", "Any", "Path", "Mapping", "Sequence", "Callable", "Iterator",
     "Literal", "Array", "ArrayLike", "Values", "Given", "pin", "Model", "ControlFunction", "Executor",
@@ -52,7 +51,8 @@ models, functions ``u(t, state)``, executors of the standard library."""
 
 def public_calls() -> Iterator[tuple[str, Any]]:
     """Functions, and the methods of a mechanism and of what is asked for quantities."""
-    yield from ((name, getattr(pinarm, name)) for name in FUNCTIONS)
+    offered = {name: getattr(pinarm, name) for name in pinarm.__all__}
+    yield from ((name, call) for name, call in offered.items() if not isinstance(call, type))
     for owner in (pinarm.Mechanism, pinarm.Batch, pinarm.Sweep, pinarm.Tradeoff, pinarm.Result, pinarm.Series):
         for name, member in vars(owner).items():
             member = member.__func__ if isinstance(member, classmethod) else member
@@ -60,30 +60,32 @@ def public_calls() -> Iterator[tuple[str, Any]]:
                 yield f"{owner.__name__}.{name}", member
 
 
-@pytest.mark.parametrize(("name", "call"), list(public_calls()), ids=lambda x: x if isinstance(x, str) else "")
-def test_public_calls_take_plain_things(name: str, call: Any) -> None:
+def test_public_calls_take_plain_things() -> None:
     """No documents, places or buffers of the inside, and no private parameters."""
-    for parameter in inspect.signature(call).parameters.values():
-        assert not parameter.name.startswith("_")
+    parameters = [
+        (name, given) for name, call in public_calls() for given in inspect.signature(call).parameters.values()
+    ]
+    for name, parameter in parameters:
+        assert not parameter.name.startswith("_"), name
         words = re.sub(r"Literal\[.*?\]", "Literal", str(parameter.annotation))
         types = set(re.findall(r"[A-Za-z_]\w*", words)) - {"inspect", "_empty", "class"}
         assert types <= PLAIN | set(pinarm.__all__) | {"tuple", "list", "dict"}, f"{name}({parameter})"
 
 
-@pytest.mark.parametrize("name", ["load", "run", "check", "validate", "explain", "tradeoff", "sweep", "batch"])
-def test_other_values_have_one_spelling(name: str) -> None:
-    parameter = inspect.signature(getattr(pinarm, name)).parameters["values"]
-    assert (parameter.annotation, parameter.default) == ("Values | None", None)
+def test_other_values_have_one_spelling() -> None:
+    for name in ("load", "run", "check", "validate", "explain", "tradeoff", "sweep", "batch"):
+        parameter = inspect.signature(getattr(pinarm, name)).parameters["values"]
+        assert (parameter.annotation, parameter.default) == ("Values | None", None), name
 
 
-@pytest.mark.parametrize(("name", "call"), list(public_calls()), ids=lambda x: x if isinstance(x, str) else "")
-def test_docstrings_explain_what_is_given(name: str, call: Any) -> None:
+def test_docstrings_explain_what_is_given() -> None:
     """Functions and methods with several parameters name them all, or refer to where they are explained."""
-    text = inspect.getdoc(call) or ""
-    parameters = [one for one in inspect.signature(call).parameters if one not in ("self", "cls", "options")]
-    assert text
-    unsaid = [one for one in parameters if not re.search(rf"\b{one}\b", text)]
-    assert len(parameters) < 2 or not unsaid or "see ``" in text, f"{name}: {unsaid}"
+    for name, call in public_calls():
+        text = inspect.getdoc(call) or ""
+        parameters = [one for one in inspect.signature(call).parameters if one not in ("self", "cls", "options")]
+        assert text, name
+        unsaid = [one for one in parameters if not re.search(rf"\b{one}\b", text)]
+        assert len(parameters) < 2 or not unsaid or "see ``" in text, f"{name}: {unsaid}"
 
 
 def test_dir_lists_the_public_names() -> None:

@@ -24,7 +24,11 @@ def test_there_are_scenarios() -> None:
     assert FILES
 
 
-LONG = re.compile("forty|machine_on_mounts_shaking")
+LONG = re.compile(
+    "forty|machine_on_mounts_shaking|rotor_balanced|four_bar_shaking_balanced|panda_drawing|mass_on_belt"
+    "|olive_vibrator_shaking|hoist_with_losses"
+)
+MANY_QUANTITIES = re.compile("manipulator_(?!motion)|exoskeleton_leg_guided|andrews|bricard|two_four_bars")
 
 
 def cases(slow: Callable[[Path], object]) -> pytest.MarkDecorator:
@@ -89,7 +93,7 @@ def parts(result: pinarm.Result, seed: int) -> Iterator[tuple[np.ndarray, Trajec
         yield row, on_interval(motion, run.grid.cuts, number, run.grid.t[row])
 
 
-@cases(lambda file: LONG.match(file.stem) or file not in FIRST)
+@cases(lambda file: LONG.match(file.stem) or MANY_QUANTITIES.match(file.stem) or file not in FIRST)
 def test_no_figure_depends_on_how_many_rows_are_looked_at(result: pinarm.Result) -> None:
     """Rounding: 1e-10 of the largest value with the same unit, or of 1, for forces that are zero in all rows."""
     seed, sizes = len(result.name), {}

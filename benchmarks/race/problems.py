@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 
 import numpy as np
 
 from benchmarks.race import mechanisms
 from benchmarks.race.mechanisms import Linkage
+from pinarm.records import replace
 
 SAMPLES = 20
 STARTS = 256

@@ -69,6 +69,12 @@ def with_site_links(markdown: str, page: str) -> str:
     return _LINK.sub(moved, markdown)
 
 
+def with_plain_bars(markdown: str) -> str:
+    """Return a page whose code in tables has no backslash before a bar: other Markdown needs it, this shows it."""
+    rows = re.compile(r"^\|.*", re.MULTILINE)
+    return rows.sub(lambda row: re.sub(r"`[^`]*`", lambda code: code[0].replace("\\|", "|"), row[0]), markdown)
+
+
 def linked_files(markdown: str, page: str) -> Iterator[str]:
     """Yield the files and folders of the repository outside ``docs`` that a page links to, without ``PAGES``."""
     folder = _folder_of(page)

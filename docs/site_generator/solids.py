@@ -1,4 +1,4 @@
-"""A picture of the boxes of a model at several rows of a run: how a body turns is not seen of a stick."""
+"""A picture of boxes, rods and cables at several rows of a run: how a body turns is not seen of a stick."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from pinarm.arrays import Array
 from pinarm.use.result.result import Result
 from pinarm.use.show.chart import COLOURS
 from pinarm.use.show.figure import STYLE, UNDATED, new
+from pinarm.use.show.replay.overlays import pairs
 from pinarm.use.show.replay.shapes import Shape, visuals
 from pinarm.use.show.replay.tracks import placed
 
@@ -30,6 +31,7 @@ def solids(result: Result) -> str:
     """Return the picture as SVG."""
     run = result.trajectory
     boxes = [shape for shape in visuals(run.mechanism).shapes if shape.node and shape.kind == "box"]
+    strings = [pair for pair in pairs(run.mechanism, run.dynamics.forces) if pair.kind in ("rod", "cable")]
     rows = np.unique(np.linspace(0, len(run) - 1, ROWS).round().astype(int))
     with matplotlib.rc_context(STYLE):
         figure = new(SIZE, SIZE)
@@ -43,6 +45,8 @@ def solids(result: Result) -> str:
                 polygons, facecolor=colour, edgecolor=colour, linewidth=0.6, alpha=0.25 if k else 0.4
             ))  # fmt: skip
             points.append(np.vstack(polygons))
+            for string in strings:
+                axis.plot(*np.vstack([end.path(places[None]) for end in string.ends]).T, color=colour, linewidth=1.0)
         _frame(axis, np.vstack(points))
         figure.suptitle(result.content.title, fontsize=10)
     stream = io.StringIO()

@@ -121,7 +121,7 @@ def _check(options: argparse.Namespace) -> int:
 
     findings: list[Finding] = []
     failures: list[PinarmError] = []
-    for path in (file for given in options.paths for file in scenario_files(given)):
+    for path in scenario_files(*options.paths):
         _progress(f"check {path}")
         try:
             findings += check(path, options.values)
@@ -142,10 +142,15 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _validate(options: argparse.Namespace) -> int:
-    from pinarm.use.study.run import scenario_files
+    from pinarm.use.study.run import input_files
 
+    found = [input_files(path) for path in options.paths]
+    paths, others = [path for own, _ in found for path in own], sum(other for _, other in found)
+    if not paths:
+        raise InputError(f"there are no scenarios and no mechanism files in {', '.join(map(str, options.paths))}",
+                         expected="files ending in .yaml, with a 'problem:', a 'robot:' or 'planar:'")  # fmt: skip
     mistakes = []
-    for path in (file for given in options.paths for file in scenario_files(given)):
+    for path in paths:
         try:
             said = _validated(path, options.values)
         except PinarmError as error:
@@ -156,7 +161,11 @@ def _validate(options: argparse.Namespace) -> int:
             if not options.json:
                 print(f"{path}: {said}")
     if options.json:
-        _print_json({"mistakes": [{"file": str(path), "error": str(error)} for path, error in mistakes]})
+        told = [{"file": str(path), "error": str(error)} for path, error in mistakes]
+        _print_json({"mistakes": told, "files": len(paths), "passed over": others})
+    elif any(path.is_dir() for path in options.paths):
+        counts = f"{len(paths)} scenarios and mechanism files, {len(mistakes)} with mistakes"
+        print(f"{counts}; {others} other files passed over")
     for _, mistake in mistakes:
         _tell(mistake)
     return BAD_INPUT if mistakes else OK

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
-import msgspec
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
@@ -49,6 +48,7 @@ from pinarm.mechanics.geometry.model_variants import ModelVariants
 from pinarm.mechanics.joints import Joint, links_of
 from pinarm.mechanics.loops.closing_frames import proposals
 from pinarm.mechanics.perturbation import perturbed
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.constraint import Constraint
@@ -537,7 +537,7 @@ def _described(
     here = document.locating if document.places else lambda *at: locate("mechanism")
     description = document.validate(MechanismDescription)
     if gravity is not None:
-        description = msgspec.structs.replace(description, gravity=gravity)
+        description = replace(description, gravity=gravity)
     return _build(description, document.data, folder, arguments, payloads, here, locate)
 
 

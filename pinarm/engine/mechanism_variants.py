@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.geometry.model_variants import ModelVariants, VariantsDiffer
 from pinarm.mechanics.loading.urdf.variants import model_variants
 from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.records import replace
 
 
 def mechanism_variants(
@@ -41,8 +41,18 @@ def mechanism_variants(
         raise VariantsDiffer("a model whose expansion is not recorded, or in which no number varies")
     variants, possible = model_variants(mechanism.model, mechanism.xml, expanded.xml, expanded.columns)
     arguments = {name: _numbers(text) for name, text in expanded.arguments.items() if name in mechanism.arguments}
-    changed = replace(mechanism, model=variants, arguments=arguments)  # type: ignore[arg-type]  # arrays for numbers
+    changed = replace(mechanism, model=variants, arguments=arguments)
     return changed, possible & np.array(expanded.holds)
+
+
+def alike_variants(mechanism: Mechanism, count: int) -> Mechanism:
+    """Return a mechanism as variants of itself that do not differ, but may move in different ways.
+
+    Raises:
+        VariantsDiffer: More depends on the model than the motion of its links.
+    """
+    _require_plain(mechanism)
+    return replace(mechanism, model=ModelVariants.alike(mechanism.model, count))
 
 
 def some_variants(mechanism: Mechanism, places: Indices) -> Mechanism:
@@ -51,7 +61,7 @@ def some_variants(mechanism: Mechanism, places: Indices) -> Mechanism:
     assert isinstance(variants, ModelVariants)
     columns = {name: np.asarray(value) for name, value in mechanism.arguments.items()}
     arguments = {name: column[places] if column.ndim else float(column) for name, column in columns.items()}
-    return replace(mechanism, model=variants.some(places), arguments=arguments)  # type: ignore[arg-type]
+    return replace(mechanism, model=variants.some(places), arguments=arguments)
 
 
 def _require_plain(mechanism: Mechanism) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -23,6 +22,7 @@ from pinarm.input.xml_names import UnknownName
 from pinarm.input.xml_text import MAX_BYTES, location, read
 from pinarm.mechanics.description import Gravity, MechanismDescription
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects, RobotModel, build_model
+from pinarm.records import ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.planar.drawing import PlanarDrawing
@@ -31,8 +31,7 @@ FILES = (".urdf", ".xacro", ".xml", ".mjcf", ".sdf")
 """Endings of model files; what has none of them is the name of a robot."""
 
 
-@dataclass(frozen=True)
-class Source:
+class Source(ValueRecord, frozen=True):
     """Where a mechanism was read from.
 
     Attributes:

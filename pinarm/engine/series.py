@@ -13,7 +13,7 @@ Whatever else numpy does, such as ``np.interp``, takes the bare values (``np.asa
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from numbers import Real
 from typing import Any
@@ -25,6 +25,7 @@ from pinarm.arrays import Array
 from pinarm.errors import UnitError
 from pinarm.input.formulas.dimensions import Measure, Rule, power, pure, root, same
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
+from pinarm.records import replace
 
 MOST = 60
 """Characters of the name of a result, which tells how it was computed."""

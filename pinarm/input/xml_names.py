@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from enum import Enum, auto
 from xml.etree.ElementTree import Element
 from xml.parsers import expat
 
+from msgspec import field
+
 from pinarm.errors import Location, ModelError, choices
 from pinarm.input.xml_text import location
+from pinarm.records import ValueRecord
 
 
 class Content(Enum):
@@ -26,8 +28,7 @@ class Content(Enum):
     """It may have one, and is not read: it is listed as such."""
 
 
-@dataclass(frozen=True)
-class ElementNames:
+class ElementNames(ValueRecord, frozen=True):
     """Names that one kind of element may contain.
 
     Attributes:

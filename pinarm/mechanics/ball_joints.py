@@ -7,7 +7,6 @@ pitch and yaw, ``R = Rz(yaw) Ry(pitch) Rx(roll)``. The velocity is the angular v
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -19,13 +18,13 @@ from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, b_of, rat
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import METRE, RADIAN, Joint
+from pinarm.records import ValueRecord
 
 ANGLES = ("roll", "pitch", "yaw")
 SPIN = unit("rad/s")
 
 
-@dataclass(frozen=True)
-class Ball:
+class Ball(ValueRecord, frozen=True):
     """A joint that turns about a point.
 
     Attributes:
@@ -77,8 +76,7 @@ def roll_pitch_yaw(quaternion: Array) -> Array:
     return turned - 2.0 * np.pi * np.round(turned / (2.0 * np.pi))
 
 
-@dataclass(frozen=True)
-class BallCoordinate:
+class BallCoordinate(ValueRecord, frozen=True):
     """Component k of a ball joint's rotation vector: ``w' = B(w) omega``, as in ``RotationCoordinate``.
 
     Attributes:
@@ -120,8 +118,7 @@ class BallCoordinate:
         return np.asarray(self.model.jointPlacements[index].rotation.T @ state.data.liMi[index].rotation)
 
 
-@dataclass(frozen=True)
-class BallAngle:
+class BallAngle(ValueRecord, frozen=True):
     """Roll r, pitch p or yaw y of a ball joint, up to half a turn: the angles of three joints in series, about z, y, x.
 
     With the angular velocity omega in the child's axes, ``A = sin r omega_y + cos r omega_z`` and

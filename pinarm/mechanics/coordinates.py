@@ -6,7 +6,6 @@ Each has a value w(q), a row J with ``w' = J v``, and a drift ``J' v``, so that 
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, Protocol
 
 import msgspec
@@ -32,6 +31,7 @@ from pinarm.mechanics.joints import (
     joint_of,
     unit_vector,
 )
+from pinarm.records import ValueRecord, replace
 
 
 class Coordinate(Protocol):
@@ -62,8 +62,7 @@ class Coordinate(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class LinearCoordinate:
+class LinearCoordinate(ValueRecord, frozen=True):
     """A joint's own coordinate, or a weighted sum of several: ``w = sum_i weight_i q_i``.
 
     Attributes:
@@ -99,8 +98,7 @@ class LinearCoordinate:
         return {}
 
 
-@dataclass(frozen=True)
-class FrameCoordinate:
+class FrameCoordinate(ValueRecord, frozen=True):
     """Position of a link's origin along an axis of the world: ``w = u . p(q)`` [m].
 
     Attributes:
@@ -132,8 +130,7 @@ class FrameCoordinate:
         return pull(links, self.frame, effort[:, None] * self.axis)
 
 
-@dataclass(frozen=True)
-class DistanceCoordinate:
+class DistanceCoordinate(ValueRecord, frozen=True):
     """Distance between the origins of two links: ``w = |d|``, ``d = p_2 - p_1``, ``w' = u . d'`` with ``u = d / w``.
 
     The drift is ``u . d'' + (|d'|^2 - (u . d')^2) / w`` with d'' for a = 0. Where they coincide, u is arbitrary.
@@ -179,8 +176,7 @@ class DistanceCoordinate:
         return np.asarray(state.data.oMf[self.second].translation - state.data.oMf[self.first].translation)
 
 
-@dataclass(frozen=True)
-class RotationCoordinate:
+class RotationCoordinate(ValueRecord, frozen=True):
     """Component k of the rotation vector w of a link relative to a reference, ``R_ref^T R = exp([w])``.
 
     ``w' = B(w) omega`` with omega the angular velocity of the link relative to the reference, in the link's axes. With

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -12,6 +11,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import InputError, choices, within
 from pinarm.input.units import Unit, unit
+from pinarm.records import ValueRecord
 
 METRE, RADIAN = unit("m"), unit("rad")
 
@@ -39,8 +39,7 @@ def unit_vector(direction: Direction) -> Array:
     return vector / length
 
 
-@dataclass(frozen=True)
-class Joint:
+class Joint(ValueRecord, frozen=True):
     """A joint of the model with one coordinate.
 
     Attributes:

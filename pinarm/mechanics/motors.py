@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import ClassVar, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
@@ -21,34 +21,55 @@ from pinarm.input.yaml.schema import (
     Resistance,
     TorqueConstant,
 )
+from pinarm.mechanics.limited_states import FREE, StateLimits, Switch
+
+
+class MotorInput(NamedTuple):
+    """What a motor gets, in any number of states (...).
+
+    Attributes:
+        command: Voltages [V] or torques [N*m], shape (...).
+        state: Its own states, shape (..., s).
+        v: Velocities of the joint that it drives [rad/s or m/s], shape (...).
+        mode: Its modes, see ``mechanics.limited_states``, shape (...).
+    """
+
+    command: Array
+    state: Array
+    v: Array
+    mode: Array | int = FREE
 
 
 class Actuator(Protocol):
-    """A motor behind its gear, by the velocity v of the joint that it drives; arrays have any shape (...)."""
+    """A motor behind its gear."""
 
     @property
     def states(self) -> int:
         """Number s of its own states."""
         ...
 
-    def effort(self, command: Array, state: Array, v: Array) -> Array:
-        """Return the effort at the joint [N*m or N], shape (...), for commands and states of shape (..., s)."""
+    def effort(self, given: MotorInput) -> Array:
+        """Return the effort at the joint [N*m or N], shape (...)."""
         ...
 
-    def rates(self, command: Array, state: Array, v: Array) -> Array:
+    def rates(self, given: MotorInput) -> Array:
         """Return the rates of the states, shape (..., s)."""
         ...
 
-    def parts(self, command: Array, state: Array, v: Array) -> dict[str, Array]:
-        """Return the effort and what else is told of the motor, by name, shape (...) each."""
+    def parts(self, given: MotorInput) -> dict[str, Array]:
+        """Return the effort and what else is known of the motor, by name, shape (...) each."""
         ...
 
-    def kinks(self, command: Array, state: Array, v: Array) -> list[Array]:
-        """Return values of shape (...) whose zeros are where the effort stops being smooth; always as many."""
-        ...
-
-    def excess(self, command: Array, state: Array, v: Array) -> Array:
+    def excess(self, given: MotorInput) -> Array:
         """Return the part of the command that a limit of the motor keeps from its effect, shape (...); else 0."""
+        ...
+
+    def mode(self, given: MotorInput) -> int:
+        """Return the mode in one state, by the one until then in ``given``."""
+        ...
+
+    def switches(self, mode: int) -> list[Switch[MotorInput]]:
+        """Return where the effort stops being smooth."""
         ...
 
 
@@ -95,7 +116,7 @@ class DcMotor(InputStruct, frozen=True, tag_field="kind", tag="dc"):
 
     def behind(self, ratio: float) -> Actuator:
         """Return the motor with a gear."""
-        return Winding(self, ratio)
+        return (InductiveWinding if self.inductance else Winding)(self, ratio)
 
 
 class IdealMotor(InputStruct, frozen=True, tag_field="kind", tag="ideal"):
@@ -141,7 +162,7 @@ AnyMotor = DcMotor | IdealMotor
 
 @dataclass(frozen=True)
 class Winding:
-    """A DC motor behind its gear; see ``Actuator``.
+    """A DC motor without inductance behind its gear; see ``Actuator``.
 
     Attributes:
         motor: The motor.
@@ -150,61 +171,92 @@ class Winding:
 
     motor: DcMotor
     ratio: float
+    states: ClassVar[int] = 0
 
     @property
-    def states(self) -> int:
-        """Number of states: the current where there is an inductance."""
-        return 1 if self.motor.inductance else 0
-
-    @property
-    def most(self) -> float:
+    def limit(self) -> float:
         """Largest current [A]; infinite for no limit."""
         return np.inf if self.motor.current_limit is None else float(self.motor.current_limit)
 
-    def current(self, voltage: Array, state: Array, v: Array) -> Array:
-        """Return the current, without inductance ``(V - k N v) / R`` within its limit [A]."""
-        if self.states:
-            return np.asarray(state[..., 0])
-        return np.asarray(np.clip(self._over(voltage, 0.0, v) / self.motor.resistance, -self.most, self.most))
+    def current(self, given: MotorInput) -> Array:
+        """Return the current ``(V - k N v) / R`` within its limit [A]."""
+        return np.asarray(np.clip(self.voltage_left(given, 0.0) / self.motor.resistance, -self.limit, self.limit))
 
-    def _over(self, voltage: Array, current: Array | float, v: Array) -> Array:
+    def voltage_left(self, given: MotorInput, current: Array | float) -> Array:
         """Return the voltage that is left to change a current, ``V - R i - k N v`` [V]."""
-        return np.asarray(voltage - self.motor.resistance * current - self.motor.constant * self.ratio * v)
+        held = self.motor.resistance * current + self.motor.constant * self.ratio * given.v
+        return np.asarray(given.command - held)
 
-    def excess(self, command: Array, state: Array, v: Array) -> Array:
-        """Return the commanded voltage less the one that holds the current at its limit, else 0 [V]."""
-        current = self.current(command, state, v)
-        over = self._over(command, current, v)
-        held = ((current >= self.most) & (over > 0.0)) | ((current <= -self.most) & (over < 0.0))
-        return np.asarray(np.where(held, over, 0.0))
+    def excess(self, given: MotorInput) -> Array:
+        """Return the commanded voltage less the one that drives the current, which differs at the limit [V]."""
+        return self.voltage_left(given, self.current(given)) if np.isfinite(self.limit) else np.zeros(np.shape(given.v))
 
-    def rates(self, command: Array, state: Array, v: Array) -> Array:
-        """Return the rate of the current, ``(V - R i - k N v) / L``, 0 at its limit [A/s], shape (..., s)."""
-        if not self.states:
-            return np.zeros((*np.shape(command), 0))
-        over = self._over(command, state[..., 0], v) - self.excess(command, state, v)
-        return np.asarray(over / self.motor.inductance)[..., None]
+    def rates(self, given: MotorInput) -> Array:
+        """Return nothing: it has no states."""
+        return np.zeros((*np.shape(given.command), 0))
 
-    def effort(self, command: Array, state: Array, v: Array) -> Array:
+    def effort(self, given: MotorInput) -> Array:
         """Return the effort at the joint, ``N k i`` [N*m or N]."""
-        return np.asarray(self.ratio * self.motor.constant * self.current(command, state, v))
+        return np.asarray(self.ratio * self.motor.constant * self.current(given))
 
-    def parts(self, command: Array, state: Array, v: Array) -> dict[str, Array]:
+    def parts(self, given: MotorInput) -> dict[str, Array]:
         """Return effort, voltage and current, and the distance of this to its limit, ``current_margin`` [A]."""
-        current = self.current(command, state, v)
-        found = {
-            "effort": self.effort(command, state, v),
-            "voltage": np.asarray(command - self.excess(command, state, v)),
-            "current": current,
-        }
-        return found if np.isinf(self.most) else {**found, "current_margin": self.most - np.abs(current)}
+        current = self.current(given)
+        voltage = np.asarray(given.command - self.excess(given))
+        known = {"effort": self.effort(given), "voltage": voltage, "current": current}
+        return known if np.isinf(self.limit) else {**known, "current_margin": self.limit - np.abs(current)}
 
-    def kinks(self, command: Array, state: Array, v: Array) -> list[Array]:
-        """Return the voltages that are left at both limits of the current, and its distances to them."""
-        if np.isinf(self.most):
+    def mode(self, given: MotorInput) -> int:
+        """Return the only mode: voltage and velocity determine the current."""
+        return FREE
+
+    def switches(self, mode: int) -> list[Switch[MotorInput]]:
+        """Return where the current reaches its limits."""
+        if np.isinf(self.limit):
             return []
-        left = [self._over(command, limit, v) for limit in (self.most, -self.most)]
-        return [*left, *(state[..., 0] - limit for limit in (self.most, -self.most))] if self.states else left
+        return [
+            Switch(lambda given, at=at: self.voltage_left(given, at))  # type: ignore[misc]
+            for at in (self.limit, -self.limit)
+        ]
+
+
+@dataclass(frozen=True)
+class InductiveWinding(Winding):
+    """A DC motor whose current is a state; see ``Actuator``.
+
+    At its limit the current is held; see ``mechanics.limited_states`` for its modes.
+    """
+
+    states: ClassVar[int] = 1
+
+    def current(self, given: MotorInput) -> Array:
+        """Return the current, less what its integration misses the limit by [A]."""
+        return np.asarray(np.clip(given.state[..., 0], -self.limit, self.limit))
+
+    def excess(self, given: MotorInput) -> Array:
+        """Return the voltage that is left where the current is held, else 0 [V]."""
+        return np.where(np.equal(given.mode, FREE), 0.0, self.excess_if_held(given))
+
+    def rates(self, given: MotorInput) -> Array:
+        """Return the rate of the current, ``(V - R i - k N v) / L``, 0 where it is held [A/s], shape (..., 1)."""
+        left = self.voltage_left(given, given.state[..., 0])
+        return np.asarray(np.where(np.equal(given.mode, FREE), left, 0.0) / self.motor.inductance)[..., None]
+
+    def mode(self, given: MotorInput) -> int:
+        """Return whether the current is held, in one state."""
+        left, limits = float(self.excess_if_held(given)), StateLimits(-self.limit, self.limit)
+        assert isinstance(given.mode, int)
+        scale = self.motor.resistance * abs(float(self.current(given)))
+        return limits.mode(float(given.state[..., 0]), left, scale, given.mode)
+
+    def excess_if_held(self, given: MotorInput) -> Array:
+        """Return the voltage that would be left if the present current were held [V]."""
+        return self.voltage_left(given, self.current(given))
+
+    def switches(self, mode: int) -> list[Switch[MotorInput]]:
+        """Return where the current reaches its limits, or where the voltage takes it back."""
+        limits = StateLimits(-self.limit, self.limit)
+        return limits.switches(mode, lambda given: given.state[..., 0], self.excess_if_held)
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,38 +297,45 @@ class TorqueSource:
     continuous: TorqueCurve | None
     states: ClassVar[int] = 0
 
-    def torque(self, command: Array, v: Array) -> Array:
+    def torque(self, given: MotorInput) -> Array:
         """Return the torque of the motor [N*m]."""
         if self.peak is None:
-            return command
-        most = self.peak.at(self.ratio * v)
-        return np.asarray(np.minimum(np.maximum(command, -most), most))
+            return given.command
+        most = self.peak.at(self.ratio * given.v)
+        return np.asarray(np.minimum(np.maximum(given.command, -most), most))
 
-    def effort(self, command: Array, state: Array, v: Array) -> Array:
+    def effort(self, given: MotorInput) -> Array:
         """Return N times the torque."""
-        return np.asarray(self.ratio * self.torque(command, v))
+        return np.asarray(self.ratio * self.torque(given))
 
-    def rates(self, command: Array, state: Array, v: Array) -> Array:
+    def rates(self, given: MotorInput) -> Array:
         """Return nothing: it has no states."""
-        return np.zeros((*np.shape(command), 0))
+        return np.zeros((*np.shape(given.command), 0))
 
-    def parts(self, command: Array, state: Array, v: Array) -> dict[str, Array]:
+    def parts(self, given: MotorInput) -> dict[str, Array]:
         """Return effort, torque, and its distance to the curves: ``margin`` and ``continuous_margin`` [N*m]."""
-        torque, speed = self.torque(command, v), self.ratio * v
-        found = {"effort": np.asarray(self.ratio * torque), "torque": torque}
+        torque, speed = self.torque(given), self.ratio * given.v
+        known = {"effort": np.asarray(self.ratio * torque), "torque": torque}
         for name, curve in (("margin", self.peak), ("continuous_margin", self.continuous)):
             if curve is not None:
-                found[name] = curve.at(speed) - np.abs(torque)
-        return found
+                known[name] = curve.at(speed) - np.abs(torque)
+        return known
 
-    def excess(self, command: Array, state: Array, v: Array) -> Array:
+    def excess(self, given: MotorInput) -> Array:
         """Return the commanded torque less the one that it gives [N*m]."""
-        return np.asarray(command - self.torque(command, v))
+        return np.asarray(given.command - self.torque(given))
 
-    def kinks(self, command: Array, state: Array, v: Array) -> list[Array]:
-        """Return the distances of the command to the peak torque, and of the speed to the bends of its curve."""
-        if self.peak is None:
+    def mode(self, given: MotorInput) -> int:
+        """Return the only mode: command and velocity determine the torque."""
+        return FREE
+
+    def switches(self, mode: int) -> list[Switch[MotorInput]]:
+        """Return where the command reaches the peak torque, and the speed the bends of its curve."""
+        if (peak := self.peak) is None:
             return []
-        speed = np.abs(self.ratio * v)
-        most = self.peak.at(speed)
-        return [command - most, command + most, *(speed - bend for bend in self.peak.speeds[1:])]
+        bends = [Switch(lambda given, at=bend: np.abs(self.ratio * given.v) - at) for bend in peak.speeds[1:]]  # type: ignore[misc]
+        return [
+            Switch(lambda given: given.command - peak.at(self.ratio * given.v)),
+            Switch(lambda given: given.command + peak.at(self.ratio * given.v)),
+            *bends,
+        ]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -16,10 +15,10 @@ from pinarm.mechanics.coordinates import DistanceCoordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import METRE, frame_of
+from pinarm.records import ValueRecord
 
 
-@dataclass(frozen=True)
-class PathLength:
+class PathLength(ValueRecord, frozen=True):
     """Length of the path through the origins of links, straight from each to the next: ``w = sum_k |p_k+1 - p_k|``.
 
     Attributes:

@@ -8,7 +8,7 @@ to it, ``x - w(q) = 0``. As armatures of joints, rotors have no weight, and thei
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,7 @@ from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import METRE, Joint
+from pinarm.records import replace
 
 ENDLESS = np.array([np.inf])
 

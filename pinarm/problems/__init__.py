@@ -10,6 +10,7 @@ from pinarm.errors import InputError, Place, choices
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.motion.outcome import Outcome
+    from pinarm.engine.motion.prescribed_motion import PrescribedTable
     from pinarm.engine.motion.trajectory import Trajectory
     from pinarm.problems.accuracy import Accuracy
     from pinarm.problems.declaration import Declaration
@@ -24,6 +25,10 @@ KINDS = {
     "recorded": ("recording.recorded", "Recorded"),
 }
 """Kind, and its module and class. A new kind is one class and one entry."""
+
+
+PRESCRIBING = ("statics", "state", "inverse", "kinematics")
+"""Kinds in which laws determine the motion: those of ``PrescribingProblem``."""
 
 
 class Problem(Protocol):
@@ -57,6 +62,14 @@ class Problem(Protocol):
         ...
 
 
+class PrescribingProblem(Problem, Protocol):
+    """A question about a mechanism whose motion laws determine."""
+
+    def table(self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Any = None) -> PrescribedTable:
+        """Return what is prescribed at which rows, with nothing solved; see ``solve``."""
+        ...
+
+
 if TYPE_CHECKING:  # mypy compares the kinds with the protocol, which are imported by name
     from pinarm.problems.equilibria import Equilibria
     from pinarm.problems.forward import Forward
@@ -66,6 +79,7 @@ if TYPE_CHECKING:  # mypy compares the kinds with the protocol, which are import
     from pinarm.problems.states import State, Statics
 
     _PROBLEMS: tuple[type[Problem], ...] = (Statics, State, Inverse, Forward, KinematicMotion, Equilibria, Recorded)
+    _PRESCRIBING: tuple[type[PrescribingProblem], ...] = (Statics, State, Inverse, KinematicMotion)
 
 
 def problem_class(kind: object) -> type[Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from pinarm.engine.motion.segmented.hybrid_motion import HybridSystem
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.forward import Forward
+from pinarm.records import replace
 
 
 @dataclass(frozen=True, eq=False)

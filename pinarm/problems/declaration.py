@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
+
+from msgspec import field
+
+from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
     from pinarm.mechanics.forces.kinds import Force
@@ -14,8 +17,7 @@ if TYPE_CHECKING:
 ValueT = TypeVar("ValueT")
 
 
-@dataclass(frozen=True)
-class Declaration:
+class Declaration(ValueRecord, frozen=True):
     """What a problem says about the coordinates of a mechanism.
 
     Attributes:
@@ -47,6 +49,18 @@ class Declaration:
     def prescribed(self) -> list[str]:
         """Coordinates that the problem imposes."""
         return [*self.held, *self.moved, *self.laws]
+
+    def differs_by_numbers(self, other: Declaration) -> bool:
+        """Tell whether another problem says the same of the same coordinates but for numbers.
+
+        Then the same joints can be left out: that depends on what stands still, moves, and is looked at.
+        """
+        return self._structure == other._structure
+
+    @property
+    def _structure(self) -> tuple[object, ...]:
+        laws = [(name, type(law), getattr(law, "of", "")) for name, law in self.laws.items()]
+        return [*self.held], [*self.moved], laws, [*self.watched], [*self.drives], [*self.loads]
 
 
 def others(given: Mapping[str, ValueT], names: Collection[str]) -> dict[str, ValueT]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -32,6 +31,7 @@ from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import LOADS, bind_constant_loads, schema_row
 from pinarm.problems.prescription.prescribed_laws import laws_of
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.forces.kinds import Force

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgspec
@@ -42,6 +41,7 @@ from pinarm.problems.joint_values import check_levels, check_rates, followers_of
 from pinarm.problems.loads import LOADS, bind_loads, schema_row
 from pinarm.problems.prescription.prescribed_laws import laws_of, profile_remarks
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.control.controls import Controls
@@ -134,7 +134,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, place))
         controls = self._controls(mechanism, dynamics, motion, place)
-        initial = self._start(mechanism, place)
+        initial = self.initial_state(mechanism, place)
         bounds: tuple[Bound | Separation, ...] = bounds_of(mechanism, self.end_stops, place)
         bounds = (*bounds, *separations_of(mechanism.closure))
         watches = watches_of(mechanism, self.events, place)
@@ -194,6 +194,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         try:
             motion = integrate_to_size(hybrid, q, v, first)
         except (IntegrationError, Interrupted) as error:
+            if error.partial is not None and error.partial.end <= self.time.instants()[0]:
+                error.partial = None
             if error.partial is not None:
                 reached = IntegratedMotion(mechanism, hybrid, error.partial)
                 grid = hybrid.grid(self.time.instants(), error.partial.seams).until(error.partial.end)
@@ -234,8 +236,12 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             partial=kept, t=rest.t,
         )  # fmt: skip
 
-    def _start(self, mechanism: Mechanism, place: Place) -> Initial:
-        """Return the initial state of the mechanism."""
+    def initial_state(self, mechanism: Mechanism, place: Place) -> Initial:
+        """Return the initial state of the mechanism, as it is given; see ``HybridSystem.begin``.
+
+        Raises:
+            InputError: A name or a unit in it is wrong.
+        """
         check_levels(mechanism, self.start, place, "start")
         check_levels(mechanism, self.initial.position, place, "initial", "position")
         check_rates(mechanism, self.initial.velocity, place, "initial", "velocity")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import msgspec
@@ -13,7 +12,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import with_friction_columns
 from pinarm.engine.kinematics.joint_motion import JointMotion
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.prescribed_motion import Prescription
+from pinarm.engine.motion.prescribed_motion import PrescribedTable, Prescription
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation, actuation
 from pinarm.errors import Place, locating_drives
@@ -31,6 +30,7 @@ from pinarm.problems.loads import LOADS, bind_loads, schema_row
 from pinarm.problems.prescription.prescribed_laws import grid_of, laws_of, profile_remarks
 from pinarm.problems.prescription.resolution import NearestPosture, joint_motion, rough_start
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.outcome import Outcome
@@ -53,7 +53,8 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
         resolve: Which of its motions a mechanism makes that has more degrees of freedom than laws, such as an arm of
             seven joints whose hand follows a path: the one nearest to a posture.
         drives: Coordinates that the drives act along, as many as there are degrees of freedom, or more that ``share``;
-            every joint of an open chain where none is named, and the coordinates of ``motion`` where there are loops.
+            where the key is left out, every joint of an open chain, and the coordinates of ``motion`` where there are
+            loops.
         share: How drives share the load where there are more of them than degrees of freedom: ``least_squares`` (the
             least sum of squares of their efforts), ``bounded`` (the same within the effort limits of the model), or
             ``weights`` and ``limits`` by drive. With as many drives as degrees of freedom it changes nothing, but for
@@ -67,7 +68,7 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
     time: TimeGrid
     motion: Annotated[dict[str, Motion], msgspec.Meta(min_length=1)]
     resolve: NearestPosture | None = None
-    drives: list[str] = []
+    drives: Annotated[list[str], msgspec.Meta(min_length=1)] = []
     share: Share | None = None
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
@@ -102,16 +103,24 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
         drives = drives_of(mechanism, self.drives, list(self.motion), self.share, place)
         return joint_motion(mechanism, motion, self.resolve, place), drives, forces
 
+    def table(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
+    ) -> PrescribedTable:
+        """Return what is prescribed at which instants."""
+        motion, drives, forces = prepared or self.prepare(mechanism, accuracy, place)
+        laws = [*motion.laws, *(law for force in forces.values() for law in force.laws())]
+        grid = grid_of(mechanism, motion, self.time.instants(), laws)
+        known = Prescription(mechanism, motion, drives, Dynamics.of(mechanism.model, forces), "t", unit("s"))
+        with place("motion"):
+            return PrescribedTable(known, grid, rough_start(mechanism, self.start, self.resolve))
+
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
     ) -> Outcome:
         """Return the motion of the joints and the efforts of the drives."""
-        motion, drives, forces = prepared or self.prepare(mechanism, accuracy, place)
-        laws = [*motion.laws, *(law for force in forces.values() for law in force.laws())]
-        grid = grid_of(mechanism, motion, self.time.instants(), laws)
+        table = self.table(mechanism, accuracy, place, prepared)
         with place("motion"), locating_drives(place, "drives" if self.drives else "motion"):
-            prescription = Prescription(mechanism, motion, drives, Dynamics.of(mechanism.model, forces), "t", unit("s"))
-            found = prescription.outcome(grid, rough_start(mechanism, self.start, self.resolve))
+            found = table.outcome()
         remarks = [
             *omitted_drives_remarks(mechanism, self.drives, [*self.motion]),
             *profile_remarks(mechanism, self.motion),

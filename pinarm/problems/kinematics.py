@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import msgspec
@@ -12,7 +11,7 @@ from msgspec.structs import replace as replace_fields
 from pinarm.engine.kinematics.closed_configurations import generic_near
 from pinarm.engine.kinematics.joint_motion import JointMotion
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.prescribed_motion import KINEMATIC, Prescription
+from pinarm.engine.motion.prescribed_motion import KINEMATIC, PrescribedTable, Prescription
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import Place
 from pinarm.input.units import unit
@@ -24,6 +23,7 @@ from pinarm.problems.joint_values import check_levels
 from pinarm.problems.prescription.prescribed_laws import grid_of, laws_of
 from pinarm.problems.prescription.resolution import NearestPosture, joint_motion, rough_start
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.outcome import Outcome
@@ -71,13 +71,21 @@ class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematic
         check_levels(mechanism, self.start, place, "start")
         return joint_motion(mechanism, motion, self.resolve, place)
 
+    def table(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: JointMotion | None = None
+    ) -> PrescribedTable:
+        """Return what is prescribed at which instants."""
+        motion = prepared or self.prepare(mechanism, accuracy, place)
+        laws = [*motion.laws, *(law for force in mechanism.forces.values() for law in force.laws())]
+        grid = grid_of(mechanism, motion, self.time.instants(), laws)
+        known = Prescription(mechanism, motion, None, mechanism.dynamics, "t", unit("s"))
+        with place("motion"):
+            return PrescribedTable(known, grid, rough_start(mechanism, self.start, self.resolve))
+
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: JointMotion | None = None
     ) -> Outcome:
         """Return the motion of the joints."""
-        motion = prepared or self.prepare(mechanism, accuracy, place)
-        laws = [*motion.laws, *(law for force in mechanism.forces.values() for law in force.laws())]
-        grid = grid_of(mechanism, motion, self.time.instants(), laws)
+        table = self.table(mechanism, accuracy, place, prepared)
         with place("motion"):
-            prescription = Prescription(mechanism, motion, None, mechanism.dynamics, "t", unit("s"))
-            return prescription.outcome(grid, rough_start(mechanism, self.start, self.resolve))
+            return table.outcome()

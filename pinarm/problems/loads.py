@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pinarm.engine.dynamics.dynamics import Dynamics
@@ -14,6 +13,7 @@ from pinarm.input.units import Unit
 from pinarm.input.yaml.deferred import Deferred
 from pinarm.mechanics.forces.force_element import ForceElement, check_new
 from pinarm.mechanics.laws import Constant
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.statics.actuation import Actuation

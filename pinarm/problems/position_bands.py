@@ -7,7 +7,7 @@ free motion is followed both ways to the first position where one of the two eff
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from pinarm.engine.statics.equilibrium import ForceBalance
 from pinarm.engine.statics.stiffness import Modes
 from pinarm.errors import AssemblyError, DynamicsError
 from pinarm.input.units import unit
+from pinarm.records import replace
 
 TURN, GROWTH, STEPS = 0.05, 1.25, 150
 """Largest turn of a joint between positions that are looked at [rad]; growth of the steps; steps at most."""

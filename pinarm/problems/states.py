@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import msgspec
@@ -13,10 +12,11 @@ from msgspec.structs import replace as replace_fields
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import with_friction_columns
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
+from pinarm.engine.kinematics.law_count import determining
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.prescribed_motion import Prescription, Rates
+from pinarm.engine.motion.prescribed_motion import PrescribedTable, Prescription, Rates
 from pinarm.engine.motion.trajectory import ROW, Trajectory
 from pinarm.engine.statics.actuation import Actuation, actuation
 from pinarm.errors import InputError, Key, Place, choices, locating_drives
@@ -34,6 +34,7 @@ from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import LOADS, bind_constant_loads, schema_row
 from pinarm.problems.prescription.prescribed_laws import laws_of
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.outcome import Outcome
@@ -83,7 +84,7 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
     deferred: ClassVar[Deferred] = LOADS
     over: Annotated[dict[str, Range], msgspec.Meta(max_length=1)] = {}
     hold: dict[str, Level] = {}
-    drives: list[str] = []
+    drives: Annotated[list[str], msgspec.Meta(min_length=1)] = []
     share: Share | None = None
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
@@ -110,15 +111,19 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
         drives = drives_of(mechanism, self.drives, prescribed.names, self.share, place)
         return prescribed, drives, _forces(self.start, self.loads, mechanism, place)
 
+    def table(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PreparedStatics | None = None
+    ) -> PrescribedTable:
+        """Return what is prescribed at which positions."""
+        prescribed, drives, forces = prepared or self.prepare(mechanism, accuracy, place)
+        rest = np.zeros(len(prescribed.names))
+        return _table(self, mechanism, prescribed, drives, forces, (rest, rest), place)
+
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PreparedStatics | None = None
     ) -> Outcome:
         """Return the positions, at rest, and the efforts of the drives."""
-        prescribed, drives, forces = prepared or self.prepare(mechanism, accuracy, place)
-        rest = np.zeros(len(prescribed.names))
-        with place(), locating_drives(place):
-            known = _prescription(mechanism, prescribed, drives, forces, self.over, (rest, rest))
-            return _outcome(self, known)
+        return _outcome(self, self.table(mechanism, accuracy, place, prepared), place)
 
 
 class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
@@ -143,7 +148,7 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
     hold: dict[str, Level] = {}
     velocity: dict[str, Rate] = {}
     acceleration: dict[str, SecondRate] = {}
-    drives: list[str] = []
+    drives: Annotated[list[str], msgspec.Meta(min_length=1)] = []
     share: Share | None = None
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
@@ -188,13 +193,18 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
         drives = drives_of(mechanism, self.drives, prescribed.names, self.share, place)
         return prescribed, drives, _forces(self.start, self.loads, mechanism, place), (rates[0], rates[1])
 
+    def table(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PreparedState | None = None
+    ) -> PrescribedTable:
+        """Return what is prescribed at which positions."""
+        prescribed, drives, forces, rates = prepared or self.prepare(mechanism, accuracy, place)
+        return _table(self, mechanism, prescribed, drives, forces, rates, place)
+
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PreparedState | None = None
     ) -> Outcome:
         """Return the states and the efforts of the drives."""
-        prescribed, drives, forces, rates = prepared or self.prepare(mechanism, accuracy, place)
-        with place(), locating_drives(place):
-            return _outcome(self, _prescription(mechanism, prescribed, drives, forces, self.over, rates))
+        return _outcome(self, self.table(mechanism, accuracy, place, prepared), place)
 
 
 def _schema_row(problem: Statics | State, mechanism: Mechanism, drives: Actuation) -> Trajectory:
@@ -206,21 +216,24 @@ def _schema_row(problem: Statics | State, mechanism: Mechanism, drives: Actuatio
     return with_friction_columns(replace(row, separate=True), drives)
 
 
-def _prescription(
-    mechanism: Mechanism, prescribed: PrescribedCoordinates, drives: Actuation, forces: Mapping[str, ForceElement],
-    over: Mapping[str, Range], rates: Rates,
-) -> Prescription:  # fmt: skip
-    dynamics = Dynamics.of(mechanism.model, forces)
-    return Prescription(
-        mechanism, DeterminedMotion(mechanism, prescribed), drives, dynamics, *_parameter(over, mechanism), rates
-    )
+def _table(
+    problem: Statics | State, mechanism: Mechanism, prescribed: PrescribedCoordinates, drives: Actuation,
+    forces: Mapping[str, ForceElement], rates: Rates, place: Place,
+) -> PrescribedTable:  # fmt: skip
+    motion, dynamics = DeterminedMotion(mechanism, prescribed), Dynamics.of(mechanism.model, forces)
+    with place():
+        parameter = _parameter(problem.over, mechanism)
+        known = Prescription(mechanism, motion, drives, dynamics, *parameter, rates)
+        return PrescribedTable(known, _grid(problem.over), start_configuration(mechanism, problem.start))
 
 
-def _outcome(problem: Statics | State, known: Prescription) -> Outcome:
+def _outcome(problem: Statics | State, table: PrescribedTable, place: Place) -> Outcome:
     """Return the states of a problem, and what is to be said of its drives."""
-    found = known.outcome(_grid(problem.over), start_configuration(known.mechanism, problem.start))
-    remarks = omitted_drives_remarks(known.mechanism, problem.drives, [*problem.over, *problem.hold])
-    return replace(found, notes=(*found.notes, *remarks))
+    mechanism = table.prescription.mechanism
+    with place(), locating_drives(place):
+        found = table.outcome()
+        remarks = omitted_drives_remarks(mechanism, problem.drives, [*problem.over, *problem.hold])
+        return replace(found, notes=(*found.notes, *remarks))
 
 
 def _parameter(over: Mapping[str, Range], mechanism: Mechanism) -> tuple[str, Unit]:
@@ -253,7 +266,7 @@ def _prescribed(
     laws_of(mechanism, held, lambda _, name: place("hold", name))
     motion: dict[str, MotionLaw] = {**{swept: ConstantSpeed(speed=1.0) for swept in over}, **held}
     with place():
-        return PrescribedCoordinates.of(mechanism, motion)
+        return determining(mechanism, motion)
 
 
 def _forces(

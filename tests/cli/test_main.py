@@ -448,16 +448,39 @@ def test_a_mechanism_file_is_validated_as_one(here: Path, capsys: pytest.Capture
     assert "pivto" in err and "try: pivot" in err
 
 
-def test_mechanism_files_of_a_folder_are_passed_over(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_folders_are_validated_with_those_below_them(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("bad.yaml", "blow.yaml", "miss.yaml"):
         (here / name).unlink()
-    assert main(["validate", "."]) == 0
-    assert capsys.readouterr().out == "a.yaml: valid\n"
-    assert main(["check", "."]) == 0
+    for folder in ("models/deep", "models/.hidden", "empty"):
+        (here / folder).mkdir(parents=True)
+    (here / "models" / "other.yaml").write_text("jobs: [build]\n")
+    (here / "pendulum.yaml").rename(here / "models" / "deep" / "pendulum.yaml")
+    (here / "models" / ".hidden" / "x.yaml").write_text("problem: {}\n")
+    assert main(["validate", "models", "empty"]) == 2  # the robot is not beside it
+    out, err = capsys.readouterr()
+    assert out == "1 scenarios and mechanism files, 1 with mistakes; 1 other files passed over\n"
+    assert "models/deep/pendulum.yaml" in err
+    assert main(["validate", "empty"]) == 2
+    assert "there are no scenarios and no mechanism files in empty" in capsys.readouterr().err
+    assert main(["validate", "empty", "models", "--json"]) == 2
+    said = strict_json(capsys.readouterr().out)
+    assert (said["files"], said["passed over"], len(said["mistakes"])) == (1, 1, 1)
+
+
+def test_mechanism_files_of_a_folder_are_not_checked(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("bad.yaml", "blow.yaml", "miss.yaml"):
+        (here / name).unlink()
+    (here / "empty").mkdir()
+    assert main(["validate", "empty", "."]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "a.yaml: valid"
+    assert lines[1].startswith("pendulum.yaml: valid mechanism file")
+    assert lines[2:] == ["2 scenarios and mechanism files, 0 with mistakes; 0 other files passed over"]
+    assert main(["check", "empty", "."]) == 0
     assert "1 agrees" in capsys.readouterr().out
     (here / "a.yaml").unlink()
-    assert main(["check", "."]) == 2
-    assert "there are no scenarios in ." in capsys.readouterr().err
+    assert main(["check", ".", "empty"]) == 2
+    assert "there are no scenarios in ., empty" in capsys.readouterr().err
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:

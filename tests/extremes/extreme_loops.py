@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -21,6 +20,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.forces.joint_definitions import JointSpring
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic
+from pinarm.records import replace
 
 NEWTON = "Newton-Euler equations of all bodies in extended precision"
 
@@ -131,17 +131,18 @@ FLAT = np.pi / 2
 Entry = tuple[str, str, str, Callable[[Path], float], float, str]
 ENTRIES: list[Entry] = [
     *[("masses in loops", f"{name}, {body} {ratio:g} times as heavy", NEWTON,
-       partial(uneven, *LOOPS[name], body, ratio), 1e-9, "energy over the steps at a tolerance of 1e-12")
+       partial(uneven, *LOOPS[name], body, ratio), 1e-9, "energy over the steps at a tolerance of 1e-12", when)
       for name, body in (("four-bar", "coupler"), ("spatial four-bar", "coupler"), ("spatial four-bar", "crank"),
                          ("slider-crank", "rod"), ("slider-crank", "slider"))
-      for ratio in (1e-12, 1e-8, 1e8, 1e12)],
+      for ratio, when in ((1e-12, "fast"), (1e-8, "slow"), (1e8, "slow"), (1e12, "fast"))],
     *[("sizes of loops", f"slider-crank of {size:g} m at constant speed, closed at {cut}",
        "closed form of place and torque", partial(crank, size, 10.0, 3.2, cut), 1e-12, "rounding")
       for size, cut in ((1e-6, "A"), (1e-6, "C"), (1e6, "B"), (1e6, "C"))],
     *[("sizes of loops", f"{name} of {0.4 * size:g} m in free motion",
        "dense equation of motion at 1 m, SciPy, by similarity", partial(sized, *LOOPS[name], size), bound,
-       "1e-12 a step, relative to 1 rad/s; a large one is slower")
-      for name in ("four-bar", "spatial four-bar") for size, bound in ((1e-6, 1e-9), (1e3, 1e-9), (1e6, 2e-8))],
+       "1e-12 a step, relative to 1 rad/s; a large one is slower", when)
+      for name in ("four-bar", "spatial four-bar")
+      for size, bound, when in ((1e-6, 1e-9, "slow"), (1e3, 1e-9, "slow"), (1e6, 2e-8, "fast"))],
     ("speeds", "crank of a slider-crank at 1e5 rad/s", "closed form of place and torque",
      partial(crank, 1.0, 1e5, 3.2, "A"), 1e-12, "rounding"),
     ("springs", "spring of 1e9 and damper of 1e6 in a loop, by Radau IIA", "two exponentials",

@@ -14,7 +14,7 @@ from pinarm.errors import InputError, PinarmError, choices
 SCENARIOS = Path(pinarm.__file__).parents[1] / "scenarios"
 
 
-@pytest.mark.parametrize("value", ["1e308", "1e300", "1e154", "1e-300"])
+@pytest.mark.parametrize("value", ["1e308", "1e-300"])
 @pytest.mark.parametrize(
     ("scenario", "path", "unit"),
     [

@@ -164,8 +164,7 @@ def test_what_is_no_model_is_refused(root, text):
 
 
 @pytest.mark.parametrize("key", ["stiffness", "damping", "armature", "frictionloss", "ref", "springref", "range"])
-@pytest.mark.parametrize("value", ["nan", "inf", "x", "1_0", "0x10", "", "1e999", "-1 nan"])
-def test_no_number_of_a_joint_is_taken_on_trust(root, key, value):
-    refused(
-        root / "m.xml", MODEL.format("", f'<body name="q"><joint name="k" {key}="{value}"/><geom size="1"/></body>')
-    )
+def test_no_number_of_a_joint_is_taken_on_trust(root, key):
+    for value in ("nan", "inf", "x", "1_0", "0x10", "", "1e999", "-1 nan"):
+        body = f'<body name="q"><joint name="k" {key}="{value}"/><geom size="1"/></body>'
+        refused(root / "m.xml", MODEL.format("", body))

@@ -124,7 +124,7 @@ def use(path: Path) -> None:
 
 @pytest.mark.parametrize("name", MODELS)
 @settings(
-    max_examples=60, deadline=None, derandomize=True, database=None,
+    max_examples=25, deadline=None, derandomize=True, database=None,
     phases=[Phase.explicit, Phase.generate],  # shrinking would take longer than the test
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )  # fmt: skip

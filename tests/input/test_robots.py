@@ -21,7 +21,13 @@ LOADERS = {
 """Names of the package's own loaders, and the degrees of freedom: joints that move, and 6 where they float."""
 
 
-@pytest.mark.parametrize("name", LOADERS)
+FEW = ("double_pendulum", "iris", "panda", "so101", "solo12", "tiago", "ur3_gripper")
+"""Fixed and floating, with continuous and coupled joints; all of them are among the slow tests."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in FEW else pytest.mark.slow) for name in LOADERS]
+)
 def test_a_robot_loads_by_the_name_that_its_package_gives_it(name):
     mechanism = Mechanism.load(name)
     assert mechanism.model.nv == LOADERS[name]

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.engine.mechanism import Mechanism
+from pinarm.records import replace
 
 GROUND = "base"
 X, Y, Z = np.eye(3)

@@ -288,6 +288,10 @@ class TestFriction:
             assert normal == pytest.approx(force, rel=1e-11)
             assert np.abs(drag) == pytest.approx(mu * force, rel=1e-11)
             assert torque == pytest.approx(force * (ds + sign * mu * (RB + s)), rel=1e-10)
+            across, along, bearing = asked(run, "coupling.cam.force.x", "coupling.cam.force.y", "joint.O.force.x")
+            assert across == pytest.approx(-sign * mu * force, rel=1e-10)  # the face is dragged along, of the cam's top
+            assert across == pytest.approx(bearing, rel=1e-10)
+            assert along == pytest.approx(force, rel=1e-10)
 
     def test_a_roller_turns_on_its_pin(self, cam):
         """The power lost is ``mu N r`` times the speed of the roller, ``u / R``; u is that of rolling on the disc."""

@@ -1,7 +1,5 @@
 """Bodies without mass inside of loops: what they transmit is exact, and where nothing holds them this is said."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from catalogue import ABOUT_Y, axes_along, bar, rssr, slider_crank
@@ -14,6 +12,7 @@ from pinarm.errors import DynamicsError
 from pinarm.mechanics.forces.joint_definitions import JointEffort
 from pinarm.mechanics.forces.point import PointSpring
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic
+from pinarm.records import replace
 
 CUTS = pytest.mark.parametrize("cut", ["O", "A", "B", "C"])
 LAW = {"O": Harmonic(amplitude=0.8, pulsation=3.0)}

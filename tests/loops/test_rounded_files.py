@@ -126,7 +126,7 @@ LINKAGES = {
 }
 
 
-@pytest.mark.parametrize(("turn", "size"), [("along y", 1e-11), ("askew", 1e-10)])
+@pytest.mark.parametrize(("turn", "size"), [pytest.param("along y", 1e-11, marks=pytest.mark.slow), ("askew", 1e-10)])
 @pytest.mark.parametrize("name", LINKAGES)
 def test_plane_loops_of_a_rounded_file_move_as_those_of_an_exact_one(name, turn, size, tmp_path):
     linkage, cut, motors = LINKAGES[name]

@@ -1,6 +1,5 @@
 """The loop joint ``screw`` against the coupling of that name, and against equations by hand."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +19,7 @@ from pinarm.mechanics.loops.lower_pairs import looser
 from pinarm.mechanics.loops.screw import Helical
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.states import Statics
+from pinarm.records import replace
 
 MODELS = Path(__file__).parents[2] / "models"
 INERTIA, MASS, LEAD, G = 0.003, 7.0, 0.012, 9.81

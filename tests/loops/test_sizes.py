@@ -1,7 +1,5 @@
 """Loops of any size: angles are those of 1 m."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from catalogue import four_bar, rssr, slider_crank
@@ -9,6 +7,7 @@ from linkage import Body, Linkage
 from motions import driven, free
 
 from pinarm.mechanics.laws import ConstantSpeed
+from pinarm.records import replace
 
 LOOPS = {"four-bar": (four_bar(), "B"), "spatial four-bar": (rssr(), "A"), "slider-crank": (slider_crank(), "A")}
 

@@ -288,6 +288,63 @@ friction: {{shaft: {{mu: 0.2, radius: 100 mm}}}}
             assert (p - 500.0) * 0.2 == pytest.approx(sign * 0.2 * 0.1 * np.hypot(p, 500.0), rel=1e-11)
 
 
+SHAFTS = """
+<link name="first"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial>
+</link><link name="second"><inertial><mass value="4"/><inertia ixx="1" iyy="1" izz="0.02" ixy="0" ixz="0" iyz="0"/>
+</inertial></link>
+<joint name="in" type="continuous"><parent link="base"/><child link="first"/><axis xyz="0 0 1"/></joint>
+<joint name="out" type="continuous"><parent link="base"/><child link="second"/><origin xyz="0.15 0 0"/>
+<axis xyz="0 0 1"/></joint>"""
+BELTED = """gravity: none
+couplings: {C: {kind: belt, joints: [in, out], radii: [50 mm, 100 mm], pretension: 3 N}}
+friction: {C: {mu: 0.3}}
+"""
+PULL = 2.0 * 3.0 * np.tanh(0.5 * 0.3 * (np.pi - 2.0 * np.arcsin(0.05 / 0.15)))
+"""The most that the belt pulls, ``2 F0 tanh(mu theta / 2)`` (Euler, Eytelwein) [N]."""
+
+
+def test_a_belt_whose_driven_wheel_follows_a_law_slips_until_the_other_one_is_as_fast(write):
+    """``w = PULL r t / J`` until ``r w = 0.05 * 3 rad/s``; the belt carries nothing from then on."""
+    problem = "{kind: forward, time: {end: 0.3 s, samples: 31}, motion: {in: {law: constant_speed, speed: 3 rad/s}}}"
+    result = pinarm.run(write(SHAFTS, BELTED, problem, "in, out, joint.out.velocity, coupling.C.friction"))
+    slips = result.outcome.motion.motion.segments[0]
+    ends = 1.5 / (PULL * 0.1 / 0.02)
+    assert slips.solution.end == pytest.approx(ends, rel=1e-9)
+    t = result["t"].values
+    assert result["out"].values == pytest.approx(
+        np.where(t < ends, 0.75 * t**2 / ends, 1.5 * (t - 0.5 * ends)), rel=1e-9
+    )
+    assert np.abs(result["coupling.C.friction"].values[t < ends]) == pytest.approx(PULL, rel=1e-12)
+    assert result["coupling.C.friction"].values[-1] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_belt_slips_where_its_law_asks_for_more_than_it_pulls(write):
+    """A polynomial of degree 5 over 1 s, of 6 rad: its acceleration passes twice what the belt can give the wheel."""
+    problem = ("{kind: forward, time: {end: 1 s, samples: 11}, "
+               "motion: {in: {law: polynomial, from: 0 rad, to: 6 rad, duration: 1 s, degree: 5}}}")  # fmt: skip
+    result = pinarm.run(write(SHAFTS, BELTED, problem, "in, out, joint.out.velocity"))
+    found = [one.solution.end for one in result.outcome.motion.motion.segments]
+    position = np.polynomial.Polynomial([0, 0, 0, 60, -90, 36])
+    most = PULL * 0.1 / 0.02  # of the acceleration of the driven wheel, which turns half as fast
+    begins = min(root.real for root in (position.deriv(2) / 2 - most).roots() if root.real > 0 and not root.imag)
+    gain = position.deriv() / 2 - np.polynomial.Polynomial([position.deriv()(begins) / 2 - most * begins, most])
+    ends = min(root.real for root in gain.roots() if root.real > begins + 1e-3 and abs(root.imag) < 1e-9)
+    assert found[:2] == pytest.approx([begins, ends], rel=1e-7)  # the tolerance of the integration is 1e-8
+    assert result.figures["friction"] < 1e-12
+
+
+def test_a_law_that_moves_against_two_frictions_at_rest_is_refused(write):
+    """At rest a bearing and the belt hold the driven wheel; once the law moves, one of them must slip."""
+    problem = ("{kind: forward, time: {end: 1 s, samples: 11}, "
+               "motion: {in: {law: cycloidal, from: 0 rad, to: 6 rad, duration: 1 s}}}")  # fmt: skip
+    path = write(SHAFTS, BELTED + "  out: {constant: 0.01 N*m}\n", problem, "out")
+    path.with_name("mechanism.yaml").write_text(
+        path.with_name("mechanism.yaml").read_text().replace("friction: {C: {mu: 0.3}}", "friction:\n  C: {mu: 0.3}")
+    )
+    with pytest.raises(PinarmError, match=r"friction holds .* at one instant, and a law moves them against each other"):
+        pinarm.run(path)
+
+
 DRAWER = f"""
 <link name="drawer">{BODY.format(mass=1)}</link><link name="knob"/>
 <joint name="slide" type="prismatic"><parent link="base"/><child link="drawer"/><axis xyz="1 0 0"/>{SIZES}</joint>
@@ -388,9 +445,15 @@ def test_friction_of_a_thread_loads_its_bearings(write):
     """The nut's guide carries nothing along its axis but the load, the spindle's thrust bearing all of it."""
     problem = "{kind: inverse, time: {end: 1 s, samples: 2}, motion: {turn: {law: constant_speed, speed: 3 rad/s}}}"
     mechanism = LOAD + COUPLED + "friction: {thread: {mu: 0.08, radius: 15 mm}}\n"
-    result = pinarm.run(write(SCREW, mechanism, problem, "joint.turn.force.z, joint.lift.moment.z, joint.turn.effort"))
+    outputs = "joint.turn.force.z, joint.lift.moment.z, joint.turn.effort, joint.lift.effort"
+    result = pinarm.run(write(SCREW, mechanism, problem, outputs))
     assert result["joint.turn.force.z"].values == pytest.approx(6400.0, rel=1e-12)
     assert result["joint.lift.moment.z"].values == pytest.approx(-result["joint.turn.effort"].values, rel=1e-12)
+    for name in ("coupling.thread.axial", "coupling.thread.force.z", "joint.lift.effort"):
+        assert result[name].values == pytest.approx(6400.0, rel=1e-12)
+    raising = torque(6400.0, 0.008, 0.03, 0.08)
+    assert result["coupling.thread.torque"].values == pytest.approx(-raising, rel=1e-12)
+    assert result["coupling.thread.moment.z"].values == pytest.approx(raising, rel=1e-12)
     assert result.figures["bodies"] < 1e-13
 
 

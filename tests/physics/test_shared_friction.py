@@ -139,3 +139,66 @@ def test_a_cable_with_a_counterweight(write, door, weight, least, greatest):
     result = pinarm.run(write(COUNTERWEIGHT, CABLE.format(door, weight), problem, "loop.rope.tension"))
     assert result["loop.rope.tension.least"].values == pytest.approx(np.full(2, least), rel=1e-9, abs=1e-9)
     assert result["loop.rope.tension.greatest"].values == pytest.approx(np.full(2, greatest), rel=1e-9)
+
+
+def told_in(text, names):
+    """Return the columns of a CSV table by the names of its heading, without units."""
+    heading, *rows = text.splitlines()
+    columns = np.array([row.split(",") for row in rows], float).T
+    known = dict(zip([name.partition(" [")[0] for name in heading.split(",")], columns, strict=True))
+    return [known[name] for name in names]
+
+
+def test_tables_and_summaries_never_have_one_share_alone(hoist, tmp_path):
+    """In the table the ends stand beside the value; a summary has no value at the start and at the end."""
+    result = pinarm.run(hoist(LOCKS))
+    entry = result.summary()["outputs"]["coupling.cable.effort"]
+    assert np.isnan([entry["start"], entry["end"]]).all()
+    assert entry["doubt"].startswith("not determined in 3 of 3 rows")
+    folder = result.save(tmp_path / "saved", plots=True)
+    names = [f"coupling.cable.effort.{end}" for end in ("least", "greatest")]
+    least, greatest = told_in((folder / "trajectory.csv").read_text(), names)
+    assert (least, greatest) == (pytest.approx(LOAD - GUIDE, rel=1e-10), pytest.approx(LOAD + GUIDE, rel=1e-10))
+    assert list(result.to_dataframe().columns)[2:4] == [f"{name} [N]" for name in names]
+    assert "least and greatest" in (folder / "plots" / "outputs_1.svg").read_text()
+    assert result.replay(arrows=["reactions"]).html.count("coupling.cable.effort.least") > 0
+
+
+KEY = "expect:\n  - {{quantity: {}, at: {}, value: {} N, rtol: 1e-9, source: by hand}}\n"
+
+
+@pytest.mark.parametrize("place", ["all", "start", "max", "rms", "{t: 0.5 s}"])
+def test_an_answer_key_is_not_compared_with_one_share(hoist, place):
+    key = KEY.format("coupling.cable.effort", place, LOAD)
+    with pytest.raises(InputError, match="not determined"):
+        pinarm.check(hoist(LOCKS, scenario=REST + key))
+    sums = KEY.format("joint.lift.friction + coupling.cable.effort", place, LOAD)
+    [finding] = pinarm.check(hoist(LOCKS, scenario=REST + sums))
+    assert finding.ok
+
+
+def test_sweeps_take_the_ends_and_searches_refuse(hoist):
+    swept = pinarm.sweep(hoist(LOCKS), {"problem.time.end": "0.5, 1 s"}, results=["coupling.cable.effort"], workers=1)
+    assert swept["min coupling.cable.effort"].values == pytest.approx(np.full(2, LOAD - GUIDE), rel=1e-10)
+    assert swept["max coupling.cable.effort"].values == pytest.approx(np.full(2, LOAD + GUIDE), rel=1e-10)
+    find = "find:\n  for: {problem.initial.position.lift: 1 m}\n  so_that: {coupling.cable.effort: 100 N}\n"
+    with pytest.raises(InputError, match="not determined in 3 of 3 rows"):
+        pinarm.run(hoist(LOCKS, scenario=REST + find))
+
+
+def test_loads_of_joints_that_depend_on_it_are_left_out(write):
+    """What the guides of door and counterweight carry along their axes is open; across these they carry moments."""
+    problem = "{kind: forward, time: {end: 1 s, samples: 2}}"
+    path = write(COUNTERWEIGHT, CABLE.format(60, 90), problem, "loop.rope.tension")
+    path.write_text(path.read_text() + "loads: {joints: {door_slide: {}}, sets: [moment]}\n")
+    section = pinarm.run(path).section("loads")
+    assert "door_slide.axial" not in section.numbers
+    assert any("not determined in 2 of 2 rows" in remark for remark in section.remarks)
+
+
+def test_states_under_efforts_have_the_bands_too(hoist):
+    mechanism = pinarm.load(hoist(LOCKS)).mechanism
+    at = mechanism.at(np.zeros((1, mechanism.model.nq)), tau=np.zeros((1, mechanism.model.nv)))
+    assert at["coupling.cable.effort.least"].values == pytest.approx(LOAD - GUIDE, rel=1e-10)
+    assert at["coupling.cable.effort.greatest"].values == pytest.approx(LOAD + GUIDE, rel=1e-10)
+    assert at["coupling.cable.effort"].doubt

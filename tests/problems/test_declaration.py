@@ -11,13 +11,14 @@ from pinarm.input.yaml.schema import Level, Rate, SecondRate
 from pinarm.mechanics.control.kinds import Control
 from pinarm.mechanics.control.pid import Pid
 from pinarm.mechanics.forces.kinds import Force
-from pinarm.mechanics.laws import Constant, Motion
-from pinarm.problems import KINDS, Problem, problem_class
+from pinarm.mechanics.laws import Constant, ConstantSpeed, Motion
+from pinarm.problems import KINDS, PRESCRIBING, Problem, problem_class
 from pinarm.problems.actuation.effort_sharing import EffortSharing, Share
 from pinarm.problems.events import EndStop, Event
 from pinarm.problems.forward import InitialState
+from pinarm.problems.inverse import Inverse
 from pinarm.problems.prescription.resolution import NearestPosture
-from pinarm.problems.states import Range
+from pinarm.problems.states import Range, State
 from pinarm.problems.time_grid import TimeGrid
 
 MADE = {
@@ -105,3 +106,20 @@ def test_a_coordinate_that_is_prescribed_or_watched_is_declared(kind: str, name:
     said = "joint" in str(msgspec.to_builtins(getattr(problem, name), enc_hook=float))
     known = {*declared.prescribed, *declared.watched, *declared.drives, *declared.loads}
     assert ("joint" in known) == (said and name not in ("start", "velocity", "acceleration", "end_stops"))
+
+
+def test_kinds_whose_motion_laws_determine_have_a_table_of_what_is_prescribed() -> None:
+    assert {kind for kind in KINDS if hasattr(problem_class(kind), "table")} == set(PRESCRIBING)
+
+
+def test_problems_differ_by_numbers_where_the_same_coordinates_stand_still_and_move() -> None:
+    """What may be left out of one may be left out of the other; a rate of 0 lets a joint stand still."""
+    slow, fast, still = (
+        Inverse(time=TimeGrid(end=1.0), motion={"a": law}).declaration()
+        for law in (ConstantSpeed(speed=1.0), ConstantSpeed(speed=2.0), Constant(value=1.0))
+    )
+    turning, resting = (State(hold={"a": 0.5}, velocity={"a": rate}).declaration() for rate in (1.0, 0.0))
+    assert slow is not None and fast is not None and still is not None and turning is not None and resting is not None
+    assert slow.differs_by_numbers(fast)
+    assert not slow.differs_by_numbers(still)
+    assert not turning.differs_by_numbers(resting)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,10 +13,11 @@ from pinarm.engine.checks.figures import relative
 from pinarm.engine.checks.sample import SAMPLE, sampled
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.model_variants import Model
 from pinarm.mechanics.geometry.vectors import crossed
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Solution
@@ -92,8 +92,7 @@ def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array
         speeds, shape (rows,) [W].
     """
     model, lam = run.mechanism.model, run.lam.at(rows)
-    every = len(rows) == len(run)
-    links, twists, rates, columns = run.link_motion if every else moving(model, run.q[rows], run.v[rows], run.a[rows])
+    links, twists, rates, columns = run.link_motion_at(rows)
     held = run.closure.load(links, columns, run.q[rows], lam)
     wrenches = demands(model, links, twists, rates)
     asked, sizes = _asked(links, columns, links.at_world(wrenches))
@@ -167,8 +166,7 @@ def demands(model: Model, links: LinkPlacements, twists: Array, rates: Array) ->
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class EnergyAccount:
+class EnergyAccount(Record, frozen=True):
     """What the energy of an integrated motion is balanced from.
 
     Attributes:
@@ -201,6 +199,11 @@ class EnergyAccount:
         return kinetic, potential, np.concatenate([[0.0], np.cumsum(lost)])
 
     @cached_property
+    def _sampled(self) -> bool:
+        """Whether controllers sample the motion."""
+        return any(interval.sampling for interval in self.solution.intervals)
+
+    @cached_property
     def _intervals(self) -> Indices:
         return np.array([step.interval for step in self.solution.steps])
 
@@ -213,8 +216,7 @@ class EnergyAccount:
         """Return the step of every part, its start and its length [s], each of shape (n,)."""
         steps = self.solution.steps
         counts = np.ones(len(steps), dtype=np.intp)
-        sampled = any(interval.sampling for interval in self.solution.intervals)
-        if not sampled or len(divided) < MANY:
+        if not self._sampled or len(divided) < MANY:
             counts[divided] = self.solution.method.subdivisions
         index = np.repeat(np.arange(len(steps)), counts)
         part = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -223,12 +225,31 @@ class EnergyAccount:
         return index, start[index] + part * h, h
 
     def _losses(self, dynamics: Dynamics, index: Indices, start: Array, h: Array) -> Array:
-        """Return the energy that elements take out in parts of steps [J], shape (n,)."""
-        nodes, weights = np.polynomial.legendre.leggauss(GAUSS_NODES)
-        t = (start[:, None] + 0.5 * h[:, None] * (nodes + 1.0)).ravel()
-        q, v = self.whole(t, *self.solution.states_in(np.repeat(index, GAUSS_NODES), t))
-        powers = dynamics.dissipated_power(t, q, v)
-        return np.asarray(0.5 * h * (powers.reshape(-1, GAUSS_NODES) @ weights))
+        """Return the energy that elements take out in parts of steps [J], shape (n,).
+
+        Steps between samples of controllers are short beside the motion: the nodes of one such step do for all its
+        parts.
+        """
+        wholes = index if self._sampled else np.arange(len(index))
+        _, first, counts = np.unique(wholes, return_index=True, return_counts=True)
+        nodes = np.polynomial.legendre.leggauss(GAUSS_NODES)[0]
+        t = (start[first, None] + 0.5 * (h[first] * counts)[:, None] * (nodes + 1.0)).ravel()
+        q, v = self.whole(t, *self.solution.states_in(np.repeat(index[first], GAUSS_NODES), t))
+        powers = dynamics.dissipated_power(t, q, v).reshape(-1, GAUSS_NODES)
+        lost = [part_weights(int(count)) @ power for count, power in zip(counts, powers, strict=True)]
+        return np.asarray(np.concatenate(lost) * h)
+
+
+@cache
+def part_weights(count: int) -> Array:
+    """Return the weights that integrate a function over equal parts of an interval, whose length is that of a part.
+
+    They integrate the polynomial through its values at the Gauss nodes of the whole interval, shape (count, nodes).
+    """
+    nodes = np.polynomial.legendre.leggauss(GAUSS_NODES)[0]
+    powers = np.arange(GAUSS_NODES)
+    ends = np.linspace(-1.0, 1.0, count + 1)[:, None] ** (powers + 1) / (powers + 1)
+    return np.asarray(0.5 * count * np.linalg.solve(np.vander(nodes, increasing=True).T, np.diff(ends, axis=0).T).T)
 
 
 def energy_of(motion: SegmentedMotion) -> dict[str, float]:

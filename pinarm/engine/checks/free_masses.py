@@ -5,7 +5,6 @@ Of few joints M is a matrix; of many, M and its inverse are applied by recursion
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -15,6 +14,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.mass_matrix import mass_diagonal, mass_solved, mass_times
 from pinarm.engine.dynamics.masses import MASSLESS, NOTHING
+from pinarm.records import Record
 
 
 class FreeMasses(Protocol):
@@ -39,8 +39,7 @@ class FreeMasses(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class MassMatrices:
+class MassMatrices(Record, frozen=True):
     """Masses as matrices.
 
     Attributes:
@@ -75,18 +74,34 @@ class MassMatrices:
         return _along(self.free, self._along, moving, most)
 
 
-@dataclass(frozen=True, eq=False)
-class ConstrainedMasses:
-    """Masses of many joints that constraints leave few free motions.
+class _RecursiveMasses(Record, frozen=True):
+    """Masses of many joints: products by recursion.
 
     Attributes:
         model: Pinocchio's model.
         q: Configurations, shape (n, nq).
-        free: T, shape (n, nv, f).
     """
 
     model: pin.Model
     q: Array
+
+    @cached_property
+    def diagonal(self) -> Array:
+        """Diagonal of M."""
+        return np.array([mass_diagonal(self.model, q) for q in self.q])
+
+    def times(self, x: Array) -> Array:
+        """Return ``M x``."""
+        return np.array([mass_times(self.model, q, one) for q, one in zip(self.q, x, strict=True)])
+
+
+class ConstrainedMasses(_RecursiveMasses, frozen=True):
+    """Masses of many joints that constraints leave few free motions.
+
+    Attributes:
+        free: T, shape (n, nv, f).
+    """
+
     free: Array
 
     @cached_property
@@ -99,31 +114,13 @@ class ConstrainedMasses:
         """See ``FreeMasses``."""
         return condition_of(self._along)
 
-    @cached_property
-    def diagonal(self) -> Array:
-        """Diagonal of M."""
-        return np.array([mass_diagonal(self.model, q) for q in self.q])
-
-    def times(self, x: Array) -> Array:
-        """Return ``M x``."""
-        return np.array([mass_times(self.model, q, one) for q, one in zip(self.q, x, strict=True)])
-
     def responses(self, moving: Array, most: Array) -> tuple[Array, Array]:
         """See ``FreeMasses``."""
         return _along(self.free, self._along, moving, most)
 
 
-@dataclass(frozen=True, eq=False)
-class TreeMasses:
-    """Masses of a tree of many joints that no constraint ties: T is the identity.
-
-    Attributes:
-        model: Pinocchio's model.
-        q: Configurations, shape (n, nq).
-    """
-
-    model: pin.Model
-    q: Array
+class TreeMasses(_RecursiveMasses, frozen=True):
+    """Masses of a tree of many joints that no constraint ties: T is the identity."""
 
     @cached_property
     def condition(self) -> Array:
@@ -139,15 +136,6 @@ class TreeMasses:
         largest = largest_eigenvalue(nv, lambda x: mass_times(self.model, q, x / size) / size)
         inverse = largest_eigenvalue(nv, lambda x: size * mass_solved(self.model, q, size * x))
         return largest * inverse if 0.0 < inverse < 1.0 / MASSLESS else np.inf
-
-    @cached_property
-    def diagonal(self) -> Array:
-        """Diagonal of M."""
-        return np.array([mass_diagonal(self.model, q) for q in self.q])
-
-    def times(self, x: Array) -> Array:
-        """Return ``M x``."""
-        return np.array([mass_times(self.model, q, one) for q, one in zip(self.q, x, strict=True)])
 
     def responses(self, moving: Array, most: Array) -> tuple[Array, Array]:
         """See ``FreeMasses``."""

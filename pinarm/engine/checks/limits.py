@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,13 +11,13 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import RADIAN, Joint
+from pinarm.records import ValueRecord
 
 ROUNDING = 1e-9
 """Part of a limit by which it may be passed: a motion that ends at a limit ends there to rounding."""
 
 
-@dataclass(frozen=True)
-class Excess:
+class Excess(ValueRecord, frozen=True):
     """A limit of a joint that a run goes beyond.
 
     Attributes:
@@ -47,8 +46,7 @@ class Excess:
                 f"{self.unit}, first at {where} ({self.rows} of {len(run)} rows)")  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Opening(Excess):
+class Opening(Excess, frozen=True):
     """A cam or a cable that would have to pull, or push, where it cannot: ``joint`` is its name, the limit 0.
 
     Attributes:
@@ -70,8 +68,7 @@ class Opening(Excess):
                 "from there on it moves otherwise")  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Flaw(Excess):
+class Flaw(Excess, frozen=True):
     """A cam that cannot be made: ``joint`` is its name, ``value`` how many rows show it.
 
     Attributes:

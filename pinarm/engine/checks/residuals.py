@@ -5,7 +5,6 @@ A fixed, even choice of rows is looked at, so that the cost of large tables stay
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from pinarm.engine.constraints.nullspaces.nullspace import MANY
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_tree import LinkTree
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.outcome import SolvedMotion
@@ -74,8 +74,7 @@ def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: 
     return figures | {"condition": condition, "return trip": relative(error, size)}
 
 
-@dataclass(frozen=True, eq=False)
-class _Looked:
+class _Looked(Record, frozen=True):
     """What is looked at in n rows, under m constraints and g drives along task coordinates.
 
     Attributes:
@@ -117,8 +116,7 @@ class _Looked:
         return found
 
 
-@dataclass(frozen=True, eq=False)
-class _Alike:
+class _Alike(Record, frozen=True):
     """Rows with f free motions each.
 
     Attributes:

@@ -65,7 +65,7 @@ def nearest_singularity(
     rank = run.mechanism.closure.rank(values)
     if not rank:  # a second bearing in line with the first holds nothing that could be lost
         one = np.ones(values.shape[1:-1])
-        return NearestSingularity(one, float(run.grid.t[rows[0]]) * one, one)
+        return NearestSingularity(one, run.grid.t[rows[0]] * one, one)
     t, largest = run.grid.t[rows], values[..., 0].max(axis=0)
     regular = values[..., rank - 1] / largest
     if values.ndim > 2:
@@ -76,12 +76,13 @@ def nearest_singularity(
 
 
 def _of_variants(t: Array, regular: Array, near: float) -> NearestSingularity:
-    """Return the same of variants, given their regularity at rows, shape (n, k)."""
+    """Return the same of variants, given the parameter, shape (n,) or (n, k), and their regularity, shape (n, k)."""
     least = _first_least(regular)
-    lowest = np.take_along_axis(regular, least[None], axis=0)[0]
+    t = np.broadcast_to(t.reshape(len(t), -1), regular.shape)
+    lowest, at = (np.take_along_axis(x, least[None], axis=0)[0] for x in (regular, t))
     looked_for = (least > 0) & (least < len(t) - 1) & (lowest > RANK) & (lowest < near)
     lowest = np.where(looked_for, np.nan, lowest)
-    return NearestSingularity(lowest, t[least], lowest / regular.max(axis=0))
+    return NearestSingularity(lowest, at, lowest / regular.max(axis=0))
 
 
 def _first_least(regular: Array) -> Indices:

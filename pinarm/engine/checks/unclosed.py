@@ -18,10 +18,10 @@ def unclosed(run: Trajectory) -> list[str]:
     if not closure.size:
         return []
     rows = sampled(len(run))
-    gaps, matrices = closure.at(run.q[rows])
+    gaps = closure.gaps(run.q[rows])
     if (np.abs(gaps) <= ROUNDED * closure.reach).all():  # nearly always
         return []
-    reached = closure.splits(run.q[rows], matrices).each(closure.size, lambda split, gap: split.reached(gap), gaps)
+    reached = closure.splits(run.q[rows]).each(closure.size, lambda split, gap: split.reached(gap), gaps)
     left = np.abs(gaps - reached)
     worst = left.max(axis=0)
     if (worst <= ROUNDED * closure.reach).all():

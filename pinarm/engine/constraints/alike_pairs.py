@@ -8,7 +8,7 @@ their coordinates. L of them at n configurations are one at L n. The simple rout
 from __future__ import annotations
 
 from collections.abc import Container, Hashable, Iterator, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -17,13 +17,13 @@ import numpy as np
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.nullspaces.elimination import Row
 from pinarm.engine.constraints.row_measures import EvaluatedPair, EvaluatedRows, PairMeasure, RowMeasure
+from pinarm.records import Record, replace
 
 BLOCK = 2048
 """Number of configurations that are worked on at once: arrays of more would not stay in the processor's cache."""
 
 
-@dataclass(frozen=True, eq=False)
-class AlikePairs:
+class AlikePairs(Record, frozen=True):
     """Pairs with the same constants.
 
     Attributes:
@@ -86,8 +86,7 @@ class EvaluatedAlike:
         return x if len(x) == 1 else x.reshape(len(self.joints), -1)[k]
 
 
-@dataclass(frozen=True, eq=False)
-class AlikeRows:
+class AlikeRows(Record, frozen=True):
     """The rows of one of several alike pairs; see ``EvaluatedRows``.
 
     Attributes:
@@ -137,8 +136,8 @@ def _constants(x: Any) -> Hashable:
     """Return what two measures have the same of if they are alike: the numbers in arrays and in fields."""
     if isinstance(x, np.ndarray):
         return x.shape, (x + 0.0).tobytes()  # of -0 those of 0
-    if is_dataclass(x) and not isinstance(x, type):
-        return type(x), tuple(_constants(getattr(x, each.name)) for each in fields(x))
+    if isinstance(x, Record):
+        return type(x), tuple(_constants(getattr(x, name)) for name in x.__struct_fields__)
     if isinstance(x, tuple | list):
         return tuple(map(_constants, x))
     known: Hashable = x  # a number, or a function

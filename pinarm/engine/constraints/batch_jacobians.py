@@ -5,9 +5,9 @@ The rows of each are those of ``row_measures``, numbered through.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,12 +19,15 @@ from pinarm.engine.constraints.row_measures import EvaluatedRows, RowMeasure, ro
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.model_variants import Model
+from pinarm.records import Record
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 __all__ = ["BLOCK", "BatchJacobians", "EvaluatedJacobians", "rows_of"]
 
 
-@dataclass(frozen=True, eq=False)
-class BatchJacobians:
+class BatchJacobians(Record, frozen=True):
     """What several constraints and coordinates measure, their rows numbered through.
 
     Attributes:
@@ -76,8 +79,7 @@ class BatchJacobians:
         ])  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class EvaluatedJacobians:
+class EvaluatedJacobians(Record, frozen=True):
     """The rows of several measures at many configurations.
 
     Attributes:
@@ -90,18 +92,18 @@ class EvaluatedJacobians:
         """Return the value of every row [m or rad], shape (n,) or (1,)."""
         return [value for _, part in self.parts for value in part.gap()]
 
-    def rows(self, wanted: Sequence[int]) -> dict[int, Row]:
+    def rows(self, wanted: Container[int]) -> dict[int, Row]:
         """Return the wanted rows of J."""
         found = {}
         for start, part in self.parts:
-            found.update({start + i: row for i, row in part.rows([k - start for k in wanted]).items()})
+            found.update({start + i: row for i, row in part.rows(_Own(wanted, start)).items()})
         return found
 
-    def drift(self, wanted: Sequence[int], v: Array) -> dict[int, Array]:
+    def drift(self, wanted: Container[int], v: Array) -> dict[int, Array]:
         """Return J' v of the wanted rows, shape (n,) or (1,), for velocities v, shape (nv, n); absent where it is 0."""
         found = {}
         for start, part in self.parts:
-            found.update({start + i: x for i, x in part.drift([k - start for k in wanted], v).items()})
+            found.update({start + i: x for i, x in part.drift(_Own(wanted, start), v).items()})
         return found
 
     def gaps(self, n: int) -> Array:
@@ -120,12 +122,45 @@ class EvaluatedJacobians:
                 found[:, row, column] = x
         return found
 
+    def sparse_matrices(self, shape: tuple[int, int, int]) -> list[csr_array]:
+        """Return J with all rows, of the shape (n, m, nv), as n sparse matrices."""
+        from scipy.sparse import csr_array
+
+        n, *size = shape
+        found = self.rows(range(size[0]))
+        rows = [found.get(row, {}) for row in range(size[0])]
+        starts = np.cumsum([0, *map(len, rows)])
+        columns = np.array([column for row in rows for column in row], dtype=np.intp)
+        values = np.empty((n, len(columns)))
+        for k, x in enumerate(x for row in rows for x in row.values()):
+            values[:, k] = x
+        matrices = [csr_array((own, columns.copy(), starts.copy()), shape=size) for own in values]
+        for matrix in matrices:
+            matrix.eliminate_zeros()
+            matrix.sort_indices()
+        return matrices
+
     def drifts(self, v: Array, m: int) -> Array:
         """Return J' v of all m rows, shape (n, m), for velocities v, shape (nv, n)."""
         found = np.zeros((v.shape[1], m))
         for row, x in self.drift(range(m), v).items():
             found[:, row] = x
         return found
+
+
+class _Own(Record, frozen=True):
+    """Which of its rows are wanted of a measure, those of all measures being numbered through.
+
+    Attributes:
+        wanted: Numbers of wanted rows of all measures.
+        start: Number of the measure's first row.
+    """
+
+    wanted: Container[int]
+    start: int
+
+    def __contains__(self, row: object) -> bool:
+        return isinstance(row, int) and row + self.start in self.wanted
 
 
 def rows_of(model: Model, coordinates: Sequence[Coordinate], q: Array) -> Array:

@@ -6,7 +6,7 @@ An open chain has no rows; nothing else distinguishes it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -28,6 +28,7 @@ from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.batch_jacobians import BatchJacobians, EvaluatedJacobians
@@ -124,7 +125,7 @@ class Closure:
         guides = [GuidedCoordinate(name, coordinate) for name, coordinate in zip(names, coordinates, strict=True)]
         return Closure.of(self.model, (*self.constraints, *guides))
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number m of rows."""
         return sum(constraint.size for constraint in self.constraints)
@@ -171,7 +172,10 @@ class Closure:
         Those of few configurations are kept, to be read only: all that looks at a table asks for them.
         """
         if measured := self._measured(q):
-            return measured.arrays
+            return measured.gaps, measured.matrices
+        return self._one_by_one(q)
+
+    def _one_by_one(self, q: Array) -> tuple[Array, Array]:
         states = q.shape[:-1]
         gaps, rows = np.empty((*states, self.size)), np.empty((*states, self.size, self.model.nv))
         for k, one in enumerate(q if self.size else ()):
@@ -195,10 +199,22 @@ class Closure:
     def _kept(self) -> Callable[[bytes, int], MeasuredRows]:
         return lru_cache(maxsize=4)(lambda content, n: self._together(np.frombuffer(content).reshape(n, -1)))
 
-    def splits(self, q: Array, rows: Array) -> RowDecompositions:
-        """Return G taken apart at configurations, shape (n, nq); ``rows`` are what ``at`` says of them."""
-        if len(q) <= KEPT and (measured := self._measured(q)):
-            return measured.splits
+    def gaps(self, q: Array) -> Array:
+        """Return the gaps at configurations, shape (n, nq), as an array of shape (n, m)."""
+        measured = self._measured(q)
+        return measured.gaps if measured else self.at(q)[0]
+
+    def apart(self, q: Array) -> tuple[Array, RowDecompositions]:
+        """Return the gaps, shape (n, m), and G taken apart, at configurations, shape (n, nq)."""
+        if measured := self._measured(q):
+            return measured.gaps, measured.splits
+        gaps, rows = self._one_by_one(q)
+        return gaps, RowDecompositions.of(rows, self.reach)
+
+    def splits(self, q: Array, rows: Array | None = None) -> RowDecompositions:
+        """Return G taken apart at configurations, shape (n, nq); ``rows`` are what ``at`` says of them, if known."""
+        if rows is None or (len(q) <= KEPT and self._measured(q)):
+            return self.apart(q)[1]
         return RowDecompositions.of(rows, self.reach)
 
     def free_motions(self, q: Array) -> Iterator[tuple[Indices, Array]]:
@@ -241,13 +257,18 @@ class Closure:
 
     def values_of(self, rows: Array) -> Array:
         """Return the singular values of given rows G, shape (.., m, nv), as ``singular_values`` does."""
-        scaled = rows * self.scale / self.measure[:, None]
         if rows.size and self.model.nv > MANY:
+            from scipy.sparse import csr_array
+
             from pinarm.engine.constraints.nullspaces.sparse_nullspace import extreme_values
 
-            values = [extreme_values(each) for each in scaled.reshape(-1, *rows.shape[-2:])]
+            scale, measure = self.scale[None], self.measure[:, None]
+            values = [
+                extreme_values(csr_array(csr_array(each).multiply(scale) / measure))
+                for each in rows.reshape(-1, *rows.shape[-2:])
+            ]
             return np.reshape(values, (*rows.shape[:-2], -1))
-        return np.asarray(np.linalg.svd(scaled, compute_uv=False))
+        return np.asarray(np.linalg.svd(rows * self.scale / self.measure[:, None], compute_uv=False))
 
     def rank(self, values: Array) -> int:
         """Return the rank that singular values, shape (n, .., s), have at most; see ``values_of``."""
@@ -292,8 +313,7 @@ class Closure:
         return total
 
 
-@dataclass(frozen=True, eq=False)
-class MeasuredRows:
+class MeasuredRows(Record, frozen=True):
     """The rows of a closure at n configurations, and what has been computed of them.
 
     Attributes:
@@ -307,14 +327,22 @@ class MeasuredRows:
     reach: Array
 
     @cached_property
-    def arrays(self) -> tuple[Array, Array]:
-        """The gaps, shape (n, m), and G, to be read only."""
-        found = self.rows.gaps(self.shape[0]), self.rows.matrices(self.shape)
-        for x in found:
-            x.flags.writeable = False
+    def gaps(self) -> Array:
+        """The gaps, shape (n, m), to be read only."""
+        found = self.rows.gaps(self.shape[0])
+        found.flags.writeable = False
+        return found
+
+    @cached_property
+    def matrices(self) -> Array:
+        """G, to be read only."""
+        found = self.rows.matrices(self.shape)
+        found.flags.writeable = False
         return found
 
     @cached_property
     def splits(self) -> RowDecompositions:
         """G taken apart."""
-        return RowDecompositions.of(self.arrays[1], self.reach)
+        if self.shape[2] > MANY:
+            return RowDecompositions.of_many_joints(self.rows.sparse_matrices(self.shape), self.reach)
+        return RowDecompositions.of(self.matrices, self.reach)

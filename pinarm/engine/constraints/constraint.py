@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Protocol, cast
 
 import numpy as np
@@ -13,6 +12,7 @@ from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.records import Record
 
 
 class Constraint(Protocol):
@@ -57,8 +57,7 @@ class Constraint(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class GuidedCoordinate:
+class GuidedCoordinate(Record, frozen=True):
     """A coordinate that is held to a value by a force along itself; the multiplier is that force.
 
     Attributes:

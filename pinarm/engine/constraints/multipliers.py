@@ -62,10 +62,11 @@ class Multipliers:
             return found
 
         def block(some: Indices) -> Array:
+            if not along.size:
+                return closure.splits(q[some]).multipliers(held[some])
             g = closure.at(q[some])[1]
             force = held[some] - np.vecmat(along[some], g[..., m:, :])
-            splits = RowDecompositions.of(g[:, :m], closure.reach[:m]) if along.size else closure.splits(q[some], g)
-            return splits.multipliers(force)
+            return RowDecompositions.of(g[:, :m], closure.reach[:m]).multipliers(force)
 
         return cls(own, along)
 

@@ -7,7 +7,6 @@ the n configurations along their last axis, or 1 where a number is the same in a
 from __future__ import annotations
 
 from collections.abc import Container, Mapping
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -24,6 +23,7 @@ from pinarm.mechanics.joints import UNIVERSE
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import PointOnPlane
 from pinarm.mechanics.loops.rod import Tie
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.loops.pair import Pair
@@ -45,8 +45,7 @@ class EvaluatedRows(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class PairMeasure:
+class PairMeasure(Record, frozen=True):
     """What a pair measures between two frames.
 
     Attributes:
@@ -71,8 +70,7 @@ class PairMeasure:
         return EvaluatedPair(self.pair, self.chain.placed(q, cosine, sine))
 
 
-@dataclass(frozen=True, eq=False)
-class EvaluatedPair:
+class EvaluatedPair(Record, frozen=True):
     """The rows of a pair at many configurations.
 
     Attributes:
@@ -113,8 +111,7 @@ def _sum(one: Row, two: Row) -> Row:
     return {**one, **{index: one[index] + x if index in one else x for index, x in two.items()}}
 
 
-@dataclass(frozen=True, eq=False)
-class SumMeasure:
+class SumMeasure(Record, frozen=True):
     """A weighted sum of joint coordinates less a constant.
 
     Attributes:
@@ -141,8 +138,7 @@ class SumMeasure:
         return EvaluatedSum(self, q)
 
 
-@dataclass(frozen=True, eq=False)
-class EvaluatedSum:
+class EvaluatedSum(Record, frozen=True):
     """The row of a sum at many configurations.
 
     Attributes:
@@ -167,8 +163,7 @@ class EvaluatedSum:
         return {}
 
 
-@dataclass(frozen=True, eq=False)
-class RelationMeasure:
+class RelationMeasure(Record, frozen=True):
     """A relation between joint coordinates whose row depends on them.
 
     Attributes:
@@ -188,8 +183,7 @@ class RelationMeasure:
         return EvaluatedRelation(self.relation, q)
 
 
-@dataclass(frozen=True, eq=False)
-class EvaluatedRelation:
+class EvaluatedRelation(Record, frozen=True):
     """The row of a relation at many configurations.
 
     Attributes:

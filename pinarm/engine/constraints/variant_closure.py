@@ -97,8 +97,13 @@ class VariantClosure(Closure):
         rates = np.ascontiguousarray(v.reshape(-1, v.shape[-1]).T)
         return self.evaluated(flat).drifts(rates, self.size).reshape(*q.shape[:-1], self.size)
 
-    def splits(self, q: Array, rows: Array) -> VariantDecomposition:  # type: ignore[override]
-        """Return G taken apart; ``rows`` are what ``at`` says of the configurations."""
+    def gaps(self, q: Array) -> Array:
+        """Return the gaps, shape (n, k, m)."""
+        return self.at(q)[0]
+
+    def splits(self, q: Array, rows: Array | None = None) -> VariantDecomposition:  # type: ignore[override]
+        """Return G taken apart; ``rows`` are what ``at`` says of the configurations, if known."""
+        rows = self.at(q)[1] if rows is None else rows
         return VariantDecomposition.of(self.independent(rows[0, 0]), rows, self.reach)
 
     def free_motions(self, q: Array) -> Iterator[tuple[Indices, Array]]:
@@ -121,7 +126,7 @@ class VariantClosure(Closure):
 
     def stresses(self, q: Array) -> list[Array]:
         """Return multipliers of length 1 that do nothing, each of shape (n, k, m): see ``Reactions.stresses``."""
-        return self.splits(q, self.at(q)[1]).stresses() if self.size and len(q) else []
+        return self.splits(q).stresses() if self.size and len(q) else []
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ same error control as the motion.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +17,7 @@ from pinarm.engine.control.efforts import PresentEfforts
 from pinarm.engine.control.memory import ControlMemory
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.integrator import Acceleration, Interval, Manifold, Projection
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.closure import Closure

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,9 @@ from pinarm.engine.control.memory import ControlMemory
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.integrator import Acceleration, Interval
-from pinarm.mechanics.control.controller import Controller, Switch
+from pinarm.mechanics.control.controller import Controller, Given
+from pinarm.mechanics.limited_states import Switch
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.systems import System
@@ -148,7 +150,7 @@ class _SampledStates:
         return self.memory.next(t)
 
 
-def _value(load: PresentEfforts, number: int, switch: Switch) -> Callable[[Array, Array, Array], Array]:
+def _value(load: PresentEfforts, number: int, switch: Switch[Given]) -> Callable[[Array, Array, Array], Array]:
     return lambda t, q, v: switch.value(load.given(number, t, q, v))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +15,7 @@ from pinarm.engine.control.sampler import reference_after
 from pinarm.mechanics.control.controller import Controller, Given
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad, power
 from pinarm.mechanics.laws.motion_law import MotionLaw
+from pinarm.records import replace
 
 Span = tuple[float, float]
 """Interval of time in which no law jumps [s]."""

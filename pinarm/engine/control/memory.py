@@ -111,10 +111,10 @@ class ControlMemory:
 
     def _excess(self, number: int, t: float, q: Array, v: Array) -> Array:
         """Return what motors withhold of the commands of a sampled controller, shape (k,); empty without motors."""
-        for one, place in zip(self.continuous, self.integrals, strict=True):
+        for one, place, mode in zip(self.continuous, self.integrals, self.modes, strict=True):
             if isinstance(one, MotorController) and one.source is self.sampled[number]:
                 states = self.integral.reshape(-1)[place]
-                return one.excess(Given(t, q, v, NOTHING, NOTHING, states, applied=self.applied))
+                return one.excess(Given(t, q, v, NOTHING, NOTHING, states, mode, self.applied))
         return NOTHING
 
     def apply(self, number: int, command: Array) -> None:

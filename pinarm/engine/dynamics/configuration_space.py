@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -10,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
+from pinarm.records import ValueRecord
 
 TURN = 0.5 * np.array([
     [0, 0, 0, -1], [0, 0, 1, 0], [0, -1, 0, 0],
@@ -34,8 +34,7 @@ class _Places(NamedTuple):
     balls: tuple[tuple[int, int], ...]
 
 
-@dataclass(frozen=True)
-class ConfigurationSpace:
+class ConfigurationSpace(ValueRecord, frozen=True):
     """Configurations with quaternions or (cos, sin) pairs in them.
 
     Attributes:

@@ -8,7 +8,6 @@ themselves, and the equation of motion becomes ``T^T M T u' = T^T (loads - nle -
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +16,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices, others
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.errors import InputError
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Acceleration, Accelerations
@@ -28,8 +28,7 @@ ManyTargets = Callable[[Array], tuple[Array, Array, Array]]
 """The same at many instants, shape (n,) to (n, k)."""
 
 
-@dataclass(frozen=True, eq=False)
-class CoordinatePartition:
+class CoordinatePartition(Record, frozen=True):
     """The independent part of the coordinates of one mechanism.
 
     Attributes:

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -21,6 +21,7 @@ from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, VariantsDiffer
 from pinarm.mechanics.geometry.pinocchio_data import WIDE, new_data
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.dynamics.side_by_side import SideBySide

@@ -70,6 +70,6 @@ def accelerations(dynamics: Dynamics, closure: Closure, t: Array | float, q: Arr
         v: Velocities, shape (n, nv), that they allow.
         tau: Efforts [N*m or N], shape (n, nv).
     """
-    rows = closure.splits(q, closure.at(q)[1])
+    rows = closure.splits(q)
     force = tau - dynamics.inverse(t, q, v, np.zeros_like(v))
     return solve_each(rows, dynamics.mass_matrices(q), force, -closure.drifts(q, v))

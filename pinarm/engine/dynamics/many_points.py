@@ -175,7 +175,7 @@ class ManyCoincidentPoints:
         found = [table.matrix(table.moved(model, q, np.zeros(model.nv)).entries, model.nv) for q in places_of(model)]
         size = np.max([abs(rows).max(axis=1).toarray().ravel() for rows in found], axis=0)
         acting = size > NOISE * size.max()
-        values = [extreme_values(rows[np.flatnonzero(acting)].toarray()) for rows in found]
+        values = [extreme_values(csr_array(rows[np.flatnonzero(acting)])) for rows in found]
         if any(len(value) < acting.sum() or not value[-1] > 0.0 for value in values):
             return None
         return ManyCoincidentPoints(
@@ -326,7 +326,7 @@ class ManyPointConstraints:
     def squares(self) -> Array:
         """Return the squares of the singular values of the rows, ascending: the largest and the last that is not 0."""
         values = np.zeros(self.tied.model.nv)
-        found = extreme_values(self._acting_rows().toarray())
+        found = extreme_values(csr_array(self._acting_rows()))
         values[: len(found)] = found
         return np.asarray(values[::-1] ** 2)
 

@@ -41,7 +41,7 @@ def require_masses(closure: Closure, q: Array, t: float) -> None:
         return  # M is definite in all directions; elsewhere it is looked at as a matrix
     mass = mass_matrices(closure.model, q)
     if closure.size:
-        splits = closure.splits(q, closure.at(q)[1])
+        splits = closure.splits(q)
         definite = splits.each(1, _definite_along, mass)[:, 0] > 0.0
     else:
         definite = np.full(len(q), _all_definite(mass))

@@ -49,9 +49,9 @@ class SlipGroup:
 
     def directions(self, sign: float, k: int) -> Array:
         """Return the directions of all k slips where the first one has that of ``sign``; 0 of others, shape (k,)."""
-        found = np.zeros(k)
-        found[list(self.members)] = self.units * sign
-        return found
+        directions = np.zeros(k)
+        directions[list(self.members)] = self.units * sign
+        return directions
 
 
 def companions(response: SlipResponse, first: int) -> list[int]:
@@ -68,7 +68,7 @@ def groups_of(contacts: Sequence[FrictionContact], response: SlipResponse, some:
         DynamicsError: Groups are not independent: friction would hold a motion in more ways than it has. Or a slip with
             several components can begin in more than one direction.
     """
-    mobility, found = response.mobility, list[SlipGroup]()
+    mobility, groups = response.mobility, list[SlipGroup]()
     left = list(some)
     while left:
         first, together = left[0], companions(response, left[0])
@@ -76,17 +76,17 @@ def groups_of(contacts: Sequence[FrictionContact], response: SlipResponse, some:
         left = [i for i in left if i not in together]
         ratios = np.zeros(len(contacts))
         ratios[members] = mobility[members, first] / mobility[first, first]
-        found.append(SlipGroup(tuple(members), ratios[members], unit_vectors(contacts, ratios)[members]))
-    _require_one_direction(contacts, found)
-    firsts = [group.first for group in found]
+        groups.append(SlipGroup(tuple(members), ratios[members], unit_vectors(contacts, ratios)[members]))
+    _require_one_direction(contacts, groups)
+    firsts = [group.first for group in groups]
     size = np.sqrt(np.diag(mobility)[firsts])
-    if found and np.linalg.eigvalsh(mobility[np.ix_(firsts, firsts)] / np.outer(size, size))[0] < PARALLEL:
+    if groups and np.linalg.eigvalsh(mobility[np.ix_(firsts, firsts)] / np.outer(size, size))[0] < PARALLEL:
         raise DynamicsError(
-            f"{len(found)} frictions at rest hold fewer motions: what each of them carries is not determined",
+            f"{len(groups)} frictions at rest hold fewer motions: what each of them carries is not determined",
             expected="no more joints with friction at rest than the mechanism has motions, but for those that always "
             "move together",
         )
-    return found
+    return groups
 
 
 def _require_one_direction(contacts: Sequence[FrictionContact], groups: Sequence[SlipGroup]) -> None:
@@ -144,12 +144,12 @@ class FrictionBalance:
                                  in zip(self.contacts, resting, self.speed, strict=True)]).reshape(-1, 2).T  # fmt: skip
         slips = (direction != 0.0).astype(float)
         limits = self._shared_limits(direction, mu * slips, constant * slips, stuck)
-        fixed, ways = self._eliminated(slips, self._shares(limits, stuck), stuck)
-        loads = self.response.loads.reduced(fixed, ways)
+        fixed, response = self._eliminated(slips, self._shares(limits, stuck), stuck)
+        loads = self.response.loads.reduced(fixed, response)
         slipping = Slipping(self.contacts, direction, mu * slips, constant * slips, loads)
         if not slipping.require_one_root():
             return None
-        f = fixed + ways @ slipping.friction()
+        f = fixed + response @ slipping.friction()
         held = np.array([group.ratios @ f[list(group.members)] for group in stuck])
         most = self.limits(f) if limits is None else limits
         bounds = np.array([(group.ratios * group.units) @ most[list(group.members)] for group in stuck])
@@ -169,7 +169,7 @@ class FrictionBalance:
         return self.limits(SharedFriction(self.contacts, self.response, stuck, direction, mu, constant).solve())
 
     def _eliminated(self, slips: Array, shares: Array, stuck: Sequence[SlipGroup]) -> tuple[Array, Array]:
-        """Return friction as ``fixed + ways x`` of the friction x of joints that slip, stuck ones not accelerating."""
+        """Return friction as ``fixed + response x`` of that x of slipping joints, stuck ones not accelerating."""
         own = np.diag(slips)
         if not stuck:
             return np.zeros(len(slips)), own
@@ -179,13 +179,13 @@ class FrictionBalance:
 
     def _shares(self, limits: Array | None, stuck: Sequence[SlipGroup]) -> Array:
         """Return the friction of all joints for ``phi = 1`` of each stuck group, shape (k, g)."""
-        found = np.zeros((len(self.contacts), len(stuck)))
+        shares = np.zeros((len(self.contacts), len(stuck)))
         for g, group in enumerate(stuck):
             members = list(group.members)
             own = [self.contacts[i].name == self.contacts[group.first].name for i in members]
             shared = group.units * (limits[members] if limits is not None and limits[members].any() else own)
-            found[members, g] = shared / (group.ratios @ shared)
-        return found
+            shares[members, g] = shared / (group.ratios @ shared)
+        return shares
 
 
 @dataclass(frozen=True, eq=False)

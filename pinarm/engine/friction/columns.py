@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +12,7 @@ from pinarm.engine.series import Series
 from pinarm.input.units import unit
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.joints import METRE, Joint
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.trajectory import Trajectory

@@ -2,7 +2,7 @@
 
 Of a group only the sum ``phi = sum_i c_i f_i`` is determined, and ``|f_i| <= L_i(f)``: limits depend on loads, and
 these on f. A quantity that is linear in f is least and greatest at corners of this set. Of two joints the set is a
-piece of a line: its ends are looked for from the friction that is told, as far as no limit is exceeded; limits may grow
+piece of a line: its ends are looked for from the friction of the rows, as far as no limit is exceeded; limits may grow
 with the friction, as of a worm that locks. Of more joints corners are where all but one are at their limits and that
 one has the rest, by the equation of slip with the law of rest. A quantity that is not linear, such as the length of a
 force, may be less within the set than at its corners.
@@ -11,22 +11,28 @@ force, may be less within the set than at its corners.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.constraint import one_sided
+from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.friction.balance import FrictionBalance, SlipGroup
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.slip_vectors import sizes
+from pinarm.records import replace
 
 WITHIN, SAME = 1e-12, 1e-12
 """Part of its bound by which a joint may exceed it at a corner; and of the friction by which corners are one."""
 
 MOST = 1024
 """Corners that are tried at most: those of 8 joints that hold one motion."""
+
+ALONE = 4
+"""Joints at rest on laws or stops up to which all 2^n ends are told."""
 
 PARTS, FAR, HALVINGS = 64, 12, 80
 """Steps along a line in which an end is looked for first, up to twice the sum of limits and load; how often the step is
@@ -52,36 +58,67 @@ def joints_of(balance: FrictionBalance, group: SlipGroup) -> list[str]:
     return list(dict.fromkeys(balance.contacts[i].name for i in group.members))
 
 
-def extreme_frictions(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], told: Array) -> Array:
+def extreme_frictions(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], friction: Array) -> Array:
     """Return the frictions at the corners, shape (e, k); none where nothing is open, or corners are not known.
 
     Args:
         balance: The state.
         direction: Of joints that slip, 0 of others, shape (k,).
         stuck: The groups at rest.
-        told: The friction that is told, shape (k,): joints that slip keep theirs.
+        friction: Of the rows, shape (k,): joints that slip keep theirs.
     """
+    shared = _shared(balance, direction, stuck, friction)
+    corners = shared if len(shared) else friction[None]
+    for i in _at_rest_on_laws(balance, direction, stuck):
+        corners = np.concatenate([_with_limit(balance, direction, stuck, corners, i, sign) for sign in (-1.0, 1.0)])
+    return corners if len(corners) > 1 else np.zeros((0, len(friction)))
+
+
+def _at_rest_on_laws(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup]) -> list[int]:
+    """Return joints at rest where a law or a stop holds them: friction shares that load with it."""
+    grouped = {i for group in stuck for i in group.members}
+    members = [i for i in np.flatnonzero((direction == 0.0) & balance.response.driven).tolist() if i not in grouped]
+    return members if len(members) <= ALONE else []
+
+
+def _with_limit(
+    balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], corners: Array, i: int, sign: float
+) -> Array:
+    """Return frictions in which joint i has its limit at rest in a direction, shape (e, k)."""
+    forced, resting = direction.copy(), np.zeros(len(direction), dtype=bool)
+    forced[i], resting[i] = -sign, True
+    try:
+        solution = balance.solve(forced, stuck, resting)
+    except DynamicsError:
+        solution = None
+    limited = corners.copy()
+    limited[:, i] = 0.0 if solution is None else solution.f[i]
+    return limited
+
+
+def _shared(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], friction: Array) -> Array:
+    """Return the frictions at the corners of what groups share, shape (e, k)."""
     counts = [len(joints_of(balance, group)) for group in stuck]
     if sorted(counts)[-2:] in ([2], [1, 2]):
-        return _ends(balance, stuck, stuck[counts.index(2)], told)
-    return _all_corners(balance, direction, stuck, told)
+        return _ends(balance, stuck, stuck[counts.index(2)], friction)
+    return _all_corners(balance, direction, stuck, friction)
 
 
-def _ends(balance: FrictionBalance, stuck: Sequence[SlipGroup], group: SlipGroup, told: Array) -> Array:
+def _ends(balance: FrictionBalance, stuck: Sequence[SlipGroup], group: SlipGroup, friction: Array) -> Array:
     """Return the ends of what two joints may share, shape (2, k); none where one of them is nowhere."""
     members, name = np.array(group.members), joints_of(balance, group)[0]
     first = np.array([balance.contacts[i].name == name for i in group.members])
-    weights, way = group.ratios * group.units, np.zeros(len(told))
-    way[members] = np.where(first, 1.0 / weights[first].sum(), -1.0 / weights[~first].sum()) * group.units
+    weights, exchange = group.ratios * group.units, np.zeros(len(friction))
+    exchange[members] = np.where(first, 1.0 / weights[first].sum(), -1.0 / weights[~first].sum()) * group.units
     every = [i for each in stuck for i in each.members]
-    size = weights @ balance.limits(told)[members] + abs(float(group.ratios @ told[members]))
+    size = weights @ balance.limits(friction)[members] + abs(float(group.ratios @ friction[members]))
 
     def holds(s: float) -> bool:
-        f = told + s * way
+        f = friction + s * exchange
         return bool((sizes(balance.contacts, f)[every] <= balance.limits(f)[every] * (1.0 + WITHIN)).all())
 
-    found = [told + _last(holds, sign * size) * way for sign in (-1.0, 1.0)]
-    return np.array(found) if np.isfinite(found).all() else np.zeros((0, len(told)))
+    ends = [friction + _last(holds, sign * size) * exchange for sign in (-1.0, 1.0)]
+    return np.array(ends) if np.isfinite(ends).all() else np.zeros((0, len(friction)))
 
 
 def _last(holds: Callable[[float], bool], size: float) -> float:
@@ -98,21 +135,21 @@ def _last(holds: Callable[[float], bool], size: float) -> float:
     return low
 
 
-def _all_corners(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], told: Array) -> Array:
+def _all_corners(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], friction: Array) -> Array:
     choices = [list(_corners(balance, group)) for group in stuck]
     count = int(np.prod([len(each) for each in choices]))
-    found = list[Array]()
+    corners = list[Array]()
     for choice in product(*choices) if 1 < count <= MOST else ():
         try:
             corner = _at(balance, direction, stuck, choice)
         except DynamicsError:  # the equation of slip has not exactly one root
-            return np.zeros((0, len(told)))
+            return np.zeros((0, len(friction)))
         if corner is not None:
-            corner = np.where(direction != 0.0, told, corner)
+            corner = np.where(direction != 0.0, friction, corner)
             slack = SAME * np.abs(corner).max(initial=0.0)
-            if all(np.abs(other - corner).max() > slack for other in found):
-                found.append(corner)
-    return np.array(found).reshape(-1, len(told))
+            if all(np.abs(other - corner).max() > slack for other in corners):
+                corners.append(corner)
+    return np.array(corners).reshape(-1, len(friction))
 
 
 def _corners(balance: FrictionBalance, group: SlipGroup) -> Iterator[Corner]:
@@ -131,17 +168,51 @@ def _at(
     balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], corners: Sequence[Corner]
 ) -> Array | None:
     """Return the friction at corners of the groups, shape (k,); ``None`` where the rest exceeds its own limit."""
-    way, resting, groups = direction.copy(), np.zeros(len(direction), dtype=bool), []
+    forced, resting, groups = direction.copy(), np.zeros(len(direction), dtype=bool), []
     for group, corner in zip(stuck, corners, strict=True):
         limited = [group.members[k] for k in corner.limited]
-        way[limited], resting[limited] = group.units[corner.limited] * corner.signs, True
+        forced[limited], resting[limited] = group.units[corner.limited] * corner.signs, True
         first = corner.rest[0]
         groups.append(replace(
             group, members=tuple(group.members[k] for k in corner.rest),
             ratios=group.ratios[corner.rest] / group.ratios[first],
             units=group.units[corner.rest] * np.sign(group.ratios[first]),
         ))  # fmt: skip
-    found = balance.solve(way, groups, resting)
-    if found is None or (np.abs(found.held) > found.bounds * (1.0 + WITHIN)).any():
+    solution = balance.solve(forced, groups, resting)
+    if solution is None or (np.abs(solution.held) > solution.bounds * (1.0 + WITHIN)).any():
         return None
-    return found.f
+    return solution.f
+
+
+def held_part(closure: Closure, lam: Multipliers, other: Multipliers) -> Array:
+    """Return how far from one friction to another one constraints that push or pull only hold, shape (n,).
+
+    Args:
+        closure: The constraints.
+        lam: Multipliers under the first friction, shape (n, m).
+        other: Those under the other one.
+    """
+    part, slices = np.ones(len(lam)), closure.slices()
+    for constraint in one_sided(closure.constraints):
+        row = slices[constraint.name].start
+        pushes = (constraint.side * np.asarray(multipliers)[:, row] for multipliers in (lam, other))
+        part = np.minimum(part, pushing_part(*pushes))
+    return part
+
+
+def pushing_part(push: Array, other: Array) -> Array:
+    """Return how far from one push to another one it does not become a pull, shape (n,)."""
+    gone = (other < 0.0) & (push >= 0.0)
+    return np.divide(push, push - other, out=np.ones_like(push), where=gone)
+
+
+def filled(friction: Array, extremes: Sequence[Array]) -> list[Array]:
+    """Return other frictions of n rows, shape (n, k) each, by those of each row, shape (e, k).
+
+    Rows with fewer have the given friction, shape (n, k), in place of them.
+    """
+    others = [friction.copy() for _ in range(max(map(len, extremes), default=0))]
+    for row, frictions in enumerate(extremes):
+        for other, each in zip(others, frictions, strict=False):
+            other[row] = each
+    return others

@@ -10,6 +10,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.balance import FrictionBalance
+from pinarm.engine.friction.extremes import extreme_frictions, filled
 from pinarm.engine.friction.response import SlipEquation
 from pinarm.engine.friction.switching import decided
 from pinarm.errors import DynamicsError
@@ -21,8 +22,10 @@ NOTHING = np.zeros(0)
 
 def friction_under(
     contacts: Sequence[FrictionContact], dynamics: Dynamics, closure: Closure, t: float, q: Array, v: Array, tau: Array
-) -> Array:
-    """Return the friction of k joints under efforts, shape (n, k) [N*m or N].
+) -> tuple[Array, list[Array]]:
+    """Return the friction of k joints under efforts, shape (n, k) [N*m or N], and others that hold as well.
+
+    These are the extremes of what several joints at rest share; see ``extreme_frictions``.
 
     Args:
         contacts: The joints.
@@ -36,7 +39,7 @@ def friction_under(
     Raises:
         DynamicsError: Rigid bodies with friction do not determine it.
     """
-    found = np.zeros((len(q), len(contacts)))
+    friction, extremes = np.zeros((len(q), len(contacts))), list[Array]()
     slips = np.matvec(slip_rows(closure.model, contacts, q), v)
     speeds = sizes(contacts, slips)
     for i, moving in enumerate(unit_vectors(contacts, slips)):
@@ -44,10 +47,12 @@ def friction_under(
         equation.require_determined(q[i])
         balance = FrictionBalance(contacts, equation.at(t, q[i], v[i]), speeds[i])
         slip = decided(balance, moving, np.zeros(len(contacts)))
-        solution = balance.solve(np.array(slip.direction, float), slip.stuck, np.zeros(len(contacts), dtype=bool))
+        direction = np.array(slip.direction, float)
+        solution = balance.solve(direction, slip.stuck, np.zeros(len(contacts), dtype=bool))
         if solution is None:
             names = ", ".join(dict.fromkeys(contact.name for contact in contacts))
             raise DynamicsError(f"friction of {names} raises the load that it depends on without end: it jams",
                                 expected="a smaller mu, or a longer span of the guide")  # fmt: skip
-        found[i] = solution.f
-    return found
+        friction[i] = solution.f
+        extremes.append(extreme_frictions(balance, direction, slip.stuck, solution.f))
+    return friction, filled(friction, extremes)

@@ -45,16 +45,12 @@ class SlipResponse:
         mobility: A, shape (k, k).
         loads: ``w0 + W f``.
         driven: Which slips the constraints and laws determine, shape (k,).
-        slips: J T, what is free of the slips, shape (k, m).
-        free: T, shape (nv, m).
     """
 
     acceleration: Array
     mobility: Array
     loads: CarriedLoads
     driven: Flags
-    slips: Array
-    free: Array
 
     def at(self, f: Array) -> Array:
         """Return alpha under friction f, shape (k,)."""
@@ -91,8 +87,7 @@ class SlipEquation:
         loads = CarriedLoads(np.zeros((k, 6)), np.zeros((k, k, 6)))
         if self.loaded:
             loads = solved.loads()
-        return SlipResponse(solved.alpha, solved.mobility, loads, solved.driven, solved.slips @ solved.split.free,
-                            solved.split.free)  # fmt: skip
+        return SlipResponse(solved.alpha, solved.mobility, loads, solved.driven)
 
     @cached_property
     def decomposed(self) -> Callable[[Array], SplitRows]:
@@ -145,11 +140,11 @@ class BearingReactions:
         model, data, slices = self.closure.model, self.dynamics.data, self.closure.slices()
         named = {name: lam[:, rows] for name, rows in slices.items()}
         if all(isinstance(contact, CouplingContact) or not contact.law.loaded for contact in self.contacts):
-            found = np.zeros((len(a), len(self.contacts), 6))
+            carried = np.zeros((len(a), len(self.contacts), 6))
             for i, contact in enumerate(self.contacts):
                 if isinstance(contact, CouplingContact):
-                    found[:, i] = contact.carried(named)
-            return found
+                    carried[:, i] = contact.carried(named)
+            return carried
         links = LinkPlacements.at(model, q[None]).some(np.zeros(len(a), dtype=np.intp))
         acting, inner = links.inwards(self._acting(links, t, q, v, lam, f)), np.empty((len(a), model.njoints, 6))
         outside = pin.StdVec_Force()
@@ -204,8 +199,8 @@ class BearingReactions:
         free = rows.scale[:, None] * rows.redundant
         stresses = np.vstack([np.zeros(len(free)), (free / np.linalg.norm(free, axis=0)).T])
         still, none = np.zeros((len(stresses), self.closure.model.nv)), np.zeros((len(stresses), len(self.contacts)))
-        found = self.wrenches(0.0, q, still[0], still, stresses, none)
-        for added in found[1:] - found[0]:
+        wrenches = self.wrenches(0.0, q, still[0], still, stresses, none)
+        for added in wrenches[1:] - wrenches[0]:
             for contact, wrench in zip(self.contacts, added, strict=True):
                 if contact.law.loaded and not contact.shared and contact.bearing.most(wrench) > OPEN:
                     raise DynamicsError(
@@ -229,7 +224,7 @@ class _Solved:
     slips: Array
     a: Array
     lam: Array
-    ways: Array
+    accelerations: Array
     multipliers: Array
     alpha: Array
     driven: Flags
@@ -248,22 +243,22 @@ class _Solved:
         slips = slip_rows(model, equation.contacts, q[None])[0]
         drift = slip_drifts(model, equation.contacts, q[None], v[None])[0]
         free = slips @ split.free
-        ways = split.free @ np.linalg.solve(split.free.T @ mass @ split.free, free.T)  # (nv, k)
+        accelerations = split.free @ np.linalg.solve(split.free.T @ mass @ split.free, free.T)  # (nv, k)
         driven = np.linalg.norm(free, axis=1) <= DRIVEN * np.linalg.norm(slips, axis=1)
         lam = split.multipliers(mass @ a - force)
-        multipliers = np.array([split.multipliers(each) for each in ways.T @ mass - slips])
-        return cls(equation, t, q, v, split, slips, a, lam, ways, multipliers, slips @ a + drift, driven)
+        multipliers = np.array([split.multipliers(each) for each in accelerations.T @ mass - slips])
+        return cls(equation, t, q, v, split, slips, a, lam, accelerations, multipliers, slips @ a + drift, driven)
 
     @property
     def mobility(self) -> Array:
         """A, shape (k, k)."""
-        return np.asarray(self.slips @ self.ways)
+        return np.asarray(self.slips @ self.accelerations)
 
     def loads(self) -> CarriedLoads:
         """Return the wrenches that bearings carry."""
         none = np.zeros(len(self.slips))
-        found = self.equation.transmission.wrenches(
-            self.t, self.q, self.v, np.vstack([self.a, self.a + self.ways.T]),
+        wrenches = self.equation.transmission.wrenches(
+            self.t, self.q, self.v, np.vstack([self.a, self.a + self.accelerations.T]),
             np.vstack([self.lam, self.lam + self.multipliers]), np.vstack([none, np.eye(len(none))]),
         )  # fmt: skip
-        return CarriedLoads(found[0], (found[1:] - found[0]).swapaxes(0, 1))
+        return CarriedLoads(wrenches[0], (wrenches[1:] - wrenches[0]).swapaxes(0, 1))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,7 @@ from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.friction.contact import FrictionContact, slip_rows
 from pinarm.mechanics.friction.slip_vectors import same_joint, several, sizes, unit_vectors
 from pinarm.mechanics.laws.motion_law import MotionLaw
+from pinarm.records import replace
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,8 @@ class SlidingFriction(ForceElement):
         prescribed: The coordinates that follow laws.
         slip: Directions, and what is stuck.
         span: Interval of time on which no law jumps [s].
+        known: Solutions in rows of states that have been asked for, by these; ``None`` where they are not kept, as in
+            an integration: efforts of controllers jump between two states that are the same.
     """
 
     contacts: Sequence[FrictionContact]
@@ -41,6 +44,7 @@ class SlidingFriction(ForceElement):
     prescribed: PrescribedCoordinates
     slip: Slip
     span: tuple[float, float]
+    known: dict[tuple[object, ...], list[FrictionSolution]] | None = field(default=None, repr=False)
 
     @cached_property
     def direction(self) -> Array:
@@ -75,41 +79,49 @@ class SlidingFriction(ForceElement):
             DynamicsError: There is none, or more than one.
         """
         direction = self.directions(self._slips(q, v))
-        found = self.balance(t, q, v).solve(direction, self.slip.stuck, np.zeros(len(self.contacts), dtype=bool))
-        if found is None:
+        solution = self.balance(t, q, v).solve(direction, self.slip.stuck, np.zeros(len(self.contacts), dtype=bool))
+        if solution is None:
             rubbing = (contact.name for contact, s in zip(self.contacts, self.direction, strict=True) if s)
             names = ", ".join(dict.fromkeys(rubbing))
             raise DynamicsError(
                 f"at t = {t:.9g} s friction of {names} raises the load that it depends on without end: the joint jams",
                 expected="a smaller mu, or a longer span of the guide", t=t, q=q,
             )  # fmt: skip
-        return found
+        return solution
 
     def solutions(self, t: Array, q: Array, v: Array) -> list[FrictionSolution]:
         """Return the friction in states of one interval: where nothing moves and no load changes, solved once."""
+        if self.known is None:
+            return self._solutions(t, q, v)
+        asked = self.span, t.tobytes(), q.tobytes(), v.tobytes()
+        if asked not in self.known:
+            self.known[asked] = self._solutions(t, q, v)
+        return self.known[asked]
+
+    def _solutions(self, t: Array, q: Array, v: Array) -> list[FrictionSolution]:
         if len(t) > 1 and (q == q[0]).all() and (v == v[0]).all() and self._lasts(t, q, v):
             return [self.solution(float(t[0]), q[0], v[0])] * len(t)
         return [self.solution(*row) for row in zip(t, q, v, strict=True)]
 
-    def extremes(self, t: Array, q: Array, v: Array, told: Sequence[FrictionSolution]) -> list[Array]:
+    def extremes(self, t: Array, q: Array, v: Array, solutions: Sequence[FrictionSolution]) -> list[Array]:
         """Return the frictions at which what joints at rest share is least or greatest, by states, shape (e, k) each.
 
         Args:
             t: Instants [s], shape (n,).
             q: Configurations, shape (n, nq).
             v: Velocities, shape (n, nv).
-            told: The friction in these states; where it is the same solution, so are the extremes.
+            solutions: The friction in these states; where it is the same solution, so are the extremes.
         """
         from pinarm.engine.friction.extremes import extreme_frictions
 
-        found = list[Array]()
-        for i, each in enumerate(told):
-            if i and each is told[i - 1]:
-                found.append(found[-1])
+        extremes = list[Array]()
+        for i, each in enumerate(solutions):
+            if i and each is solutions[i - 1]:
+                extremes.append(extremes[-1])
                 continue
             balance, slips = self.balance(float(t[i]), q[i], v[i]), self._slips(q[i], v[i])
-            found.append(extreme_frictions(balance, self.directions(slips), self.slip.stuck, each.f))
-        return found
+            extremes.append(extreme_frictions(balance, self.directions(slips), self.slip.stuck, each.f))
+        return extremes
 
     def _slips(self, q: Array, v: Array) -> Array:
         return np.asarray(slip_rows(self.closure.model, self.contacts, q[None])[0] @ v)
@@ -133,14 +145,14 @@ class SlidingFriction(ForceElement):
         flat_q, flat_v = q.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1])
         if self.equation.loaded:
             instants = np.broadcast_to(t, q.shape[:-1]).ravel()
-            found = np.array([each.f for each in self.solutions(instants, flat_q, flat_v)])
+            friction = np.array([each.f for each in self.solutions(instants, flat_q, flat_v)])
         else:
             slips = np.matvec(slip_rows(self.closure.model, self.contacts, flat_q), flat_v)
             speeds = sizes(self.contacts, slips)
             laws = [contact.law.slipping(speed)[1] for contact, speed in zip(self.contacts, speeds.T, strict=True)]
-            found = -np.array(laws).T * self.directions(slips)
+            friction = -np.array(laws).T * self.directions(slips)
         slipping = sizes(self.contacts, self.direction) > 0.0
-        return np.asarray(found * slipping).reshape(*q.shape[:-1], len(self.contacts))
+        return np.asarray(friction * slipping).reshape(*q.shape[:-1], len(self.contacts))
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add ``J^T f`` of the joints that slip."""

@@ -49,9 +49,9 @@ class CarriedLoads:
         """Return the wrenches under friction f, shape (k, 6)."""
         return np.asarray(self.wrench + np.vecmat(f, self.response))
 
-    def reduced(self, fixed: Array, ways: Array) -> CarriedLoads:
+    def reduced(self, fixed: Array, response: Array) -> CarriedLoads:
         """Return the wrenches as functions of x for ``f = fixed + ways x``, shapes (k,) and (k, m)."""
-        return CarriedLoads(self.at(fixed), ways.T @ self.response)
+        return CarriedLoads(self.at(fixed), response.T @ self.response)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,10 +127,10 @@ class Slipping:
 
     def resistance(self, f: Array) -> Array:
         """Return ``mu N(w0 + W f) + c`` [N*m or N], shape (k,)."""
-        wrench, found = self.loads.at(f), self.constant.copy()
+        wrench, resistance = self.loads.at(f), self.constant.copy()
         for i in np.flatnonzero(self.mu).tolist():
-            found[i] += self.mu[i] * self.contacts[i].bearing.load(wrench[i])
-        return found
+            resistance[i] += self.mu[i] * self.contacts[i].bearing.load(wrench[i])
+        return resistance
 
     def friction(self) -> Array:
         """Return the root f, shape (k,), of an equation that has one.

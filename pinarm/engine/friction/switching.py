@@ -100,16 +100,20 @@ class _Decision:
         stuck = [group for group, sign in zip(self.groups, signs, strict=True) if not sign]
         return self.balance.solve(self.direction(signs), stuck, resting)
 
-    def wrong(self, signs: Sequence[int], found: FrictionSolution) -> list[int]:
+    def wrong(self, signs: Sequence[int], solution: FrictionSolution) -> list[int]:
         """Return by group the sign that it ought to have where it contradicts itself, and its own elsewhere."""
-        response, wanted, stuck = self.balance.response, list(signs), iter(zip(found.held, found.bounds, strict=True))
-        terms = np.abs(response.acceleration) + np.abs(response.mobility) @ np.abs(found.f)
+        response, wanted, stuck = (
+            self.balance.response,
+            list(signs),
+            iter(zip(solution.held, solution.bounds, strict=True)),
+        )
+        terms = np.abs(response.acceleration) + np.abs(response.mobility) @ np.abs(solution.f)
         for g, (group, sign) in enumerate(zip(self.groups, signs, strict=True)):
             if not sign:
                 held, bound = next(stuck)
                 if abs(held) > bound * (1.0 + MARGIN):
                     wanted[g] = -int(np.sign(held))
-            elif sign * found.alpha[group.first] < -MARGIN * terms[group.first]:
+            elif sign * solution.alpha[group.first] < -MARGIN * terms[group.first]:
                 wanted[g] = 0
         return wanted
 
@@ -121,10 +125,10 @@ class _Decision:
         """
         now, free = list(signs), [g for g in range(len(self.groups)) if g not in frozen]
         for _ in range(50 * (1 + len(free))):
-            found = self.solution(now, slips=slips)
-            wanted = now if found is None else self.wrong(now, found)
+            solution = self.solution(now, slips=slips)
+            wanted = now if solution is None else self.wrong(now, solution)
             changed = [g for g in free if wanted[g] != now[g]]
-            if found is None or any(wanted[g] != now[g] for g in frozen):
+            if solution is None or any(wanted[g] != now[g] for g in frozen):
                 break
             if not changed:
                 return now
@@ -136,14 +140,14 @@ class _Decision:
         choices = [[sign] if g in frozen else [0, 1, -1] for g, sign in enumerate(signs)]
         if sum(len(choice) > 1 for choice in choices) > MANY:
             raise self._refusal("no", "found among those that were tried")
-        consistent = [found for found in product(*choices) if self._is_consistent(found, slips=slips)]
+        consistent = [choice for choice in product(*choices) if self._is_consistent(choice, slips=slips)]
         if len(consistent) != 1:
             raise self._refusal("no" if not consistent else str(len(consistent)), "possible")
         return list(consistent[0])
 
     def _is_consistent(self, signs: Sequence[int], *, slips: bool = False) -> bool:
-        found = self.solution(signs, slips=slips)
-        return found is not None and self.wrong(signs, found) == list(signs)
+        solution = self.solution(signs, slips=slips)
+        return solution is not None and self.wrong(signs, solution) == list(signs)
 
     def require_one(self, signs: Sequence[int]) -> None:
         """Raise where other signs give another motion, bounds depending on reactions.
@@ -164,10 +168,10 @@ class _Decision:
         assert own is not None
         scale = np.abs(self.balance.response.acceleration).max(initial=0.0)
         for other in product([0, 1, -1], repeat=len(self.groups)):
-            found = self.solution(other, slips=False)
-            if found is None or self.wrong(other, found) != list(other):
+            solution = self.solution(other, slips=False)
+            if solution is None or self.wrong(other, solution) != list(other):
                 continue
-            if np.abs(found.alpha - own.alpha).max() > 1e-6 * max(scale, np.abs(own.alpha).max()):
+            if np.abs(solution.alpha - own.alpha).max() > 1e-6 * max(scale, np.abs(own.alpha).max()):
                 raise self._refusal("several", "possible")
 
     def _refusal(self, count: str, possible: str) -> DynamicsError:

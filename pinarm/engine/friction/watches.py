@@ -56,5 +56,5 @@ class Reserve:
     def left(self, t: Array, q: Array, v: Array) -> Array:
         """Return ``bound^2 - phi^2``, which is smooth where phi vanishes, shape (n,)."""
         sliding = self.sliding_at(float(t[0]), float(t[-1]))
-        found = sliding.solutions(t, q, v)
-        return np.array([each.bounds[self.group] ** 2 - each.held[self.group] ** 2 for each in found])
+        solutions = sliding.solutions(t, q, v)
+        return np.array([each.bounds[self.group] ** 2 - each.held[self.group] ** 2 for each in solutions])

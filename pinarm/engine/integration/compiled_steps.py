@@ -52,7 +52,6 @@ class _Record(NamedTuple):
         times: Starts, lengths and ends of the steps [s], shape (3, m).
         rejections: Steps rejected before each, shape (m,).
         floored: Whether each was accepted as rounding, shape (m,).
-        marks: Mark of the state at the end of each, shape (m,).
         states: y at their starts, shape (m, n).
         slopes: Slopes at their stages, those of the step that is tried last included, shape (m + 1, s + 1, n).
         scratch: Buffer, shape (2, n).
@@ -61,7 +60,6 @@ class _Record(NamedTuple):
     times: Array
     rejections: Indices
     floored: NDArray[np.intc]
-    marks: NDArray[np.intc]
     states: Array
     slopes: Array
     scratch: Array
@@ -69,13 +67,12 @@ class _Record(NamedTuple):
     @classmethod
     def of(cls, room: int, stages: int, n: int) -> _Record:
         slopes = np.empty((room + 1, stages + 1, n))
-        floored, marks = np.empty((2, room), np.intc)
-        times, states = np.empty((3, room)), np.empty((room, n))
-        return cls(times, np.empty(room, np.intp), floored, marks, states, slopes, np.empty((2, n)))
+        times, floored, states = np.empty((3, room)), np.empty(room, np.intc), np.empty((room, n))
+        return cls(times, np.empty(room, np.intp), floored, states, slopes, np.empty((2, n)))
 
     def pointers(self) -> list[int]:
         """Return the addresses in the order of ``Course``, behind that of y."""
-        steps = *self.times, self.rejections, self.floored, self.marks, self.states, self.slopes
+        steps = *self.times, self.rejections, self.floored, self.states, self.slopes
         return [pointer(x) for x in (self.scratch, *steps)]
 
 
@@ -139,7 +136,7 @@ class CompiledSteps:
         """Let the motion know which states have been settled, and let it settle the one that is handed back."""
         settled, count = course.written - course.handed, self.solution.count
         if settled:
-            flow.advanced(record.times[2, :settled].tolist(), record.marks[:settled].tolist())
+            flow.advanced(record.times[2, :settled].tolist())
         count.evaluations += settled
         if course.handed:
             count.evaluations += self.stepper.stages.settle(course.t)
@@ -192,7 +189,7 @@ def terms(tableau: Tableau, flow: Flow, steps: Sequence[Step]) -> Array:
 
 
 def _terms(tableau: Tableau, flow: Flow, steps: Sequence[Step]) -> Array:
-    """Return the terms of steps that have been taken in one way."""
+    """Return the terms of steps whose further stages are taken in one way."""
     coefficients, compiled = _Coefficients.of(tableau), library()
     if compiled is None:
         raise ValueError("the compiled library has gone")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.integration.integrator import Crossing, Solution
+from pinarm.records import ValueRecord
 
 PARTS, REFINEMENTS = 16, 14
 """Parts into which a bracket is divided, and how often: 16^-14 is below the rounding of a double."""
@@ -29,8 +29,7 @@ CONVERGED, MOST_PARTS = 1e-3, 4096
 """Size of the last coefficients of a series that has converged, over the largest; and most steps tried for it."""
 
 
-@dataclass(frozen=True)
-class Watch:
+class Watch(ValueRecord, frozen=True):
     """A function of the state whose zero crossings are located along a motion.
 
     Attributes:
@@ -197,8 +196,12 @@ def _brackets(values: Array, direction: int) -> list[tuple[float, float]]:
     real = np.sort(0.5 + 0.5 * roots.real[np.abs(roots.imag) < 1e-4])
     here = np.clip(real[(real > -BESIDE) & (real < 1.0 + BESIDE)], 0.0, 1.0)
     bounds = np.concatenate([[0.0], 0.5 * (here[1:] + here[:-1]), [1.0]])
-    above = np.polynomial.chebyshev.chebval(2.0 * bounds - 1.0, series) >= 0.0
-    above[0], above[-1] = values[0] >= 0.0, values[-1] >= 0.0
+    between = np.polynomial.chebyshev.chebval(2.0 * bounds - 1.0, series)
+    between[0], between[-1] = values[0], values[-1]
+    above = between >= 0.0
+    for k in range(1, len(bounds) - 1):  # two roots of a value that only touches 0 have rounding between them
+        if abs(between[k]) <= NEGLIGIBLE * np.abs(series).max():
+            above[k] = above[k - 1]
     return [
         (float(bounds[k]), float(bounds[k + 1]))
         for k in range(len(bounds) - 1)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from pinarm.arrays import Array, Indices
+from pinarm.records import ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.tableaus import Tableau
@@ -75,8 +76,7 @@ class Manifold(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Flat:
+class Flat(ValueRecord, frozen=True):
     """A configuration space without rotations: ``q' = v``."""
 
     nq: int
@@ -91,8 +91,7 @@ class Flat:
         return q
 
 
-@dataclass(frozen=True)
-class Interval:
+class Interval(ValueRecord, frozen=True):
     """A time interval on which the acceleration is smooth.
 
     Attributes:
@@ -133,9 +132,7 @@ class Interval:
         end = min(self.sampling.next(t), self.end) if self.sampling else self.end
         if (t, end) == (self.start, self.end):
             return self
-        part = object.__new__(Interval)  # there is one for every sample: ``replace`` takes six times as long
-        part.__dict__.update(self.__dict__, start=t, end=end)
-        return part
+        return replace(self, start=t, end=end)
 
     def of_step(self, start: float) -> Acceleration:
         """Return the acceleration that an accepted step used, by its start [s]."""
@@ -295,8 +292,7 @@ class EmbeddedPair(Method, Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Crossing:
+class Crossing(ValueRecord, frozen=True):
     """A zero crossing of a watched value.
 
     Attributes:

@@ -64,14 +64,14 @@ class Flow:
         return HeldStructure(None, 0, 0, None)
 
     def way(self, t: float) -> Any:
-        """Return in which way the accepted step was taken that begins at t [s]."""
+        """Return how the further stages of the dense output are taken in the step that begins at t [s]."""
         return None
 
     def take(self, way: Any) -> None:
-        """Let rates be those of steps that were taken in a way."""
+        """Let rates be those of such stages."""
 
-    def advanced(self, ends: Sequence[float], marks: Sequence[int]) -> None:
-        """Note that steps have been taken to these instants [s], and the states there settled, with these marks."""
+    def advanced(self, ends: Sequence[float]) -> None:
+        """Note that steps have been taken to these instants [s], and the states there settled."""
 
 
 @cache

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -24,6 +23,7 @@ from pinarm.engine.kernel.structures import (
     SkylineStructure,
 )
 from pinarm.engine.kernel.tree import CompiledTree, LoadedTree
+from pinarm.records import Record
 
 POINT, LOWER, UNIVERSAL, ROD = range(4)
 """Kinds of loop joints: see ``loops.h``."""
@@ -73,8 +73,7 @@ class LoadedLoops(NamedTuple):
         return np.ctypeslib.as_array((ctypes.c_double * rows).from_address(self.structure.multiplier))
 
 
-@dataclass(frozen=True, eq=False)
-class CompiledLoops:
+class CompiledLoops(Record, frozen=True):
     """A tree with loops as the library knows it.
 
     Attributes:

@@ -157,7 +157,7 @@ class CourseStructure(ctypes.Structure):
         *((name, REAL) for name in ("t", "start", "end", "h", "ceiling")),
         *((name, SIZE) for name in ("tries", "room", "written", "rejected", "handed")),
         *((name, POINTER) for name in ("y", "scratch", "starts", "lengths", "ends")),
-        *((name, POINTER) for name in ("rejections", "floored", "marks", "states", "slopes")),
+        *((name, POINTER) for name in ("rejections", "floored", "states", "slopes")),
     ]
 
 

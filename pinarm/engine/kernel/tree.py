@@ -30,6 +30,7 @@ from pinarm.engine.kernel.structures import (
     TreeStructure,
 )
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Acceleration
@@ -97,8 +98,7 @@ class HeldFlow(Flow):
         return structure
 
 
-@dataclass(frozen=True, eq=False)
-class CompiledTree:
+class CompiledTree(Record, frozen=True):
     """A tree as the library knows it.
 
     Attributes:

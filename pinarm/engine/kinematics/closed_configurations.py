@@ -55,14 +55,39 @@ def generic_near(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
 
     Where the loops cannot be closed at all it is the rough one: what is solved says what stays open.
     """
+    try:
+        return closed_generic(mechanism, start)
+    except AssemblyError:
+        return start_configuration(mechanism, start)
+
+
+def closed_generic(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
+    """Return the same, shape (nq,), of a mechanism that has to close.
+
+    Raises:
+        AssemblyError: The loops cannot be closed, neither from there nor from elsewhere.
+    """
     rough = start_configuration(mechanism, start)
     if not mechanism.closure.size:
         return rough
     try:
-        q: Array | None = _closed(mechanism, rough)
+        q = _closed(mechanism, rough)
     except AssemblyError:
-        q = closed_anywhere(mechanism)
-    return rough if q is None else generic(mechanism, beside(mechanism, q))
+        other = closed_anywhere(mechanism)
+        if other is None:
+            raise
+        q = other
+    return generic(mechanism, beside(mechanism, q))
+
+
+def mobility_when_closed(mechanism: Mechanism) -> int:
+    """Return the degrees of freedom in closed configurations of no special kind.
+
+    Raises:
+        AssemblyError: The loops cannot be closed.
+    """
+    closure = mechanism.closure
+    return int(closure.split(closure.rows(closure.state(closed_generic(mechanism, {})))).free.shape[1])
 
 
 def beside(mechanism: Mechanism, q: Array) -> list[Array]:

@@ -8,7 +8,6 @@ are solved at once where the equations are linear; elsewhere a branch is continu
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -20,6 +19,7 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling, independent
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw, Values
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -71,8 +71,7 @@ class JointMotion(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class JointTrajectory:
+class JointTrajectory(Record, frozen=True):
     """The motion of the joints at the rows of a grid.
 
     Attributes:
@@ -90,8 +89,7 @@ class JointTrajectory:
     a: Array
 
 
-@dataclass(frozen=True, eq=False)
-class DeterminedMotion:
+class DeterminedMotion(Record, frozen=True):
     """The motion of a mechanism with as many prescribed coordinates as degrees of freedom.
 
     Attributes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -15,6 +15,7 @@ from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import looser
+from pinarm.records import replace
 
 PAIRS = 6
 """Degree of hyperstatism up to which a hinge of the tree is loosened together with a loop joint: beyond it there are

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,13 +12,13 @@ from pinarm.errors import InputError
 from pinarm.mechanics.ball_joints import ball_coordinates
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.laws.motion_law import MotionLaw
+from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
 
 
-@dataclass(frozen=True)
-class PrescribedCoordinates:
+class PrescribedCoordinates(ValueRecord, frozen=True):
     """Coordinates with the laws that they follow.
 
     Attributes:
@@ -31,17 +30,6 @@ class PrescribedCoordinates:
     names: tuple[str, ...]
     coordinates: tuple[Coordinate, ...]
     laws: tuple[MotionLaw, ...]
-
-    @classmethod
-    def of(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> PrescribedCoordinates:
-        """Return the prescribed coordinates of a mechanism all of whose joints are to follow.
-
-        Raises:
-            InputError: A coordinate does not exist, or there are too few or too many.
-        """
-        prescribed = cls.bound(mechanism, motion)
-        prescribed._check_count(mechanism)
-        return prescribed
 
     @classmethod
     def bound(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> PrescribedCoordinates:
@@ -64,15 +52,6 @@ class PrescribedCoordinates:
             raise InputError("every coordinate follows a law: nothing is left to integrate", hint="kind: inverse")
         return prescribed
 
-    def _check_count(self, mechanism: Mechanism) -> None:
-        model = mechanism.model
-        rows = mechanism.closure.size  # redundant ones among them leave more freedom than this says
-        if len(self.names) < model.nv - rows:
-            raise self._miscounted(mechanism, model.nv - rows)
-        most = model.nv - int(mechanism.closure.ties)
-        if len(self.names) > most:
-            raise self._miscounted(mechanism, most)
-
     def check_mobility(self, mechanism: Mechanism, q: Array) -> None:
         """Raise where there are more or fewer coordinates than the assembled mechanism has degrees of freedom.
 
@@ -82,7 +61,7 @@ class PrescribedCoordinates:
         closure = mechanism.closure
         mobility = closure.split(closure.rows(closure.state(q))).free.shape[1]
         if len(self.names) != mobility:
-            raise self._miscounted(mechanism, mobility)
+            raise self.miscounted(mechanism, mobility)
 
     def check_redundant(self, mechanism: Mechanism, mobility: int) -> None:
         """Raise where the coordinates leave no freedom.
@@ -96,9 +75,10 @@ class PrescribedCoordinates:
                 expected="fewer laws than degrees of freedom", hint="resolve left out",
             )  # fmt: skip
         if len(self.names) > mobility:
-            raise self._miscounted(mechanism, mobility)
+            raise self.miscounted(mechanism, mobility)
 
-    def _miscounted(self, mechanism: Mechanism, mobility: int) -> InputError:
+    def miscounted(self, mechanism: Mechanism, mobility: int) -> InputError:
+        """Return that they are not as many as the degrees of freedom: which could be added, or how many are wanted."""
         missing = mobility - len(self.names)
         if missing > 0:
             own = [*mechanism.joints, *ball_coordinates(mechanism.model, mechanism.balls)]
@@ -109,7 +89,8 @@ class PrescribedCoordinates:
                 hint="base: fixed in the mechanism file, to hold the base" if mechanism.balls else _elastic(mechanism),
             )
         return InputError(
-            f"{len(self.names)} coordinates follow a law, but the mechanism has only {mobility} degrees of freedom",
+            f"{len(self.names)} coordinates follow a law, but the mechanism has only {mobility} "
+            f"{'degree' if mobility == 1 else 'degrees'} of freedom",
             expected=f"{mobility} of {', '.join(self.names)}" if mobility else "a mechanism that can move",
         )
 

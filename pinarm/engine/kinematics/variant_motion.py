@@ -1,10 +1,11 @@
 """Prescribed motions of variants of a mechanism: positions, velocities and accelerations of all rows at once.
 
-The motion of the first variant is known. From its row i Newton's method leads to row i of every other variant. That
-these rows are one motion each, on the branch that the start chooses, is checked as the continuation from row to row
-does: the first row is the one that the damped steps of ``NewtonSolver.assemble`` reach from the start; every row is
-near the one that velocity and acceleration predict from the row before, and moves as that predicts; the free motions
-keep their orientation in between. A variant of which one of these is not so is to be solved alone.
+From configurations near the rows of every variant Newton's method leads to these: from row i of the first variant, or
+where laws vary from a coarse continuation. That the rows are one motion each, on the branch that the start chooses, is
+checked as the continuation from row to row does: the first row is the one that the damped steps of
+``NewtonSolver.assemble`` reach from the start; every row is near the one that velocity and acceleration predict from
+the row before, and moves as that predicts; the free motions keep their orientation in between. A variant of which one
+of these is not so is to be solved alone.
 
 With J the independent rows of constraints and prescribed coordinates: ``J dq = gap``, ``J v = (0, w')`` and
 ``J a = (0, w'') - J' v``. Arrays have the states along their last axis, row by row; see ``chains``.
@@ -12,7 +13,9 @@ With J the independent rows of constraints and prescribed coordinates: ``J dq = 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +36,10 @@ STEPS = 12
 
 WEAK = 1e-3
 """Least length of what a row of J adds to those before it, relative to the length that it can have."""
+
+COARSE = 0.25
+"""Change of the first variant's coordinates from one row to the next of a coarse continuation [rad or m]: a prediction
+by velocity and acceleration errs by some hundredths of it, and of twice as fast a variant by a tenth."""
 
 SAME = 1e-6
 """Difference of configurations of one branch, that were closed from different places [rad or m]: rounding only."""
@@ -91,35 +98,95 @@ class VariantMotion:
         """Return the states.
 
         Args:
-            t: The parameter at the rows, shape (n,).
-            laws: The prescribed coordinates and their two derivatives, shape (3, n, d).
-            near: Configurations of the first variant, shape (n, nq).
-            start: A rough configuration at the first row, shape (nq,): it chooses the branch.
+            t: The parameter at the rows, shape (n,), or (n, k) where it varies.
+            laws: The prescribed coordinates and their two derivatives, shape (3, n, k or 1, d).
+            near: Configurations near those of the rows, shape (n, k or 1, nq).
+            start: Rough configurations at the first row, shape (k or 1, nq): they choose the branch.
         """
         n, k = len(near), len(self.own.model)
-        w, dw, ddw = (np.repeat(one.T, k, axis=1) for one in laws)
         with np.errstate(all="ignore"):  # of variants that are to be solved alone
-            q, sound = self._closed(np.repeat(near.T, k, axis=1), w)
-            measured, v, a, rows = self._rates(q, dw, ddw)
-            sound &= self._regular(rows) & (np.abs(self._gaps(measured, w)) <= self._allowed(w)).all(axis=0)
-            states = [x.reshape(-1, n, k) for x in (q, v, a)]
+            w = self._columns(laws[0])
+            states, sound, rows = self._solved(laws, near)
+            q, v, a = (x.reshape(-1, n, k) for x in states)
             free = rows.basis[self.own.size - self.whole.size :].reshape(-1, len(q), n, k)
-            good = sound.reshape(n, k).all(axis=0) & self._is_one_motion(t, states[0], states[1], states[2], free)
-            first, closed = self._assembled(start, w[:, :k])
-            good &= closed & (np.abs(first - states[0][:, 0]).max(axis=0) <= SAME)
-        q, v, a = (np.where(good, x, x[..., :1]).transpose(1, 2, 0) for x in states)
-        return VariantStates(q, v, a, good & self.own.alike_in_size)
+            good = sound.reshape(n, k).all(axis=0) & self._is_one_motion(t.reshape(n, -1), q, v, a, free)
+            first, closed = self._assembled(self._columns(start[None]), w[:, :k])
+            good &= closed & (np.abs(first - q[:, 0]).max(axis=0) <= SAME)
+        return self._told((q, v, a), good)
+
+    def follow_near(self, laws: Array, near: Array) -> VariantStates:
+        """Return states each of its own, near configurations that are predicted from states of the motion.
+
+        Args:
+            laws: The prescribed coordinates and their two derivatives, shape (3, n, k or 1, d).
+            near: The predicted configurations, shape (n, k, nq).
+        """
+        n, k = len(near), len(self.own.model)
+        with np.errstate(all="ignore"):
+            states, sound, _ = self._solved(laws, near)
+            q, v, a = (x.reshape(-1, n, k) for x in states)
+            good = sound.reshape(n, k) & (np.abs(q - near.transpose(2, 0, 1)).max(axis=0) <= NEAR)
+        return self._told((q, v, a), good.all(axis=0))
+
+    def continued(self, t: Array, laws: Array, first: Array, start: Array) -> Array:
+        """Return configurations near those of the rows, shape (n, k, nq), where variants follow laws of their own.
+
+        Some of the rows are solved one after the other, each predicted by velocity and acceleration of the one before;
+        through the states of two such rows leads the polynomial of the fifth degree that those between are near.
+
+        Args:
+            t: The parameter at the rows, shape (n, k or 1).
+            laws: The prescribed coordinates and their two derivatives, shape (3, n, k or 1, d).
+            first: Configurations of the first variant, shape (n, nq).
+            start: See ``follow``.
+        """
+        knots, found = _knots(first), np.empty((len(first), len(self.own.model), first.shape[1]))
+        with np.errstate(all="ignore"):
+            q, _ = self._assembled(self._columns(start[None]), self._columns(laws[0, :1]))
+            before = self._moving(q, laws[:, :1])
+            found[0] = q.T
+            for low, high in pairwise(knots):
+                h = t[high] - t[low]
+                after = self._moving(before[0] + h * (before[1] + 0.5 * h * before[2]), laws[:, high : high + 1])
+                share = np.where(h == 0.0, 1.0, (t[low + 1 : high + 1] - t[low]) / h)
+                found[low + 1 : high + 1] = _between(share, h, before, after).transpose(1, 2, 0)
+                before = after
+        return found
 
     def rates(self, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
         """Return velocities and accelerations, shape (n, k, nv), at configurations of the motion, shape (n, k, nq).
 
         Args:
             q: The configurations.
-            dw: Velocities of the prescribed coordinates, the same at every row, shape (d,).
-            ddw: Their accelerations, shape (d,).
+            dw: Velocities of the prescribed coordinates, the same at every row, shape (k or 1, d).
+            ddw: Their accelerations, shape (k or 1, d).
         """
-        _, v, a, _ = self._rates(q.reshape(-1, q.shape[-1]).T, dw[:, None], ddw[:, None])
+        each = (self._columns(np.repeat(x[None], len(q), axis=0)) for x in (dw, ddw))
+        _, v, a, _ = self._rates(self._columns(q), *each)
         return v.T.reshape(q.shape), a.T.reshape(q.shape)
+
+    def _columns(self, x: Array) -> Array:
+        """Return what n rows of the variants have, shape (n, k or 1, w), as columns, shape (w, n k)."""
+        every = np.broadcast_to(x, (len(x), len(self.own.model), x.shape[-1]))
+        return np.ascontiguousarray(every.reshape(-1, x.shape[-1]).T)
+
+    def _solved(self, laws: Array, near: Array) -> tuple[list[Array], Flags, OrthogonalRows]:
+        """Return q, v and a near configurations, each of shape (nv, N), where they are sound, and the rows J."""
+        w, dw, ddw = map(self._columns, laws)
+        q, sound = self._closed(self._columns(near), w)
+        measured, v, a, rows = self._rates(q, dw, ddw)
+        sound &= self._regular(rows) & (np.abs(self._gaps(measured, w)) <= self._allowed(w)).all(axis=0)
+        return [q, v, a], sound, rows
+
+    def _moving(self, near: Array, laws: Array) -> tuple[Array, Array, Array]:
+        """Return q, v and a of one row near configurations, each of shape (nv, k)."""
+        (q, v, a), _, _ = self._solved(laws, near.T[None])
+        return q, v, a
+
+    def _told(self, states: Sequence[Array], good: Flags) -> VariantStates:
+        """Return states, shape (nv, n, k); those that are not good are the first's."""
+        q, v, a = (np.where(good, x, x[..., :1]).transpose(1, 2, 0) for x in states)
+        return VariantStates(q, v, a, good & self.own.alike_in_size)
 
     def _evaluated(self, q: Array) -> EvaluatedJacobians:
         return self.whole.evaluated(q.T)
@@ -156,7 +223,7 @@ class VariantMotion:
             measured = self._evaluated(q)
             step = self._orthogonal(measured, q.shape[1]).shortest(self._gaps(measured, w)[self.kept])
             q = np.where(done, q, q + step)
-            done |= np.abs(step).max(axis=0) < ENOUGH
+            done |= ~(np.abs(step).max(axis=0) >= ENOUGH)  # or is no number, and no state of the motion
             if done.all():
                 break
         return q, done
@@ -181,13 +248,13 @@ class VariantMotion:
         """Tell in which variants each row follows from the one before, shape (k,).
 
         Args:
-            t: The parameter, shape (n,).
+            t: The parameter, shape (n, k or 1).
             q: Configurations, shape (nv, n, k).
             v: Velocities, likewise.
             a: Accelerations, likewise.
             free: T, orthonormal bases of the free motions, shape (f, nv, n, k).
         """
-        h = np.diff(t)[:, None]
+        h = np.diff(t, axis=0)
         slope = v[:, :-1] + h * a[:, :-1]
         correction = np.abs(q[:, 1:] - q[:, :-1] - 0.5 * h * (v[:, :-1] + slope)).max(axis=0)
         near = (correction <= NEAR) & on_branch(h * (v[:, 1:] - slope), correction)
@@ -195,11 +262,11 @@ class VariantMotion:
         return np.asarray((near & (np.linalg.det(turned) > 0.0)).all(axis=0))
 
     def _assembled(self, start: Array, w: Array) -> tuple[Array, Flags]:
-        """Return what damped steps from the start reach, shape (nv, k), and where no step had to be damped, shape (k,).
+        """Return what damped steps from starts reach, shape (nv, k), and where no step had to be damped, shape (k,).
 
         The steps of ``NewtonSolver.closest``; where the gap grows these would be shorter, and the variant is left.
         """
-        q, solver = np.repeat(start[:, None], w.shape[1], axis=1), self.solver
+        q, solver = start, self.solver
         size, good = np.full(w.shape[1], np.inf), np.ones(w.shape[1], dtype=bool)
         for _ in range(ITERATIONS):
             measured = self._evaluated(q)
@@ -218,3 +285,27 @@ class VariantMotion:
             step *= np.where(closed, 0.0, np.minimum(1.0, 0.5 / np.maximum(most, 1e-300)))
             q, size = q + solver.scale[:, None] * step, left
         return q, good & closed
+
+
+def _knots(q: Array) -> list[int]:
+    """Return the first row, the last, and evenly some between that are near each other, given rows of shape (n, nq)."""
+    most = float(np.abs(np.diff(q, axis=0)).max(initial=0.0))
+    step = max(1, int(COARSE / most)) if most * (len(q) - 1) > COARSE else max(1, len(q) - 1)
+    return [*range(0, len(q) - 1, step), len(q) - 1]
+
+
+def _between(share: Array, h: Array, before: Sequence[Array], after: Sequence[Array]) -> Array:
+    """Return the polynomials of the fifth degree through two states, shape (nv, n, k), at shares of the way between.
+
+    Args:
+        share: 0 at the first state, 1 at the second, shape (n, k or 1).
+        h: The parameter between them, shape (k,) or (1,).
+        before: q, v and a of the first, each of shape (nv, k).
+        after: Those of the second.
+    """
+    (q, v, a), s = (before[0], h * before[1], 0.5 * h * h * before[2]), share
+    gap = after[0] - (q + v + a), h * after[1] - (v + 2.0 * a), h * h * after[2] - 2.0 * a
+    weights = (10.0, -4.0, 0.5), (-15.0, 7.0, -1.0), (6.0, -3.0, 0.5)
+    third, fourth, fifth = (np.tensordot(row, np.array(gap), 1)[:, None] for row in weights)
+    q, v, a = (x[:, None] for x in (q, v, a))
+    return np.asarray(q + s * (v + s * (a + s * (third + s * (fourth + s * fifth)))))

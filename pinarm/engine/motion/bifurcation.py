@@ -8,7 +8,6 @@ do not, and the least gap of a loop decides: what comes then may be far from the
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from pinarm.arrays import Array, Indices, distinct
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspaces.nullspace import RANK
 from pinarm.engine.motion.segmented.segments import MotionSegment, SegmentedMotion
+from pinarm.records import Record, ValueRecord
 
 REGULAR, SLOW = 1e-3, 0.07
 """Smallest singular value of the rows, relative to its largest in the run, and speed, relative to the largest, below
@@ -32,8 +32,7 @@ AHEAD = 0.25
 """How far a mechanism moves before it may have become singular, over its regularity [rad]: four-bars take 1."""
 
 
-@dataclass(frozen=True)
-class UndeterminedRest:
+class UndeterminedRest(ValueRecord, frozen=True):
     """Where a motion is not determined.
 
     Attributes:
@@ -72,8 +71,7 @@ def undetermined_rest(closure: Closure, motion: SegmentedMotion) -> Undetermined
     return None
 
 
-@dataclass(frozen=True, eq=False)
-class _Pace:
+class _Pace(Record, frozen=True):
     """How fast a segment is at the ends of its steps.
 
     Attributes:
@@ -139,8 +137,7 @@ def _slow(paces: Sequence[_Pace], limit: float) -> Iterator[tuple[float, Array, 
                 yield float(t[k]), q[k], REGULAR
 
 
-@dataclass(frozen=True, eq=False)
-class _Usual:
+class _Usual(Record, frozen=True):
     """How regular a mechanism usually is.
 
     Attributes:

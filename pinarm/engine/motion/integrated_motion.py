@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,14 +19,14 @@ from pinarm.engine.series import Series
 from pinarm.input.units import unit
 from pinarm.mechanics.coordinates import driven_along
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.control.controls import Controls
     from pinarm.engine.mechanism import Mechanism
 
 
-@dataclass(frozen=True, eq=False)
-class IntegratedMotion:
+class IntegratedMotion(Record, frozen=True):
     """A motion that has been integrated over time.
 
     Attributes:

@@ -9,7 +9,7 @@ at rest. Whatever lies between the two holds.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import product
 from typing import TYPE_CHECKING
@@ -29,6 +29,7 @@ from pinarm.errors import DynamicsError
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.friction.contact import slip_drifts, slip_rows
 from pinarm.mechanics.friction.slip_vectors import several, sizes, unit_vectors
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.statics.actuation import Actuation

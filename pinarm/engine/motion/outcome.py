@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
+from msgspec import field
 
 from pinarm.arrays import Array, distinct
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import Record
 
 
 class SolvedMotion(Protocol):
@@ -25,8 +26,7 @@ class SolvedMotion(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class Outcome:
+class Outcome(Record, frozen=True):
     """What a problem gives back.
 
     Attributes:

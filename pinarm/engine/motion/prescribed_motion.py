@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +18,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import AssemblyError, InputError
 from pinarm.input.units import Unit
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -30,8 +30,7 @@ Rates = tuple[Array, Array]
 """Velocities and accelerations of the prescribed coordinates, each of shape (k,)."""
 
 
-@dataclass(frozen=True, eq=False)
-class Prescription:
+class Prescription(Record, frozen=True):
     """What a mechanism has to follow, and what carries the load.
 
     Attributes:
@@ -166,8 +165,29 @@ class Prescription:
         return found
 
 
-@dataclass(frozen=True, eq=False)
-class PrescribedMotion:
+class PrescribedTable(Record, frozen=True):
+    """A prescription, and the rows at which the motion is wanted; nothing is solved yet.
+
+    Attributes:
+        prescription: What is prescribed.
+        grid: Values of the parameter.
+        start: Rough configuration at the first of them, shape (nq,): it chooses the branch.
+    """
+
+    prescription: Prescription
+    grid: Grid
+    start: Array
+
+    def outcome(self) -> Outcome:
+        """Return the states; see ``Prescription.outcome``.
+
+        Raises:
+            AssemblyError: A position cannot be reached.
+        """
+        return self.prescription.outcome(self.grid, self.start)
+
+
+class PrescribedMotion(Record, frozen=True):
     """A prescribed motion that has been solved at some values of its parameter.
 
     Attributes:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Flags
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.variant_closure import VariantClosure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion, prescribed_at_start
 from pinarm.engine.kinematics.variant_motion import VariantMotion, VariantStates
-from pinarm.engine.motion.prescribed_motion import PrescribedMotion
+from pinarm.engine.motion.integrated_variants import grid_of_variants
+from pinarm.engine.motion.prescribed_motion import PrescribedMotion, PrescribedTable, Prescription
 from pinarm.engine.motion.standstill import lossy
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation, DriveAtEveryJoint
@@ -21,34 +24,146 @@ from pinarm.engine.statics.effort_distribution import UNIQUE
 from pinarm.engine.statics.selected_drives import SelectedDrives
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
+from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
 
 
-def prescribed_variants(motion: PrescribedMotion, run: Trajectory, mechanism: Mechanism) -> tuple[Trajectory, Flags]:
-    """Return the states of variants with the efforts that the motion takes, and which are on its branch, shape (k,).
+@dataclass(frozen=True, eq=False)
+class PrescribedVariants:
+    """A prescribed motion in variants of its mechanism, which follow the same laws or each its own.
 
-    Args:
+    Attributes:
         motion: The motion of the first variant.
         run: Its rows.
         mechanism: The variants.
-
-    Raises:
-        VariantsDiffer: Something is computed of one mechanism at a time.
+        tables: What each of them follows at as many rows; the same object where that is the same.
     """
-    variants, closure, prescription = mechanism.model, mechanism.closure, motion.prescription
-    assert isinstance(closure, VariantClosure)
-    if lossy(prescription.mechanism):
-        raise VariantsDiffer("the directions of joints, on which the losses of gears depend")
-    dynamics = Dynamics.of_variants(variants, prescription.dynamics.forces)
-    drives = None if prescription.drives is None else _drives(prescription.drives, closure)
-    q, v, a, sound = _states(motion, run, closure)
-    lam = Multipliers.known(np.zeros((*q.shape[:2], closure.size)), closure.size)
-    states = replace(run, mechanism=mechanism, q=q, v=v, a=a, tau=np.zeros_like(v), lam=lam, closure=closure,
-                     dynamics=dynamics)  # fmt: skip
-    known = replace(prescription, mechanism=mechanism, dynamics=dynamics, drives=drives)
-    return known.solved(states, motion.pace), sound
+
+    motion: PrescribedMotion
+    run: Trajectory
+    mechanism: Mechanism
+    tables: Sequence[PrescribedTable]
+
+    @property
+    def grids(self) -> list[Grid]:
+        """The rows of each variant."""
+        return [table.grid for table in self.tables]
+
+    def some(self, mechanism: Mechanism, variants: Indices, grids: Sequence[Grid]) -> PrescribedVariants:
+        """Return some of the variants, of which these are the mechanism, at other rows."""
+        some = zip(variants.tolist(), grids, strict=True)
+        return replace(self, mechanism=mechanism, tables=[replace(self.tables[k], grid=grid) for k, grid in some])
+
+    def rows(self) -> tuple[Trajectory, Flags]:
+        """Return the states with the efforts that they take, and which variants are on the branch, shape (k,).
+
+        Raises:
+            VariantsDiffer: Something is computed of one mechanism at a time.
+        """
+        if self._alike and (self._closure.model.in_place or self._open):
+            run, every = self.run, np.ones(len(self.tables), dtype=bool)
+            return self._solved(VariantStates(run.q[:, None], run.v[:, None], run.a[:, None], every))
+        return self._solved(self._each_alone() if self._open else self._followed())
+
+    def at(self, near: Array) -> tuple[Trajectory, Flags]:
+        """Return the same at rows each of which is a state of its own, near configurations of shape (n, k, nq).
+
+        Raises:
+            VariantsDiffer: See ``rows``.
+        """
+        return self._solved(
+            self._each_alone() if self._open else self._rated(self._followers.follow_near(self._laws, near))
+        )
+
+    @cached_property
+    def _closure(self) -> VariantClosure:
+        closure = self.mechanism.closure
+        assert isinstance(closure, VariantClosure)
+        return closure
+
+    @cached_property
+    def _alike(self) -> bool:
+        return all(table is self.tables[0] for table in self.tables)
+
+    @property
+    def _open(self) -> bool:
+        """Whether coordinates of joints determine the positions, whatever the lengths are."""
+        followed = self.motion.prescription.motion.coordinates
+        return not self._closure.size and all(isinstance(coordinate, LinearCoordinate) for coordinate in followed)
+
+    def _each_alone(self) -> VariantStates:
+        """Return the states of open chains, by the function that solves one of them."""
+        found = [table.prescription.moving(table.grid, table.start) for table in self.tables]
+        q, v, a = (np.stack([getattr(run, name) for run in found], axis=1) for name in ("q", "v", "a"))
+        return VariantStates(q, v, a, np.ones(len(found), dtype=bool))
+
+    def _followed(self) -> VariantStates:
+        """Return the states by Newton's method, for all variants at once."""
+        laws, first = self._laws, self.run.q
+        tables = self.tables[:1] if self._alike else self.tables
+        t = np.stack([table.grid.t for table in tables], axis=1)
+        start = np.array([
+            prescribed_at_start(table.prescription.mechanism, _determined(table).prescribed, table.grid, table.start)
+            for table in tables
+        ])  # fmt: skip
+        near = first[:, None] if self._alike else self._followers.continued(t, laws, first, start)
+        return self._rated(self._followers.follow(t, laws, near, start))
+
+    @cached_property
+    def _followers(self) -> VariantMotion:
+        return VariantMotion.of(self._closure, _determined(self.tables[0]).prescribed, self.run.q[0])
+
+    @cached_property
+    def _laws(self) -> Array:
+        """The prescribed coordinates and their two derivatives, shape (3, n, k or 1, d)."""
+        tables = self.tables[:1] if self._alike else self.tables
+        values = [[table.grid.evaluate(law) for law in table.prescription.motion.laws] for table in tables]
+        return np.array(values).transpose(2, 3, 0, 1)
+
+    def _rated(self, states: VariantStates) -> VariantStates:
+        """Return states with the velocities and accelerations that are given for every row, where they are."""
+        tables = self.tables[:1] if self._alike else self.tables
+        rates = [table.prescription.rates for table in tables if table.prescription.rates is not None]
+        if not rates:
+            return states
+        dw, ddw = np.array(rates).swapaxes(0, 1)
+        v, a = self._followers.rates(states.q, dw, ddw)
+        return states._replace(v=v, a=a)
+
+    def _solved(self, states: VariantStates) -> tuple[Trajectory, Flags]:
+        """Return states as rows with efforts."""
+        closure, prescription = self._closure, self.motion.prescription
+        if lossy(prescription.mechanism):
+            raise VariantsDiffer("the directions of joints, on which the losses of gears depend")
+        dynamics = Dynamics.of_variants(closure.model, prescription.dynamics.forces)
+        drives = None if prescription.drives is None else _drives(prescription.drives, closure)
+        q, v, a, sound = states
+        grid = grid_of_variants(self.grids)
+        lam = Multipliers.known(np.zeros((*q.shape[:2], closure.size)), closure.size)
+        rows = replace(self.run, grid=grid, mechanism=self.mechanism, q=q, v=v, a=a, tau=np.zeros_like(v), lam=lam,
+                       closure=closure, dynamics=dynamics)  # fmt: skip
+        known = replace(prescription, mechanism=self.mechanism, dynamics=dynamics, drives=drives)
+        return known.solved(rows, self.motion.pace), sound
+
+
+def follows_alike(table: PrescribedTable, first: PrescribedTable) -> bool:
+    """Tell whether a variant follows laws of the same coordinates at as many rows, between as many jumps."""
+    names = [_names(one.prescription) for one in (table, first)]
+    return names[0] is not None and names[0] == names[1] and table.grid.rows == first.grid.rows
+
+
+def _names(prescription: Prescription) -> tuple[str, ...] | None:
+    motion = prescription.motion
+    return motion.prescribed.names if isinstance(motion, DeterminedMotion) else None
+
+
+def _determined(table: PrescribedTable) -> DeterminedMotion:
+    motion = table.prescription.motion
+    assert isinstance(motion, DeterminedMotion)
+    return motion
 
 
 def _drives(drives: Actuation, closure: VariantClosure) -> Actuation:
@@ -62,21 +177,3 @@ def _drives(drives: Actuation, closure: VariantClosure) -> Actuation:
     if not isinstance(drives, SelectedDrives) or drives.tasks or drives.distribution is not UNIQUE:
         raise VariantsDiffer("drives that share the load, act along task coordinates, or move joints that mimic others")
     return replace(drives, own=closure, closure=closure)
-
-
-def _states(motion: PrescribedMotion, run: Trajectory, closure: VariantClosure) -> VariantStates:
-    """Return the states: those of the first variant where lengths do not matter."""
-    prescription, k = motion.prescription, len(closure.model)
-    followed, start = prescription.motion, motion.start
-    assert isinstance(followed, DeterminedMotion)
-    by_joints = all(isinstance(coordinate, LinearCoordinate) for coordinate in followed.coordinates)
-    if closure.model.in_place or (by_joints and not closure.size):
-        return VariantStates(run.q[:, None], run.v[:, None], run.a[:, None], np.ones(k, dtype=bool))
-    start = prescribed_at_start(prescription.mechanism, followed.prescribed, run.grid, start)
-    variants = VariantMotion.of(closure, followed.prescribed, run.q[0])
-    laws = np.array([run.grid.evaluate(law) for law in followed.laws]).transpose(1, 2, 0)
-    states = variants.follow(run.grid.t, laws, run.q, start)
-    if prescription.rates is None:
-        return states
-    v, a = variants.rates(states.q, *prescription.rates)
-    return states._replace(v=v, a=a)

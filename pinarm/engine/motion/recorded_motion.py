@@ -10,7 +10,7 @@ smooth. Of a ball joint it runs through the components of the quaternion s, and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +27,7 @@ from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism

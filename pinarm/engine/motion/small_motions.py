@@ -6,12 +6,11 @@ The error of a step is relative to ``size + |y|``. A size of 1 suits motions of 
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from pinarm.arrays import Array
 from pinarm.engine.motion.segmented.hybrid_motion import FirstSegment, HybridSystem
 from pinarm.engine.motion.segmented.segments import SegmentedMotion
 from pinarm.errors import IntegrationError
+from pinarm.records import replace
 
 SMALL = 0.1
 """Size over that which errors are relative to, below which a motion is integrated again: its errors are then more than

@@ -70,7 +70,8 @@ def pace_of(
 def law_size(law: MotionLaw, grid: Grid) -> Array:
     """Return estimates of the largest |s'| and |s''| of a law over a grid, shape (2,)."""
     begin, end = sorted((grid.cuts[0], grid.cuts[-1]))
-    sizes = [piece.size()[1:] for piece in law.smooth_pieces if piece.start <= end and piece.end >= begin]
+    passed = [piece for piece in law.smooth_pieces if piece.start <= end and piece.end >= begin]
+    sizes = [piece.between(begin, end).size()[1:] for piece in passed]
     return np.asarray(np.max(sizes, axis=0))
 
 

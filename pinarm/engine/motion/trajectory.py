@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.model_variants import ModelVariants
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -28,8 +29,7 @@ ROW = "row"
 """Parameter of rows that are only numbered."""
 
 
-@dataclass(frozen=True, eq=False)
-class EventRecord:
+class EventRecord(Record, frozen=True):
     """An event of a run, or an impact.
 
     Attributes:
@@ -130,10 +130,29 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.grid.t)
 
+    def link_motion_at(self, rows: Indices) -> tuple[LinkPlacements, Array, Array, Array]:
+        """Return the same at some rows, shape (k,); the last ones are kept, since checks look at the same rows."""
+        if len(rows) == len(self):
+            return self.link_motion
+        asked = rows.tobytes()
+        if asked not in self._looked:
+            self._looked.clear()
+            self._looked[asked] = moving(self.mechanism.model, self.q[rows], self.v[rows], self.a[rows])
+        return self._looked[asked]
+
+    @cached_property
+    def _looked(self) -> dict[bytes, tuple[LinkPlacements, Array, Array, Array]]:
+        return {}
+
     @property
     def row_axes(self) -> tuple[int, ...]:
         """Shape of what is the same in all variants, (n,), or (n, 1) where there are several."""
         return len(self), *(1,) * (self.q.ndim - 2)
+
+    @property
+    def parameters(self) -> Array:
+        """Values of the parameter, shape (n,), or (n, 1) where there are several variants, (n, k) where it varies."""
+        return self.grid.t if self.grid.t.ndim > 1 else self.grid.t.reshape(self.row_axes)
 
     @property
     def value_shapes(self) -> tuple[tuple[int, ...], ...]:
@@ -197,28 +216,51 @@ class Trajectory:
         couplings = (constraint for constraint in self.mechanism.constraints if isinstance(constraint, JointRelation))
         return {one.name: one.rows_at(self.q)[:, joint] for one in couplings if joint in one.joints}
 
-    def rotor_at(self, joint: int) -> str | None:
-        """Return the drive whose motor moves a joint by a rotor that is one of its own, by the joint's index in v."""
-        mechanism, driven = self.mechanism, self.driven
-        for name, drive in mechanism.drives.items():
-            if drive.joint and drive.turns_rotor and mechanism.joints[drive.joint].v == joint and driven is not None:
-                return name if driven[mechanism.driven_joint(name).v] and not driven[joint] else None
-        return None
-
     def effort(self, joint: int) -> Array:
         """Return the effort along a joint [N*m or N], by its index in v, shape (n,).
 
-        That of its drive; of a joint without one, what couplings do along it: ``sum_k G_k lam_k``. Where a motor acts
-        on a rotor that is a joint of its own, what the gear gives: ``tau - N^2 J a`` of the rotor less losses.
+        That of its drive, with what accelerates its rotor; of a joint without one, what couplings do along it, with
+        their friction: ``sum_k G_k lam_k + J_k f_k``. Where a motor acts on a rotor that is a joint of its own, its
+        effort less the losses of the gear; behind an elastic gear what the gear gives, ``tau - N^2 J a`` of the rotor.
         """
-        if (drive := self.rotor_at(joint)) is not None:
+        if (drive := self._motor_at(joint)) is not None:
             rotor, friction = self.mechanism.driven_joint(drive).v, self.columns.get(f"drive.{drive}.friction")
-            given = self.tau[:, rotor] - self.mechanism.drives[drive].armature * self.a[:, rotor]
-            return given if friction is None else given + friction.values
+            if self.mechanism.drives[drive].elasticity is not None:
+                return self.tau[..., rotor] - self.mechanism.drives[drive].armature * self.a[..., rotor]
+            return self.tau[..., rotor] + (0.0 if friction is None else friction.values)
         if not (acting := self.couplings_at(joint)):
             return self.tau[..., joint]
         lam, places = np.asarray(self.lam), self.closure.slices()
-        return np.asarray(sum(weight * lam[:, places[name].start] for name, weight in acting.items()))
+        found = np.asarray(sum(weight * lam[:, places[name].start] for name, weight in acting.items()))
+        return found + self._friction_in(acting, joint) if self.mechanism.frictions else found
+
+    def _friction_in(self, couplings: Collection[str], joint: int) -> Array:
+        """Return what friction between the members of couplings does along a joint, by its index in v, shape (n,)."""
+        from pinarm.mechanics.friction.contact import slip_rows
+
+        contacts, names = self.mechanism.frictions, {f"coupling.{name}" for name in couplings}
+        between = np.array([contact.name in names for contact in contacts])
+        return np.asarray((slip_rows(self.mechanism.model, contacts, self.q)[..., joint] * self.friction) @ between)
+
+    def armature(self, joint: int) -> float:
+        """Return the inertia of rotors that ``effort`` of a joint accelerates too [kg*m^2 or kg], by its index in v."""
+        drive = self.mechanism.drives.get(self._rotor_of(joint) or "")
+        own = drive.armature if drive is not None and drive.elasticity is None else 0.0
+        return own + float(self.mechanism.model.armature[joint])
+
+    def _motor_at(self, joint: int) -> str | None:
+        """Return the drive whose motor moves a joint in this run, by a rotor that is a joint of its own."""
+        name, driven = self._rotor_of(joint), self.driven
+        if name is None or driven is None:
+            return None
+        return name if driven[self.mechanism.driven_joint(name).v] and not driven[joint] else None
+
+    def _rotor_of(self, joint: int) -> str | None:
+        """Return the drive of a joint whose rotor is a joint of its own, by the index in v of the driven joint."""
+        turning = {
+            name: drive.joint for name, drive in self.mechanism.drives.items() if drive.joint and drive.turns_rotor
+        }
+        return next((name for name, driven in turning.items() if self.mechanism.joints[driven].v == joint), None)
 
     def effort_along(self, name: str) -> Array | None:
         """Return the effort of a drive along a joint or a sum of joints [N*m or N], shape (n,); ``None`` without one.

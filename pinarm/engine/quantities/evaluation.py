@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.quantities.reactions import Reactions
     from pinarm.engine.quantities.row_kinematics import RowKinematics
 
 
-@dataclass(frozen=True, eq=False)
-class Evaluation:
+class Evaluation(Record, frozen=True):
     """A trajectory, and what is computed of it once, when a quantity first needs it.
 
     Attributes:

@@ -17,6 +17,7 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.joints import METRE
+from pinarm.records import ValueRecord
 
 AXES = ("x", "y", "z", "norm")
 RATES = ("position", "velocity", "acceleration")
@@ -31,8 +32,7 @@ class UnknownQuantity(InputError):
         self.name = name
 
 
-@dataclass(frozen=True)
-class Asked:
+class Asked(ValueRecord, frozen=True):
     """A name that has been asked, such as ``joint.knee.moment.about.foot.x``.
 
     Attributes:

@@ -9,7 +9,7 @@ and numbers with units, ``(2e4 N/m)*Y``. A name with several meanings is refused
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -27,6 +27,7 @@ from pinarm.input.formulas.expressions import Expression
 from pinarm.input.formulas.grammar import CONSTANTS
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
+from pinarm.records import replace
 
 MAX_DEPTH = 50
 """Symbols may stand for symbols; deeper nesting would exhaust the interpreter's stack."""
@@ -94,7 +95,7 @@ class Quantities:
     def parameter(self) -> Series:
         """What runs along the rows, whatever else has its name."""
         run = self.trajectory
-        return Series(run.parameter, run.unit, run.grid.t.reshape(run.row_axes))
+        return Series(run.parameter, run.unit, run.parameters)
 
     def __getitem__(self, name: str) -> Series:
         """Return a quantity by its name, a symbol, or a formula of them.
@@ -113,7 +114,7 @@ class Quantities:
         return self._known[name]
 
     @cached_property
-    def _others(self) -> list[Quantities]:
+    def others(self) -> list[Quantities]:
         """Those of the same motion with other frictions that hold it as well."""
         others = self.trajectory.others
         return [Quantities(other, self.symbols, self.undetermined, self.whole) for other in others]
@@ -130,21 +131,41 @@ class Quantities:
         return replace(told, name=name, values=EXTREMES[extreme](self._values(told, base), axis=0), doubt="")
 
     def _values(self, told: Series, name: str) -> Array:
-        return np.array([told.values, *(other[name].values for other in self._others)])
+        return np.array([told.values, *(other[name].values for other in self.others)])
 
     def open_rows(self, name: str) -> Flags:
         """Return in which rows joints at rest share a load in a way that leaves a quantity open, shape (n,)."""
         told = self[name]
-        if not self._others or self._extreme(name) is not None:
+        if not self.others or self._extreme(name) is not None:
             return np.zeros(told.values.shape, dtype=bool)
         values = self._values(told, name)
         return np.asarray(np.ptp(values, axis=0) > OPEN * np.abs(values).max(initial=0.0))
 
-    def _left_open(self, name: str, told: Series) -> str:
+    def bounds(self, name: str) -> tuple[Series, Series]:
+        """Return the least and greatest values of a quantity, row by row; both are its own where it is determined."""
+        low, high = (self[f"{name}.{extreme}"] for extreme in EXTREMES) if self.others else (self[name], self[name])
+        return low, high
+
+    def determined(self, name: str) -> Series:
+        """Return a quantity that does not depend on how several frictions at rest share a load.
+
+        Raises:
+            InputError: It does, in some row.
+        """
+        series = self[name]
+        if self.open_rows(name).any():
+            raise InputError(
+                f"'{name}': {self._left_open(name, series)}",
+                expected="a quantity that does not depend on which friction holds how much",
+                hint=" or ".join(f"'{name}.{extreme}'" for extreme in EXTREMES),
+            )
+        return series
+
+    def _left_open(self, name: str, series: Series) -> str:
         """Return what is in doubt about a quantity that joints at rest leave open; nothing elsewhere."""
-        if not self._others:
+        if not self.others:
             return ""
-        values, self._known[name] = self._values(told, name), told
+        values, self._known[name] = self._values(series, name), series
         rows = np.flatnonzero(self.open_rows(name))
         if not len(rows):
             return ""
@@ -153,7 +174,7 @@ class Quantities:
         return (
             f"not determined in {len(rows)} of {len(run)} rows, as several frictions hold one motion: at "
             f"{run.parameter} = {run.grid.t[row]:.6g} {run.unit} anything from {low:.6g} to {high:.6g} "
-            f"{told.unit or ''}; '{name}.least' and '{name}.greatest' tell it for all rows"
+            f"{series.unit or ''}; '{name}.least' and '{name}.greatest' tell it for all rows"
         )
 
     def _require_axes(self, series: Series) -> None:
@@ -299,9 +320,15 @@ class Quantities:
         return Series(name, measured, self._constant(values) if np.ndim(values) == 0 else np.asarray(values), doubt)
 
     def figure(self, text: str) -> Array:
-        """Return the value of a formula that holds printed figures, which come without units; shape () or (n,)."""
+        """Return the value of a formula that holds printed figures, which come without units; shape () or (n,).
+
+        Raises:
+            InputError: A quantity in it does not exist, or is not determined; see ``determined``.
+        """
         expression = Expression.parse(text)
         operands = self._operands(expression)
+        for name in operands:
+            self.determined(name)
         return np.asarray(expression.evaluate({inner: series.values for inner, series in operands.items()}), float)
 
     def _operands(self, expression: Expression) -> dict[str, Series]:

@@ -24,13 +24,15 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.joint_axes import loop_axis, tree_axis
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import OpenReaction, left_open
-from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import crossed, joined
 from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 if TYPE_CHECKING:
     from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
+    from pinarm.mechanics.friction.cam import CamFriction
+    from pinarm.mechanics.friction.coupling_contact import CouplingContact
     from pinarm.mechanics.loops.relative import LoopCoordinate
 
 SAMPLE = 64
@@ -153,7 +155,7 @@ class Reactions:
         run, model = self.run, self.model
         checked = sampled(len(run))
         rows = checked[(checked >= part.start) & (checked < part.stop)]
-        links, twists, rates, _ = moving(model, run.q[rows], run.v[rows], run.a[rows])
+        links, twists, rates, _ = run.link_motion_at(rows)
         asked, wrenches = links.outwards(demands(model, links, twists, rates).sum(axis=0)), self.joints[rows]
         parents = np.array(model.parents)
         carries = (parents == np.arange(model.njoints)[:, None]).astype(float)
@@ -241,14 +243,27 @@ class Reactions:
     def transmitted(self, name: str) -> tuple[Array, Array, list[Array]]:
         """Return where a coupling acts on its second member [m], (n, 3), and [f; m] on it there, world axes, (n, 6).
 
-        And what each self-stress adds to the latter.
+        Friction between its members is part of it. And what each self-stress adds to the latter.
         """
         coupling, (lam, stresses) = self.couplings[name], self.multiplier(name)
         found = [[coupling.transmitted(self.links(rows), one[rows, None]) for rows in _blocks(0, len(lam))]
                  for one in (lam, np.zeros_like(lam), *stresses)]  # fmt: skip
         points = np.concatenate([point for point, _ in found[0]])
         wrench, idle, *stressed = (np.concatenate([block for _, block in blocks]) for blocks in found)
+        links = self.links(np.arange(len(self.run)))
+        for contact, f in self.friction_of(name):
+            wrench = wrench + _moved(contact.wrenches(links, f)[coupling.second], -points)
         return points, wrench, [stress - idle for stress in stressed]
+
+    def friction_of(self, name: str) -> list[tuple[CouplingContact | CamFriction, Array]]:
+        """Return where the members of a coupling rub, with the friction there [N], shape (n,)."""
+        if not self.run.mechanism.frictions:
+            return []
+        from pinarm.mechanics.friction.cam import CamFriction
+        from pinarm.mechanics.friction.coupling_contact import CouplingContact
+
+        return [(contact, f) for contact, f in zip(self.run.mechanism.frictions, self.run.friction.T, strict=True)
+                if isinstance(contact, CouplingContact | CamFriction) and contact.coupling.name == name]  # fmt: skip
 
     @cached_property
     def stresses(self) -> list[Array]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +28,7 @@ from pinarm.input.units import unit
 from pinarm.mechanics.ball_joints import configuration, places_of, unit_of, velocities_of
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.mechanics.loading.pinocchio_layout import UNIT
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -141,7 +142,8 @@ def _quantities(
     q, still = given["q"], np.zeros((len(given["q"]), mechanism.model.nv))
     v, tau, after = given.get("v", still), given.get("tau"), float(np.nextafter(t, np.inf))
     dynamics, closure = mechanism.dynamics.on(t, after), mechanism.closure
-    columns, loads = _friction(mechanism, dynamics, t, q, v, tau)
+    frictions = _frictions(mechanism, dynamics, t, q, v, tau)
+    loads = _friction_loads(mechanism, q, frictions[0])
     a = given.get("a", still) if tau is None else _forward(mechanism, dynamics, t, q, v, tau + loads)
     _check_closed(closure, leading, q, v, a)
     run = _rows(mechanism, t, q, v, a)
@@ -151,13 +153,31 @@ def _quantities(
         paces = row_paces(mechanism, v, terms)  # efforts that hold leave accelerations of their rounding
         run = replace(run, directions=directions(v, a, paces, np.ones(len(q)), still))
     if tau is not None:
-        lam = Multipliers.least(closure, q, demand - tau - loads, np.zeros((len(q), 0)))
-        return Quantities(replace(run, tau=tau, lam=lam, columns=columns))
+        return Quantities(_under(replace(run, tau=tau), demand - tau, frictions))
     acting = actuation(mechanism, drives, drives) if drives else everywhere(mechanism)
     if acting is None:
         return Quantities(replace(run, no_efforts=NO_DRIVES))
     run = replace(run, closure=acting.closure, driven=acting.driven, drives=(*acting.coordinates(mechanism),))
     return Quantities(_driven(run, acting, demand))
+
+
+def _under(run: Trajectory, demand: Array, frictions: Sequence[Array]) -> Trajectory:
+    """Return states with their friction and multipliers; the first friction is that of the rows, see ``others``."""
+    if not run.mechanism.frictions:
+        return replace(run, lam=Multipliers.least(run.mechanism.closure, run.q, demand, np.zeros((len(run), 0))))
+    from pinarm.engine.friction.columns import friction_columns
+    from pinarm.engine.friction.extremes import held_part
+
+    def under(friction: Array) -> Trajectory:
+        held = demand - _friction_loads(run.mechanism, run.q, friction)
+        lam = Multipliers.least(run.mechanism.closure, run.q, held, np.zeros((len(run), 0)))
+        return replace(run, lam=lam, columns=friction_columns(run.mechanism.frictions, friction))
+
+    rows, others = under(frictions[0]), list[Trajectory]()
+    for friction in frictions[1:]:
+        part = held_part(run.mechanism.closure, rows.lam, under(friction).lam)[:, None]
+        others.append(under(frictions[0] + part * (friction - frictions[0])))
+    return replace(rows, others=tuple(others))
 
 
 def _driven(run: Trajectory, acting: Actuation, demand: Array) -> Trajectory:
@@ -171,19 +191,26 @@ def _driven(run: Trajectory, acting: Actuation, demand: Array) -> Trajectory:
     return replace(run, tau=tau, lam=lam)
 
 
-def _friction(
+def _frictions(
     mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Array, tau: Array | None
-) -> tuple[dict[str, Series], Array]:
-    """Return friction that sticks under efforts as columns, and as generalised loads, shape (n, nv)."""
-    if tau is None or not mechanism.frictions:
-        return {}, np.zeros_like(v)
-    from pinarm.engine.friction.columns import friction_columns
+) -> list[Array]:
+    """Return the friction under efforts, shape (n, k), and others that hold as well; 0 where efforts are not given."""
+    contacts = mechanism.frictions
+    if tau is None or not contacts:
+        return [np.zeros((len(q), len(contacts)))]
     from pinarm.engine.friction.given_efforts import friction_under
+
+    friction, others = friction_under(contacts, dynamics, mechanism.closure, t, q, v, tau)
+    return [friction, *others]
+
+
+def _friction_loads(mechanism: Mechanism, q: Array, friction: Array) -> Array:
+    """Return friction along the slips as generalised loads, shape (n, nv)."""
+    if not mechanism.frictions:
+        return np.zeros((len(q), mechanism.model.nv))
     from pinarm.mechanics.friction.contact import slip_rows
 
-    friction = friction_under(mechanism.frictions, dynamics, mechanism.closure, t, q, v, tau)
-    loads = np.vecmat(friction, slip_rows(mechanism.model, mechanism.frictions, q))
-    return friction_columns(mechanism.frictions, friction), loads
+    return np.asarray(np.vecmat(friction, slip_rows(mechanism.model, mechanism.frictions, q)))
 
 
 def _rows(mechanism: Mechanism, t: float, q: Array, v: Array, a: Array) -> Trajectory:
@@ -221,7 +248,8 @@ def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: floa
     leading, (q, v, *efforts) = LeadingAxes.fold(q=(q, mechanism.model.nq), v=(v, nv), **given)
     check_quaternions(mechanism, leading, q)
     tau = efforts[0] if efforts else np.zeros_like(v)
-    a = _forward(mechanism, dynamics, t, q, v, tau + _friction(mechanism, dynamics, t, q, v, tau)[1])
+    friction = _frictions(mechanism, dynamics, t, q, v, tau)[0]
+    a = _forward(mechanism, dynamics, t, q, v, tau + _friction_loads(mechanism, q, friction))
     _check_closed(mechanism.closure, leading, q, v, a)
     return leading.unfold(a)
 

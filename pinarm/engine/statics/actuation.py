@@ -8,7 +8,6 @@ drive acts along. With T a basis of the motions that the constraints allow, ``G 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
@@ -20,6 +19,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.constraint import Constraint
@@ -54,8 +54,7 @@ class Actuation(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class DriveAtEveryJoint:
+class DriveAtEveryJoint(Record, frozen=True):
     """A drive at every joint of an open chain: each joint's demand is its effort.
 
     Attributes:
@@ -78,8 +77,7 @@ class DriveAtEveryJoint:
         return {name: mechanism.coordinates[name] for name in mechanism.joints}
 
 
-@dataclass(frozen=True, eq=False)
-class DriveAtEveryLeader:
+class DriveAtEveryLeader(Record, frozen=True):
     """A drive at every joint that mimics no other: it carries what those that mimic it demand, too.
 
     With f the followers, l the leaders, and W = (W_f W_l) the rows of the couplings,

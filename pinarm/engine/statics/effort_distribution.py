@@ -6,7 +6,6 @@ With as many drives as degrees of freedom the load determines them. ``shared_eff
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.errors import DrivesError, DynamicsError
 from pinarm.mechanics.coordinates import Coordinate
+from pinarm.records import ValueRecord
 
 CARRIED = 1e-9
 """Largest part of a load that no drive carries, relative to the load: rounding leaves 1e-13."""
@@ -39,8 +39,7 @@ class EffortDistribution(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class UniqueEfforts:
+class UniqueEfforts(ValueRecord, frozen=True):
     """The efforts that the load determines; more drives than degrees of freedom are refused."""
 
     def efforts(self, ways: Array, load: Array, least: Array) -> tuple[Array, Flags]:
@@ -74,14 +73,15 @@ def undetermined(
     """Return that drives are at a dead point, or too few to carry the load; shapes (f, d) and (f,)."""
     u, s, vt = np.linalg.svd(ways)
     r, freedom = int((s >= least).sum()), len(load)
-    if min(len(drives), freedom) > r:
+    left = np.abs(load - ways @ (vt[:r].T @ ((u[:, :r].T @ load) / s[:r]))).max()
+    too_few = len(drives) < freedom and left > CARRIED * np.abs(load).max()
+    if min(len(drives), freedom) > r and not too_few:
         shares = np.abs(vt[r:]).max(axis=0)
         weak = ", ".join(name for name, share in zip(drives, shares, strict=True) if share > 1e-6)
         return DynamicsError(
             f"at {t:.9g} the efforts of {weak} are not determined: the mechanism is at a dead point of these drives",
             expected="drives that can move the mechanism at every instant", t=t,
         )  # fmt: skip
-    left = np.abs(load - ways @ (vt[:r].T @ ((u[:, :r].T @ load) / s[:r]))).max()
     return DrivesError(
         f"at {t:.9g} the drives {', '.join(drives)} leave a load of {left:.3g} N*m or N uncarried",
         expected=f"{freedom} drives, as many as the mechanism has degrees of freedom",

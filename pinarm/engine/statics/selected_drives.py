@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +14,7 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.statics.effort_distribution import UNIQUE, EffortDistribution
 from pinarm.errors import DrivesError, DynamicsError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, driven_along
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -23,8 +23,7 @@ WEAK = 1e-9
 """Smallest singular value of S T, relative to the longest row of S, that still determines the drives' efforts."""
 
 
-@dataclass(frozen=True, eq=False)
-class SelectedDrives:
+class SelectedDrives(Record, frozen=True):
     """Drives along some coordinates; the other joints are passive.
 
     Attributes:
@@ -80,7 +79,7 @@ class SelectedDrives:
     def _system(self, q: Array, demand: Array, free: Array) -> tuple[Array, Array, Array]:
         """Return ``(S T)^T``, shape (n, f, d), the load ``T^T demand``, shape (n, f), and the least singular value."""
         rows = rows_of(self.own.model, list(self.named.values()), q)
-        least = WEAK * np.linalg.norm(rows, axis=2).max(axis=1, initial=0.0)
+        least = WEAK * np.linalg.norm(rows, axis=2).max(axis=1, initial=np.finfo(float).tiny)
         return np.einsum("fnj,ndj->nfd", free, rows), np.einsum("fnj,nj->nf", free, demand), least
 
     def _refusal(self, t: float, q: Array, demand: Array) -> DynamicsError | DrivesError:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -12,12 +11,12 @@ from pinarm.errors import UnitError
 from pinarm.input.formulas.grammar import CONSTANTS, interpret, look_up
 from pinarm.input.formulas.measured_numbers import MeasuredNumber
 from pinarm.input.units import DIMENSIONLESS, Unit
+from pinarm.records import ValueRecord
 
 Measures = Sequence["Measure"]
 
 
-@dataclass(frozen=True)
-class Measure:
+class Measure(ValueRecord, frozen=True):
     """The unit of a value in dimensional analysis.
 
     Attributes:
@@ -54,8 +53,7 @@ def unit_of(tree: ast.expr, names: Mapping[str, Unit | None], rules: Mapping[str
     return None if measure.value == 0 else measure.unit
 
 
-@dataclass(frozen=True)
-class _Units:
+class _Units(ValueRecord, frozen=True):
     """The algebra of units."""
 
     names: Mapping[str, Unit | None]

@@ -15,6 +15,7 @@ from pinarm.input.formulas.dimensions import Rule, pure, ratio, root, same, sign
 from pinarm.input.formulas.grammar import CONSTANTS, MANY, Grammar, interpret, look_up, names_in, read_tree
 from pinarm.input.formulas.measured_numbers import MeasuredNumber
 from pinarm.input.units import Unit
+from pinarm.records import ValueRecord
 
 
 @dataclass(frozen=True)
@@ -77,8 +78,7 @@ def _parsed(text: str) -> Expression:
     return Expression(text.strip(), tree, frozenset(names_in(tree, FORMULA)), measured)
 
 
-@dataclass(frozen=True)
-class _Values:
+class _Values(ValueRecord, frozen=True):
     """The algebra of numbers and arrays, elementwise, in double precision."""
 
     names: Mapping[str, Any]
@@ -129,8 +129,7 @@ def _applied(function: Callable[..., Any], *operands: Any) -> Any:
     return result
 
 
-@dataclass(frozen=True)
-class _Function:
+class _Function(ValueRecord, frozen=True):
     """A function of formulas: how it is computed, the rule for its unit, the number of its arguments."""
 
     apply: Callable[..., Any]

@@ -10,12 +10,12 @@ from __future__ import annotations
 import ast
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, Protocol, TypeVar
 
 from pinarm.errors import ExpressionError, Location, PinarmError, choices
 from pinarm.input.formulas.measured_numbers import MeasuredNumber, find_measured
+from pinarm.records import Record
 
 MAX_LENGTH = 2000
 MAX_DEPTH = 200
@@ -73,8 +73,7 @@ class Algebra(Protocol[T]):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class Grammar:
+class Grammar(Record, frozen=True):
     """What a language allows beyond operators.
 
     Attributes:

@@ -8,10 +8,10 @@ has to ask where the unit ends.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 from pinarm.errors import ExpressionError, Location, UnitError
 from pinarm.input.units import Unit, read_quantity
+from pinarm.records import ValueRecord
 
 _NUMBER = r"(?<![\w.])(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _POWER = r"(?:(?:\^|\*\*)-?[0-9]{1,2})?"
@@ -21,8 +21,7 @@ _WORD = re.compile(r"[A-Za-z]+")
 _KEYWORDS = ("if", "else", "and", "or", "not", "in", "is")
 
 
-@dataclass(frozen=True)
-class MeasuredNumber:
+class MeasuredNumber(ValueRecord, frozen=True):
     """A number with a unit, as a literal of a formula.
 
     Attributes:

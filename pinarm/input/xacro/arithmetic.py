@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from pinarm.errors import ExpressionError
 from pinarm.input.formulas.grammar import MANY, MAX_INTEGER, Algebra, Grammar, interpret, look_up, read_tree
 from pinarm.input.xml_text import MAX_TEXT
+from pinarm.records import ValueRecord
 
 
 def evaluate(text: str, algebra: Algebra[Any]) -> Any:
@@ -52,8 +52,7 @@ class Names(Mapping[str, Any]):
         return sum(1 for _ in self)
 
 
-@dataclass(frozen=True)
-class Scalars:
+class Scalars(ValueRecord, frozen=True):
     """The algebra of xacro: Python's numbers, texts and truth values, of bounded size."""
 
     names: Mapping[str, Any]

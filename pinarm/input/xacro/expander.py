@@ -6,7 +6,6 @@ import keyword
 import re
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -19,6 +18,7 @@ from pinarm.input.xacro.arithmetic import Names, Scalars, evaluate
 from pinarm.input.xacro.expression_tape import OPEN, Tape
 from pinarm.input.xacro.sandboxed_xacro import OURS, private_xacro
 from pinarm.input.xml_text import MAX_BYTES, MAX_DEPTH, MAX_TEXT, Survey, Writer, bound, location, read
+from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
     from xml.dom.minidom import Document, Element, Node
@@ -33,8 +33,7 @@ _TOKEN = re.compile(r"\$(\$+[{(])|\$\{([^}]*)\}|\$\(([^)]*)\)|([^$]+|\$[^{($]+|\
 """As in xacro: an escaped brace, an expression, a substitution, other text."""
 
 
-@dataclass(frozen=True)
-class Expansion:
+class Expansion(ValueRecord, frozen=True):
     """A model as plain URDF.
 
     Attributes:
@@ -300,8 +299,7 @@ class Expander:
         """Say nothing: errors carry their place."""
 
 
-@dataclass(frozen=True)
-class _Copies:
+class _Copies(ValueRecord, frozen=True):
     """Counts the copies of elements and gives them the locations of these.
 
     Attributes:

@@ -19,6 +19,7 @@ import numpy as np
 
 from pinarm.errors import ExpressionError, ModelError
 from pinarm.input.xacro.arithmetic import Scalars, evaluate
+from pinarm.records import Record, ValueRecord
 
 OPEN, CLOSE = "\x01", "\x02"
 _MARK = re.compile(f"{OPEN}([0-9]+){CLOSE}")
@@ -35,8 +36,7 @@ class ArgumentColumn(list[Any]):
     """Values of an argument, or what follows from it, in the rows of a table."""
 
 
-@dataclass(frozen=True, eq=False)
-class Traced:
+class Traced(Record, frozen=True):
     """A value computed from the arguments.
 
     Attributes:
@@ -171,8 +171,7 @@ class Tape:
         return values, holds
 
 
-@dataclass(frozen=True)
-class _Binary:
+class _Binary(ValueRecord, frozen=True):
     """An arithmetic operator between two values.
 
     Attributes:
@@ -211,8 +210,7 @@ def _are_floats(values: Any) -> bool:
     return type(values) in (float, int)
 
 
-@dataclass(frozen=True)
-class _Recorder:
+class _Recorder(ValueRecord, frozen=True):
     """The algebra of xacro, recorded."""
 
     tape: Tape

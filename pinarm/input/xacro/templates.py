@@ -17,6 +17,7 @@ from pinarm.input.roots import contained_path
 from pinarm.input.xacro.expander import Expander, Expansion
 from pinarm.input.xacro.expression_tape import OPEN, UNRECORDABLE, ArgumentColumn, Number, Tape, Traced, joined, marks
 from pinarm.input.xml_text import MAX_BYTES, Survey, bound, read
+from pinarm.records import ValueRecord
 
 WAYS = 8
 """Largest number of templates of one model: each path through branches that depend on numbers has its own."""
@@ -29,8 +30,7 @@ Text = tuple[tuple[str, ...], tuple[int, ...]]
 """Texts, and the registers whose values go between them."""
 
 
-@dataclass(frozen=True)
-class Request:
+class Request(ValueRecord, frozen=True):
     """A model that is to be expanded.
 
     Attributes:
@@ -68,8 +68,7 @@ class Request:
         return expander, expander.run(self.path)
 
 
-@dataclass(frozen=True)
-class Template:
+class Template(ValueRecord, frozen=True):
     """An expansion into which other numbers can be filled.
 
     Attributes:
@@ -145,8 +144,7 @@ class Template:
         return ExpandedColumns(xml, {word: values[register] for register, word in words.items()}, arguments, holds)
 
 
-@dataclass(frozen=True)
-class ExpandedColumns:
+class ExpandedColumns(ValueRecord, frozen=True):
     """An expansion for columns of numbers.
 
     Attributes:

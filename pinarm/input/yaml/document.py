@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -24,6 +24,7 @@ from pinarm.input.yaml.key_path import steps_of
 from pinarm.input.yaml.parser import Builder, Path_
 from pinarm.input.yaml.schema import InputStruct, convert, reading_from
 from pinarm.input.yaml.validation_messages import explain, failing_path, unknown_key
+from pinarm.records import replace
 
 MAX_BYTES = 1_000_000
 """Largest size of a file; a reader in Python needs about a minute for ten megabytes. Longer tables go in CSV files."""

@@ -194,6 +194,8 @@ class InputStruct(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if current_folder() is None:
             for field in _fields(with_types(type(self), self.deferred)):
                 given = getattr(self, field.name)
+                if isinstance(given, list | dict) and not given and field.default_factory is not msgspec.NODEFAULT:
+                    continue  # it is left out, which a list that must name something may be
                 value = validated(given, field)
                 if value is not given:
                     msgspec.structs.force_setattr(self, field.name, value)

@@ -20,6 +20,7 @@ from pinarm.input.units import Unit
 from pinarm.mechanics.control.signals import JointSignal, Signal
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws.motion_law import MotionLaw
+from pinarm.mechanics.limited_states import Switch
 
 Reader = Callable[[float, Array, Array], float]
 """``(t, q, v) -> `` a named quantity of one state [SI]."""
@@ -104,20 +105,6 @@ class Given(NamedTuple):
         return self.reference[..., :2] - self.measured
 
 
-class Switch(NamedTuple):
-    """A zero crossing at which a continuous controller changes its way.
-
-    Attributes:
-        value: Of what a controller knows at many instants, shape (n,).
-        direction: 1 for rising crossings, -1 for falling ones, 0 for both.
-        mode: State of the controller afterwards; ``None`` for the same.
-    """
-
-    value: Callable[[Given], Array]
-    direction: int
-    mode: int | None = None
-
-
 @dataclass(frozen=True)
 class Sampling:
     """When a controller acts, and what its sensors see.
@@ -185,7 +172,7 @@ class Controller(ABC):
         """Return the state of a controller that switches, at an instant; ``before`` is the one until then."""
         return 0
 
-    def switches(self, mode: int) -> list[Switch]:
+    def switches(self, mode: int) -> list[Switch[Given]]:
         """Return where a continuous controller changes its way: where a command reaches a limit."""
         found = []
         for limits in (self.lower, self.upper):

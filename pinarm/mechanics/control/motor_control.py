@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import accumulate, pairwise
@@ -10,15 +10,17 @@ from itertools import accumulate, pairwise
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.mechanics.control.controller import Controller, Given, Switch
-from pinarm.mechanics.motors import Actuator
+from pinarm.mechanics.control.controller import Controller, Given
+from pinarm.mechanics.limited_states import MODES, Modes, Switch, mode_of, number_of
+from pinarm.mechanics.motors import Actuator, MotorInput
 
 
 @dataclass(frozen=True, eq=False)
 class MotorController(Controller):
     """A continuous controller that gives the efforts of motors, by the voltages or torques of another controller.
 
-    The integrals are those of the other controller where that is continuous, then the states of the motors.
+    The integrals are those of the other controller where that is continuous, then the states of the motors. The mode is
+    that of the other controller, followed by a digit for each motor.
 
     Attributes:
         source: The controller that commands the motors.
@@ -63,7 +65,11 @@ class MotorController(Controller):
 
     def _of_source(self, given: Given) -> Given:
         """Return what the controller of the motors knows."""
-        return given._replace(integral=given.integral[..., : self.own])
+        return given._replace(integral=given.integral[..., : self.own], mode=given.mode // MODES ** len(self.actuators))
+
+    def _of_limited(self, given: Given) -> Given:
+        """Return what it knows, with what the motors withhold of its commands."""
+        return self._of_source(given)._replace(excess=self.excess(given))
 
     def commands(self, given: Given) -> Array:
         """Return the voltages [V] or torques [N*m] that are commanded, within the limits, shape (..., k)."""
@@ -71,54 +77,72 @@ class MotorController(Controller):
             return np.asarray(given.applied[..., self.place : self.place + len(self.joints)])
         return self.source.limited(self.source.command(self._of_source(given)))
 
-    def inputs(self, given: Given) -> list[tuple[Array, Array, Array]]:
-        """Return command, states and joint velocity of every motor; see ``Actuator``."""
+    def inputs(self, given: Given) -> list[MotorInput]:
+        """Return what every motor gets."""
         v, commands = given.v[..., self._velocities], self.commands(given)
-        return [(commands[..., k], given.integral[..., place], v[..., k]) for k, place in enumerate(self._states)]
+        return [
+            MotorInput(commands[..., k], given.integral[..., place], v[..., k], mode_of(given.mode, k))
+            for k, place in enumerate(self._states)
+        ]
+
+    def _pairs(self, given: Given) -> Iterable[tuple[Actuator, MotorInput]]:
+        return zip(self.actuators, self.inputs(given), strict=True)
 
     def excess(self, given: Given) -> Array:
         """Return what limits of the motors keep of the commands from their effect, shape (..., k)."""
-        each = zip(self.actuators, self.inputs(given), strict=True)
-        return np.stack([motor.excess(*inputs) for motor, inputs in each], axis=-1)
+        return np.stack([motor.excess(own) for motor, own in self._pairs(given)], axis=-1)
 
     def command(self, given: Given) -> Array:
         """Return the efforts at the joints, shape (..., k)."""
-        each = zip(self.actuators, self.inputs(given), strict=True)
-        return np.stack([motor.effort(*inputs) for motor, inputs in each], axis=-1)
+        return np.stack([motor.effort(own) for motor, own in self._pairs(given)], axis=-1)
 
     def parts(self, given: Given) -> dict[str, Array]:
         """Return what the motors do, and the command of a continuous controller, shape (..., k) each."""
-        each = [motor.parts(*inputs) for motor, inputs in zip(self.actuators, self.inputs(given), strict=True)]
+        each = [motor.parts(own) for motor, own in self._pairs(given)]
         names = dict.fromkeys(name for part in each for name in part)
         unknown = np.full(np.shape(given.t), np.nan)
-        found = {name: np.stack([part.get(name, unknown) for part in each], axis=-1) for name in names}
+        known = {name: np.stack([part.get(name, unknown) for part in each], axis=-1) for name in names}
         if self.source.sampling:
-            return found
-        return {"command": self.source.command(self._of_source(given)), **found}
+            return known
+        return {"command": self.source.command(self._of_source(given)), **known}
 
     def rates(self, given: Given) -> Array:
         """Return the rates of the integrals and of the motors' states, shape (..., m)."""
         own = np.zeros((*np.shape(given.t), 0))
         if self.own:
-            own = self.source.rates(self._of_source(given)._replace(excess=self.excess(given)))
+            own = self.source.rates(self._of_limited(given))
         if self.own == self.integrals:
             return own
-        each = zip(self.actuators, self.inputs(given), strict=True)
-        return np.concatenate([own, *(motor.rates(*inputs) for motor, inputs in each)], axis=-1)
+        return np.concatenate([own, *(motor.rates(each) for motor, each in self._pairs(given))], axis=-1)
 
     def mode(self, given: Given, before: int | None) -> int:
-        """Return the state of the controller of the motors."""
-        return 0 if self.source.sampling else self.source.mode(given, before)
+        """Return the mode of the controller of the motors, and those of the motors."""
+        given = given._replace(mode=before or 0)
+        source = 0
+        if not self.source.sampling:
+            source = self.source.mode(self._of_limited(given), None if before is None else self._mode_of_source(before))
+        before_motors = (mode_of(before or 0, k) for k in range(len(self.actuators)))
+        given = given._replace(mode=number_of(before_motors, source))
+        return number_of((motor.mode(own) for motor, own in self._pairs(given)), source)
 
-    def switches(self, mode: int) -> list[Switch]:
+    def _mode_of_source(self, mode: Modes) -> Modes:
+        return mode // int(MODES ** len(self.actuators))
+
+    def switches(self, mode: int) -> list[Switch[Given]]:
         """Return where the controller of the motors changes its way, and where an effort stops being smooth."""
-        found = [] if self.source.sampling else [
-            switch._replace(value=lambda given, value=switch.value: value(self._of_source(given)))  # type: ignore[misc]
-            for switch in self.source.switches(mode)
+        source, motors = self._mode_of_source(mode), [mode_of(mode, k) for k in range(len(self.actuators))]
+        own = [] if self.source.sampling else [
+            switch._replace(
+                value=lambda given, value=switch.value: value(self._of_limited(given)),  # type: ignore[misc]
+                mode=None if switch.mode is None else number_of(motors, switch.mode),
+            )
+            for switch in self.source.switches(source)
         ]  # fmt: skip
         for k, motor in enumerate(self.actuators):
-            for number in range(len(motor.kinks(*(np.zeros(1), np.zeros((1, motor.states)), np.zeros(1))))):
-                found.append(Switch(
-                    lambda given, k=k, number=number: self.actuators[k].kinks(*self.inputs(given)[k])[number], 0  # type: ignore[misc]
-                ))  # fmt: skip
-        return found
+            for switch in motor.switches(motors[k]):
+                modes = motors if switch.mode is None else [*motors[:k], switch.mode, *motors[k + 1 :]]
+                own.append(Switch(self._value_of(k, switch), switch.direction, number_of(modes, source)))
+        return own
+
+    def _value_of(self, k: int, switch: Switch[MotorInput]) -> Callable[[Given], Array]:
+        return lambda given: switch.value(self.inputs(given)[k])

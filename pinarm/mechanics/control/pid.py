@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -11,10 +12,11 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, UnitError, within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import Duration, Gain, IntegralGain, RateGain, check_unit
-from pinarm.mechanics.control.controller import Controller, Given, Plant, Switch
+from pinarm.mechanics.control.controller import Controller, Given, Plant
 from pinarm.mechanics.control.definition import OneDriveDefinition, references
 from pinarm.mechanics.control.signals import Signal
 from pinarm.mechanics.laws import Law
+from pinarm.mechanics.limited_states import FREE, StateLimits, Switch, mode_of, number_of
 
 
 class Pid(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind", tag="pid"):
@@ -130,13 +132,17 @@ class PidController(Controller):
         return len(self.joints) if self.ki.any() else 0
 
     def rates(self, given: Given) -> Array:
-        """Return e, or 0 where the integral's part is at a limit and e would take it further; see ``Pid`` of motors."""
+        """Return e, less what a motor withholds; 0 where the integral's part is held at a limit; see ``Pid``."""
         if not self.integrals:
             return super().rates(given)
-        error, part = given.error[..., 0], self.ki * given.integral
-        out = ((part >= self.upper) & (self.ki * error > 0.0)) | ((part <= self.lower) & (self.ki * error < 0.0))
-        own = np.where(out, 0.0, error)
-        return own - given.excess / (self.ki * self.tracking_time) if given.excess.size else own
+        free = self._free_rates(given)
+        modes = np.stack([mode_of(given.mode, k) for k in range(len(self.joints))], axis=-1)
+        return np.where(modes == FREE, free, 0.0)
+
+    def _free_rates(self, given: Given) -> Array:
+        """Return the rates of integrals that are within their limits, shape (..., k)."""
+        error = given.error[..., 0]
+        return error - given.excess / (self.ki * self.tracking_time) if given.excess.size else error
 
     def clamped(self, integral: Array) -> Array:
         """Return integrals whose parts are within the limits."""
@@ -150,13 +156,33 @@ class PidController(Controller):
         endless = np.array([[-np.inf], [np.inf]])
         return np.asarray(np.where(self.ki == 0.0, endless, ends), dtype=np.float64)
 
-    def switches(self, mode: int) -> list[Switch]:
-        """Return where the command reaches a limit, or the integral's part of it."""
-        found = super().switches(mode)
-        if self.integrals:
-            for limits, direction in ((self.lower, -1), (self.upper, 1)):
-                for k in np.flatnonzero(np.isfinite(limits) & (self.ki != 0.0)).tolist():
-                    found.append(Switch(
-                        lambda given, k=k, at=limits[k]: self.ki[k] * given.integral[..., k] - at, direction  # type: ignore[misc]
-                    ))  # fmt: skip
-        return found
+    def _limits(self, k: int) -> StateLimits:
+        """Return the limits of an integral's part; none without an integral."""
+        limited = self.integrals and self.ki[k]
+        return StateLimits(float(self.lower[k]), float(self.upper[k])) if limited else StateLimits(-np.inf, np.inf)
+
+    def mode(self, given: Given, before: int | None) -> int:
+        """Return which integrals are held at a limit: for each a digit, see ``mechanics.limited_states``."""
+        if not self.integrals:
+            return 0
+        parts, rates = self.ki * given.integral, self.ki * self._free_rates(given)
+        terms = np.abs(self.ki) * (np.abs(given.reference[..., 0]) + np.abs(given.measured[..., 0]))
+        return number_of(
+            self._limits(k).mode(float(parts[k]), float(rates[k]), float(terms[k]), mode_of(before or 0, k))
+            for k in range(len(self.joints))
+        )
+
+    def switches(self, mode: int) -> list[Switch[Given]]:
+        """Return where a command reaches a limit, and where an integral's part does, or is let go."""
+        own, modes = super().switches(mode), [mode_of(mode, k) for k in range(len(self.joints))]
+        for k, present in enumerate(modes):
+            for switch in self._limits(k).switches(present, self._part(k), self._rate_of_part(k)):
+                assert switch.mode is not None
+                own.append(switch._replace(mode=number_of([*modes[:k], switch.mode, *modes[k + 1 :]])))
+        return own
+
+    def _part(self, k: int) -> Callable[[Given], Array]:
+        return lambda given: np.asarray(self.ki[k] * given.integral[..., k])
+
+    def _rate_of_part(self, k: int) -> Callable[[Given], Array]:
+        return lambda given: np.asarray(self.ki[k] * self._free_rates(given)[..., k])

@@ -9,9 +9,10 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.input.yaml.schema import AnyQuantity, Pause, check_unit
-from pinarm.mechanics.control.controller import Controller, Given, Plant, Switch
+from pinarm.mechanics.control.controller import Controller, Given, Plant
 from pinarm.mechanics.control.definition import OneDriveDefinition, references
 from pinarm.mechanics.laws import Constant, Law
+from pinarm.mechanics.limited_states import Switch
 
 LOW, HIGH = 0, 1
 """States of the relay: the effort below and above."""
@@ -92,7 +93,7 @@ class Relay(Controller):
             return HIGH
         return LOW if s <= -self.hysteresis else before
 
-    def switches(self, mode: int) -> list[Switch]:
+    def switches(self, mode: int) -> list[Switch[Given]]:
         """Return the crossing at which the relay leaves its state."""
         if mode == HIGH:
             return [Switch(lambda given: self.deviation(given) + self.hysteresis, -1, LOW)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -18,6 +17,7 @@ from pinarm.mechanics.couplings.teeth import plane_of
 from pinarm.mechanics.couplings.transmissions import Strands
 from pinarm.mechanics.geometry.parallel_axes import PARALLEL
 from pinarm.mechanics.joints import RADIAN, Joint, joint_of
+from pinarm.records import replace
 
 
 class Belt(InputStruct, frozen=True, tag_field="kind", tag="belt"):

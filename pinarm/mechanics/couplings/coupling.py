@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +18,7 @@ from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.joints import Joint, joint_of
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.couplings.transmissions import Transmission
@@ -81,6 +82,11 @@ class JointRelation(ABC):
     @abstractmethod
     def known(self) -> bool:
         """Whether the wrenches on bodies that do what the multiplier does are known."""
+
+    @property
+    @abstractmethod
+    def second(self) -> int:
+        """Index of the joint that moves the second member; the wrenches must be known."""
 
     @abstractmethod
     def unit(self, row: int) -> Unit:
@@ -172,6 +178,12 @@ class Coupling(JointRelation):
     def known(self) -> bool:
         """Whether there is a transmission."""
         return self.transmission is not None
+
+    @property
+    def second(self) -> int:
+        """That of the transmission."""
+        assert self.transmission is not None
+        return self.transmission.second
 
     def unit(self, row: int) -> Unit:
         """Return the unit of the gap."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Annotated
 
 import msgspec
@@ -18,6 +17,7 @@ from pinarm.mechanics.couplings.teeth import Teeth, wheels_in_mesh
 from pinarm.mechanics.couplings.transmissions import PureMoments, Transmission
 from pinarm.mechanics.geometry.parallel_axes import PARALLEL
 from pinarm.mechanics.joints import RADIAN, Joint, joint_of
+from pinarm.records import replace
 
 
 class Gear(InputStruct, frozen=True, tag_field="kind", tag="gear"):

@@ -9,7 +9,6 @@ the last one that carries all coupled joints.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,13 +16,13 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.mechanics.geometry.pinocchio_data import new_data
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.mechanics.couplings.coupling import JointRelation
 
 
-@dataclass(frozen=True, eq=False)
-class OpenReaction:
+class OpenReaction(Record, frozen=True):
     """The part of a joint's reaction that couplings leave open.
 
     Attributes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import pinocchio as pin
 
@@ -15,6 +14,7 @@ from pinarm.mechanics.couplings.members import member_pair
 from pinarm.mechanics.couplings.screw import turning_and_sliding
 from pinarm.mechanics.couplings.teeth import Teeth, pinion_on_rack
 from pinarm.mechanics.joints import Joint
+from pinarm.records import replace
 
 
 class Rack(InputStruct, frozen=True, tag_field="kind", tag="rack"):

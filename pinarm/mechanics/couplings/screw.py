@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -15,6 +14,7 @@ from pinarm.mechanics.couplings.members import MemberPair, member_pair
 from pinarm.mechanics.couplings.transmissions import ThreadContact
 from pinarm.mechanics.geometry.parallel_axes import PARALLEL
 from pinarm.mechanics.joints import METRE, RADIAN, Joint, joint_of
+from pinarm.records import replace
 
 
 class Screw(InputStruct, frozen=True, tag_field="kind", tag="screw"):

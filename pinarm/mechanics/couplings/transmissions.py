@@ -8,7 +8,6 @@ constant in the carrier, the body in which both members have fixed axes.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.joints import Joint
+from pinarm.records import Record
 
 NEWTON, NEWTON_METRE = unit("N"), unit("N*m")
 
@@ -60,8 +60,7 @@ def _at_origin(point: Array, force: Array) -> Array:
     return np.concatenate([force, np.cross(point, force)], axis=-1)
 
 
-@dataclass(frozen=True, eq=False)
-class PitchSurfaces:
+class PitchSurfaces(Record, frozen=True):
     """How two members with teeth roll on each other at their pitch point.
 
     Attributes:
@@ -82,8 +81,7 @@ class PitchSurfaces:
     helix_angle: float
 
 
-@dataclass(frozen=True, eq=False)
-class ToothContact:
+class ToothContact(Record, frozen=True):
     """Teeth in mesh. The force on the second member at the pitch point is ``lam along + |lam| apart``.
 
     Which flanks touch follows from the sign of lam; there is no backlash.
@@ -130,9 +128,8 @@ class ToothContact:
         return self.words
 
 
-@dataclass(frozen=True, eq=False)
-class ThreadContact:
-    """A thread without friction: a force F along the axis of the screw, and the moment ``h F`` about it.
+class ThreadContact(Record, frozen=True):
+    """A thread but for its friction: a force F along the axis of the screw, and the moment ``h F`` about it.
 
     Attributes:
         carrier: Index of the joint that moves the carrier.
@@ -169,11 +166,10 @@ class ThreadContact:
 
     def __str__(self) -> str:
         """Return its kind and lead."""
-        return f"thread without friction, lead {2e3 * np.pi * self.pitch:.6g} mm"
+        return f"thread, lead {2e3 * np.pi * self.pitch:.6g} mm"
 
 
-@dataclass(frozen=True, eq=False)
-class Strands:
+class Strands(Record, frozen=True):
     """The two strands of a belt or chain, tensions F0 + D/2 and F0 - D/2; a strand that would be pushed is slack.
 
     D, the difference of the tensions, is proportional to the multiplier. With a slack strand the other one carries D.
@@ -223,8 +219,7 @@ class Strands:
         return f"two strands, pretension {self.pretension:.6g} N"
 
 
-@dataclass(frozen=True, eq=False)
-class PureMoments:
+class PureMoments(Record, frozen=True):
     """Moments only, as of planets evenly spaced between coaxial wheels: their forces cancel on every member.
 
     Attributes:

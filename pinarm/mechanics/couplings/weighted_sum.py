@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Annotated
 
 import msgspec
@@ -14,6 +13,7 @@ from pinarm.errors import InputError, Key, within
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Measured
 from pinarm.mechanics.couplings.coupling import Coupling, coupled
 from pinarm.mechanics.joints import Joint, joint_of
+from pinarm.records import replace
 
 
 class WeightedSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +19,7 @@ from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws import Law
 from pinarm.mechanics.laws.motion_law import MotionLaw, Values
+from pinarm.records import replace
 
 
 @dataclass(frozen=True, eq=False)

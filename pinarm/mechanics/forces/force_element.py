@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Container, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -13,13 +12,13 @@ from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.mechanics.laws.motion_law import MotionLaw
+from pinarm.records import ValueRecord
 
 Edge = Callable[[Array, Array, Array], Array]
 """``(t, q, v) -> `` a value of n states, shape (n,), whose zeros are where a load stops being smooth."""
 
 
-@dataclass(frozen=True)
-class ElementQuantity:
+class ElementQuantity(ValueRecord, frozen=True):
     """Something of a force element that can be asked over the rows of a run, as ``force.NAME.MEASURE``.
 
     Attributes:

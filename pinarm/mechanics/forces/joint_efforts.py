@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +15,7 @@ from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import MotionLaw, Values
 from pinarm.mechanics.laws.over_coordinate import Profile
+from pinarm.records import replace
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar
 
@@ -21,6 +21,7 @@ from pinarm.mechanics.geometry.vectors import combined, cross, dot
 from pinarm.mechanics.joints import METRE, UNIVERSE, Joint, format_configuration, frame_of, frames_of
 from pinarm.mechanics.laws import Constant, Law
 from pinarm.mechanics.laws.motion_law import MotionLaw, Values
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.geometry.chains import Chain

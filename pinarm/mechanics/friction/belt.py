@@ -10,7 +10,7 @@ Source: Shigley's Mechanical Engineering Design, section 17-2 (flat- and round-b
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from pinarm.mechanics.friction.bearing import Bearing
 from pinarm.mechanics.friction.coupling_contact import CouplingContact
 from pinarm.mechanics.friction.law import FrictionLaw
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.records import replace
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -83,6 +83,10 @@ class CamFriction:
         wrench = outwards(links, plane.pair.carrier, np.concatenate([force, crossed(point, force)], axis=1))
         return {plane.pair.second.body: wrench, plane.pair.first.body: -wrench}
 
+    def part(self, name: str, f: Array) -> Array:
+        """Return what friction adds to the normal force, or to a measure of the contact, shape (n,): nothing."""
+        return np.zeros_like(f)
+
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
         """Return the normal force as the first component of a wrench, shape (n, 6)."""
         found, touch = np.zeros((len(joints), 6)), self.contact.touch(self.coupling.values(links.q))

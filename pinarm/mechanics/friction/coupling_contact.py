@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from pinarm.mechanics.friction.contact import quantity_of
 from pinarm.mechanics.friction.law import FrictionLaw
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.records import replace
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +67,10 @@ class CouplingContact(ABC):
     @abstractmethod
     def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
         """Return what the friction, shape (n,), does to the members; see ``FrictionContact``."""
+
+    def part(self, name: str, f: Array) -> Array:
+        """Return what friction adds to a single force or moment of the coupling [N or N*m], shape (n,): nothing."""
+        return np.zeros_like(f)
 
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
         """Return the multiplier as the first component of a wrench, shape (n, 6)."""

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.input.units import Unit, unit
+from pinarm.mechanics.joints import METRE, RADIAN
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,17 @@ class FrictionLaw:
         mu = self.mu + (self.static_mu - self.mu) * rest
         constant = self.constant + (self.static_constant - self.constant) * rest
         return mu, constant + self.viscous * speed
+
+    def words(self, effort: Unit) -> str:
+        """Return it in words, in the unit of F, N*m or N."""
+        speed = RADIAN if effort == unit("N*m") else METRE
+        parts = [f"{name}{slipping:g}{measure}" + (f" ({resting:g}{measure} at rest)" if resting != slipping else "")
+                 for name, slipping, resting, measure in (
+                     ("mu ", self.mu, self.static_mu, ""), ("", self.constant, self.static_constant, f" {effort}"))
+                 if resting]  # fmt: skip
+        parts += [f"viscous {self.viscous:g} {effort}*s/{speed}"] if self.viscous else []
+        parts += [f"Stribeck's velocity {self.stribeck:g} {speed}/s"] if self.stribeck else []
+        return ", ".join(parts) or "none"
 
     @property
     def resting(self) -> tuple[float, float]:

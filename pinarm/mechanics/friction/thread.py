@@ -80,3 +80,8 @@ class ThreadFriction(CouplingContact):
         wrench = np.concatenate([force, moment + np.cross(known.point, force)])
         second = outwards(links, known.carrier, np.multiply.outer(f, wrench))
         return {known.second: second, known.first: -second}
+
+    def part(self, name: str, f: Array) -> Array:
+        """Return what friction adds to the force along the nut's joint, or to the moment about the screw's, (n,)."""
+        turning, sliding = self.along
+        return np.asarray((sliding if name == "axial" else turning) * f)

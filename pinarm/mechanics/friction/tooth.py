@@ -27,7 +27,7 @@ II, section 21.11 (losses), and III, section 33 (virtual spur wheels of bevel wh
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -42,6 +42,7 @@ from pinarm.mechanics.friction.coupling_contact import CouplingContact
 from pinarm.mechanics.friction.law import FrictionLaw
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import RADIAN
+from pinarm.records import replace
 
 ALIGNED = 1e-9
 """Rounding of a number of teeth."""

@@ -13,7 +13,7 @@ row by row and variant by variant within each; what differs between variants is 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, VariantPlacement, joint_placement
 from pinarm.mechanics.geometry.vectors import Axes, Weights, combined, cross, dot
+from pinarm.records import Record, replace
 
 ROUNDING = 1e-15
 """Deviation from 0 and 1 in rotation matrices of a model that is rounding; removed, it leaves exact products."""
@@ -30,8 +31,7 @@ FIXED = tuple(np.eye(3)[:, :, None])
 """The axes of frame 1 in frame 1, each of shape (3, 1)."""
 
 
-@dataclass(frozen=True, eq=False)
-class Stage:
+class Stage(Record, frozen=True):
     """A joint of a chain, with a frame whose z axis is the joint axis.
 
     Attributes:
@@ -51,8 +51,7 @@ class Stage:
         return replace(self, shift=_repeated(self.shift, n), turn=[_repeated(axis, n) for axis in self.turn])
 
 
-@dataclass(frozen=True, eq=False)
-class Chain:
+class Chain(Record, frozen=True):
     """The joints between two frames, all revolute or prismatic, each with one index in q and v.
 
     Attributes:

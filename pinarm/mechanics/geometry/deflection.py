@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -11,6 +10,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.mechanics.geometry.vectors import Axes, rotation_vector
+from pinarm.records import Record
 
 Number = TypeVar("Number", float, Array)
 Vector = tuple[Number, Number, Number]
@@ -23,8 +23,7 @@ TINY = 1e-300
 """Angle that stands for 0 where one is divided by it [rad]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Deflection(Generic[Number]):
+class Deflection(Record, Generic[Number], frozen=True):
     """Where frame 2 is in frame 1, seen from the axes halfway between them.
 
     With the rotation ``R = exp([phi])`` of frame 2 in frame 1 and the place p of its origin, the halfway axes are those

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.mechanics.geometry.link_tree import LinkTree
+from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, states_first, turned
 from pinarm.mechanics.geometry.model_variants import Model
-from pinarm.mechanics.geometry.vectors import crossed, joined
+from pinarm.mechanics.geometry.vectors import cross, crossed, joined
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,8 @@ class LinkPlacements:
         tree, still = LinkTree.of(model), np.zeros((*q.shape[:-1], model.nv))
         relative = tree.relative(model, q, still)
         turns = tree.multiplied(relative.turns)
-        return cls(model, turns, tree.summed(np.matvec(turns[..., tree.parents, :, :], relative.arms)), q)
+        places = tree.summed(turned(turns[:, :, tree.parents], relative.arms))
+        return cls(model, states_first(turns, 3), states_first(places), q)
 
     def some(self, rows: Indices) -> LinkPlacements:
         """Return the placements at some of the configurations."""
@@ -45,7 +46,8 @@ class LinkPlacements:
         """Return the rotation matrices, shape (n, 3, 3), and the origins [m], shape (n, 3), of a frame of the model."""
         frame = self.model.frames[index]
         turn, place = self.turns[..., frame.parentJoint, :, :], self.places[..., frame.parentJoint, :]
-        return turn @ frame.placement.rotation, place + np.matvec(turn, frame.placement.translation)
+        rotation, along = frame.placement.rotation, np.matvec(turn, frame.placement.translation)
+        return turn if (rotation == np.eye(3)).all() else turn @ rotation, place + along
 
     def inwards(self, wrenches: Array) -> Array:
         """Return wrenches [f; m] in link frames from those at the world origin: ``R^T f``, ``R^T (m - p x f)``.
@@ -101,32 +103,32 @@ def moving(model: Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, 
     tree = LinkTree.of(model)
     relative = tree.relative(model, q, v)
     turns = tree.multiplied(relative.turns)
-    arms = np.matvec(turns[..., tree.parents, :, :], relative.arms)
+    arms = turned(turns[:, :, tree.parents], relative.arms)
     places = tree.summed(arms)
-    d, w = _turned(turns, tree.gathered(relative.subspaces * v[..., None, :]))
-    dd, dw = _turned(turns, tree.gathered(relative.subspaces * a[..., None, :]) + relative.biases)
+    d, w = _turned(turns, tree.motions(relative, v))
+    dd, dw = _turned(turns, tree.motions(relative, a) + components_first(relative.biases))
     omega = tree.summed(w)
-    before = omega[..., tree.parents, :]
-    swept = crossed(before, arms)
-    u, alpha = tree.summed(swept + d), tree.summed(dw + crossed(before, w))
-    du = tree.summed(
-        crossed(alpha[..., tree.parents, :], arms) + crossed(before, swept) + crossed(before + omega, d) + dd
-    )
-    inwards = turns.swapaxes(-1, -2)
+    before = omega[:, tree.parents]
+    swept = cross(before, arms)
+    u, alpha = tree.summed(swept + d), tree.summed(dw + cross(before, w))
+    du = tree.summed(cross(alpha[:, tree.parents], arms) + cross(before, swept) + cross(before + omega, d) + dd)
+    inwards = turns.swapaxes(0, 1)
     twists, rates = (
-        joined(np.matvec(inwards, linear), np.matvec(inwards, angular))
-        for linear, angular in ((u, omega), (du - crossed(omega, u), alpha))
+        states_first(np.concatenate([turned(inwards, linear), turned(inwards, angular)]))
+        for linear, angular in ((u, omega), (du - cross(omega, u), alpha))
     )
-    return LinkPlacements(model, turns, places, q), twists, rates, _columns(tree, turns, places, relative.subspaces)
+    links = LinkPlacements(model, states_first(turns, 3), states_first(places), q)
+    return links, twists, rates, _columns(tree, turns, places, relative.subspaces)
 
 
 def _turned(turns: Array, motions: Array) -> tuple[Array, Array]:
-    """Return the linear and the angular part of motions in link axes, shape (n, njoints, 6), in world axes."""
-    return np.matvec(turns, motions[..., :3]), np.matvec(turns, motions[..., 3:])
+    """Return the linear and the angular part of motions in link axes, shape (6, njoints, n), in world axes."""
+    return turned(turns, motions[:3]), turned(turns, motions[3:])
 
 
 def _columns(tree: LinkTree, turns: Array, places: Array, subspaces: Array) -> Array:
     """Return the columns S of all velocities as twists in the world frame, shape (n, 6, nv)."""
-    columns = subspaces.swapaxes(-2, -1)
-    d, w = _turned(turns[..., tree.moved, :, :], columns)
-    return joined(d + crossed(places[..., tree.moved, :], w), w).swapaxes(-2, -1)
+    columns = np.moveaxis(subspaces, (-2, -1), (0, 1))
+    d, w = _turned(turns[:, :, tree.moved], columns)
+    found = np.concatenate([d + cross(places[:, tree.moved], w), w])
+    return np.ascontiguousarray(np.moveaxis(found, (0, 1), (-2, -1)))

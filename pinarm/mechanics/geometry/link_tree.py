@@ -6,6 +6,9 @@ last ``2^k`` joints that of the ``2^k`` before them is added, for all links at o
 States are rows, shape (n, nq). For variants of a tree (``variants.ModelVariants``) a second axis stands after the rows,
 states of shape (n, k, nq) or (n, 1, nq) where all move alike; what differs between variants has it as its first axis,
 shape (k, ...), and numpy spreads one over the other. So everything here and in ``link_placements`` holds for both.
+
+While they are summed and multiplied, vectors and matrices have their components first and the states last: numpy takes
+long rows of numbers some ten times as fast as vectors of three.
 """
 
 from __future__ import annotations
@@ -49,8 +52,8 @@ class RelativeMotion(NamedTuple):
     """Every link seen from its parent, at n configurations.
 
     Attributes:
-        turns: Rotation matrices, columns are the link's axes in those of its parent, shape (n, njoints, 3, 3).
-        arms: Origins in the axes of the parent [m], shape (n, njoints, 3).
+        turns: Rotation matrices, columns are the link's axes in those of its parent, shape (3, 3, njoints, n).
+        arms: Origins in the axes of the parent [m], shape (3, njoints, n).
         subspaces: S, what unit velocities do to the link, in its own axes, shape (n, 6, nv), or (1, 6, nv) where that
             is the same everywhere.
         biases: Accelerations for ``a = 0``, in the link's own axes, shape (n, njoints, 6) or (1, njoints, 6).
@@ -105,9 +108,9 @@ class LinkTree:
         return moves
 
     def summed(self, x: Array) -> Array:
-        """Return the sums over the paths from the world to every link, whose own term is 0; shape (.., njoints, 3)."""
+        """Return the sums over the paths from the world to every link, whose own term is 0; shape (3, njoints, ..)."""
         for jump in self.jumps:
-            x = x + x[..., jump, :]
+            x = x + x[:, jump]
         return x
 
     def carried(self, x: Array) -> Array:
@@ -119,9 +122,10 @@ class LinkTree:
         return total
 
     def multiplied(self, turns: Array) -> Array:
-        """Return the products of rotations along these paths; that of the world is 1; shape (.., njoints, 3, 3)."""
+        """Return the products of rotations along these paths; that of the world is 1; shape (3, 3, njoints, ..)."""
         for jump in self.jumps:
-            turns = turns[..., jump, :, :] @ turns
+            before = turns[:, :, jump]
+            turns = np.stack([turned(before, turns[:, column]) for column in range(3)], axis=1)
         return turns
 
     def gathered(self, columns: Array) -> Array:
@@ -133,22 +137,61 @@ class LinkTree:
 
     def relative(self, model: Model, q: Array, v: Array) -> RelativeMotion:
         """Return how every link is placed and moves with respect to its parent, in states, (.., nq) and (.., nv)."""
-        n, count, one = len(q), len(self.parents), self.single
-        along = q[..., one.q, None]
-        angles = along[..., None]
-        turned = one.constant + np.cos(angles) * one.cosine + np.sin(angles) * one.sine
-        shifted = one.shift + along * one.slide
-        turns, arms = np.zeros((*turned.shape[:-3], count, 3, 3)), np.zeros((*shifted.shape[:-2], count, 3))
-        turns[..., 0, :, :] = np.eye(3)
-        turns[..., one.links, :, :] = turned
-        arms[..., one.links, :] = shifted
+        n, count, one, rank = len(q), len(self.parents), self.single, q.ndim - 1
+        along = np.ascontiguousarray(np.moveaxis(q, -1, 0)[one.q])
+        constant, cosine, sine = (states_last(x, rank, 3) for x in (one.constant, one.cosine, one.sine))
+        shift, slide = (states_last(x, rank, 2) for x in (one.shift, one.slide))
+        turned = constant + np.cos(along) * cosine + np.sin(along) * sine
+        shifted = shift + along * slide
+        states = np.broadcast_shapes(turned.shape[3:], shifted.shape[2:])
+        turns, arms = np.zeros((3, 3, count, *states)), np.zeros((3, count, *states))
+        turns[(0, 1, 2), (0, 1, 2), 0] = 1.0
+        turns[:, :, one.links] = turned
+        arms[:, one.links] = shifted
         if not self.others:
-            states = (1,) * (q.ndim - 1)
-            return RelativeMotion(turns, arms, self.subspace.reshape(*states, 6, -1), np.zeros((*states, count, 6)))
+            alike = (1,) * rank
+            return RelativeMotion(turns, arms, self.subspace.reshape(*alike, 6, -1), np.zeros((*alike, count, 6)))
         motion = RelativeMotion(turns, arms, np.tile(self.subspace, (n, 1, 1)), np.zeros((n, count, 6)))
         for k in self.others:
             _add_joint(motion, model, k, q, v)
         return motion
+
+    def motions(self, relative: RelativeMotion, x: Array) -> Array:
+        """Return ``S x`` of the velocities of every joint, in its own axes: (.., nv) to (6, njoints, ..)."""
+        if self.others:
+            return components_first(self.gathered(relative.subspaces * x[..., None, :]))
+        rank = x.ndim - 1
+        found = np.zeros((6, len(self.parents), *x.shape[:-1]))
+        found[:, self.moved] = states_last(self.subspace.T, rank, 2) * np.moveaxis(x, -1, 0)
+        return found
+
+
+def turned(turns: Array, vectors: Array) -> Array:
+    """Return ``R x``, shapes (3, 3, ..) and (3, ..)."""
+    return np.asarray(np.einsum("ab...,b...->a...", turns, vectors))
+
+
+def states_last(x: Array, rank: int, tail: int) -> Array:
+    """Return an array of links, shape (.., links, 3 or 3, 3), with components first, spread over states of a rank.
+
+    Args:
+        x: Vectors or matrices, with k variants in place of the dots, or nothing.
+        rank: Number of axes of the states.
+        tail: Number of axes behind the dots.
+    """
+    first = components_first(x, tail)
+    return first.reshape(*first.shape[:tail], *(1,) * (rank - first.ndim + tail), *first.shape[tail:])
+
+
+def components_first(x: Array, tail: int = 2) -> Array:
+    """Return an array of shape (.., links, w) or (.., links, w, w) as (w, links, ..) or (w, w, links, ..)."""
+    lead = x.ndim - tail
+    return x.transpose(*range(lead + 1, x.ndim), lead, *range(lead))
+
+
+def states_first(x: Array, tail: int = 2) -> Array:
+    """Return an array of shape (w, links, ..) or (w, w, links, ..) as (.., links, w) or (.., links, w, w)."""
+    return np.ascontiguousarray(x.transpose(*range(tail, x.ndim), tail - 1, *range(tail - 1)))
 
 
 @cached_by_model
@@ -198,6 +241,6 @@ def _add_joint(motion: RelativeMotion, model: pin.Model, k: int, q: Array, v: Ar
     for row, (configuration, velocity) in enumerate(zip(q, v, strict=True)):
         joint.calc(data, configuration, velocity)
         placed = place * pin.SE3(data.M)
-        motion.turns[row, k], motion.arms[row, k] = placed.rotation, placed.translation
+        motion.turns[:, :, k, row], motion.arms[:, k, row] = placed.rotation, placed.translation
         motion.subspaces[row, :, columns] = np.reshape(data.S, (6, -1))
         motion.biases[row, k] = data.c

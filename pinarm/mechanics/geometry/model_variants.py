@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
+from pinarm.records import Record, replace
 
 ALIKE = (
     "name", "nq", "nv", "njoints", "nframes", "names", "parents", "joints", "supports", "subtrees", "gravity",
@@ -28,8 +29,7 @@ class VariantsDiffer(Exception):
     """What was asked is computed of one model at a time: variants have to be solved one by one."""
 
 
-@dataclass(frozen=True, eq=False)
-class VariantPlacement:
+class VariantPlacement(Record, frozen=True):
     """A placement in k variants, or in all of them, with k = 1; it is composed as Pinocchio's ``SE3`` is.
 
     Attributes:
@@ -123,6 +123,16 @@ class ModelVariants:
     turns: Array = field(repr=False)
     shifts: Array = field(repr=False)
 
+    @classmethod
+    def alike(cls, model: pin.Model, count: int) -> ModelVariants:
+        """Return variants of a model that do not differ."""
+        frames = [
+            VariantFrame(frame.name, frame.type, frame.parentJoint, VariantPlacement.of(frame.placement))
+            for frame in model.frames.tolist()
+        ]
+        none = np.zeros((count, 0, PARAMETERS)), np.zeros((count, 0, 3, 3)), np.zeros((count, 0, 3))
+        return cls(model, frames, (), none[0], (), *none[1:])
+
     def __len__(self) -> int:
         return len(self.parameters)
 
@@ -132,6 +142,15 @@ class ModelVariants:
             self, frames=[frame.some(places) for frame in self.frames], parameters=self.parameters[places],
             turns=self.turns[places], shifts=self.shifts[places],
         )  # fmt: skip
+
+    def tree(self, place: int) -> pin.Model:
+        """Return Pinocchio's model of one of the variants, its joints and bodies; its frames are those of the first."""
+        model = self.first.copy()
+        for joint, parameters in zip(self.bodies, self.parameters[place], strict=True):
+            model.inertias[joint] = pin.Inertia.FromDynamicParameters(parameters)
+        for joint, turn, shift in zip(self.moved, self.turns[place], self.shifts[place], strict=True):
+            model.jointPlacements[joint] = pin.SE3(turn, shift)
+        return model
 
     @property
     def in_place(self) -> bool:

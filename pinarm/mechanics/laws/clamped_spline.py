@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.records import Record
 
 
-@dataclass(frozen=True, eq=False)
-class ClampedSpline:
+class ClampedSpline(Record, frozen=True):
     """Cubic spline s(x) through points, s'' continuous inside, with given slopes at both ends.
 
     Between the knots k and k + 1, with ``u = x - x_k``, ``s = c0 + c1 u + c2 u² + c3 u³``. C. de Boor, *A Practical

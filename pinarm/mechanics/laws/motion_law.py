@@ -10,7 +10,6 @@ import math
 from abc import abstractmethod
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -20,6 +19,7 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, check_unit, measured_fields
+from pinarm.records import ValueRecord
 
 FILE_KEYS = {"start": "from", "end": "to"}
 """Field -> key in files, where the key is a Python keyword or would shadow one of its meanings."""
@@ -36,12 +36,15 @@ INSIDE = 1e-3
 """Part of an interval by which ``Grid.moved_inside`` moves its rows: a law that starts with a jerk, or with the fifth
 power of the time, has left rest there by 1e-6 or 1e-12 of its range, and has not turned back yet."""
 
+SAMPLES = np.array([0.0, *np.sort(0.5 * (math.sqrt(5.0) - 1.0) * np.arange(1, 8) % 1.0), 1.0])
+"""Parts of a piece at which its size is estimated: between its ends multiples of the golden ratio, which are not all at
+the zeros of what oscillates."""
+
 JUMP = 1e-9
 """Difference of two sides, relative to the size of s, s' or s'', below which there is no jump."""
 
 
-@dataclass(frozen=True)
-class Piece:
+class Piece(ValueRecord, frozen=True):
     """A smooth interval of a law.
 
     Attributes:
@@ -57,7 +60,12 @@ class Piece:
     def size(self) -> Array:
         """Return estimates of the largest |s|, |s'| and |s''|, from 9 samples, shape (3,)."""
         ends = [end for end in (self.start, self.end) if math.isfinite(end)] or [0.0]
-        return np.asarray(np.abs(np.array(self.function(np.linspace(ends[0], ends[-1], 9)))).max(axis=1))
+        t = ends[0] + (ends[-1] - ends[0]) * SAMPLES
+        return np.asarray(np.abs(np.array(self.function(t))).max(axis=1))
+
+    def between(self, low: float, high: float) -> Piece:
+        """Return the part of it between two instants that it does not lie outside of."""
+        return Piece(max(self.start, low), min(self.end, high), self.function)
 
 
 def polynomial(origin: float, *coefficients: float) -> Callable[[Array], Values]:
@@ -155,15 +163,15 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
         return self.smooth_pieces[place].function
 
 
-@dataclass(frozen=True)
-class Grid:
+class Grid(ValueRecord, frozen=True):
     """Instants at which a problem is solved, divided into intervals on which every law is one smooth piece.
 
     An instant at which s, s' or s'' of a law jumps has two rows: the end of one interval and the start of the next.
     Other cuts, where pieces meet smoothly, have no row of their own; an interval between them may have no row.
 
     Attributes:
-        t: Instants [s], or values of the coordinate swept, shape (n,).
+        t: Instants [s], or values of the coordinate swept, shape (n,); of variants that have rows at others, shape
+            (n, k), with the cuts of the first.
         cuts: Bounds of the intervals, shape (m + 1,).
         rows: First row of each interval, and n; shape (m + 1,).
     """

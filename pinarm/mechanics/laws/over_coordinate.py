@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -21,6 +20,7 @@ from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import Extent, InputStruct, check_unit
 from pinarm.mechanics.laws.composed import CONTINUOUS, Law
 from pinarm.mechanics.laws.motion_law import MotionLaw, Piece, Values
+from pinarm.records import ValueRecord
 
 SAMPLES = 2049
 """Samples of a smooth piece of the driving law in the search for its reversals."""
@@ -35,8 +35,7 @@ MANY = 10_000
 """Largest number of breakpoints that a driven profile may pass."""
 
 
-@dataclass(frozen=True)
-class Profile:
+class Profile(ValueRecord, frozen=True):
     """A law f(w) over a coordinate w, repeated with a period if there is one.
 
     Attributes:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from xml.etree.ElementTree import Element
 
 from pinarm.errors import ModelError, choices
 from pinarm.mechanics.loading.mjcf_joints import coefficient
 from pinarm.mechanics.loading.mjcf_settings import ACTUATOR, Settings, number
 from pinarm.mechanics.loading.model_tree import TreeJoint
+from pinarm.records import replace
 
 
 def with_actuators(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -13,6 +13,7 @@ from pinarm.arrays import Array
 from pinarm.errors import ModelError
 from pinarm.mechanics.loading.mjcf_settings import Attributes, Settings, number, numbers, one_of
 from pinarm.mechanics.loading.model_tree import Bounds, Kind, TreeJoint
+from pinarm.records import replace
 
 KINDS: dict[str, Kind] = {"hinge": "revolute", "slide": "prismatic", "ball": "ball", "free": "floating"}
 

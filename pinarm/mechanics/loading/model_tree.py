@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import pinocchio as pin
+from msgspec import field
 
 from pinarm.arrays import Array, Flags
 from pinarm.errors import ModelError, choices
+from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
     from pinarm.mechanics.couplings.kinds import CouplingDefinition
@@ -27,8 +28,7 @@ NOTHING = 1e-25
 """Moment of inertia that is taken for rounding of 0 [kg*m^2]."""
 
 
-@dataclass(frozen=True)
-class Bounds:
+class Bounds(ValueRecord, frozen=True):
     """Limits of a joint with one coordinate; infinite where the model gives none.
 
     Attributes:
@@ -44,8 +44,7 @@ class Bounds:
     effort: float = np.inf
 
 
-@dataclass(frozen=True)
-class TreeJoint:
+class TreeJoint(ValueRecord, frozen=True):
     """A joint with its child link.
 
     Attributes:
@@ -85,8 +84,7 @@ class TreeJoint:
     tuned_damping: float = 0.0
 
 
-@dataclass(frozen=True)
-class Mimic:
+class Mimic(ValueRecord, frozen=True):
     """A joint that the model couples to another one: ``q = multiplier * q_of + offset``.
 
     Attributes:
@@ -102,8 +100,7 @@ class Mimic:
     offset: float
 
 
-@dataclass(frozen=True)
-class Tree:
+class Tree(ValueRecord, frozen=True):
     """Links and joints of a model file.
 
     Attributes:

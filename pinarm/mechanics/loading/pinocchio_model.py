@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
+from msgspec import field
 
 from pinarm.arrays import Array
 from pinarm.errors import ModelError
@@ -23,6 +23,7 @@ from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.forces.joint_definitions import CREEP
 from pinarm.mechanics.loading.model_tree import Bounds, Mimic, Tree, TreeJoint, from_z, listed
 from pinarm.mechanics.loading.urdf.reader import urdf_tree
+from pinarm.records import ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.couplings.kinds import CouplingDefinition
@@ -47,8 +48,7 @@ SIMPLE = {
 }
 
 
-@dataclass(frozen=True)
-class RobotModel:
+class RobotModel(ValueRecord, frozen=True):
     """Pinocchio's model, with the content of the file that Pinocchio ignores.
 
     Attributes:

@@ -18,6 +18,7 @@ from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.vectors import cross, crossed, joined
 from pinarm.mechanics.joints import METRE, RADIAN, frame_of
 
@@ -69,13 +70,19 @@ class LoopJoint:
         return np.array(self.pair.gap(between.translation, np.asarray(between.rotation.T)))
 
     def rows(self, state: Kinematics) -> Array:
-        """Return G, shape (m, nv)."""
+        """Return G, shape (m, nv).
+
+        What moves both links alike is exactly 0: the difference of their Jacobians leaves rounding there, which would
+        fill the rows of a deep tree.
+        """
         model, data = state.model, state.data
         between = data.oMf[self.first].actInv(data.oMf[self.second])
         one, two = (
             pin.getFrameJacobian(model, data, frame, LOCAL).reshape(6, -1) for frame in (self.first, self.second)
         )
-        p, relative = between.translation, between.action @ two - one
+        moved = LinkTree.of(model).supports
+        apart = moved[model.frames[self.first].parentJoint] != moved[model.frames[self.second].parentJoint]
+        p, relative = between.translation, (between.action @ two - one) * apart
         e, w = self.pair.directions(p, np.asarray(between.rotation.T))
         return np.asarray(e @ (relative[:3] - pin.skew(p) @ relative[3:]) + w @ relative[3:])
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol, get_args
 
@@ -14,6 +13,7 @@ from pinarm.mechanics.geometry.vectors import Axes, combined, cross, dot, rotati
 from pinarm.mechanics.joints import Direction, unit_vector
 from pinarm.mechanics.loops.loop_joints import LoopDefinition
 from pinarm.mechanics.loops.pair import ALL, NOTHING, Pair
+from pinarm.records import Record
 
 MEETING = 1e-8
 """Sine of an angle below which it is the angle to rounding, and the direction of its axis is not."""
@@ -27,8 +27,7 @@ class RotationGap(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class LowerPair:
+class LowerPair(Record, frozen=True):
     """A pair whose rows have constant directions, those without a direction of rotation first.
 
     The gap of these is ``e . p``, that of the others ``w . rotation``.
@@ -90,8 +89,7 @@ def turned(p: Array, axes: Axes) -> Array:
     return rotation_vector(axes)
 
 
-@dataclass(frozen=True, eq=False)
-class Tilt:
+class Tilt(Record, frozen=True):
     """The rotation vector of least length that brings an axis of frame 1 onto the same axis of frame 2.
 
     Unlike components of ``log R`` it does not change sign where the rotation about the axis passes half a turn.

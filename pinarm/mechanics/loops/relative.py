@@ -18,6 +18,7 @@ from pinarm.mechanics.joints import METRE, RADIAN
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import LowerPair, normals
 from pinarm.mechanics.loops.screw import Thread
+from pinarm.records import Record
 
 PARALLEL = 1e-9
 """Sine of the angle between axes that are parallel but for rounding."""
@@ -28,8 +29,7 @@ SLIDING = ("prismatic", "cylindrical", "screw", "point_on_line")
 """Kinds with a coordinate ``position``, along their axis."""
 
 
-@dataclass(frozen=True, eq=False)
-class SlidOut:
+class SlidOut(Record, frozen=True):
     """Place of frame 2 along the axis of a loop joint, from the origin of frame 1: ``z = axis . p`` [m].
 
     Attributes:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.input.yaml.schema import Span
 from pinarm.mechanics.geometry.vectors import MEETING, Axes, direction, dot
 from pinarm.mechanics.loops.loop_joints import LoopDefinition
+from pinarm.records import Record
 
 UNTURNED = np.zeros((1, 3))
 """Direction of rotation: no angle is held."""
@@ -29,8 +28,7 @@ class Rod(LoopDefinition, frozen=True, tag_field="kind", tag="rod", kw_only=True
         return Tie(float(self.length))
 
 
-@dataclass(frozen=True, eq=False)
-class Tie:
+class Tie(Record, frozen=True):
     """A rod's row, with u the direction of p: ``u . p' = 0``.
 
     Attributes:

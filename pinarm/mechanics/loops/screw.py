@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pinarm.arrays import Array
@@ -13,6 +11,7 @@ from pinarm.mechanics.geometry.vectors import Axes, combined, dot
 from pinarm.mechanics.joints import Direction, unit_vector
 from pinarm.mechanics.loops.loop_joints import LoopDefinition
 from pinarm.mechanics.loops.lower_pairs import LowerPair, Tilt, normals
+from pinarm.records import Record
 
 
 class Helical(LoopDefinition, frozen=True, tag_field="kind", tag="screw", kw_only=True):
@@ -48,8 +47,7 @@ class Helical(LoopDefinition, frozen=True, tag_field="kind", tag="screw", kw_onl
         return LowerPair(e, w, axis, thread)
 
 
-@dataclass(frozen=True, eq=False)
-class Thread:
+class Thread(Record, frozen=True):
     """The open rotation of a screw.
 
     Attributes:

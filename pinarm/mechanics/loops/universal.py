@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.mechanics.geometry.vectors import Axes, combined, cross, dot
 from pinarm.mechanics.joints import Direction, unit_vector
 from pinarm.mechanics.loops.loop_joints import LoopDefinition
+from pinarm.records import Record
 
 ORIGINS = np.eye(4, 3)
 """Directions of translation: the origins stay together, the last row holds an angle."""
@@ -29,8 +28,7 @@ class Universal(LoopDefinition, frozen=True, tag_field="kind", tag="universal"):
         return Cross(unit_vector(self.axes[0]), unit_vector(self.axes[1]))
 
 
-@dataclass(frozen=True, eq=False)
-class Cross:
+class Cross(Record, frozen=True):
     """A universal joint's rows, with u an axis of frame 1 and v one of frame 2: ``p' = 0`` and ``(v x u) . omega = 0``.
 
     Attributes:

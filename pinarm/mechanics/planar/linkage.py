@@ -7,7 +7,7 @@ breadth first from the ground. What is left closes loops.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.mechanics.planar.drawing import GROUND, PlanarDrawing
+from pinarm.records import replace
 
 
 @dataclass(frozen=True, eq=False)

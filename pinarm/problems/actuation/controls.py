@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
@@ -27,8 +27,10 @@ from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
+from pinarm.mechanics.limited_states import FREE
 from pinarm.mechanics.motors import Actuator, MotorDefinition
 from pinarm.problems.actuation.inverses import InverseOfLoops, InverseOfTree, inverse_of_couplings
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.quantities.names import Quantities
@@ -242,9 +244,8 @@ def _require_tracking(controller: Controller, actuators: Sequence[Actuator]) -> 
     Raises:
         InputError: Says which key prevents it.
     """
-    at_rest = np.zeros(()), np.zeros(1), np.zeros(())
     winds = isinstance(controller, PidController) and controller.integrals and np.isinf(controller.tracking_time)
-    if winds and any(motor.kinks(*at_rest) for motor in actuators):
+    if winds and any(motor.switches(FREE) for motor in actuators):
         raise InputError("the motor has a limit at which the integral winds up, and without kp there is no time in "
                          "which it follows the motor", expected="tracking_time: such as 50 ms")  # fmt: skip
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -17,6 +16,7 @@ from pinarm.input.yaml.schema import InputStruct, Positive, check_unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.problems.weights import Weight, check_names, comparable, reciprocal, weights_of
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.statics.actuation import Actuation

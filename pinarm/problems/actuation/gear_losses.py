@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pinarm.mechanics.rotors import GearedRotor
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism

@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion, JointMotion
+from pinarm.engine.kinematics.law_count import determining
 from pinarm.engine.kinematics.newton import start_configuration
-from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, Key, Place, within
 from pinarm.input.yaml.schema import InputStruct, Level, check_unit
@@ -127,7 +127,7 @@ def joint_motion(
     """
     if resolve is None:
         with place("motion"):
-            return DeterminedMotion(mechanism, PrescribedCoordinates.of(mechanism, motion))
+            return DeterminedMotion(mechanism, determining(mechanism, motion))
     from pinarm.engine.kinematics.redundancy.nearest_motion import NearestMotion
 
     with place("resolve"):

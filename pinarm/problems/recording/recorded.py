@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
 import numpy as np
@@ -25,6 +24,7 @@ from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.actuation.effort_sharing import Share, drives_of
 from pinarm.problems.loads import LOADS, bind_loads
 from pinarm.problems.recording.recorded_columns import check_rows, recorded_rows
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.outcome import Outcome
@@ -60,7 +60,7 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
     file: str = ""
     columns: dict[str, list[float] | str] = {}
     derivatives: Literal["given", "spline"] = "given"
-    drives: list[str] = []
+    drives: Annotated[list[str], msgspec.Meta(min_length=1)] = []
     share: Share | None = None
     loads: dict[str, Force] = {}
 

@@ -9,7 +9,7 @@ positions of their laws, and the efforts that inverse dynamics of the whole give
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -30,6 +30,7 @@ from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.problems.simplify.removal import Removed
+from pinarm.records import replace
 
 CARRIED = "forces of the whole"
 """Name of the element of those forces that look beyond the joints of a part."""

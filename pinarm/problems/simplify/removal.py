@@ -25,6 +25,7 @@ from pinarm.mechanics.laws import Constant, Over
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.problems.declaration import Declaration
 from pinarm.problems.prescription.prescribed_laws import laws_of
+from pinarm.records import Record
 
 ABSENT = 1e-12
 """Entry of a row, relative to the largest, that is 0 but for rounding: the joint has no part in it."""
@@ -45,8 +46,7 @@ def known_laws(declared: Declaration, mechanism: Mechanism, place: Place) -> dic
     return {**held, **laws_of(mechanism, declared.laws, place, declared.span)}
 
 
-@dataclass(frozen=True, eq=False)
-class Removed:
+class Removed(Record, frozen=True):
     """What is removed of a mechanism. Joints are named by their index in v.
 
     Attributes:

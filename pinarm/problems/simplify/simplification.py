@@ -8,7 +8,6 @@ before it but where only the motion is asked. See ``problems.simplify.removal`` 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -24,13 +23,13 @@ from pinarm.mechanics.loading.model_tree import listed
 from pinarm.problems import Problem
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.loads import bind_loads
+from pinarm.records import Record, ValueRecord
 
 if TYPE_CHECKING:
     from pinarm.problems.simplify.model_reduction import ReducedMechanism
 
 
-@dataclass(frozen=True)
-class Removal:
+class Removal(ValueRecord, frozen=True):
     """A joint that is not solved for.
 
     Attributes:
@@ -44,8 +43,7 @@ class Removal:
     why: str
 
 
-@dataclass(frozen=True, eq=False)
-class Simplification:
+class Simplification(Record, frozen=True):
     """A problem, and what is solved in its place.
 
     Attributes:

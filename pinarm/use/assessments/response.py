@@ -85,6 +85,7 @@ class Response(InputStruct, frozen=True):
             InputError: There is no step, or the run does not come to what is asked.
         """
         self.check_names(result.quantities, result.scenario)
+        result.quantities.determined(self.of)
         step = _Step.of(self, result.lookup)
         values, measured = step.numbers(self.band), result.quantities[self.of].unit
         names = {"overshoot": "overshoot", "rise_time": "rise time", "peak_time": "time of the peak",

@@ -13,7 +13,6 @@ of the amplitude (a_k² + b_k²)^(1/2): see Norton, Design of Machinery, chapter
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 import msgspec
@@ -25,6 +24,7 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import InputStruct
+from pinarm.records import replace
 from pinarm.use.result.figures.curve_figures import CurveFigure, figure, integrals, rms_values
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable

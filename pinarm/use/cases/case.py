@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
 
@@ -17,14 +17,13 @@ from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError, InputError, Interrupted, Location, NumericsError, PinarmError
 from pinarm.input.roots import file_root, given_root, note_files, noting_files
 from pinarm.input.units import Unit
+from pinarm.records import replace
 from pinarm.use.result.failures import failures_in_words
 from pinarm.use.result.measures import MEASURES
-from pinarm.use.result.row_lookup import HEIGHTS
-from pinarm.use.result.run_number import EXAMPLES, RunNumber
+from pinarm.use.result.run_number import EXAMPLES
 from pinarm.use.result.section_number import AnyNumber, Numbered, measured, names_section, read_number
 
 if TYPE_CHECKING:
-    from pinarm.use.cases.variant_rows import VariantRows
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.scenario import Scenario, ScenarioSource
 
@@ -53,11 +52,12 @@ class Taken(Protocol):
             PinarmError: This result has none.
         """
 
-    def known_of_variants(self, first: Result) -> bool:
-        """Tell whether the numbers are also those of variants of a run, along its motion."""
+    @property
+    def number(self) -> AnyNumber | None:
+        """The number of the run that is taken; ``None`` for what is told of all rows."""
 
-    def of_variants(self, rows: VariantRows) -> list[Array]:
-        """Return the numbers of variants, each of shape (k,) or (1,); NaN of those that are to be solved alone.
+    def of_rows(self, quantities: Quantities) -> list[Array]:
+        """Return what is told of all rows of variants, each of shape (k,) or (1,).
 
         Raises:
             PinarmError: There is no such quantity of variants.
@@ -73,21 +73,23 @@ class RowValues:
     """
 
     quantity: str
+    number: ClassVar[None] = None
 
     def numbers(self, result: Result) -> list[tuple[float, float]]:
-        """Return the values: see ``Taken``."""
-        values = result.quantities[self.quantity].values
+        """Return the values: see ``Taken``.
+
+        Raises:
+            InputError: Friction at rest leaves one of them open.
+            DynamicsError: One is not finite.
+        """
+        values = result.quantities.determined(self.quantity).values
         if not np.isfinite(values).all():
             raise DynamicsError(f"{self.quantity} is not finite")
         return [(float(value), 0.0) for value in values]
 
-    def known_of_variants(self, first: Result) -> bool:
-        """Tell that they are: see ``Taken``."""
-        return True
-
-    def of_variants(self, rows: VariantRows) -> list[Array]:
+    def of_rows(self, quantities: Quantities) -> list[Array]:
         """Return the values: see ``Taken``."""
-        return [*rows.values(self.quantity)]
+        return [*quantities[self.quantity].values]
 
 
 @dataclass(frozen=True)
@@ -148,23 +150,10 @@ class Wanted:
         columns = [replace(series, name=label, values=np.zeros(0)) for label in self.labels()]
         return replace(self, unit=series.unit), columns
 
-    def known_of_variants(self, first: Result) -> bool:
-        """Tell whether it is a bound, an extreme, or a value at either end: see ``Taken``."""
-        if not isinstance(self.number, RunNumber):
-            return self.number is None
-        place = self.number.at
-        return isinstance(place, str) and (place in ("start", "end") or (place in HEIGHTS and not first.lookup.few))
-
-    def of_variants(self, rows: VariantRows) -> list[Array]:
-        """Return the numbers: see ``Taken``."""
-        number = self.number
-        if not isinstance(number, RunNumber):
-            values = rows.values(self.quantity)
-            return [values.min(axis=0), values.max(axis=0)]
-        if number.at in ("start", "end"):
-            return [rows.values(number.quantity)[0 if number.at == "start" else -1]]
-        assert isinstance(number.at, str)
-        return [rows.extreme(number.at, number.of, number.quantity)]
+    def of_rows(self, quantities: Quantities) -> list[Array]:
+        """Return the least and the greatest values: see ``Taken``."""
+        values = quantities[self.quantity].values
+        return [values.min(axis=0), values.max(axis=0)]
 
     def numbers(self, result: Result) -> list[tuple[float, float]]:
         """Return the numbers: see ``Taken``.
@@ -181,8 +170,8 @@ class Wanted:
         if number:
             numbers = [(float(number[0].values[0]), number[1])]
         else:
-            values = quantities[self.quantity].values
-            numbers = [(float(values.min()), 0.0), (float(values.max()), 0.0)]
+            least, greatest = quantities.bounds(self.quantity)
+            numbers = [(float(least.values.min()), 0.0), (float(greatest.values.max()), 0.0)]
         if not np.isfinite(numbers).all():
             raise DynamicsError(f"{self.labels()[0]} is not finite")
         return [(number + 0.0, error) for number, error in numbers]  # -0 becomes 0

@@ -1,38 +1,48 @@
-"""Cases that differ by numbers of the model only, solved together as one array.
+"""Cases that differ by numbers of the model, of laws or of initial states, solved together as one array.
 
-The first case is solved as any other: its motion is that of all, its checks of names and units hold for all. Masses,
-inertias and placements of the others are arrays over the cases, and so are efforts, quantities and measured figures, by
-the same functions. The last case of the first stack is solved alone too, and compared.
+The first case is solved as any other: its checks of names and units hold for all. Masses, inertias and placements of
+the others are arrays over the cases, and so are positions, efforts, quantities and measured figures, by the same
+functions; laws and initial states are read case by case. The last case of the first stack is solved alone too, and
+compared.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags, Indices
+from pinarm.arrays import Array, Flags
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.checks.sample import sampled
-from pinarm.engine.kinematics.joint_motion import DeterminedMotion
-from pinarm.engine.mechanism_variants import mechanism_variants, require_joint_forces, some_variants
+from pinarm.engine.mechanism_variants import (
+    alike_variants,
+    mechanism_variants,
+    require_joint_forces,
+    some_variants,
+)
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion
-from pinarm.engine.motion.prescribed_variants import prescribed_variants
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import PinarmError
 from pinarm.input.units import unit
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
-from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.use.cases.case import WORTH, Case, Row, Task, Value, solved_case
-from pinarm.use.cases.variant_rows import VariantRows
+from pinarm.use.cases.case import QUADRATURE, WORTH, Case, Row, Task, Value, solved_case
+from pinarm.use.cases.columns import ARGUMENT, moving
+from pinarm.use.cases.prescribed_cases import PrescribedCases
+from pinarm.use.cases.variant_numbers import MovingVariants, VariantNumbers
 from pinarm.use.result.failures import failures_in_words
+from pinarm.use.result.measures import COSTS
+from pinarm.use.result.section_number import SectionNumber
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
+    from pinarm.mechanics.forces.force_element import ForceElement
     from pinarm.use.result.result import Result
+
+MotionT = TypeVar("MotionT")
 
 NUMBERS = 400_000
 """Numbers of one array over the cases of a stack, at most: larger ones leave the caches of processors."""
@@ -48,28 +58,48 @@ AGREED = 1e-10
 """Difference of a case solved with others from the same alone, relative to the largest of its numbers, from which on
 none of them is trusted."""
 
-ARGUMENT = "arguments."
-
-
 Attempt = Callable[[Callable[[Sequence[Any]], "list[Row | None]"], Sequence[Any]], "list[Row | None]"]
 """Returns what a function says of cases, and what is told of those for which it raises something."""
 
-Kind = tuple[tuple[str, Value], ...] | None
-"""What cases have in common that may be solved together; ``None`` of one that varies no argument."""
 
+class Motions(Protocol[MotionT]):
+    """How the cases of a stack move."""
 
-def kind_of(values: Case) -> Kind:
-    """Return the kind of a case: its values but for those of arguments."""
-    varied = any(path.startswith(ARGUMENT) for path in values)
-    kept = ((path, "" if path.startswith(ARGUMENT) else value) for path, value in values.items())
-    return tuple(kept) if varied else None
+    @property
+    def forces(self) -> Mapping[str, ForceElement]:
+        """The force elements of all of them."""
+        ...
 
+    @property
+    def length(self) -> int:
+        """Number of rows of the first case, or of its steps where these are more: both are kept of many cases."""
+        ...
 
-def of_kind(anchor: Case, values: Case) -> Case | None:
-    """Return the arguments of one case with all else of another; ``None`` where it has not the same ones."""
-    if {path for path in anchor if path.startswith(ARGUMENT)} != {path for path in values if path.startswith(ARGUMENT)}:
-        return None
-    return {path: anchor[path] if path.startswith(ARGUMENT) else value for path, value in values.items()}
+    @property
+    def first(self) -> MotionT:
+        """The motion of the first case."""
+        ...
+
+    def read(self, values: Case, mechanism: Mechanism, place: int) -> MotionT | None:
+        """Return how a case moves, ``None`` where it is to be solved alone.
+
+        Args:
+            values: Its values but for arguments.
+            mechanism: The variants.
+            place: Which of them it is.
+
+        Raises:
+            PinarmError: It has a mistake, or cannot be followed.
+        """
+        ...
+
+    def variants(self, mechanism: Mechanism, motions: Sequence[MotionT]) -> MovingVariants:
+        """Return the motions of variants."""
+        ...
+
+    def figures(self, motions: Sequence[MotionT]) -> dict[str, Array]:
+        """Return what is measured of each motion by itself, by name, shape (k,)."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,26 +111,26 @@ class Stack:
         values: The values of the first case.
         first: Its result, solved alone.
         files: The files that cases refer to.
-        motion: The motion of all of them.
+        motions: How all of them move.
     """
 
     task: Task
     values: Case
     first: Result
     files: tuple[str, ...]
-    motion: PrescribedMotion
+    motions: Motions[Any]
 
     @classmethod
     def begin(cls, task: Task, values: Case) -> tuple[Stack | None, Row]:
         """Solve a first case alone, and return what others need of it, ``None`` for nothing; and its row."""
         solved = solved_case(task, values)
-        if solved.result is None:
+        if solved.result is None or any(isinstance(entry.number, SectionNumber) for entry in task.wanted):
             return None, solved.row
-        result, motion = solved.result, solved.result.outcome.motion
-        known = all(entry.known_of_variants(result) for entry in task.wanted)
-        if not known or not isinstance(motion, PrescribedMotion) or _is_special(result, motion):
-            return None, solved.row
-        return cls(task, values, result, solved.row.files, motion), solved.row
+        result = solved.result
+        asks = result.content.find or result.content.accuracy.target is not None or result.trajectory.columns
+        motions = None if asks else _motions(result)
+        stack = None if motions is None else cls(task, values, result, solved.row.files, motions)
+        return stack, solved.row
 
     @property
     def follows(self) -> bool:
@@ -112,11 +142,9 @@ class Stack:
         """Number of cases that are solved together, whose model is expanded at once."""
         return EXPANDED
 
-    @property
-    def block(self) -> int:
-        """Number of cases whose arrays are of a size that suits processors."""
-        run = self.first.trajectory
-        return max(1, NUMBERS // (len(run) * int(run.mechanism.model.njoints) * 6))
+    def block_of(self, rows: int) -> int:
+        """Return the number of cases with so many rows whose arrays are of a size that suits processors."""
+        return max(1, NUMBERS // (rows * int(self.first.trajectory.mechanism.model.njoints) * 6))
 
     def rows(self, cases: Sequence[Case]) -> list[Row | None]:
         """Return the rows of cases; ``None`` of those that are to be solved alone.
@@ -136,49 +164,61 @@ class Stack:
 
     def _by_blocks(self, cases: Sequence[Case], attempt: Attempt) -> list[Row | None]:
         """Return the rows of cases whose model is expanded at once."""
+        mechanism, possible = self._mechanism(cases)
+        require_joint_forces(self.motions.forces)
+
+        def solve(places: Sequence[int]) -> list[Row | None]:
+            read = {place: self._read(cases[place - 1], mechanism, place) for place in places}
+            motions = {0: self.motions.first} | {place: motion for place, motion in read.items() if motion is not None}
+            chosen = np.array([*motions])  # the first case is the one that the others are compared with
+            numbers, finite = self._numbers(some_variants(mechanism, chosen), [*motions.values()])
+            rows = zip(motions, (numbers + 0.0).tolist(), (possible[chosen] & finite).tolist(), strict=True)
+            found = {place: Row(tuple(row), "", self.files) for place, row, sound in rows if sound}  # -0 becomes 0
+            return [found.get(place) for place in places]
+
+        every, size = range(1, len(cases) + 1), self.block_of(self.motions.length)
+        blocks = (every[start : start + size] for start in range(0, len(every), size))
+        return [row for places in blocks for row in attempt(solve, places)]
+
+    def _mechanism(self, cases: Sequence[Case]) -> tuple[Mechanism, Flags]:
+        """Return the mechanism in the first case and in others, and which of them can be followed so."""
         scenario = self.first.scenario
         given = {name: scenario.mechanism.arguments[name] for name in scenario.content.arguments}
         columns = {
             path.removeprefix(ARGUMENT): _column(value, [case[path] for case in (self.values, *cases)])
             for path, value in self.values.items() if path.startswith(ARGUMENT)
         }  # fmt: skip
-        mechanism, possible = mechanism_variants(scenario.mechanism, given, columns)
-        require_joint_forces(self.motion.prescription.dynamics.forces)
+        if columns:
+            return mechanism_variants(scenario.mechanism, given, columns)
+        return alike_variants(scenario.mechanism, 1 + len(cases)), np.ones(1 + len(cases), dtype=bool)
 
-        def solve(places: Sequence[int]) -> list[Row | None]:
-            chosen = np.array([0, *places])  # the first case is the one that the others are followed from
-            numbers, finite = self._numbers(some_variants(mechanism, chosen), len(chosen))
-            kept = (possible[chosen] & finite)[1:].tolist()
-            rows = zip((numbers[1:] + 0.0).tolist(), kept, strict=True)  # -0 becomes 0
-            return [Row(tuple(row), "", self.files) if known else None for row, known in rows]
+    def _read(self, case: Case, mechanism: Mechanism, place: int) -> Any:
+        """Return how a case moves; ``None`` where it is to be solved alone, and tells there what is wrong."""
+        try:
+            return self.motions.read(moving(case), mechanism, place)
+        except PinarmError:
+            return None
 
-        every, size = range(1, len(cases) + 1), self.block
-        blocks = (every[start : start + size] for start in range(0, len(every), size))
-        return [row for places in blocks for row in attempt(solve, places)]
-
-    def _numbers(self, mechanism: Mechanism, count: int) -> tuple[Array, Flags]:
+    def _numbers(self, mechanism: Mechanism, motions: Sequence[Any]) -> tuple[Array, Flags]:
         """Return results and measures of accuracy, shape (k, columns), and which cases are finite."""
-        scenario = self.first.scenario
-        run, sound = prescribed_variants(self.motion, self.first.trajectory, mechanism)
+        scenario, count = self.first.scenario, len(motions)
+        variants = self.motions.variants(mechanism, motions)
+        run, sound = variants.rows()
         judged = Quantities(run.some(sampled(len(run), JUDGED)), scenario.symbols, scenario.content.undetermined)
         quantities, finite = judged.of(run), sound.copy()
+        told = VariantNumbers(variants, run, quantities, self.block_of).told(self.task.wanted, finite)
         outputs = [quantities[name].values for name in scenario.content.outputs]
-
-        def between(places: Indices, grid: Grid) -> tuple[Quantities, Flags]:
-            more, kept = prescribed_variants(self.motion, self.motion.at(grid), some_variants(mechanism, places))
-            return judged.of(more), kept
-
-        rows = VariantRows(quantities, between)
-        wanted = [numbers for entry in self.task.wanted for numbers in entry.of_variants(rows)]
-        for values in (*outputs, *(numbers[None] for numbers in wanted)):
-            finite &= np.isfinite(values).all(axis=0)
-        figures = {**power_balance(run), **residual_figures(run), **quantities.figures()}
-        if figures.keys() != self.first.figures.keys():
+        for values in (*outputs, *told.numbers):
+            finite &= np.isfinite(values).all(axis=0) if values.ndim > 1 else np.isfinite(values)
+        figures = {**self.motions.figures(motions), **power_balance(run), **residual_figures(run)}
+        figures |= quantities.figures()
+        if figures.keys() != self.first.figures.keys() - COSTS:
             raise VariantsDiffer("which figures can be measured")
         for figure in figures.values():
             finite &= np.isfinite(figure)
-        columns = [*wanted, *(figures.get(name, np.nan) for name in WORTH)]
-        return np.stack([np.broadcast_to(column, count) for column in columns], axis=1), finite
+        figures[QUADRATURE] = told.quadrature
+        columns = [*told.numbers, *(figures.get(name, np.nan) for name in WORTH)]
+        return np.stack([np.broadcast_to(column, count) for column in columns], axis=1), finite & told.sound
 
     def agrees(self, values: Case, alone: Row) -> bool | None:
         """Tell whether a case has the same numbers here as alone; ``None`` where it has none here.
@@ -198,6 +238,15 @@ class Stack:
         return bool((np.isnan(own) == np.isnan(other)).all() and np.nanmax(np.abs(own - other)) <= AGREED * size)
 
 
+def _motions(result: Result) -> Motions[Any] | None:
+    """Return how cases move that are like a first one; ``None`` where they are solved one by one."""
+    if isinstance(result.outcome.motion, PrescribedMotion):
+        return PrescribedCases.of(result)
+    from pinarm.use.cases.forward_cases import ForwardCases
+
+    return ForwardCases.of(result)
+
+
 def _tried(solve: Callable[[Sequence[Any]], list[Row | None]], cases: Sequence[Any]) -> list[Row | None]:
     """Return the rows of cases; of those for which something is raised ``None``, the others without them."""
     try:
@@ -206,15 +255,6 @@ def _tried(solve: Callable[[Sequence[Any]], list[Row | None]], cases: Sequence[A
     except Exception:
         half = len(cases) // 2
         return [*_tried(solve, cases[:half]), *_tried(solve, cases[half:])] if half else [None] * len(cases)
-
-
-def _is_special(result: Result, motion: PrescribedMotion) -> bool:
-    """Whether more is told of a case, or less is solved, than the states along its motion."""
-    asks = result.content.find or result.content.accuracy.target is not None
-    told = result.outcome.figures or result.trajectory.columns
-    other = motion.prescription.mechanism is not result.scenario.mechanism
-    chosen = not isinstance(motion.prescription.motion, DeterminedMotion)
-    return bool(asks or told or other or chosen)
 
 
 def _column(first: Value, values: Sequence[Value]) -> list[float]:

@@ -1,7 +1,7 @@
-"""The jobs of a chunk: those that differ by numbers of the model only are solved as one array, the others one by one.
+"""The jobs of a chunk: those that differ by numbers only are solved as one array, the others one by one.
 
-Which way a case is solved depends on the case only, and its numbers do not depend on those that are solved with it:
-they are the same to the last digit however cases are spread over workers.
+The numbers of a case do not depend on those that are solved with it. They are the same to the last digit however cases
+are spread over workers: loops are followed from the anchor of the task, whatever case comes first.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from itertools import islice
 
 from pinarm.input.xacro.templates import WAYS
 from pinarm.use.cases.case import Case, Row, Task, solve_case
-from pinarm.use.cases.stack import Kind, Stack, kind_of, of_kind
+from pinarm.use.cases.columns import Kind, kind_of, of_kind
+from pinarm.use.cases.stack import Stack
 from pinarm.use.workers.worker import Late
 
 Job = tuple[int, str, Case]

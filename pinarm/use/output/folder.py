@@ -19,9 +19,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 
-import msgspec
-
 from pinarm.errors import InputError
+from pinarm.records import replace
 from pinarm.use.output.manifest import (
     DRAFT,
     MANIFEST,
@@ -184,7 +183,7 @@ def _add(draft: Path, path: Path) -> None:
         try:
             new = {name: str(digest(draft))}
             draft.rename(box / name)
-            _exchange(box, home, msgspec.structs.replace(known, arriving=new), set())
+            _exchange(box, home, replace(known, arriving=new), set())
         finally:
             shutil.rmtree(box, ignore_errors=True)
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import isfinite
 from typing import TYPE_CHECKING
 
 from pinarm.engine.series import Series
 from pinarm.errors import PinarmError
+from pinarm.records import replace
 from pinarm.use.report.link_graph import LinkGraph, link_graph
 from pinarm.use.report.mechanism_tables import mechanism_tables, mobility_words
 from pinarm.use.report.origin import Origin

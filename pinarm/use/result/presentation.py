@@ -10,10 +10,12 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Container, Mapping
-from dataclasses import dataclass, field
+
+from msgspec import field
 
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit, unit
+from pinarm.records import ValueRecord
 
 DEGREE = unit("deg")
 
@@ -22,12 +24,11 @@ ACCENTS = {"dot": "\u0307", "ddot": "\u0308", "dddot": "\u20db", "hat": "\u0302"
 
 _ACCENT = re.compile(r"\\(dddot|ddot|dot|hat|bar|tilde)\s*(?:\{([^{}]*)\}|(\\[A-Za-z]+|[A-Za-z]))")
 _LETTER = re.compile(r"\\(var)?([A-Za-z]+)")
-_NUMBER = re.compile(r"(?P<before>(?:min |max )?)(?P<quantity>.*?)(?P<after>(?: @ .*)?)")
+_NUMBER = re.compile(r"(?P<before>(?:min |max )?)(?P<quantity>.*?)(?P<after>(?:\.least|\.greatest)?(?: @ .*)?)")
 _GROUP = re.compile(r"([_^])\{([^{}]*)\}")
 
 
-@dataclass(frozen=True)
-class Presentation:
+class Presentation(ValueRecord, frozen=True):
     """How the quantities of a scenario are shown.
 
     Attributes:

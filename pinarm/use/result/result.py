@@ -5,25 +5,27 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 import numpy as np
+from msgspec.structs import asdict
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import LOST
 from pinarm.engine.checks.limits import Excess, excesses
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
-from pinarm.engine.quantities.names import EXTREMES, Quantities
+from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplification import Removal
+from pinarm.records import replace
 from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED
 from pinarm.use.result.row_lookup import PLATEAU, Lookup, unreached
 
@@ -231,12 +233,26 @@ class Result:
         own = self.parameter
         return [own, *(series for series in map(self.quantities.__getitem__, outputs) if series.name != own.name)]
 
+    def table_columns(self) -> list[Series]:
+        """Return the columns of its tables: the parameter and the outputs.
+
+        After an output that depends on how frictions at rest share a load stand its least and its greatest values.
+        """
+        table = dict[str, Series]()
+        for series in self.columns():
+            bounds = self.quantities.bounds(series.name) if self.quantities.open_rows(series.name).any() else ()
+            table |= {each.name: each for each in (series, *bounds)}
+        return list(table.values())
+
     def to_dataframe(self) -> DataFrame:
-        """Return the outputs as a pandas table, one row per instant, units in the headings; see ``units:``."""
+        """Return the outputs as a pandas table, one row per instant, units in the headings; see ``units:``.
+
+        Its columns are those of ``table_columns``.
+        """
         import pandas
 
         return pandas.DataFrame(
-            {series.label: series.values for series in map(self.presentation.written, self.columns())}
+            {series.label: series.values for series in map(self.presentation.written, self.table_columns())}
         )
 
     def plot(self, *names: str, against: str | None = None) -> Picture:
@@ -398,8 +414,8 @@ class Result:
             "accuracy": self._accuracy(),
             "cost": {name: int(value) for name, value in self.figures.items() if name in COSTS},
             "findings": {name: x for name, x in self.figures.items() if name not in (*MEASURES, *COSTS)},
-            "limits": [{**vars(excess), "unit": str(excess.unit)} for excess in self.excesses()],
-            "not solved for": [vars(removal) for removal in self.removals],
+            "limits": [{**asdict(excess), "unit": str(excess.unit)} for excess in self.excesses()],
+            "not solved for": [asdict(removal) for removal in self.removals],
             "notes": self.notes(),
             "versions": {"pinarm": pinarm.__version__, "pinocchio": pinocchio.__version__, "numpy": np.__version__},
             "input": self.digest(),
@@ -418,25 +434,25 @@ class Result:
         return measured
 
     def headline(self, series: Series) -> dict[str, Any]:
-        """Return a quantity's smallest and largest value among the rows, and where they stand."""
-        t, values = self.trajectory.grid.t, series.values + 0.0  # -0 becomes 0
-        least, greatest = self._extremes(series)
-        finite = np.concatenate(
-            [x[np.isfinite(x)] for x in (least, greatest)] if np.isfinite(values).any() else [[0.0]]
-        )
+        """Return a quantity's smallest and largest value among the rows, where they stand, and its doubt if any.
+
+        ``start`` and ``end`` are NaN where the value there depends on how frictions at rest share a load.
+        """
+        t, least, greatest = self.trajectory.grid.t, *self._bounds(series)
+        values = np.where(self.quantities.open_rows(series.name), np.nan, series.values) + 0.0  # -0 becomes 0
+        finite = np.concatenate([x[np.isfinite(x)] for x in (least, greatest)] if np.isfinite(least).any() else [[0.0]])
         slack = PLATEAU * float(np.abs(finite).max())
         low, high = int((least <= finite.min() + slack).argmax()), int((greatest >= finite.max() - slack).argmax())
         return {
             "unit": str(series.unit or "?"), "min": least[low], "at_min": t[low], "max": greatest[high],
             "at_max": t[high], "start": values[0], "end": values[-1],
+            **({"doubt": series.doubt} if series.doubt else {}),
         }  # fmt: skip
 
-    def _extremes(self, series: Series) -> tuple[Array, Array]:
-        """Return the least and greatest values of an output in each row: its own, but where friction leaves it open."""
-        if not self.trajectory.others:
-            return series.values + 0.0, series.values + 0.0
-        found = (self.quantities[f"{series.name}.{extreme}"] for extreme in EXTREMES)
-        least, greatest = ((each.to(str(series.unit)) if series.unit else each).values + 0.0 for each in found)
+    def _bounds(self, series: Series) -> tuple[Array, Array]:
+        """Return the least and greatest values of an output in each row, in its unit."""
+        bounds = self.quantities.bounds(series.name)
+        least, greatest = ((each.to(str(series.unit)) if series.unit else each).values + 0.0 for each in bounds)
         return least, greatest
 
     def notes(self) -> list[str]:

@@ -23,7 +23,7 @@ from pinarm.use.result.figures.crossings import FLAT, POINTS, ROUNDS, crossings
 if TYPE_CHECKING:
     from pinarm.use.result.expectation import Expectation
 
-HEIGHTS: dict[str, Callable[[Array], Array]] = {
+_HEIGHTS: dict[str, Callable[[Array], Array]] = {
     "max": lambda x: x,
     "min": lambda x: -x,
     "largest": lambda x: np.abs(x),
@@ -47,6 +47,9 @@ MOST_INTERVALS = 100
 
 KEPT = 20
 """Sets of points whose states are kept: the integrals of several quantities begin with the same points."""
+
+FITS = 200
+"""Curves between two places whose polynomials are kept: several numbers of one quantity look into the same ones."""
 
 Spot = tuple[int, float]
 """An interval of the run and a value of its parameter within it."""
@@ -86,6 +89,7 @@ class Lookup:
     quantities: Quantities = field(repr=False)
     motion: SolvedMotion | None
     _kept: dict[tuple[int, bytes], Quantities] = field(init=False, repr=False, default_factory=dict)
+    _fits: dict[tuple[float, float, bytes], BracketFit] = field(init=False, repr=False, default_factory=dict)
 
     @property
     def run(self) -> Trajectory:
@@ -107,6 +111,9 @@ class Lookup:
                 del self._kept[next(iter(self._kept))]
             self._kept[asked] = self.quantities.of(self._rows_at(interval, t))
         return self._kept[asked]
+
+    def announce(self, places: Sequence[tuple[int, Array]]) -> None:
+        """Note intervals and values of the parameter, shape (n,), at each of which states are about to be asked for."""
 
     def _rows_at(self, interval: int, t: Array) -> Trajectory:
         if self.motion is None:
@@ -153,7 +160,7 @@ class Lookup:
 
     def _crossings(self, along: str, value: float) -> list[Spot]:
         """Return where a quantity takes a value, in order; intervals with few rows are looked into between these."""
-        few = set(self.few)
+        few = set(self._few)
         spots = []
         for interval, (start, end, rows) in enumerate(self.intervals):
             t = self.run.grid.t[rows]
@@ -168,7 +175,7 @@ class Lookup:
         return np.asarray(self.quantities_at(interval, t)[along].values - value)
 
     @cached_property
-    def few(self) -> list[int]:
+    def _few(self) -> list[int]:
         """Numbers of the intervals that have few rows; none where these are many intervals."""
         found = [k for k, (start, end, rows) in enumerate(self.intervals)
                  if start != end and rows.stop - rows.start < FEW]  # fmt: skip
@@ -204,7 +211,7 @@ class Lookup:
         """Return the row at which a quantity is largest, smallest, or largest in size."""
         if not np.isfinite(self.quantities[name].values).all():
             raise InputError(f"{name} is not finite everywhere: it has no extreme")
-        return self.highest(lambda rows: HEIGHTS[which](rows[name].values))
+        return self.highest(lambda rows: _HEIGHTS[which](rows[name].values))
 
     def highest(self, height: Callable[[Quantities], Array]) -> Quantities:
         """Return the row at which a function of the quantities is largest, refined between the samples.
@@ -215,28 +222,30 @@ class Lookup:
         run, values = self.run, height(self.quantities)
         slack = PLATEAU * float(np.abs(values).max())
         best = int((values >= values.max() - slack).argmax())
-        spots = []
-        for row in (best, *rivals(values, best, slack)):
+        brackets = []
+        for row in (best, *_rivals(values, best, slack)):
             low, high = sorted((run.grid.t[max(row - 1, 0)], run.grid.t[min(row + 1, len(values) - 1)]))
             for interval, (start, end, _) in enumerate(self.intervals):
-                bracket = max(low, min(start, end)), min(high, max(start, end))
+                bracket = float(max(low, min(start, end))), float(min(high, max(start, end)))
                 if bracket[0] <= bracket[1]:
-                    spots.append(self._refined(interval, height, bracket))
-        spots += self._between_few_rows(height)
+                    brackets.append((interval, bracket))
+        brackets += self._between_few_rows()
+        self.announce([(interval, BracketFit.places(*bracket)) for interval, bracket in brackets])
+        spots = [self._refined(interval, height, bracket) for interval, bracket in brackets]
         top, interval, t = max(spots, key=lambda spot: spot[0])
         if top <= values[best] + slack:
             interval = next(k for k, (_, _, rows) in enumerate(self.intervals) if rows.start <= best < rows.stop)
             t = float(run.grid.t[best])
         return self._row(interval, t)
 
-    def _between_few_rows(self, height: Callable[[Quantities], Array]) -> list[tuple[float, int, float]]:
-        """Return the largest height in each interval that has few rows, which may pass an extreme between them."""
-        spots = []
-        for interval in self.few:
+    def _between_few_rows(self) -> list[tuple[int, tuple[float, float]]]:
+        """Return brackets in each interval that has few rows, which may pass an extreme between them."""
+        brackets = []
+        for interval in self._few:
             start, end, _ = self.intervals[interval]
             cuts = np.linspace(start, end, PARTS + 1)
-            spots += [self._refined(interval, height, (min(pair), max(pair))) for pair in pairwise(cuts.tolist())]
-        return spots
+            brackets += [(interval, (min(pair), max(pair))) for pair in pairwise(cuts.tolist())]
+        return brackets
 
     def _refined(
         self, interval: int, height: Callable[[Quantities], Array], bracket: tuple[float, float]
@@ -248,16 +257,25 @@ class Lookup:
         spot, top = float(t[peak]), float(heights[peak])
         if np.ptp(heights) <= FLAT * np.abs(heights).max():
             return top, interval, spot
-        fit = BracketFit(*bracket, heights)
+        fit = self._fit(bracket, heights)
         if not fit.is_resolved:
             return self._narrowed(interval, height, bracket)
-        places = fit.extremes()
+        places = fit.extremes
         if len(places):
             place = float(places[fit.at(places).argmax()])
             risen = float(height(self._row(interval, place))[0])
             if risen > top:
                 spot, top = place, risen
         return top, interval, spot
+
+    def _fit(self, bracket: tuple[float, float], heights: Array) -> BracketFit:
+        """Return the polynomial through heights at the nodes of a bracket; the last ones are kept."""
+        curve = *bracket, heights.tobytes()
+        if curve not in self._fits:
+            if len(self._fits) >= FITS:
+                self._fits.clear()
+            self._fits[curve] = BracketFit(*bracket, heights)
+        return self._fits[curve]
 
     def _narrowed(
         self, interval: int, height: Callable[[Quantities], Array], bracket: tuple[float, float]
@@ -274,7 +292,7 @@ class Lookup:
         return top, interval, spot
 
 
-def rivals(values: Array, best: int, slack: float) -> list[int]:
+def _rivals(values: Array, best: int, slack: float) -> list[int]:
     """Return the rows near which heights between the rows may be above all rows, the most promising first.
 
     Between samples of a parabola its top is above them by an eighth of their second difference at most; half of it is

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,10 +13,12 @@ from pinarm.engine.quantities.names import EXTREMES, OPEN, Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.numbers import is_whole
+from pinarm.records import replace
 from pinarm.use.result.figures.curve_figures import FIGURES, figure, figure_unit, is_figure
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
+    from pinarm.use.result.row_lookup import Lookup
 
 EXAMPLES = "C_B @ max, t @ max(C_B), C_B @ t=1.5 s, C_B @ rms, C_B @ p95, or loads.B.life.time of a section"
 
@@ -103,18 +105,19 @@ class RunNumber:
         Raises:
             InputError: The place does not exist in this run, or the run has no such figure.
         """
-        found = self._told(result)
+        found = self.told(result.lookup)
         if result.trajectory.others and any(
             result.quantities.open_rows(name).any() for name in (self.quantity, self.of)
         ):
             self._require_determined(result, found[0])
         return found
 
-    def _told(self, result: Result) -> tuple[float, float]:
+    def told(self, run: Lookup) -> tuple[float, float]:
+        """Return the number of a run in which friction leaves nothing open; see ``value``."""
         if isinstance(self.at, str) and is_figure(self.at):
-            given = figure(result.lookup, self.quantity, self.at)
+            given = figure(run, self.quantity, self.at)
             return given.value, given.error
-        return float(result.lookup.at(self.at, self.of)[self.quantity].values[0]), 0.0
+        return float(run.at(self.at, self.of)[self.quantity].values[0]), 0.0
 
     def _require_determined(self, result: Result, told: float) -> None:
         """Raise where the number would be another one with other frictions that hold the same motion.
@@ -127,7 +130,7 @@ class RunNumber:
             replace(self, quantity=f"{self.quantity}.{extreme}", of=f"{self.of}.{extreme}" if place else self.of)
             for extreme in EXTREMES
         ]
-        values = [each._told(result)[0] for each in ends]
+        values = [each.told(result.lookup)[0] for each in ends]
         low, high = min(values), max(values)
         if high - low > OPEN * max(abs(low), abs(high), abs(told)):
             unit = result[self.quantity].unit

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -7,7 +7,6 @@ at other instants are solved anew when they are asked for.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +20,7 @@ from pinarm.engine.motion.standstill import lossy
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.use.scenario.scenario import Scenario
@@ -55,8 +55,7 @@ def _with_efforts(run: Trajectory, arrays: Mapping[str, Array], prefix: str = ""
     return replace(run, tau=arrays[f"{prefix}tau"], lam=lam, columns=columns)
 
 
-@dataclass(frozen=True, eq=False)
-class SolvedAnew:
+class SolvedAnew(Record, frozen=True):
     """The motion of a result that was read: solved when other instants than the saved ones are asked for.
 
     Attributes:

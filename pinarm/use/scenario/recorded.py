@@ -52,7 +52,7 @@ def result(
     """
     rows = _rows(mechanism, t, q, v, a, tau)
     problem: dict[str, Any] = {"kind": "recorded", "columns": named_columns(mechanism, rows)}
-    problem |= {"derivatives": derivatives, "drives": list(drives), "loads": loads}
+    problem |= {"derivatives": derivatives, "loads": loads, **({"drives": list(drives)} if drives else {})}
     moving = [*mechanism.joints, *(f"joint.{name}.{angle}" for name in mechanism.balls for angle in ANGLES)]
     data = {"pinarm": 1, "title": mechanism.title, "outputs": moving, **keys, "mechanism": mechanism}
     return Scenario.of_data({**data, "problem": problem}).run()

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.figures import plain
@@ -25,9 +25,10 @@ from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.key_path import argument_of
 from pinarm.input.yaml.schema import Measured
 from pinarm.input.yaml.values import Values, value_at, varied, written_unit
-from pinarm.problems import KINDS, Problem, problem_class
+from pinarm.problems import KINDS, PRESCRIBING, Problem, problem_class
 from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
+from pinarm.records import replace
 from pinarm.use.result.failures import failures_in_words, overflow
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.file_kind import GIVEN, refuse_changes, refuse_mechanism, refuse_model
@@ -37,7 +38,9 @@ from pinarm.use.workers.runners import HERE, Runners
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
+    from pinarm.engine.motion.prescribed_motion import PrescribedTable
     from pinarm.mechanics.control.function import ControlFunction, FunctionControl
+    from pinarm.problems import PrescribingProblem
     from pinarm.use.result.section_number import Numbered
 
 
@@ -237,7 +240,7 @@ class Scenario:
     def simplification(self) -> Simplification:
         """What is solved in place of the question about the whole mechanism."""
         if self.content.modelled == "whole":
-            return Simplification.whole(self.problem, self.mechanism, self.content.accuracy, self._place)
+            return Simplification.whole(self.problem, self.mechanism, self.content.accuracy, self.place)
         expected = (text for entry in self.content.expect for text in (entry.quantity, entry.formula or ""))
         wanted = self.content.find.requested() if self.content.find else ()
         texts = [*self.content.outputs, *self.content.numbers, *wanted, *expected]
@@ -245,7 +248,7 @@ class Scenario:
             with self.document.locating(key):
                 texts += assessment.requested(self.mechanism)
         requested = requested_joints(texts, self.symbols, self.mechanism)
-        return Simplification.required(self.problem, self.mechanism, self.content.accuracy, self._place, requested)
+        return Simplification.required(self.problem, self.mechanism, self.content.accuracy, self.place, requested)
 
     def controlled(
         self, control: Mapping[str | tuple[str, ...], ControlFunction], period: float | None = None, delay: float = 0.0
@@ -329,6 +332,25 @@ class Scenario:
                 error.partial = self.result(error.partial)
             raise
 
+    def prescribed_table(self, like: Scenario) -> PrescribedTable | None:
+        """Return what the problem prescribes at which rows, with nothing solved.
+
+        ``None`` where laws do not determine the motion, or it is solved on a part of the mechanism.
+
+        Args:
+            like: The scenario itself, or one that differs from it by numbers of the problem only.
+
+        Raises:
+            InputError: The problem has a mistake.
+        """
+        if self.problem.kind not in PRESCRIBING:
+            return None
+        declared, known = self.problem.declaration(), like.problem.declaration()
+        alike = declared is not None and known is not None and declared.differs_by_numbers(known)
+        if (like if alike else self).simplification.part is not None:
+            return None
+        return cast("PrescribingProblem", self.problem).table(self.mechanism, self.content.accuracy, self.place)
+
     def solved_outcome(self) -> Outcome:
         """Return what comes out for the whole mechanism; nothing is measured or checked."""
         _, outcome = self.simplification.solve()
@@ -398,7 +420,7 @@ class Scenario:
             PinarmError: Something is wrong; the message says where.
         """
         with failures_in_words():
-            self.problem.prepare(self.mechanism, self.content.accuracy, self._place)
+            self.problem.prepare(self.mechanism, self.content.accuracy, self.place)
             quantities = self.quantities()
             for index, name in enumerate(self.content.outputs):
                 with self.document.locating("outputs", index):
@@ -460,7 +482,8 @@ class Scenario:
         """Return the quantities of one row, with nothing solved: enough to see which there are, and their units."""
         return Quantities(self.problem.schema_row(self.mechanism), self.symbols, self.content.undetermined)
 
-    def _place(self, *path: str | int) -> AbstractContextManager[None]:
+    def place(self, *path: str | int) -> AbstractContextManager[None]:
+        """Give errors their place in the problem; see ``Document.locating``."""
         return self.document.locating("problem", *path)
 
 

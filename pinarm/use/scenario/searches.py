@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import count
 from typing import TYPE_CHECKING
@@ -12,6 +12,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import LOST
+from pinarm.records import replace
 from pinarm.use.cases.case import Case, Row, RowValues, Task, Wanted, failure
 from pinarm.use.cases.solving import solving
 from pinarm.use.progress import tell

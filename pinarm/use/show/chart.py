@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.records import ValueRecord
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's palette."""
@@ -26,12 +27,14 @@ FLAT = 1e-9
 Style = Literal["-", "--", ":", "-.", ""]
 """Full, dashed, dotted or dash-dotted, as in matplotlib; no line where it is empty."""
 
+Window = tuple[tuple[float, float], tuple[float, float]]
+"""Ends of the horizontal and of the vertical axis."""
+
 Marker = Literal["", "o", "s", "x", "mount"]
 """Circle, square or cross, as in matplotlib, or what a mechanism stands on; none where it is empty."""
 
 
-@dataclass(frozen=True)
-class Line:
+class Line(ValueRecord, frozen=True):
     """A line through points, or marks at points, or both.
 
     Attributes:
@@ -59,8 +62,7 @@ class Line:
     opacity: float = 1.0
 
 
-@dataclass(frozen=True)
-class Note:
+class Note(ValueRecord, frozen=True):
     """A text at a point.
 
     Attributes:
@@ -101,6 +103,7 @@ class Panel:
         margin: Room beside the lines, relative to their extent.
         ticks: Places of the ticks of the horizontal axis; round numbers where it is empty.
         grid: Whether lines run through the picture at the ticks.
+        window: Ends of both axes; those of the lines, with the margin, where it is left out.
     """
 
     lines: Sequence[Line] = field(repr=False)
@@ -113,9 +116,12 @@ class Panel:
     margin: float = 0.01
     ticks: Sequence[float] = ()
     grid: bool = True
+    window: Window | None = None
 
-    def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return the ends of both axes: those of the lines, with a margin; see ``limits``."""
+    def extent(self) -> Window:
+        """Return the ends of both axes: the window, or those of the lines, with a margin; see ``limits``."""
+        if self.window is not None:
+            return self.window
         if self.equal:
             low, high = extent(self.lines)
             largest = float((high - low).max()) or 1.0
@@ -127,8 +133,7 @@ class Panel:
         return limits(across, self.margin), limits(up, 0.06)
 
 
-@dataclass(frozen=True)
-class Chart:
+class Chart(ValueRecord, frozen=True):
     """Panels below each other, with one horizontal axis.
 
     Attributes:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.use.show.chart import Line, Note, extent
-from pinarm.use.show.labels import runs
+from pinarm.records import replace
+from pinarm.use.show.chart import Line, Note, Window
+from pinarm.use.show.labels import text_width
 
 DISTANCES = (5.0, 11.0, 19.0)
 """From a point to the edge of its name [points]."""
@@ -18,72 +17,78 @@ DISTANCES = (5.0, 11.0, 19.0)
 TURNS = np.deg2rad([45.0, 135.0, -45.0, -135.0, 90.0, 0.0, -90.0, 180.0])
 """Directions from a point to its name, the preferred one first."""
 
-LETTER, LINE = 0.58, 1.15
-"""Width of a letter and height of a line, relative to the size of the letters."""
+LINE = 1.15
+"""Height of a line of text, relative to the size of the letters."""
 
-DENSE = 24
-"""Points by which a piece of a line is looked at."""
+DENSE = 2.0
+"""Distance of the points by which lines are looked at [points]."""
 
-EDGE = 34.0
-"""How far beyond the lines a name may reach [points]."""
-
-COVERED = 1000.0
-"""How much worse it is to cover a name than a point of a line."""
+MOST = 15
+"""Of these, how many a name may cover."""
 
 
 def note_places(
-    notes: Sequence[Note], drawn: Sequence[Line], hidden: Sequence[Line], side: float, *, kept: int
+    notes: Sequence[Note], hidden: Sequence[Line], window: Window, per: float, taken: Sequence[Array] = ()
 ) -> list[Note]:
-    """Return names beside their points.
+    """Return names beside their points, in the window, none over another.
+
+    Those that come first choose first. A name that has no room, several in a row, is shortened to the first of them;
+    where that has none either, it is left out.
 
     Args:
         notes: The names, at their points.
-        drawn: All lines of the drawing, which say how large it is.
-        hidden: Those that names should not cover.
-        side: Length on the page of the longer side of what is drawn [points].
-        kept: How many of the names, from the first, must stand; others are left out where they would cover one.
+        hidden: Lines that names should not cover.
+        window: What the drawing shows.
+        per: Scale of the drawing [points per unit of the axes].
+        taken: Boxes where no name may stand (left, bottom, right, top), in units of the axes, each of shape (4,).
     """
-    low, high = extent(drawn)
-    per = side / (float((high - low).max()) or 1.0)
-    covered, page = per * _dense(hidden), np.concatenate([per * low - EDGE, per * high + EDGE])
-    boxes, placed = np.zeros((0, 4)), []
-    for k, note in enumerate(notes):
-        size = np.array([_width(note), LINE * note.size])
-        offset, box, worst = _best(per * np.array([note.x, note.y]), size, covered, boxes, page)
-        if k < kept or worst < COVERED:
-            placed.append(replace(note, dx=float(offset[0]), dy=float(offset[1])))
-            boxes = np.vstack([boxes, box])
+    (left, right), (bottom, top) = window
+    page, covered = per * np.array([left, bottom, right, top]), _dense(hidden, per)
+    boxes, placed = per * np.array(taken).reshape(-1, 4), list[Note]()
+    for note in notes:
+        for text in dict.fromkeys([note.text, _shorter(note.text)]):
+            size = np.array([text_width(text, note.size), LINE * note.size])
+            best = _best(per * np.array([note.x, note.y]), size, covered, boxes, page)
+            if best is not None:
+                offset, box = best
+                placed.append(replace(note, text=text, dx=float(offset[0]), dy=float(offset[1])))
+                boxes = np.vstack([boxes, box])
+                break
     return placed
 
 
-def _best(point: Array, size: Array, covered: Array, boxes: Array, page: Array) -> tuple[Array, Array, float]:
-    """Return the offset of a name, its box (left, bottom, right, top), and what it covers or how far it sticks out."""
-    best: tuple[float, Array, Array] | None = None
+def _shorter(text: str) -> str:
+    """Return the first of several names, with a sign that there are more."""
+    first, *more = text.split(", ")
+    return f"{first}, ..." if more else first
+
+
+def _best(point: Array, size: Array, covered: Array, boxes: Array, page: Array) -> tuple[Array, Array] | None:
+    """Return the offset and the box of a name (left, bottom, right, top) where it covers the fewest points of lines.
+
+    ``None`` where it would cover a box or too much, or leave the page, everywhere.
+    """
+    places: list[tuple[float, Array, Array]] = []
     for k, (distance, turn) in enumerate((d, t) for d in DISTANCES for t in TURNS):
         direction = np.array([np.cos(turn), np.sin(turn)])
         offset = direction * distance + np.sign(np.round(direction, 9)) * size / 2.0
         low, high = point + offset - size / 2.0, point + offset + size / 2.0
-        hidden = int(((covered > low) & (covered < high)).all(axis=1).sum())
-        struck = int(((boxes[:, :2] < high) & (boxes[:, 2:] > low)).all(axis=1).sum())
-        outside = float(np.maximum(page[:2] - low, 0.0).sum() + np.maximum(high - page[2:], 0.0).sum())
-        cost = COVERED * struck + hidden + outside + 0.02 * k
-        if best is None or cost < best[0]:
-            best = cost, offset, np.concatenate([low, high])
-    assert best is not None
-    return best[1], best[2], best[0]
+        struck = ((boxes[:, :2] < high) & (boxes[:, 2:] > low)).all(axis=1).any()
+        if not struck and (low >= page[:2]).all() and (high <= page[2:]).all():
+            hidden = int(((covered > low) & (covered < high)).all(axis=1).sum())
+            if hidden <= MOST:
+                places.append((hidden + 0.02 * k, offset, np.concatenate([low, high])))
+    return min(places, key=lambda place: place[0])[1:] if places else None
 
 
-def _dense(lines: Sequence[Line]) -> Array:
-    """Return points along lines, close to each other, shape (n, 2)."""
-    share = np.linspace(0.0, 1.0, DENSE)[:, None]
+def _dense(lines: Sequence[Line], per: float) -> Array:
+    """Return points along lines, close to each other [points], shape (n, 2)."""
     points = [np.zeros((0, 2))]
     for line in lines:
-        corners = np.stack([np.ravel(line.x), np.ravel(line.y)], axis=1)
-        points += [corners, *(a + share * (b - a) for a, b in pairwise(corners))]
-    found = np.concatenate(points)
-    return np.asarray(found[np.isfinite(found).all(axis=1)])
-
-
-def _width(note: Note) -> float:
-    """Return about how wide a name is [points]."""
-    return LETTER * note.size * sum(len(run.text) * (0.7 if run.at else 1.0) for run in runs(note.text))
+        corners = per * np.stack([np.ravel(line.x), np.ravel(line.y)], axis=1)
+        lengths = np.linalg.norm(np.diff(corners, axis=0), axis=1)
+        along = np.concatenate([[0.0], np.cumsum(lengths)])
+        if np.isfinite(along[-1]):
+            places = np.linspace(0.0, along[-1], 1 + int(np.ceil(along[-1] / DENSE)))
+            points.append(np.stack([np.interp(places, along, corners[:, k]) for k in (0, 1)], axis=1))
+    return np.concatenate(points)

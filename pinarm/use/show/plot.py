@@ -5,8 +5,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
-from itertools import cycle
+from itertools import cycle, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -16,11 +15,12 @@ from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import ROW
 from pinarm.errors import InputError, choices
 from pinarm.input.yaml.schema import in_si
+from pinarm.records import ValueRecord, replace
 from pinarm.use.result.expectation import ERRATA
 from pinarm.use.result.figures.curve_figures import is_figure
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.result.row_lookup import NotReached
-from pinarm.use.show.chart import COLOURS, HEAD, HEIGHT, WIDTH, Chart, Line, Panel
+from pinarm.use.show.chart import COLOURS, HEAD, HEIGHT, WIDTH, Chart, Line, Panel, Style
 from pinarm.use.show.labels import PLAIN, axis_label, plain, shown
 
 if TYPE_CHECKING:
@@ -29,6 +29,12 @@ if TYPE_CHECKING:
 
 POINTS: dict[str, Any] = {"style": "", "marker": "o"}
 """Look of rows that stand for themselves."""
+
+STYLES: tuple[Style, ...] = ("-", "--", ":", "-.")
+"""Of curves that have a colour for the first time, for the second time, and so on."""
+
+ENTRY = 0.23
+"""Height of a line of a legend below a graph, of more curves than there are colours [inch]."""
 
 FEW = 12
 """Rows that stand for themselves and have their own tick."""
@@ -64,13 +70,23 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
         series = result[name]
         factor, unit = shown(series, how)
         curve = Line(along.values / scale, series.values / factor, COLOURS[index % len(COLOURS)], **look)
+        bounds = _bounds(result, curve, name, factor)
         marks = _marks([entry for entry in keys if entry.quantity == name], scale, factor)
         panels.append(Panel(
-            (curve, *marks), title=axis_label(series.name, unit, how), margin=0.05 if look else 0.01,
+            (curve, *bounds, *marks), title=axis_label(series.name, unit, how), margin=0.05 if look else 0.01,
             across=axis_label(along.name, measured, how) if index == len(names) - 1 else "",
             ticks=tuple(run.grid.t.tolist()) if own_ticks else (),
         ))  # fmt: skip
     return Chart(plain(result.content.title or result.name), panels, WIDTH, HEAD + HEIGHT * len(names))
+
+
+def _bounds(result: Result, curve: Line, name: str, factor: float) -> list[Line]:
+    """Return the least and the greatest values of a quantity that frictions at rest leave open; none of another one."""
+    if not result.quantities.open_rows(name).any():
+        return []
+    least, greatest = (replace(curve, y=each.values / factor, width=0.8, style="--")
+                       for each in result.quantities.bounds(name))  # fmt: skip
+    return [replace(least, label="least and greatest, as several frictions hold one motion"), greatest]
 
 
 def graph(drawn: Graph, how: Presentation = PLAIN) -> Chart:
@@ -78,17 +94,18 @@ def graph(drawn: Graph, how: Presentation = PLAIN) -> Chart:
     (scale, along), (own, measured) = shown(drawn.curves[0].across, how), shown(drawn.curves[0].up, how)
     lines = [
         Line(curve.across.values / scale, curve.up.values / own, colour, label=plain(curve.label),
-             **(POINTS if curve.points else {}))
-        for curve, colour in zip(drawn.curves, cycle(COLOURS))
+             **(POINTS if curve.points else {"style": style}))
+        for curve, (style, colour) in zip(drawn.curves, cycle(product(STYLES, COLOURS)))
     ]  # fmt: skip
     across, up = drawn.curves[0].across.name, drawn.curves[0].up.name
     panel = Panel(lines, across=axis_label(across, along, how), up=axis_label(up, measured, how),
                   equal=drawn.equal, margin=0.05)  # fmt: skip
-    return Chart(plain(drawn.title), [panel], WIDTH, WIDTH * 0.7)
+    if len(lines) <= len(COLOURS):
+        return Chart(plain(drawn.title), [panel], WIDTH, WIDTH * 0.7)
+    return Chart(plain(drawn.title), [panel], WIDTH, WIDTH * 0.7 + ENTRY * -(-len(lines) // 2), "below")
 
 
-@dataclass(frozen=True)
-class Printed:
+class Printed(ValueRecord, frozen=True):
     """A published figure where it belongs.
 
     Attributes:
@@ -107,10 +124,12 @@ class Printed:
 def answer_key(result: Result, along: str) -> list[Printed]:
     """Return what was published of a run and can be drawn over its curves: figures at one row, formulas over all.
 
-    A figure for a place that the run does not come to is left out.
+    A figure for a place that the run does not come to is left out, and one for what friction leaves open.
     """
     found = []
     for entry in result.content.expect:
+        if isinstance(entry.at, str) and result.quantities.open_rows(entry.quantity).any():
+            continue  # the extreme is that of one of many shares, and check refuses it
         if entry.published_formula is not None and entry.at == "all":
             figures = np.broadcast_to(result.quantities.figure(entry.published_formula), len(result))
             found.append(Printed(entry.quantity, result[along].values, figures, entry.verdict))

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+
+import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.records import ValueRecord
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.chart import Line, Marker, Style
 from pinarm.use.show.replay.framing import Framing, View, framing
@@ -21,13 +23,17 @@ PATH, GROUND = "#8b949e", "#59595f"
 """Colours of paths, and of what does not move."""
 
 
-@dataclass(frozen=True)
-class Scene:
+LINKS, THINNEST = 10.0, 0.35
+"""Typical links along the extent from which on lines and marks are drawn smaller, and how much smaller at most."""
+
+
+class Scene(ValueRecord, frozen=True):
     """What a sketch shows of a mechanism.
 
     Attributes:
         figure: Its sticks.
-        pairs: Springs, cylinders, rods and loop joints.
+        pairs: Springs, cylinders, bushings, rods, cables and loop joints.
+        shortest: Least length of each of these [m].
         names: What its parts, points and joints are called.
         framing: The box of the motion, and from where it is seen.
         view: How it comes into the picture.
@@ -35,9 +41,17 @@ class Scene:
 
     figure: StickFigure
     pairs: Sequence[Connection]
+    shortest: Sequence[float]
     names: Sequence[Name]
     framing: Framing
     view: View
+
+    @property
+    def thickness(self) -> float:
+        """By what the widths of lines and marks are multiplied: less than 1 where the links are many and short."""
+        lengths = sorted(float(np.linalg.norm(stick.points[-1])) for stick in self.figure.sticks if stick.weight == 1.0)
+        typical = lengths[len(lengths) // 2] if lengths else self.framing.size
+        return float(np.clip(LINKS * typical / self.framing.size, THINNEST, 1.0))
 
     def flat(self, place: Array, at: BodyPoint) -> Array:
         """Return where a point of a body is in the picture, shape (2,)."""
@@ -52,7 +66,8 @@ def scene_of(mechanism: Mechanism, forces: Mapping[str, ForceElement], q: Array,
     seen = framing(model, nodes, list(sticks(model, nodes, range(len(nodes)))), places,
                    [end.path(places) for end in ends])  # fmt: skip
     names = gathered(list(names_of(mechanism, nodes, how)), places, seen.size)
-    return Scene(stick_figure(mechanism, nodes, ends), joined, names, seen, seen.view())
+    shortest = [float(pair.lengths(places).min()) for pair in joined]
+    return Scene(stick_figure(mechanism, nodes, ends), joined, shortest, names, seen, seen.view())
 
 
 def stroke(points: Array, colour: str, width: float, style: Style = "-", opacity: float = 1.0) -> Line:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.use.show.chart import Line, Note, extent
+from pinarm.use.show.chart import Line, Note, Window
 from pinarm.use.show.replay.framing import Framing
 from pinarm.use.show.scene import GROUND, Scene, stroke
 
@@ -15,21 +15,23 @@ FLOOR, SHADE = "#e9ecef", "#e1e4e8"
 AXES = (("x", "#d6453d"), ("y", "#3a9d4a"), ("z", "#3569c9"))
 """Names and colours of the world's axes, as in the replay."""
 
-TRIAD = 0.09
-"""Length of the axes in the corner, relative to the extent."""
+TRIAD = 26.0
+"""Length of the axes in the corner [points]."""
+
+LETTER = 6.0
+"""Half the size of their letters, with what is around them [points]."""
 
 
 def mounts(scene: Scene) -> Iterator[Line]:
-    """Yield what the mechanism stands on; in space also the fixed link between such places, and how high they are."""
+    """Yield what the mechanism stands on; in space also how high that is."""
     places = np.array(scene.figure.mounts).reshape(-1, 3)
     if not len(places):
         return
     points = scene.view.flat(places)
     if scene.framing.normal is None:
-        yield stroke(points, GROUND, 1.6, "--")
         for mount, foot in zip(places, _on_floor(scene, places), strict=True):
             yield stroke(scene.view.flat(np.array([mount, foot])), GROUND, 0.5)
-    yield Line(points[0], points[1], GROUND, style="", marker="mount", size=14.0)
+    yield Line(points[0], points[1], GROUND, style="", marker="mount", size=14.0 * scene.thickness)
 
 
 def floor(scene: Scene) -> Iterator[Line]:
@@ -73,15 +75,21 @@ def _round(x: float) -> float:
     return float(next(power * m for m in (1.0, 2.0, 5.0, 10.0) if power * m >= 0.999 * x))
 
 
-def triad(scene: Scene, lines: Sequence[Line]) -> tuple[list[Line], list[Note]]:
-    """Return the world's axes, in the lower left corner, with their names."""
-    low, high = extent(lines)
-    length = TRIAD * float((high - low).max())
-    corner = low + length * np.array([1.0, 0.4])
+def triad(scene: Scene, window: Window, per: float) -> tuple[list[Line], list[Note], list[Array]]:
+    """Return the world's axes, in the lower left corner, their names, and the box of both (left, bottom, right, top).
+
+    Args:
+        scene: What is drawn.
+        window: Ends of the axes of the drawing.
+        per: Scale of the drawing [points per unit of the axes].
+    """
+    length, low = TRIAD / per, np.array([window[0][0], window[1][0]])
+    reach = 1.35 * length * np.array([scene.view.axes @ axis for axis in np.eye(3)])
+    edge = LETTER / per
+    corner = low + edge - np.minimum(reach.min(axis=0), 0.0)
     drawn, letters = [], []
-    for (name, colour), axis in zip(AXES, np.eye(3), strict=True):
-        tip = corner + length * scene.view.axes @ axis
-        drawn.append(stroke(np.array([corner, tip]).T, colour, 1.8))
-        x, y = corner + 1.35 * (tip - corner)
-        letters.append(Note(float(x), float(y), name, colour=colour, size=9.0))
-    return drawn, letters
+    for (name, colour), end in zip(AXES, reach, strict=True):
+        drawn.append(stroke(np.array([corner, corner + end / 1.35]).T, colour, 1.8))
+        letters.append(Note(float(corner[0] + end[0]), float(corner[1] + end[1]), name, colour=colour, size=9.0))
+    high = corner + np.maximum(reach.max(axis=0), 0.0) + edge
+    return drawn, letters, [np.concatenate([low, high])]

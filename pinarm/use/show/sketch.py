@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array, distinct
 from pinarm.engine.mechanism import Mechanism
-from pinarm.use.show.chart import COLOURS, Chart, Line, Note, Panel
+from pinarm.records import ValueRecord, replace
+from pinarm.use.show.chart import COLOURS, Chart, Line, Note, Panel, Window, extent
 from pinarm.use.show.labels import PLAIN, plain, shown, symbol
 from pinarm.use.show.note_places import note_places
 from pinarm.use.show.replay.overlays import BodyPoint, Connection
 from pinarm.use.show.replay.tracks import placed
 from pinarm.use.show.scene import GROUND, PATH, Scene, mark, scene_of, stroke
 from pinarm.use.show.scenery import floor, mounts, shadow, triad
+from pinarm.use.show.svg import POINTS
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -29,13 +30,31 @@ FINE = 600
 """Rows by which paths are drawn."""
 
 SIZE = 5.6
-"""Width and height [inch]."""
+"""Width [inch], and largest height of what is drawn."""
 
-INSIDE = 47.0
-"""Of each inch of the picture, what lines fill, without numbers, legend and margins [points]."""
+INSIDE = 320.0
+"""Width of the drawing, and its largest height, without numbers, legend and heading [points]."""
 
-COIL = np.array([0.0, 0.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 0.0, 0.0])
-"""A spring: how far its points stand beside its axis, in its half width."""
+LOWEST = 150.0
+"""Least height of the drawing: flat mechanisms have names and ticks too [points]."""
+
+EDGE = 32.0
+"""Around what is drawn, for names [points]."""
+
+FRAME, HEADING, ENTRIES = 42.0, 30.0, 22.0
+"""Height of the numbers below a drawing, of its heading, and of a row of the legend [points]."""
+
+COIL = np.array([0.0, 0.0, 1.0, *[-1.0, 1.0] * 5, -1.0, 0.0, 0.0])
+"""A spring: how far its corners stand beside its axis, in its half width."""
+
+ALONG = np.array([0.0, 0.15, *np.linspace(0.18, 0.82, 12), 0.85, 1.0])
+"""Where they stand along it, relative to its length."""
+
+WIDE, SLENDER = {"spring": 0.018, "cylinder": 0.011}, 0.13
+"""Half width of springs and of cylinders at most, relative to the extent of the mechanism and to their length."""
+
+BARREL = 0.7
+"""Length of the barrel of a cylinder, relative to the least distance of its ends."""
 
 EVEN = 1e-9
 """Part of an axis that may stand out of the picture for the axis still to lie in it."""
@@ -53,8 +72,7 @@ FAINT = "#d0d4d9"
 """Colour of positions in between."""
 
 
-@dataclass(frozen=True)
-class Pose:
+class Pose(ValueRecord, frozen=True):
     """A position that is drawn strongly.
 
     Attributes:
@@ -114,49 +132,92 @@ def _chart(scene: Scene, poses: Sequence[Pose], between: Sequence[Array], paths:
     for path in paths:
         lines.append(stroke(scene.view.flat(path), PATH, 0.7, ":"))
     for place in between:
-        lines += _drawn(scene, place, FAINT, 1.0)
-    lines += mounts(scene)
+        lines += _drawn(scene, place, FAINT, scene.thickness)
+    lines += [*_guides(scene), *mounts(scene)]
     for pose in poses:
-        first, *others = _drawn(scene, pose.place, pose.colour, 2.2)
+        first, *others = _drawn(scene, pose.place, pose.colour, 2.2 * scene.thickness)
         lines += [replace(first, label=pose.label), *others]
-    notes = _notes(scene, poses, lines)
-    axes, letters = ([], []) if flat else triad(scene, lines)
+    window, per = _window(lines)
+    axes, letters, taken = ([], [], []) if flat else triad(scene, window, per)
+    notes = _notes(scene, poses, lines, window, per, taken)
     across, up = _axis_names(scene) if flat else ("", "")
     panel = Panel([*lines, *axes], [*notes, *letters], across=across, up=up, equal=True, framed=bool(across),
-                  margin=0.1, grid=False)  # fmt: skip
-    return Chart(plain("\n".join(textwrap.wrap(title, WRAP))), [panel], SIZE, SIZE, "below")
+                  grid=False, window=window)  # fmt: skip
+    heading = plain("\n".join(textwrap.wrap(title, WRAP)))
+    height = per * (window[1][1] - window[1][0]) + (FRAME if across else 0.0)
+    height += HEADING * (1 + heading.count("\n")) + ENTRIES * -(-len(poses) // 2)
+    return Chart(heading, [panel], SIZE, height / POINTS, "below")
+
+
+def _window(lines: Sequence[Line]) -> tuple[Window, float]:
+    """Return what of the plane is drawn, with room for names around the lines, and the scale [points per metre]."""
+    low, high = extent(lines)
+    size = high - low
+    per = float((INSIDE - 2.0 * EDGE) / max(size.max(), np.finfo(float).tiny)) if size.any() else 1.0
+    room = np.array([INSIDE, max(LOWEST, float(per * size[1]) + 2.0 * EDGE)]) / per
+    (left, bottom), (right, top) = (low + high - room) / 2.0, (low + high + room) / 2.0
+    return ((float(left), float(right)), (float(bottom), float(top))), per
+
+
+def _guides(scene: Scene) -> Iterator[Line]:
+    """Yield the rails that do not move."""
+    for rail in scene.figure.rails:
+        if not rail.node:
+            yield stroke(scene.view.flat(rail.points), GROUND, 1.0, rail.style)
 
 
 def _drawn(scene: Scene, place: Array, colour: str, width: float) -> Iterator[Line]:
     """Yield one position."""
-    for stick in scene.figure.sticks:
+    figure = scene.figure
+    for stick in (*figure.sticks, *(rail for rail in figure.rails if rail.node)):
         points = stick.points @ place[stick.node, :3, :3].T + place[stick.node, :3, 3]
-        yield stroke(scene.view.flat(points), colour, width * stick.weight)
-    for pair in scene.pairs:
-        yield _joined(pair, [scene.flat(place, end) for end in pair.ends], colour, width)
-    for node, zero in scene.figure.rails:
-        ends = np.array([scene.flat(place, zero), scene.flat(place, BodyPoint(node, np.zeros(3)))]).T
-        yield stroke(ends, colour, 0.4 * width, "-.")
-        yield mark(ends[:, 1], colour, 2.4 * width, "s")
-    for node in scene.figure.pins:
+        yield stroke(scene.view.flat(points), colour, width * stick.weight, stick.style)
+    for pair, shortest in zip(scene.pairs, scene.shortest, strict=True):
+        yield from _joined(scene, place, pair, shortest, colour, width)
+    for node in figure.slides:
+        yield mark(scene.flat(place, BodyPoint(node, np.zeros(3))), colour, 2.4 * width, "s")
+    for node in figure.pins:
         yield mark(scene.flat(place, BodyPoint(node, np.zeros(3))), colour, 2.2 * width)
 
 
-def _joined(pair: Connection, ends: list[Array], colour: str, width: float) -> Line:
-    """Return what joins two points: a spring as a coil, a cylinder thick and light, a loop joint as its pin."""
-    one, two = ends
-    along, share = two - one, np.linspace(0.0, 1.0, len(COIL))
+def _joined(
+    scene: Scene, place: Array, pair: Connection, shortest: float, colour: str, width: float
+) -> Iterator[Line]:  # fmt: skip
+    """Yield what joins two points.
+
+    A spring is a coil, a cylinder a barrel and its rod, a rod or a cable a line, a bushing a block, and a loop joint
+    its pin.
+    """
+    one, two = (scene.flat(place, end) for end in pair.ends)
+    along, length = two - one, float(np.linalg.norm(two - one))
+    half = min(WIDE.get(pair.kind, 0.0) * scene.framing.size, SLENDER * length)
+    beside = half * np.array([-along[1], along[0]]) / length if length else np.zeros(2)
     if pair.kind == "loop":
-        return mark(one, colour, 2.2 * width)
-    beside = 0.06 * np.array([-along[1], along[0]])[:, None] * COIL if pair.kind == "spring" else 0.0
-    wide, opacity = (2.5 * width, 0.4) if pair.kind == "cylinder" else (0.6 * width, 1.0)
-    return stroke(one[:, None] + along[:, None] * share + beside, colour, wide, opacity=opacity)
+        yield mark(one, colour, 2.2 * width)
+    elif pair.kind == "bushing":
+        yield replace(mark(one, colour, 3.0 * width, "s"), fill=colour)
+    elif pair.kind == "spring":
+        yield stroke(one[:, None] + np.outer(along, ALONG) + np.outer(beside, COIL), colour, 0.6 * width)
+    elif pair.kind == "cylinder":
+        [now] = pair.lengths(place[None]).tolist()
+        end = one + along * (BARREL * shortest / now if now else 0.0)
+        corners = [one + beside, end + beside, end - beside, one - beside, one + beside]
+        yield stroke(np.array(corners).T, colour, 0.6 * width)
+        yield stroke(np.array([end, two]).T, colour, 1.2 * width)
+    else:
+        yield stroke(np.array([one, two]).T, colour, (0.4 if pair.kind == "cable" else 0.6) * width)
+    if pair.kind in ("spring", "cylinder", "cable"):
+        for end in (one, two):
+            yield mark(end, colour, 1.5 * width)
 
 
-def _notes(scene: Scene, poses: Sequence[Pose], lines: Sequence[Line]) -> list[Note]:
-    """Return the names: those of points and joints at the first position; others where there is room.
+def _notes(
+    scene: Scene, poses: Sequence[Pose], lines: Sequence[Line], window: Window, per: float, taken: Sequence[Array]
+) -> list[Note]:  # fmt: skip
+    """Return the names that have room.
 
-    These are those of parts, and those of points and joints that have moved at further positions.
+    Those of points and joints at the first position come first, then those of parts, then those of points and joints
+    that have moved at further positions.
     """
     wanted: list[Note] = []
     start = [(name, scene.flat(poses[0].place, name.at)) for name in scene.names]
@@ -164,14 +225,13 @@ def _notes(scene: Scene, poses: Sequence[Pose], lines: Sequence[Line]) -> list[N
     for name, at in start:
         colour = PATH if name.kind == "part" else poses[0].colour if name.at.node else GROUND
         wanted.append(Note(float(at[0]), float(at[1]), name.text, colour=colour))
-    kept = sum(name.kind != "part" for name, _ in start)
     for pose in poses[1:]:
         for name, before in start:
             at = scene.flat(pose.place, name.at)
             if name.kind != "part" and np.linalg.norm(at - before) > MOVED * scene.framing.size:
                 wanted.append(Note(float(at[0]), float(at[1]), name.text, colour=pose.colour))
     strong = [line for line in lines if line.colour in {pose.colour for pose in poses} | {GROUND}]
-    return note_places(wanted, lines, strong, INSIDE * SIZE, kept=kept)
+    return note_places(wanted, strong, window, per, taken)
 
 
 def _axis_names(scene: Scene) -> tuple[str, str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -12,7 +11,11 @@ from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.couplings.transmissions import ToothContact
+from pinarm.records import ValueRecord
+from pinarm.use.show.cam_bodies import cam_bodies
+from pinarm.use.show.chart import Style
 from pinarm.use.show.replay.overlays import BodyPoint
+from pinarm.use.show.replay.shapes import Shape, primitives
 from pinarm.use.show.replay.sticks import cuboid, reach
 from pinarm.use.show.replay.tracks import Node
 
@@ -25,40 +28,51 @@ BOX = 0.35
 THIN = 0.45
 """Width of the lines of wheels and boxes, relative to that of sticks."""
 
+SIMPLE = 3
+"""Solids of a body that are drawn by their edges: of more one would see lines only."""
+
+BEYOND = 0.15
+"""How far a rail goes on beyond the ways of its slide, relative to the longest stick."""
+
+RAIL = 0.4
+"""Width of the lines of rails, relative to that of sticks."""
+
 EVEN = 1e-9
 """Difference of two moments of inertia, relative to them, up to which they are the same."""
 
 
-@dataclass(frozen=True)
-class Stick:
+class Stick(ValueRecord, frozen=True):
     """A polyline that is fixed to a body.
 
     Attributes:
         node: The body.
         points: Its corners in the body [m], shape (k, 3).
         weight: Its width, relative to that of others.
+        style: How it is dashed.
     """
 
     node: int
     points: Array
     weight: float = 1.0
+    style: Style = "-"
 
 
-@dataclass(frozen=True)
-class StickFigure:
+class StickFigure(ValueRecord, frozen=True):
     """What is drawn of the bodies.
 
     Attributes:
         sticks: Polylines.
         pins: Bodies on joints that turn.
-        rails: Bodies on joints that slide: a body, and where its joint would be at zero.
+        slides: Bodies on joints that slide.
+        rails: What these slide on: lines on the bodies that carry them, as long as the way of the whole motion.
         mounts: Points of the world that the mechanism stands on [m], shape (3,).
         tips: Points that carry nothing further; their paths are drawn.
     """
 
     sticks: Sequence[Stick]
     pins: Sequence[int]
-    rails: Sequence[tuple[int, BodyPoint]]
+    slides: Sequence[int]
+    rails: Sequence[Stick]
     mounts: Sequence[Array]
     tips: Sequence[BodyPoint]
 
@@ -82,14 +96,28 @@ def stick_figure(mechanism: Mechanism, nodes: Sequence[Node], joined: Sequence[B
         compact += [] if len(ends) else [node]
         tips += [BodyPoint(node, end) for end in ends if (node, tuple(end)) not in known]
     longest = max((float(np.linalg.norm(stick.points[-1])) for stick in drawn), default=np.inf)
-    drawn += [stick for node in compact for stick in _box(model, nodes, node, wheels, BOX * longest)]
+    own_shapes = list(primitives(mechanism)) if compact else []
+    cams = [Stick(one.node, line, THIN) for one in cam_bodies(mechanism, nodes) for line in (one.outline, one.spoke)]
+    drawn += cams
+    for node in (node for node in compact if all(node != stick.node for stick in cams)):
+        shapes = [shape for shape in own_shapes if shape.node == node]
+        simple = node not in wheels and len(shapes) <= SIMPLE
+        solid = [stick for shape in shapes for stick in _edges(shape)] if simple else []
+        drawn += solid or _box(model, nodes, node, wheels, BOX * longest)
     own = [k for k, node in enumerate(nodes) if k and node.carries and (not node.parent or nodes[node.parent].carries)]
     pins = [k for k in own if nodes[k].kind == "turn"]
-    rails = [(k, BodyPoint(nodes[k].parent, np.asarray(nodes[k].placement.translation))) for k in own
-             if nodes[k].kind == "slide"]  # fmt: skip
+    slides = [k for k in own if nodes[k].kind == "slide"]
+    rails = [_rail(nodes[k], BEYOND * longest if np.isfinite(longest) else 0.0) for k in slides]
     mounts = [np.asarray(nodes[k].placement.translation) for k in pins if not nodes[k].parent]
     mounts += [end.place for end in joined if not end.node]
-    return StickFigure(drawn, pins, rails, mounts, tips)
+    return StickFigure(drawn, pins, slides, rails, mounts, tips)
+
+
+def _rail(node: Node, beyond: float) -> Stick:
+    """Return the line along which a joint slides, and so far beyond both ends of its way [m]."""
+    ways = np.array([node.values.min() - beyond, node.values.max() + beyond])
+    points = np.outer(ways, node.axis) @ node.placement.rotation.T + node.placement.translation
+    return Stick(node.parent, np.asarray(points), RAIL, "-.")
 
 
 def _wheels(mechanism: Mechanism) -> Iterator[tuple[int, float]]:
@@ -100,10 +128,36 @@ def _wheels(mechanism: Mechanism) -> Iterator[tuple[int, float]]:
             yield from zip((contact.first, contact.second), contact.surfaces.radii, strict=True)
 
 
+def _edges(shape: Shape) -> Iterator[Stick]:
+    """Yield the edges of a solid; of a cylinder or a capsule also lines along it and a spoke, of a sphere circles."""
+    corners, centre = shape.extent(), shape.placement.translation
+    if shape.kind == "box":
+        for a in range(8):
+            for b in (a | bit for bit in (1, 2, 4) if not a & bit):
+                yield Stick(shape.node, corners[[a, b]], THIN)
+        return
+    x, y, z = shape.placement.rotation.T
+    if shape.kind == "sphere":
+        for one, two in ((x, y), (y, z), (z, x)):
+            yield Stick(shape.node, centre + _circle(shape.size[0], one, two), THIN)
+        return
+    radius, length = shape.size
+    for end in (-0.5, 0.5):
+        yield Stick(shape.node, centre + end * length * z + _circle(radius, x, y), THIN)
+    yield Stick(shape.node, centre + 0.5 * length * z + np.outer([0.0, radius], x), THIN)
+    for side in (x, -x, y, -y):
+        yield Stick(shape.node, centre + radius * side + np.outer([-0.5, 0.5], length * z), THIN)
+
+
+def _circle(radius: float, one: Array, two: Array) -> Array:
+    """Return the points of a circle between two directions [m], shape (n, 3)."""
+    return np.asarray(radius * (np.outer(np.cos(WHEEL), one) + np.outer(np.sin(WHEEL), two)))
+
+
 def _box(
     model: pin.Model, nodes: Sequence[Node], node: int, wheels: Mapping[int, float], largest: float
 ) -> Iterator[Stick]:
-    """Yield a body that is all in one place: a wheel where it turns about an axis of symmetry, else its box.
+    """Yield a body that is all in one place and draws nothing: a wheel about an axis of symmetry, else its box.
 
     The box is as large as its inertia says, and at most as ``largest`` says [m].
     """
@@ -112,7 +166,7 @@ def _box(
     if 0.0 < radius < np.inf:
         across = np.cross(axis, np.eye(3)[int(np.abs(axis).argmin())])
         across /= np.linalg.norm(across)
-        rim = radius * (np.outer(np.cos(WHEEL), across) + np.outer(np.sin(WHEEL), np.cross(axis, across)))
+        rim = _circle(radius, across, np.cross(axis, across))
         yield Stick(node, rim, THIN)
         yield Stick(node, np.array([np.zeros(3), rim[0]]), THIN)
     elif inertia.mass > 0.0:

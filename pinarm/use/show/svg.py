@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from html import escape
 from itertools import pairwise
 
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.records import ValueRecord, replace
 from pinarm.use.show.chart import Chart, Line, Note, Panel
-from pinarm.use.show.labels import TextRun, runs
+from pinarm.use.show.labels import TextRun, runs, text_width
 
 POINTS = 72.0
 """Points per inch, the unit of the pages."""
@@ -38,8 +38,7 @@ FONT = "DejaVu Sans, Verdana, Helvetica, Arial, sans-serif"
 POWERS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
-@dataclass(frozen=True)
-class Scale:
+class Scale(ValueRecord, frozen=True):
     """How numbers of an axis become places on the page.
 
     Attributes:
@@ -72,7 +71,7 @@ def svg(chart: Chart) -> str:
     lines = chart.title.split("\n") if chart.title else []
     top = GAP + 1.3 * TITLE * len(lines)
     body = [_text(width / 2, GAP + 1.3 * TITLE * (k + 0.8), text, TITLE, "middle") for k, text in enumerate(lines)]
-    bottom = height - (ROW * math.ceil(len(named) / 2) + GAP if below else 0.0)
+    bottom = height - (ROW * math.ceil(len(named) / _columns(named, width)) + GAP if below else 0.0)
     for k, (panel, box) in enumerate(_boxes(chart.panels, width, top, bottom)):
         body += _panel(panel, box, last=k == len(chart.panels) - 1, named=chart.legend == "inside")
     head = (f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}pt" height="{height:g}pt" '
@@ -212,10 +211,9 @@ def _note(note: Note, across: Scale, up: Scale) -> str:
 def _legend(panel: Panel, lines: Sequence[Line], box: Box, across: Scale, up: Scale) -> Iterator[str]:
     """Yield the names of lines, in that corner of the panel where least is drawn."""
     left, top, right, bottom = box
-    wide = 26.0 + max(_width(line.label, SMALL) for line in lines)
+    wide = 26.0 + max(text_width(line.label, SMALL) for line in lines)
     tall = 1.4 * SMALL * len(lines)
-    x = np.concatenate([np.atleast_1d(across.at(line.x)).ravel() for line in panel.lines])
-    y = np.concatenate([np.atleast_1d(up.at(line.y)).ravel() for line in panel.lines])
+    x, y = np.concatenate([_dense(line, across, up) for line in panel.lines], axis=1)
     corners = [(a, b) for a in (right - wide - GAP, left + GAP) for b in (top + GAP, bottom - tall - GAP)]
     covered = [int(((x > a) & (x < a + wide) & (y > b) & (y < b + tall)).sum()) for a, b in corners]
     x0, y0 = corners[int(np.argmin(covered))]
@@ -223,20 +221,40 @@ def _legend(panel: Panel, lines: Sequence[Line], box: Box, across: Scale, up: Sc
         yield from _entry(line, x0, y0 + 1.4 * SMALL * (k + 0.5))
 
 
+def _dense(line: Line, across: Scale, up: Scale) -> Array:
+    """Return points along a line, or its marks, close to each other on the page [points], shape (2, n)."""
+    corners = np.array([np.atleast_1d(across.at(line.x)).ravel(), np.atleast_1d(up.at(line.y)).ravel()])
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=1), axis=0))])
+    if not line.style or not np.isfinite(along[-1]):
+        return corners
+    places = np.linspace(0.0, along[-1], 1 + math.ceil(along[-1] / GAP))
+    return np.array([np.interp(places, along, row) for row in corners])
+
+
+def _columns(lines: Sequence[Line], width: float) -> int:
+    """Return how many names of lines stand beside each other: two, or one where they are long."""
+    return 2 if 2.0 * _entry_width(lines) <= width else 1
+
+
+def _entry_width(lines: Sequence[Line]) -> float:
+    return 34.0 + max((text_width(line.label, SMALL) for line in lines), default=0.0)
+
+
 def _below(lines: Sequence[Line], width: float, height: float) -> list[str]:
-    """Return the names of lines below all panels, two beside each other."""
-    wide = 34.0 + max((_width(line.label, SMALL) for line in lines), default=0.0)
+    """Return the names of lines below all panels, two beside each other where there is room."""
+    wide = _entry_width(lines)
     elements: list[str] = []
+    columns = _columns(lines, width)
     for k, line in enumerate(lines):
-        beside = min(2, len(lines) - k + k % 2)
-        x = width / 2 + (k % 2 - beside / 2) * wide
-        elements += _entry(line, x, height - ROW * (math.ceil(len(lines) / 2) - k // 2) + GAP)
+        beside = min(columns, len(lines) - k + k % columns)
+        x = width / 2 + (k % columns - beside / 2) * wide
+        elements += _entry(line, x, height - ROW * (math.ceil(len(lines) / columns) - k // columns) + GAP)
     return elements
 
 
 def _entry(line: Line, x: float, y: float) -> Iterator[str]:
     flat = Scale(0.0, 1.0, x, x + 20.0), Scale(0.0, 1.0, y, y - 1.0)
-    yield from _line(Line(**{**vars(line), "x": np.array([0.0, 1.0]), "y": np.zeros(2), "marker": ""}), *flat)
+    yield from _line(replace(line, x=np.array([0.0, 1.0]), y=np.zeros(2), marker=""), *flat)
     yield _mark(line, x + 10.0, y) if line.marker else ""
     yield _text(x + 26.0, y + 0.36 * SMALL, line.label, SMALL)
 
@@ -253,11 +271,6 @@ def _text(
     look = f' fill="{colour}"' if colour else ""
     look += ' paint-order="stroke" stroke="#ffffff" stroke-width="2.5" stroke-linejoin="round"' if halo else ""
     return f'<text x="{x:.2f}" y="{y:.2f}" font-size="{size:g}" text-anchor="{anchor}"{look}>{parts}</text>'
-
-
-def _width(label: str, size: float) -> float:
-    """Return about how wide a label is [points]."""
-    return 0.92 * LETTER * size * sum(len(run.text) for run in runs(label))
 
 
 def _run(run: TextRun, size: float) -> str:

@@ -1,7 +1,8 @@
 """The first mechanism file and the first scenario of a model that has none yet, as commented text to be changed.
 
 The scenario asks for the efforts of all joints while each moves from rest to rest, within its limits: 30 degrees or
-0.1 m, slowly enough for its limit of velocity.
+0.1 m, slowly enough for its limit of velocity. With loops and couplings it is as many of them as there are degrees of
+freedom.
 """
 
 from __future__ import annotations
@@ -9,16 +10,35 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 
 import numpy as np
 
+from pinarm.arrays import Array
+from pinarm.engine.kinematics.closed_configurations import closed_generic
+from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import InputError, PinarmError
+from pinarm.input.yaml.document import Document
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.joints import METRE, Joint
+from pinarm.use.scenario.scenario import Scenario
 
 STEP = {"deg": 30.0, "mm": 100.0}
 """How far a joint moves, in the unit of the file."""
+
+TITLE = "Mechanism"
+"""Title of a model without a name."""
+
+PARTS = (1.0, -1.0, 1 / 3, -1 / 3, 0.1, -0.1, 1 / 30, -1 / 30)
+"""Parts of ``STEP`` that are tried where loops or couplings limit the motion, forward and backward."""
+
+DRIVING = 0.3
+"""Least motion of a coordinate that is driven, relative to the most that one makes: others would take large efforts."""
+
+NEAR = 1e-9
+"""Largest coordinate that is 0 but for rounding [rad or m]."""
 
 PEAK = 15 / 8
 """Largest speed of a polynomial of degree 5 from rest to rest, relative to the mean one."""
@@ -37,7 +57,7 @@ def mechanism_text(mechanism: Mechanism, robot: str) -> str:
     gravity = ", ".join(f"{part:g}" for part in mechanism.model.gravity.linear)
     lines = [
         "# What the model file does not say. All keys: python -m pinarm schema mechanism",
-        "pinarm: 1", f"title: {_quoted(mechanism.title or 'Mechanism')}", f"robot: {_quoted(robot)}",
+        "pinarm: 1", f"title: {_quoted(mechanism.title or TITLE)}", f"robot: {_quoted(robot)}",
         *_of_arguments(mechanism), "# Joints with one coordinate:", *(f"#   {line}" for line in _described(mechanism)),
         f"# gravity: none               # or {{direction: -z, magnitude: 9.81 m/s^2}}; it is {gravity} m/s^2 now",
         *_of_drives(mechanism), "# symbols: {}                 # names of your own, for quantities and formulas",
@@ -58,27 +78,94 @@ def _of_drives(mechanism: Mechanism) -> Iterator[str]:
 
 
 def scenario_text(mechanism: Mechanism) -> str:
-    """Return a scenario of the mechanism file beside it: inverse dynamics of a motion from rest to rest."""
-    moving = [joint for joint in mechanism.joints.values() if joint.name not in _carried(mechanism)]
-    ways = {joint.name: _way(mechanism, joint) for joint in moving}
-    duration = max([1.0, *(_duration(mechanism, joint, ways[joint.name]) for joint in moving)])
+    """Return a scenario of the mechanism file beside it: inverse dynamics of a motion from rest to rest.
+
+    Of loops and couplings as many coordinates move as there are degrees of freedom, along the first of some ranges that
+    they can follow; where they can follow none, a comment says why.
+    """
+    try:
+        return _solvable(mechanism)
+    except PinarmError as error:
+        q = start_configuration(mechanism, {})
+        text = _scenario(mechanism, q, _independent(mechanism, q), 1.0, {})
+        return f"# This does not run as it is: {error.message}.\n{text}"
+
+
+def _solvable(mechanism: Mechanism) -> str:
+    """Return the first scenario that can be solved, of trees the first one.
+
+    Raises:
+        PinarmError: Why the last one cannot be, or the loops cannot be closed.
+    """
+    q = closed_generic(mechanism, {})
+    names = _independent(mechanism, q)
+    if not mechanism.closure.size:
+        return _scenario(mechanism, q, names, 1.0, {})
+    others = {name: float(q[joint.q]) for name, joint in mechanism.joints.items() if name not in names}
+    reason: PinarmError = InputError("it has no degree of freedom")
+    for part, start in product(PARTS if names else (), ({}, {k: x for k, x in others.items() if abs(x) > NEAR})):
+        text = _scenario(mechanism, q, names, part, start)
+        try:
+            Scenario.of_data({**Document.parse(text).data, "mechanism": mechanism}).run()
+        except PinarmError as error:
+            reason = error
+        else:
+            return text
+    raise reason
+
+
+def _independent(mechanism: Mechanism, q: Array) -> list[str]:
+    """Return as many coordinates as there are degrees of freedom, which determine the motion from a configuration.
+
+    One after the other in the order of the file, each that moves while those before it rest; those that hardly do, such
+    as the slide of a screw, only where nothing else is left.
+    """
+    closure, carried = mechanism.closure, _carried(mechanism)
+    names = [*(name for name in mechanism.joints if name not in carried), *_held(mechanism)]
+    if not closure.size:
+        return names
+    state = closure.state(q)
+    coordinates = [mechanism.coordinate(name) for name in names]
+    units = np.array([closure.length ** float(one.unit.dimension[0]) for one in coordinates])
+    rows = np.array([one.row(state) for one in coordinates]) * closure.scale / units[:, None]
+    left = np.linalg.qr(closure.split(closure.rows(state)).free / closure.scale[:, None])[0]
+    chosen: list[int] = []
+    while left.shape[1]:
+        moved = np.linalg.norm(rows @ left, axis=1)
+        chosen.append(int(np.argmax(moved >= DRIVING * moved.max())))
+        left = left @ np.linalg.svd((rows[chosen[-1]] @ left)[None])[2][1:].T
+    return [names[k] for k in sorted(chosen)]
+
+
+def _scenario(mechanism: Mechanism, q: Array, names: Sequence[str], part: float, start: Mapping[str, float]) -> str:
+    """Return a scenario in which coordinates move from a configuration, shape (nq,), by a part of their usual range."""
+    held = {name: unit for name, unit in _held(mechanism).items() if name in names}
+    ways = {name: _way(mechanism, mechanism.joints[name], q, part) for name in names if name not in held}
+    duration = max([1.0, *(_duration(mechanism, mechanism.joints[name], way) for name, way in ways.items())])
+    rough = ", ".join(_level(mechanism.joints[name], value) for name, value in start.items())
     lines = [
-        "# Which efforts does a motion of all joints from rest to rest take?",
+        "# Which efforts does a motion from rest to rest take?",
         "# Solve: python -m pinarm run scenario.yaml     Look: python -m pinarm replay results/scenario",
-        "pinarm: 1", f"title: {_quoted(f'{mechanism.title}, a motion from rest to rest')}",
+        "pinarm: 1", f"title: {_quoted(f'{mechanism.title or TITLE}, a motion from rest to rest')}",
         "mechanism: mechanism.yaml", "problem:",
         "  kind: inverse                  # the motion is known, the efforts are wanted",
-        f"  time: {{end: {duration:g} s, samples: 201}}", "  motion:",
+        f"  time: {{end: {duration:g} s, samples: 201}}", *([f"  start: {{{rough}}}"] if start else []), "  motion:",
     ]  # fmt: skip
-    for name, (start, end, unit) in ways.items():
-        law = f"law: polynomial, from: {start:g} {unit}, to: {end:g} {unit}, duration: {duration:g} s"
+    for name, (first, last, unit) in ways.items():
+        law = f"law: polynomial, from: {first:.9g} {unit}, to: {last:.9g} {unit}, duration: {duration:g} s"
         lines.append(f"    {_name(name)}: {{{law}}}")
-    lines += [f"    {_name(name)}: {{law: constant, value: 0 {unit}}}" for name, unit in _held(mechanism)]
-    outputs = [
-        *(f"joint.{name}.effort" for name in ways),
-        *(f"joint.{name}.effort.{axis}" for name in mechanism.balls for axis in "xyz"),
-    ]
+    state = mechanism.closure.state(q)
+    for name, unit in held.items():
+        value = mechanism.coordinate(name).value(state) * (1.0 if unit == "m" else math.degrees(1.0))
+        lines.append(f"    {_name(name)}: {{law: constant, value: {value + 0.0:.9g} {unit}}}")
+    turns = (f"{ball}.effort.{axis}" for ball in mechanism.balls for axis in "xyz" if f"{ball}.rotation.{axis}" in held)
+    outputs = [*(f"joint.{name}.effort" for name in ways), *(f"joint.{turn}" for turn in turns)]
     return "\n".join([*lines, "outputs:", *(f"  - {_name(output)}" for output in outputs)]) + "\n"
+
+
+def _level(joint: Joint, value: float) -> str:
+    unit, factor = _unit(joint)
+    return f"{_name(joint.name)}: {value * factor:.6g} {unit}"
 
 
 def _name(text: str) -> str:
@@ -114,23 +201,28 @@ def _carried(mechanism: Mechanism) -> set[str]:
     return mimics | {f"{ball}.{axis}" for ball in mechanism.balls for axis in "xyz"}
 
 
-def _held(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
-    """Yield the coordinates that stay at 0, with their units: of floating bases and ball joints."""
+def _held(mechanism: Mechanism) -> dict[str, str]:
+    """Return the coordinates that stay where they are, with their units: of floating bases and ball joints."""
+    held: dict[str, str] = {}
     for ball in mechanism.balls:
-        yield from ((f"{ball}.{axis}", "m") for axis in "xyz" if f"{ball}.{axis}" in mechanism.joints)
-        yield from ((f"{ball}.rotation.{axis}", "deg") for axis in "xyz")
+        held |= {f"{ball}.{axis}": "m" for axis in "xyz" if f"{ball}.{axis}" in mechanism.joints}
+        held |= {f"{ball}.rotation.{axis}": "deg" for axis in "xyz"}
+    return held
 
 
-def _way(mechanism: Mechanism, joint: Joint) -> tuple[float, float, str]:
-    """Return where a joint's motion begins and ends, within its limits, and the unit; from 0 where that is allowed."""
+def _way(mechanism: Mechanism, joint: Joint, q: Array, part: float) -> tuple[float, float, str]:
+    """Return where a joint's motion begins and ends, within its limits, and the unit.
+
+    It begins where it is in a configuration, shape (nq,), and goes by a part of its step, which may be negative, or as
+    far to the other side where limits are in the way.
+    """
     unit, factor = _unit(joint)
     model = mechanism.model
     low = math.ceil(1e3 * factor * max(model.lowerPositionLimit[joint.q], -1e6)) / 1e3
     high = math.floor(1e3 * factor * min(model.upperPositionLimit[joint.q], 1e6)) / 1e3
-    start = float(np.clip(0.0, low, high)) + 0.0
-    if start + STEP[unit] <= high:
-        return start, start + STEP[unit], unit
-    return (start, start - STEP[unit], unit) if start - STEP[unit] >= low else (low, high, unit)
+    start, step = float(np.clip(factor * q[joint.q], low, high)) + 0.0, part * STEP[unit]
+    end = next((end for end in (start + step, start - step) if low <= end <= high), None)
+    return (low, high, unit) if end is None else (start, end, unit)
 
 
 def _duration(mechanism: Mechanism, joint: Joint, way: tuple[float, float, str]) -> float:

@@ -11,7 +11,6 @@ import os
 import re
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +23,7 @@ from pinarm.engine.mechanism import Mechanism, read_mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.errors import InputError
 from pinarm.problems.simplify.simplification import Removal
+from pinarm.records import replace
 from pinarm.use.output.folder import complete_folder
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.result import Result

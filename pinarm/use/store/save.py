@@ -51,7 +51,7 @@ def save(
     if scenario.exists() and scenario.resolve() == (result.folder / f"{result.name}.yaml").resolve():
         raise InputError(f"the result would overwrite its own input {scenario}", hint="another folder: -o DIR")
     with whole_folder(folder, "result") as draft:
-        columns, mechanism = result.columns(), result.trajectory.mechanism
+        columns, mechanism = result.table_columns(), result.trajectory.mechanism
         model = f"model{file_suffix(mechanism.xml)}"
         write(draft / "summary.json", json_text(result.summary()) + "\n")
         write(draft / "scenario.yaml", _resolved(result, folder))

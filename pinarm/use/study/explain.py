@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,10 +24,13 @@ from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.rotors import GearedRotor
 from pinarm.problems.simplify.simplification import Removal
+from pinarm.records import replace
+from pinarm.use.result.failures import failures_in_words
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run
 
 if TYPE_CHECKING:
+    from pinarm.engine.motion.segmented.hybrid_motion import HybridSystem
     from pinarm.mechanics.forces.force_element import ForceElement
     from pinarm.problems.actuation.controls import ControlOfRun
     from pinarm.use.show.chart import Chart
@@ -115,7 +119,15 @@ class Explanation:
                 lines.append(f"  {one.name}: cable {course}, 1 row; pulls only")
             elif isinstance(one, GearedRotor):
                 lines.append(f"  {one.name}: the rotor {one.rotor.name} moves with what the drive acts along, 1 row")
+        lines += self._slipping_belts()
         return lines if len(lines) > 1 else ["no loops: an open chain"]
+
+    def _slipping_belts(self) -> list[str]:
+        """Return a line for every belt that slips: no row ties its wheels."""
+        from pinarm.mechanics.friction.belt import BeltFriction
+
+        belts = [one.coupling for one in self.mechanism.frictions if isinstance(one, BeltFriction)]
+        return [f"  {belt.name}: belt, no row: friction ties its wheels; {belt.description}" for belt in belts]
 
     def _mobility(self) -> list[str]:
         found = self.mobility
@@ -155,6 +167,8 @@ class Explanation:
             ": ".join(filter(None, (f"force {name}", one.description))) + self._pulling(one)
             for name, one in mechanism.forces.items()
         ]
+        frictions = {one.name: one.law.words(one.effort) for one in mechanism.frictions}
+        lines += [f"friction of {name.replace('.', ' ', 1)}: {law}" for name, law in frictions.items()]
         lines += [f"drive {name} at {drive.coordinate}" for name, drive in mechanism.drives.items()]
         acting = [*mechanism.control, *self.control]
         lines += [f"controller of {', '.join(one.drives)}: {one.description}" for one in acting]
@@ -207,11 +221,28 @@ def explain(path: str | Path | Mechanism, values: Values | None = None) -> Expla
     file = Path(path)
     if file.suffix in (".yaml", ".yml") and "problem" in (Document.read(file).data or {}):
         scenario = Scenario.load(file, values)
-        q, whole = run(scenario).trajectory.q, scenario.mechanism
-        some = [q[k] for k in np.unique(np.linspace(0, len(q) - 1, ROWS).astype(int))]
-        found = _explained(whole, some, "where the motion begins", scenario.simplification.removals)
+        whole = scenario.mechanism
+        found = _explained(whole, _positions(scenario), "where the motion begins", scenario.simplification.removals)
         return replace(found, control=getattr(scenario.problem, "control", ()))
     return _structure(Mechanism.load(path, values=values))
+
+
+def _positions(scenario: Scenario) -> list[Array]:
+    """Return where a scenario begins, and further closed configurations: beside it, of an integrated motion."""
+    declaration = scenario.problem.declaration()
+    if declaration is not None and declaration.integrated and not scenario.content.find:
+        return beside(scenario.mechanism, _start(scenario))
+    q = run(scenario).trajectory.q
+    return [q[k] for k in np.unique(np.linspace(0, len(q) - 1, ROWS).astype(int))]
+
+
+def _start(scenario: Scenario) -> Array:
+    """Return where an integrated motion begins, its loops closed, shape (nq,); the motion is not solved."""
+    place = partial(scenario.document.locating, "problem")
+    with failures_in_words():
+        system: HybridSystem = scenario.problem.prepare(scenario.mechanism, scenario.content.accuracy, place)
+        with place("initial"):
+            return system.begin(system.initial)[0]
 
 
 def _structure(mechanism: Mechanism) -> Explanation:

@@ -72,19 +72,37 @@ def scenarios(given: Given, values: Values | None = None) -> list[Scenario]:
     return [load(file, values) for file in scenario_files(Path(given))]
 
 
-def scenario_files(path: Path) -> Iterator[Path]:
-    """Yield a scenario file, or those in a folder in the order of their names; mechanism files are passed over.
+def scenario_files(*paths: Path) -> Iterator[Path]:
+    """Yield scenario files, and those in folders in the order of their names; mechanism files there are passed over.
 
     Raises:
-        InputError: The folder has none.
+        InputError: There are none.
     """
     none = True
-    for file in sorted(path.glob("*.yaml")) if path.is_dir() else [path]:
-        if not path.is_dir() or not is_mechanism_file(file):
-            none = False
-            yield file
+    for path in paths:
+        for file in sorted(path.glob("*.yaml")) if path.is_dir() else [path]:
+            if not path.is_dir() or not is_mechanism_file(file):
+                none = False
+                yield file
     if none:
-        raise InputError(f"there are no scenarios in {path}", expected="files ending in .yaml, with a 'problem:'")
+        places = ", ".join(map(str, paths))
+        raise InputError(f"there are no scenarios in {places}", expected="files ending in .yaml, with a 'problem:'")
+
+
+def input_files(path: Path) -> tuple[list[Path], int]:
+    """Return a file, or the scenarios and mechanism files in a folder and the folders below it.
+
+    Hidden folders are left alone.
+
+    Returns:
+        The files, in the order of their names, and the number of other files ending in .yaml.
+    """
+    if not path.is_dir():
+        return [path], 0
+    visible = [file for file in path.rglob("*.yaml")
+               if not any(part.startswith(".") for part in file.relative_to(path).parts)]  # fmt: skip
+    own = sorted(file for file in visible if is_input(file))
+    return own, len(visible) - len(own)
 
 
 def is_mechanism_file(file: Path) -> bool:
@@ -93,3 +111,16 @@ def is_mechanism_file(file: Path) -> bool:
         return is_mechanism(Document.read(file).data)
     except InputError:
         return False
+
+
+def is_input(file: Path) -> bool:
+    """Tell whether a file is a scenario or a mechanism file, or cannot be read: whoever loads it says why."""
+    try:
+        data = Document.read(file).data
+    except InputError:
+        return True
+    return isinstance(data, dict) and bool(INPUT & data.keys())
+
+
+INPUT = frozenset(("pinarm", "problem", "mechanism", "robot", "planar"))
+"""Keys by which scenarios and mechanism files are known among other YAML."""

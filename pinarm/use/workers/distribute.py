@@ -16,11 +16,12 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future
 from contextlib import closing
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import chain, islice
 from typing import Any, Generic, Protocol, TypeVar
 
 from pinarm.errors import InputError, NumericsError
+from pinarm.records import replace
 from pinarm.use.workers.chunk_order import Answers, ChunkOrder, FilesLacking, LostJob, packed, read_answer
 from pinarm.use.workers.travelling_files import Parcel
 from pinarm.use.workers.versions import differences, versions

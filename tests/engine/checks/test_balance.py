@@ -1,4 +1,3 @@
-import dataclasses
 import itertools
 from contextlib import nullcontext
 from pathlib import Path
@@ -6,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pinarm.engine.checks.balance import EnergyAccount, energy_balance, power_balance
+from pinarm.engine.checks.balance import GAUSS_NODES, EnergyAccount, energy_balance, part_weights, power_balance
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Interval
@@ -19,6 +18,7 @@ from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.states import Statics
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.records import replace
 
 MODELS = Path(__file__).parents[3] / "models"
 HONEST = 1e-13
@@ -96,22 +96,22 @@ class TestPowerBalance:
         run = request.getfixturevalue(name)
         tau = run.tau.copy()
         tau[len(tau) // 2, joint] += 1e-6 * np.abs(tau).max()
-        figures = power_balance(dataclasses.replace(run, tau=tau))
+        figures = power_balance(replace(run, tau=tau))
         assert figures["equilibrium"] > 1e-8
 
     @pytest.mark.parametrize("field", ["a", "v", "q"])
     @pytest.mark.parametrize("name", ["inverse", "forward"])
     def test_a_changed_motion_shows(self, request, name, field):
         run = request.getfixturevalue(name)
-        figures = power_balance(dataclasses.replace(run, **{field: getattr(run, field) * (1 + 1e-6)}))
+        figures = power_balance(replace(run, **{field: getattr(run, field) * (1 + 1e-6)}))
         assert figures["equilibrium"] > 1e-8
 
     def test_a_changed_effort_shows_in_the_power_too(self, inverse):
-        figures = power_balance(dataclasses.replace(inverse, tau=inverse.tau * (1 + 1e-6)))
+        figures = power_balance(replace(inverse, tau=inverse.tau * (1 + 1e-6)))
         assert figures["power"] > 1e-8
 
     def test_a_forgotten_load_shows(self, inverse):
-        bare = dataclasses.replace(inverse, dynamics=Dynamics.of(inverse.mechanism.model))
+        bare = replace(inverse, dynamics=Dynamics.of(inverse.mechanism.model))
         assert power_balance(bare)["equilibrium"] > 0.1
 
     def test_rotors_are_in_it(self, mechanism, chain):
@@ -135,7 +135,7 @@ class TestPowerBalance:
         moment = 3.0 * np.sin(0.7) * (0.2 * (50.0 + 3.0 * np.cos(0.7)) - 0.1 * 3.0 * np.cos(0.7))
         assert np.abs(run.tau) == pytest.approx(np.tile([0.0, moment, 0.0], (101, 1)), rel=1e-12, abs=1e-12)
         assert power_balance(run)["power"] < HONEST
-        slipping = dataclasses.replace(run, tau=run.tau + np.array([0.0, 0.0, 1e-6 * moment]))
+        slipping = replace(run, tau=run.tau + np.array([0.0, 0.0, 1e-6 * moment]))
         assert power_balance(slipping)["power"] > 1e-8
 
     def test_nothing_moves_and_nothing_pulls(self, mechanism, chain):
@@ -191,3 +191,15 @@ class TestEnergyBalance:
         )
         run = outcome(Forward(time=TimeGrid(end=1.0, samples=5)), held)
         assert run.figures["energy"] == 0.0
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_powers_at_the_nodes_of_a_step_are_integrated_over_its_parts(count):
+    """Over a part exactly up to degree 3, over the whole step up to degree 7, as Gauss's rule is."""
+    x = 0.5 * (np.polynomial.legendre.leggauss(GAUSS_NODES)[0] + 1.0)
+    ends = np.linspace(0.0, 1.0, count + 1)
+    for degree in range(8):
+        parts = part_weights(count) @ x**degree / count
+        if degree < GAUSS_NODES:
+            assert parts == pytest.approx(np.diff(ends ** (degree + 1)) / (degree + 1), rel=1e-13)
+        assert parts.sum() == pytest.approx(1.0 / (degree + 1), rel=1e-13)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import pinarm
+from benchmarks.growth import written
 from pinarm.engine.constraints.closure import KEPT, SEVERAL
 from pinarm.engine.mechanism import Mechanism
 
@@ -38,3 +39,34 @@ def test_what_is_kept_is_of_the_configurations_that_are_asked_for(closure):
     first = closure.at(q)[1].copy()
     assert not np.array_equal(closure.at(other)[1], first)
     assert closure.at(q)[1] is closure.at(q.copy())[1] and np.array_equal(closure.at(q)[1], first)
+
+
+def test_sparse_rows_are_those_of_each_state(closure):
+    """Entries that are 0 are left out, and columns ascend, as in matrices that are made from dense ones."""
+    q = np.random.default_rng(2).uniform(-1.0, 1.0, (3, closure.model.nv))
+    found = closure.batch_jacobians.at(q.T).sparse_matrices((3, closure.size, closure.model.nv))
+    for matrix, configuration in zip(found, q, strict=True):
+        assert matrix.has_canonical_format and matrix.data.all()
+        np.testing.assert_allclose(matrix.toarray(), closure.rows(closure.state(configuration)), atol=1e-14)
+
+
+@pytest.mark.parametrize("n", [1, SEVERAL, KEPT + 1])
+def test_gaps_and_parts_are_those_of_the_rows(closure, n):
+    q, right = np.random.default_rng(n).uniform(-1.0, 1.0, (2, n, closure.model.nv))
+    gaps, splits = closure.apart(q)
+    wanted, rows = closure.at(q)
+    np.testing.assert_allclose(gaps, wanted, atol=1e-14)
+    np.testing.assert_allclose(closure.gaps(q), wanted, atol=1e-14)
+    own = np.array([np.linalg.lstsq(matrix.T, force, rcond=None)[0] for matrix, force in zip(rows, right, strict=True)])
+    for found in (splits, closure.splits(q), closure.splits(q, rows)):  # random configurations are regular
+        np.testing.assert_allclose(found.multipliers(right), own, atol=1e-9 * np.abs(own).max())
+
+
+def test_what_moves_both_links_alike_is_not_in_their_rows(tmp_path):
+    """The tree is 16 joints deep, and a loop knows the last three: chains between frames leave the others out."""
+    scissor = pinarm.Scenario.load(written(tmp_path, "scissor", 8)).mechanism.closure
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, scissor.model.nv)
+    (wanted,) = scissor.batch_jacobians.at(q[:, None]).sparse_matrices((1, scissor.size, len(q)))
+    rows = scissor.rows(scissor.state(q))
+    assert np.array_equal(rows != 0.0, wanted.toarray() != 0.0)
+    np.testing.assert_allclose(rows, wanted.toarray(), atol=1e-13)

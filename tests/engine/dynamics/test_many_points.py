@@ -39,6 +39,7 @@ def test_accelerations_and_projections_of_the_dense_route(tmp_path):
     assert np.abs(rows @ left).max() < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", ["fourbars", "scissor"])
 def test_a_run_agrees_with_that_of_dense_matrices(family, tmp_path, monkeypatch):
     """Closing, rows and checks are others, the integrator is the same: what is left is rounding, and the tolerance."""

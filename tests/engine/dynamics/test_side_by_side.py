@@ -1,7 +1,5 @@
 """Trees side by side against each tree alone."""
 
-from dataclasses import replace
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,6 +8,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.side_by_side import WIDTH, SideBySide
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
+from pinarm.records import replace
 from tests.mechanics.geometry.random_variants import random_variants
 
 ROUNDING = 1e-11

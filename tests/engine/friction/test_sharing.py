@@ -27,8 +27,7 @@ def shared(pull, mu, coupling):
     wrench, response = np.zeros((2, 6)), np.zeros((2, 2, 6))
     wrench[1, 0], response[1, 0, 0] = WEIGHT, coupling
     slips = np.array([[1.0], [RATIO]])
-    state = SlipResponse(pull * slips[:, 0], slips @ slips.T, CarriedLoads(wrench, response), np.zeros(2, dtype=bool),
-                         slips, np.eye(1))  # fmt: skip
+    state = SlipResponse(pull * slips[:, 0], slips @ slips.T, CarriedLoads(wrench, response), np.zeros(2, dtype=bool))
     group = SlipGroup((0, 1), np.array([1.0, RATIO]), np.ones(2))
     mu, constant = np.array([0.0, mu]), np.array([CONSTANT, 0.0])
     return SharedFriction([guide, gear], state, [group], np.zeros(2), mu, constant)

@@ -22,7 +22,7 @@ def balance(rows, pull, limits, static=None):
     contacts = [SimpleNamespace(name=f"joint.{i}", law=law, bearing=Bearing.none()) for i, law in enumerate(laws)]
     loads = CarriedLoads(np.zeros((k, 6)), np.zeros((k, k, 6)))
     size = np.linalg.norm(rows, axis=1)
-    response = SlipResponse(rows @ pull, rows @ rows.T, loads, size == 0.0, rows, np.eye(rows.shape[1]))
+    response = SlipResponse(rows @ pull, rows @ rows.T, loads, size == 0.0)
     return FrictionBalance(contacts, response, np.zeros(k))
 
 
@@ -84,8 +84,8 @@ def loaded(weight, coupling, pull, mu):
     contact = SimpleNamespace(name="joint.rod", law=FrictionLaw(mu, mu, 0.0, 0.0), bearing=Bearing.guide(np.eye(3)[0]))
     wrench, response = np.zeros((1, 6)), np.zeros((1, 1, 6))
     wrench[0, 1], response[0, 0, 1] = weight, coupling
-    loads, one = CarriedLoads(wrench, response), np.eye(1)
-    slips = SlipResponse(np.array([pull]), one, loads, np.zeros(1, dtype=bool), one, one)
+    loads = CarriedLoads(wrench, response)
+    slips = SlipResponse(np.array([pull]), np.eye(1), loads, np.zeros(1, dtype=bool))
     return FrictionBalance([contact], slips, np.zeros(1))
 
 

@@ -1,7 +1,6 @@
 """Steps of the compiled library against those of the Python stepper, which computes the same."""
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -21,6 +20,7 @@ from pinarm.errors import IntegrationError
 from pinarm.mechanics.forces.joint_efforts import AppliedEffort
 from pinarm.mechanics.forces.joint_springs import SpringDamper
 from pinarm.mechanics.laws import Constant
+from pinarm.records import replace
 
 from ..kernel.known_trees import JOINTS, states, tree
 

@@ -1,11 +1,10 @@
-import dataclasses
-
 import numpy as np
 import pytest
 from scipy.integrate import RK45
 from scipy.integrate._ivp import dop853_coefficients as scipy_coefficients
 
 from pinarm.engine.integration.tableaus import DOP853, DOPRI5, RK4
+from pinarm.records import replace
 
 
 def test_coefficients_are_those_of_scipy_bit_for_bit():
@@ -36,14 +35,14 @@ def test_a_wrong_digit_is_found(field):
     place = (11, 3) if field == "a" else place
     tampered[place] += 1e-9
     with pytest.raises(ValueError, match=r"Dormand-Prince 8\(5,3\)"):
-        dataclasses.replace(DOP853, **{field: tampered})
+        replace(DOP853, **{field: tampered})
 
 
 def test_an_implicit_tableau_is_refused():
     tampered = DOP853.a.copy()
     tampered[3, 3], tampered[3, 2] = 0.1, tampered[3, 2] - 0.1
     with pytest.raises(ValueError, match="a stage uses a later one"):
-        dataclasses.replace(DOP853, a=tampered)
+        replace(DOP853, a=tampered)
 
 
 def test_it_knows_its_stages():

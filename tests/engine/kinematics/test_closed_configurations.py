@@ -1,7 +1,6 @@
 """Closed configurations at which mechanisms are judged: closed, and of no special kind."""
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -12,6 +11,7 @@ import pinarm
 from pinarm.engine.kinematics.closed_configurations import beside, closed_anywhere, closed_near, generic, generic_near
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, PinarmError
+from pinarm.records import replace
 
 MODELS = Path(__file__).resolve().parents[3] / "models"
 FILES = sorted(MODELS.glob("*/mechanism.yaml"))

@@ -1,11 +1,12 @@
 """What is said of looser joints, against the linkage that has them."""
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from pinarm.records import replace
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "loops"))
 from catalogue import bennett, four_bar, parallelogram

@@ -7,6 +7,7 @@ import pytest
 
 from pinarm import Mechanism
 from pinarm.engine.kinematics.joint_motion import follow
+from pinarm.engine.kinematics.law_count import determining
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.variant_motion import VariantMotion, VariantStates
@@ -29,16 +30,16 @@ def law(speed: float = SPEED) -> dict[str, ConstantSpeed]:
 
 def followed(columns: dict[str, list[float]], rows: int = 120) -> tuple[VariantStates, Grid, PrescribedCoordinates]:
     mechanism = Mechanism.load(PATH, FIRST)
-    prescribed = PrescribedCoordinates.of(mechanism, law())
+    prescribed = determining(mechanism, law())
     grid = Grid.cover(np.linspace(0.0, np.pi, rows), prescribed.laws)
     start = start_configuration(mechanism, START)
     q, _, _ = follow(mechanism, prescribed, grid, start)
     given = {name: [FIRST[name], *values] for name, values in columns.items()}
     variants, possible = mechanism_variants(mechanism, FIRST, given)
     assert possible.all()
-    laws = np.array([grid.evaluate(one) for one in prescribed.laws]).transpose(1, 2, 0)
+    laws = np.array([grid.evaluate(one) for one in prescribed.laws]).transpose(1, 2, 0)[:, :, None]
     motion = VariantMotion.of(variants.closure, prescribed, q[0])
-    return motion.follow(grid.t, laws, q, start), grid, prescribed
+    return motion.follow(grid.t, laws, q[:, None], start[None]), grid, prescribed
 
 
 def random_lengths(seed: int, count: int) -> dict[str, list[float]]:
@@ -87,7 +88,7 @@ def test_a_variant_is_sound_only_where_it_moves_alone_and_moves_as_alone(seed: i
     states, grid, _ = followed(columns)
     for k, lengths in enumerate(zip(*columns.values(), strict=True), start=1):
         mechanism = Mechanism.load(PATH, dict(zip(FIRST, lengths, strict=True)))
-        prescribed, start = PrescribedCoordinates.of(mechanism, law()), start_configuration(mechanism, START)
+        prescribed, start = determining(mechanism, law()), start_configuration(mechanism, START)
         try:
             alone = follow(mechanism, prescribed, grid, start)
         except AssemblyError:
@@ -113,22 +114,42 @@ def test_rows_too_far_apart_are_left_to_each_case_alone() -> None:
     assert not states.sound.any()
 
 
+@pytest.mark.parametrize("turns", [0.7, 1.0, 1.8])
+def test_variants_with_laws_of_their_own_move_by_freudensteins_equation(turns: float) -> None:
+    """Where a variant turns faster than the first one, the first's rows are no guess of its own."""
+    mechanism, start = Mechanism.load(PATH, FIRST), start_configuration(Mechanism.load(PATH, FIRST), START)
+    prescribed = PrescribedCoordinates.bound(mechanism, law())
+    t = np.stack([np.linspace(0.0, 2.0 * np.pi / SPEED, 121), np.linspace(0.0, 2.0 * np.pi * turns / SPEED, 121)], 1)
+    theta2 = SPEED * t
+    laws = np.array([theta2, np.full_like(t, SPEED), np.zeros_like(t)])[..., None]
+    q, _, _ = follow(mechanism, prescribed, Grid.cover(t[:, 0], prescribed.laws), start)
+    variants, _ = mechanism_variants(mechanism, FIRST, {"b": [0.35, 0.36]})
+    motion = VariantMotion.of(variants.closure, prescribed, q[0])
+    near = motion.continued(t, laws, q, start[None])
+    states = motion.follow(t, laws, near, start[None])
+    assert states.sound.all()
+    np.testing.assert_allclose(near, states.q, atol=1e-6)  # h^6/46080 of the sixth derivative, with h = 0.4 rad
+    for k, b in enumerate((0.35, 0.36)):
+        theta4 = np.unwrap(rocker(theta2[:, k], FIRST["a"], b, FIRST["c"], FIRST["d"]))
+        np.testing.assert_allclose(states.q[:, k, 2], theta4, atol=ROUNDING)
+
+
 def test_another_branch_at_the_start_is_noticed() -> None:
     """From this start the variant closes on the other side, where its rows near those of the first one are none."""
     mechanism = Mechanism.load(PATH, FIRST)
-    prescribed = PrescribedCoordinates.of(mechanism, law())
+    prescribed = determining(mechanism, law())
     grid = Grid.cover(np.linspace(0.0, 1.0, 40), prescribed.laws)
     open_start, crossed_start = (start_configuration(mechanism, {"A": s * 0.7, "theta4": s * 1.4}) for s in (1, -1))
     q, _, _ = follow(mechanism, prescribed, grid, open_start)
     variants, _ = mechanism_variants(mechanism, FIRST, {"b": [0.35, 0.36]})
-    laws = np.array([grid.evaluate(one) for one in prescribed.laws]).transpose(1, 2, 0)
+    laws = np.array([grid.evaluate(one) for one in prescribed.laws]).transpose(1, 2, 0)[:, :, None]
     motion = VariantMotion.of(variants.closure, prescribed, q[0])
-    assert motion.follow(grid.t, laws, q, open_start).sound.all()
-    assert not motion.follow(grid.t, laws, q, crossed_start).sound.any()
+    assert motion.follow(grid.t, laws, q[:, None], open_start[None]).sound.all()
+    assert not motion.follow(grid.t, laws, q[:, None], crossed_start[None]).sound.any()
 
 
 def test_a_singular_beginning_is_left_to_each_case_alone() -> None:
     mechanism = Mechanism.load(PATH, FIRST)
     variants, _ = mechanism_variants(mechanism, FIRST, {"b": [0.35, 0.36]})
     with pytest.raises(VariantsDiffer, match="singular"):
-        VariantMotion.of(variants.closure, PrescribedCoordinates.of(mechanism, law()), np.zeros(3))
+        VariantMotion.of(variants.closure, determining(mechanism, law()), np.zeros(3))

@@ -1,17 +1,18 @@
 """What is prescribed in variants: states, efforts and the kinds of drives that are followed."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import pinarm
+from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.mechanism_variants import mechanism_variants
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion
-from pinarm.engine.motion.prescribed_variants import prescribed_variants
+from pinarm.engine.motion.prescribed_variants import PrescribedVariants, follows_alike
 from pinarm.engine.statics.actuation import actuation
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
+from pinarm.records import replace
 
 SCENARIOS = Path(__file__).parents[3] / "scenarios"
 ROUNDING = 1e-12
@@ -25,6 +26,12 @@ def solved(name: str, *values: str) -> tuple[pinarm.Scenario, PrescribedMotion, 
     return scenario, motion, result
 
 
+def variants_of(motion: PrescribedMotion, result: pinarm.Result, mechanism: Mechanism) -> PrescribedVariants:
+    table = result.scenario.prescribed_table(result.scenario)
+    assert table is not None
+    return PrescribedVariants(motion, result.trajectory, mechanism, [table] * len(mechanism.model))
+
+
 @pytest.mark.parametrize(
     ("name", "argument", "factors"),
     [("crank_rocker_turning", "b", (1.0, 1.05, 0.97)), ("crank_rocker_turning", "m3", (1.0, 2.0, 0.5)),
@@ -35,7 +42,7 @@ def test_states_and_efforts_are_those_of_each_alone(name: str, argument: str, fa
     nominal, unit = scenario.mechanism.arguments[argument], scenario.mechanism.argument_units[argument]
     given = {argument: nominal}
     variants, _ = mechanism_variants(scenario.mechanism, given, {argument: [nominal * factor for factor in factors]})
-    rows, sound = prescribed_variants(motion, result.trajectory, variants)
+    rows, sound = variants_of(motion, result, variants).rows()
     assert sound.all()
     for k, factor in enumerate(factors):
         alone = solved(name, f"arguments.{argument}={nominal * factor!r} {unit}")[2].trajectory
@@ -55,7 +62,7 @@ def test_drives_along_task_coordinates_are_left_to_each_case_alone() -> None:
     drives = actuation(scenario.mechanism, ["O", "A_height"], [])
     other = replace(motion, prescription=replace(motion.prescription, drives=drives))
     with pytest.raises(VariantsDiffer, match="task coordinates"):
-        prescribed_variants(other, result.trajectory, variants)
+        variants_of(other, result, variants).rows()
 
 
 def test_losses_of_gears_are_left_to_each_case_alone() -> None:
@@ -65,4 +72,13 @@ def test_losses_of_gears_are_left_to_each_case_alone() -> None:
     )
     variants, _ = mechanism_variants(scenario.mechanism, {name: value}, {name: [value, value]})
     with pytest.raises(VariantsDiffer, match="losses"):
-        prescribed_variants(motion, result.trajectory, variants)
+        variants_of(motion, result, variants).rows()
+
+
+def test_tables_are_alike_where_they_have_as_many_rows_of_the_same_coordinates() -> None:
+    tables = []
+    for values in (["samples=9"], ["samples=9", "end=1 s"], ["samples=10"]):
+        scenario = pinarm.load(SCENARIOS / "crank_rocker_turning.yaml", [f"problem.time.{value}" for value in values])
+        tables.append(scenario.prescribed_table(scenario))
+    first, *others = (table for table in tables if table is not None)
+    assert [follows_alike(other, first) for other in others] == [True, False]

@@ -63,6 +63,15 @@ def test_one_row_or_some_tell_what_all_rows_tell(two_arms, law, kind):
             assert run.some(np.array(some)).direction(0).tolist() == whole[some].tolist()
 
 
+@pytest.mark.parametrize("periods", [1, 4])
+def test_a_swing_that_starts_at_the_end_of_its_stroke_is_about_to_go_back(arm, periods):
+    """The speeds of all rows are rounding: they are judged against those between the rows."""
+    law = Harmonic(amplitude=1.0, pulsation=2.0 * np.pi, phase=0.5 * np.pi)
+    run = outcome(Inverse(time=TimeGrid(end=periods, samples=periods + 1), motion={"arm": law}), arm).rows
+    assert 0.0 < np.abs(run.v[:, 0]).max() < 1e-14
+    assert run.direction(0).tolist() == [-1.0] * periods + [1.0]
+
+
 def test_a_speed_that_is_zero_but_for_rounding_has_no_direction(mechanism, chain):
     """With a + b = 0.1 x, b + c = 0.7 x and c + a = 0.8 x joint b keeps its angle: rounding leaves it a speed."""
     bodies = [{"name": name, "axis": "0 1 0", "com": "0.5 0 0"} for name in "abc"]

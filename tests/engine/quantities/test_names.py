@@ -1,4 +1,3 @@
-import dataclasses
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from pinarm.mechanics.laws import ConstantSpeed, Harmonic, Trapezoid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.records import replace
 
 MODELS = Path(__file__).parents[3] / "models"
 L0, L1, L2, M_A, M_BA, M_B, G = 0.5, 0.25, 0.25, 0.1, 1.0, 0.5, 9.81
@@ -177,9 +177,9 @@ def test_a_symbol_that_needs_itself_is_refused(run):
     ],
 )
 def test_a_name_of_several_things_is_refused(run, name, asked, message):
-    mechanism = dataclasses.replace(run.mechanism, arguments={**run.mechanism.arguments, name: 1.0})
+    mechanism = replace(run.mechanism, arguments={**run.mechanism.arguments, name: 1.0})
     with pytest.raises(InputError, match=message):
-        Quantities(dataclasses.replace(run, mechanism=mechanism))[asked]
+        Quantities(replace(run, mechanism=mechanism))[asked]
 
 
 def test_a_symbol_for_a_coordinate_is_refused_and_one_for_a_constant_taken(run):

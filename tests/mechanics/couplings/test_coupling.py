@@ -108,7 +108,7 @@ def test_a_law_for_a_follower_too_is_one_too_many(tmp_path):
         "pinarm: 1\nmechanism: chain.urdf\nproblem:\n  kind: inverse\n  time: {end: 1 s, samples: 3}\n"
         "  motion:\n    a: {law: constant, value: 0 rad}\n    b: {law: constant, value: 0 rad}\noutputs: [a]\n"
     )
-    with pytest.raises(InputError, match="2 coordinates follow a law, but the mechanism has only 1 degrees"):
+    with pytest.raises(InputError, match="2 coordinates follow a law, but the mechanism has only 1 degree of"):
         pinarm.load(tmp_path / "s.yaml").run()
 
 

@@ -74,13 +74,11 @@ SAMPLES = {
     ],
 }  # fmt: skip
 ALONG = {"apart": Distance(between=("post", "slide_link")), "across": PointCoordinate("slide_link", (1.0, 2.0, 1.0))}
-AT_JOINTS = [force for samples in SAMPLES.values() for force in samples if hasattr(force, "joint")]
+FORCES = [force for samples in SAMPLES.values() for force in samples]
+AT_JOINTS = [force for force in FORCES if hasattr(force, "joint")]
 AT_POINTS = [
     force for samples in SAMPLES.values() for force in samples if isinstance(force, PointSpring | Bushing | Wrench)
 ]
-at_joints = pytest.mark.parametrize(
-    "force", AT_JOINTS, ids=lambda force: f"{type(force).__struct_config__.tag} {force.joint}"
-)
 at_points = pytest.mark.parametrize("force", AT_POINTS, ids=lambda force: type(force).__struct_config__.tag)
 every_force = pytest.mark.parametrize(
     "force",
@@ -126,9 +124,8 @@ def test_power_of_the_load_is_what_leaves_the_potential_and_is_not_dissipated(fo
 
 
 @every_force
-@pytest.mark.parametrize("n", [3, 20])
-def test_many_states_at_once_are_the_same_as_one_by_one(force, model, joints, n):
-    element = made(force, model, joints)
+def test_many_states_at_once_are_the_same_as_one_by_one(force, model, joints):
+    element, n = made(force, model, joints), 20
     t = np.linspace(0.2, 0.8, n)
     q, v = motion(t)
     many = load(element, t, q, v), element.potential_energy(q), element.dissipated_power(t, q, v)
@@ -143,38 +140,38 @@ def test_many_states_at_once_are_the_same_as_one_by_one(force, model, joints, n)
     assert [x.shape for x in many] == [(n, 2), (n,), (n,)]
 
 
-@every_force
-def test_a_load_is_steady_that_is_the_same_in_all_states_and_at_all_times(force, model, joints):
-    element, t = made(force, model, joints), np.linspace(0.2, 0.8, 6)
-    assert element.steady == bool(np.ptp(load(element, t, *motion(t)), axis=0).max() == 0.0)
+def test_a_load_is_steady_that_is_the_same_in_all_states_and_at_all_times(model, joints):
+    for force in FORCES:
+        element, t = made(force, model, joints), np.linspace(0.2, 0.8, 6)
+        assert element.steady == bool(np.ptp(load(element, t, *motion(t)), axis=0).max() == 0.0), force
 
 
-@every_force
-def test_load_is_added_to_what_is_there(force, model, joints):
-    element, (q, v) = made(force, model, joints), motion(0.5)
-    tau = np.array([10.0, 20.0])
-    element.add_load(0.5, q, v, tau)
-    assert tau == pytest.approx(np.array([10.0, 20.0]) + load(element, 0.5, q, v), abs=1e-14)
+def test_load_is_added_to_what_is_there(model, joints):
+    for force in FORCES:
+        element, (q, v) = made(force, model, joints), motion(0.5)
+        tau = np.array([10.0, 20.0])
+        element.add_load(0.5, q, v, tau)
+        assert tau == pytest.approx(np.array([10.0, 20.0]) + load(element, 0.5, q, v), abs=1e-14), force
 
 
-@at_joints
-def test_load_acts_at_the_named_joint_only(force, model, joints):
+def test_load_acts_at_the_named_joint_only(model, joints):
     q, v = motion(0.5)
-    other = 1 - joints[force.joint].v
-    assert load(made(force, model, joints), 0.5, q, v)[other] == 0.0
-    assert made(force, model, joints).wrenches(0.5, q, v) == {}
+    for force in AT_JOINTS:
+        other = 1 - joints[force.joint].v
+        assert load(made(force, model, joints), 0.5, q, v)[other] == 0.0, force
+        assert made(force, model, joints).wrenches(0.5, q, v) == {}, force
 
 
-@at_joints
-def test_unknown_joints_are_refused(force, model, joints):
-    with pytest.raises(InputError, match="no joint 'trun'"):
-        msgspec.structs.replace(force, joint="trun").bind(model, joints)
+def test_unknown_joints_are_refused(model, joints):
+    for force in AT_JOINTS:
+        with pytest.raises(InputError, match="no joint 'trun'"):
+            msgspec.structs.replace(force, joint="trun").bind(model, joints)
 
 
 @at_points
-@pytest.mark.parametrize("t", [0.2, 0.5, 0.8])
-def test_wrenches_on_the_links_make_up_the_load(force, model, joints, t):
+def test_wrenches_on_the_links_make_up_the_load(force, model, joints):
     """The power of all wrenches, moved to the world's origin, on the twists of their links there."""
+    t = 0.8
     element, (q, v) = made(force, model, joints), motion(t)
     wrenches = element.wrenches(t, q, v)
     data = model.createData()
@@ -202,12 +199,12 @@ def test_a_spring_along_a_distance_is_a_spring_between_the_points(model, joints)
         assert wrench == pytest.approx(right[joint], abs=1e-13)
 
 
-@pytest.mark.parametrize("force", SAMPLES[PointSpring], ids=range(len(SAMPLES[PointSpring])))
-def test_the_ends_of_a_point_spring_pull_at_each_other(force, model, joints):
+def test_the_ends_of_a_point_spring_pull_at_each_other(model, joints):
     q, v = motion(0.5)
-    one, other = made(force, model, joints).wrenches(0.5, q, v).values()
-    assert one == pytest.approx(-other, abs=1e-13)
-    assert np.linalg.norm(one[:3]) > 1.0
+    for force in SAMPLES[PointSpring]:
+        one, other = made(force, model, joints).wrenches(0.5, q, v).values()
+        assert one == pytest.approx(-other, abs=1e-13)
+        assert np.linalg.norm(one[:3]) > 1.0
 
 
 @pytest.mark.parametrize(

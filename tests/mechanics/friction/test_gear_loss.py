@@ -56,14 +56,15 @@ BACKWARDS = N / ETA * 0.3 / (LOAD + REFLECTED / ETA)
 """Acceleration under 0.3 N m while the motor brakes."""
 
 
-@pytest.mark.parametrize("period", [{}, {"period": "30 ms"}])
-@pytest.mark.parametrize("ratio", [N, -N])
+@pytest.mark.parametrize(("ratio", "period"), [
+    (N, {}), (-N, {}), pytest.param(-N, {"period": "30 ms"}, marks=pytest.mark.slow)])  # fmt: skip
 def test_a_constant_torque_drives_through_the_efficiency(servo, ratio, period):
     sign = np.sign(ratio)
     result = pinarm.run(forward(servo(ratio=ratio), [constant(0.3, **period)], outputs=("x", "drive.servo.torque")))
     t = result["t"].values
     assert np.abs(result["x"].values - 0.5 * sign * FORWARDS * t**2).max() < 1e-10
-    assert np.abs(result["joint.x.effort"].values - sign * LOAD * FORWARDS).max() < 1e-12
+    assert np.abs(result["joint.x.effort"].values - sign * (LOAD + REFLECTED) * FORWARDS).max() < 1e-12
+    assert np.abs(result["joint.x.link_effort"].values - sign * LOAD * FORWARDS).max() < 1e-12
     assert np.abs(result["drive.servo.torque"].values - 0.3).max() < 1e-12
     assert result.figures["energy"] < 1e-12
 
@@ -83,7 +84,7 @@ def test_a_motor_brakes_against_the_load_and_reverses(servo):
 
 @pytest.mark.parametrize("torque, moves", [(0.3 * ETA * 1.01, 0), (0.3 / ETA * 0.99, 0), (0.3 * ETA * 0.99, -1),
                                            (0.3 / ETA * 1.01, 1)])  # fmt: skip
-@pytest.mark.parametrize("period", [{}, {"period": "50 ms"}])
+@pytest.mark.parametrize("period", [{}, pytest.param({"period": "50 ms"}, marks=pytest.mark.slow)])
 def test_a_gear_at_rest_holds_between_both_efficiencies(servo, torque, moves, period):
     """A load of -3 N m: motor torques from ``3 eta / N`` to ``3 / (N eta)`` hold it."""
     result = pinarm.run(forward(servo(), [constant(torque, **period)], loads=push(-3.0)))
@@ -123,7 +124,7 @@ def test_forward_of_inverse_is_the_motion(servo):
 
 def test_the_inverse_problem_is_that_of_the_gear_without_a_motor(servo):
     law = {"x": {"law": "harmonic", "mean": "0.3 rad", "amplitude": "0.8 rad", "pulsation": "5 rad/s"}}
-    asked = {"pinarm": 1, "outputs": ["drive.servo.torque", "joint.x.effort"], "problem": {
+    asked = {"pinarm": 1, "outputs": ["drive.servo.torque", "joint.x.effort", "joint.x.link_effort"], "problem": {
         "kind": "inverse", "time": {"end": "2 s", "samples": 41}, "motion": law}}  # fmt: skip
     plain, motor = (pinarm.run({**asked, "mechanism": servo(0.1, motor=kind)}) for kind in (None, {"kind": "ideal"}))
     for name in asked["outputs"]:

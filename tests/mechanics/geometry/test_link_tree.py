@@ -68,7 +68,7 @@ def test_bodies_are_those_of_the_model():
 @pytest.mark.parametrize("length", [1, 2, 7, 8, 9])
 def test_sums_along_paths_are_those_link_by_link(length):
     tree = LinkTree.of(chain(*["revolute"] * length))
-    x = np.random.default_rng(3).normal(size=(2, len(tree.parents), 3))
+    x = np.random.default_rng(3).normal(size=(3, len(tree.parents), 2))
     x[:, 0] = 0.0
     expected = x.copy()
     for k in range(1, len(tree.parents)):

@@ -1,14 +1,19 @@
 """Variants of random trees against Pinocchio's model of each variant alone."""
 
-from dataclasses import replace
-
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.link_tree import LinkTree
-from pinarm.mechanics.geometry.model_variants import VariantFrame, VariantPlacement, VariantsDiffer, spatial_inertias
+from pinarm.mechanics.geometry.model_variants import (
+    ModelVariants,
+    VariantFrame,
+    VariantPlacement,
+    VariantsDiffer,
+    spatial_inertias,
+)
+from pinarm.records import replace
 from tests.mechanics.geometry.random_variants import random_variants
 
 ROUNDING = 1e-12
@@ -87,6 +92,28 @@ def test_some_variants_are_those_that_are_chosen() -> None:
     some = LinkPlacements.at(variants.some(np.array([4, 1])), q)
     for place, k in enumerate((4, 1)):
         _close(some.places, LinkPlacements.at(models[k], q[:, 0]).places, place)
+
+
+def test_one_variant_is_a_model_with_its_joints_and_bodies() -> None:
+    pin.seed(6)
+    rng = np.random.default_rng(6)
+    variants, models = random_variants(rng, 5, 3)
+    for place, model in enumerate(models):
+        q, v, a = rng.normal(size=(3, 5))
+        tree = variants.tree(place)
+        np.testing.assert_allclose(
+            pin.rnea(tree, tree.createData(), q, v, a), pin.rnea(model, model.createData(), q, v, a), atol=ROUNDING
+        )
+
+
+def test_variants_that_do_not_differ_are_the_model_itself() -> None:
+    pin.seed(7)
+    rng = np.random.default_rng(7)
+    _, (model, *_) = random_variants(rng, 4, 2)
+    variants, q = ModelVariants.alike(model, 3), rng.normal(size=(2, 3, 4))
+    assert (len(variants), variants.in_place) == (3, True)
+    for k in range(3):
+        _close(LinkPlacements.at(variants, q).places, LinkPlacements.at(model, q[:, k]).places, k)
 
 
 def test_placements_are_composed_as_pinocchios() -> None:

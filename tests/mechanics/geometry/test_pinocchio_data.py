@@ -120,7 +120,7 @@ def run(code):
     return done.stdout
 
 
-@pytest.mark.parametrize("branching", [1, 2, 5])
+@pytest.mark.parametrize("branching", [2, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 5))])
 def test_same_as_pinocchios(branching):
     kinds = [KINDS[(5 * k + branching) % len(KINDS)] for k in range(2 * len(KINDS))]
     run(f"compare({kinds!r}, {branching})")

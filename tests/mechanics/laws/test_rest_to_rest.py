@@ -11,7 +11,9 @@ from pinarm.mechanics.laws import (
     Trapezoid,
 )
 
-from .test_motion_law import BOUNDED, LAWS
+from .test_motion_law import LAWS
+
+BOUNDED = [name for name, law in LAWS.items() if isinstance(law, SCurve) and len(law.pieces()) > 1]
 
 
 def test_degree_seven_keeps_its_jerk_too(differentiate):
@@ -95,9 +97,12 @@ class TestSCurve:
         # without a full acceleration two intervals of equal jerk meet in the middle
         assert len(LAWS[name].pieces()) - 2 == intervals
 
-    @pytest.mark.parametrize("distance", [1e-9, 1e-3, 0.37, 1.0, 1e3])
     @pytest.mark.parametrize("limits", [{}, {"speed": 1.0}, {"acceleration": 2.0}, {"speed": 1.0, "acceleration": 2.0}])
-    def test_it_arrives_in_minimal_time_at_any_distance(self, distance, limits):
+    def test_it_arrives_in_minimal_time_at_any_distance(self, limits):
+        for distance in (1e-9, 1e-3, 0.37, 1.0, 1e3):
+            self.arrives(distance, limits)
+
+    def arrives(self, distance, limits):
         law = SCurve(start=0.0, end=distance, jerk=5.0, **limits)
         assert law.breakpoints()[-1] == pytest.approx(minimal_time(distance, 5.0, **limits), rel=1e-12)
         moving = law.pieces()[-2]

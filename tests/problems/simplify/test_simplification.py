@@ -2,7 +2,6 @@
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -14,6 +13,7 @@ import pinarm
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import PinarmError
 from pinarm.problems.simplify.model_reduction import ReducedMechanism, Removed
+from pinarm.records import replace
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.show.terminal import report
 from pinarm.use.store.restore import restore

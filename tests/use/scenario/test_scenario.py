@@ -70,7 +70,7 @@ def test_other_values_keep_the_mechanism_unless_they_are_its_own(scenario):
 
 
 def test_a_mechanism_with_other_last_digits_is_another_one(scenario):
-    from dataclasses import replace
+    from pinarm.records import replace
 
     one = scenario("forward")
     perturbed = replace(one, seed=1)

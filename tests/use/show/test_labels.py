@@ -23,6 +23,8 @@ def test_plain_text_begins_no_formula(text: str) -> None:
         ("theta21", r"$\theta_{21}$"),
         ("theta21d", r"$\dot{\theta}_{21}$"),
         ("phidd", r"$\ddot{\phi}$"),
+        ("rho", r"$\rho$"),
+        ("mu2", r"$\mu_{2}$"),
         ("C_B", "$C_{B}$"),
         ("X53", "$X_{53}$"),
         ("Cr", "Cr"),

@@ -13,6 +13,8 @@ from pinarm.use.show.chart import COLOURS
 from pinarm.use.show.replay.framing import Camera, framing
 from pinarm.use.show.replay.sticks import sticks
 from pinarm.use.show.replay.tracks import nodes_of, placed
+from pinarm.use.show.scene import GROUND
+from pinarm.use.show.stick_figure import stick_figure
 
 ROOT = Path(pinarm.__file__).parents[1]
 EXACT = 1e-12  # metres; sums of a few rounded numbers of size one
@@ -144,3 +146,113 @@ def test_wheels_are_circles_of_their_pitch_radii() -> None:
     assert ring == pytest.approx(sun + 2 * planet, rel=1e-9)  # the condition of assembly on one axis
     [centre] = [circle.mean(axis=1) for circle in circles if abs(np.ptp(circle[0]) / 2 - planet) < 1e-9]
     assert np.hypot(*centre) == pytest.approx(sun + planet, rel=0.02)  # the first point of the rim is there twice
+
+
+def texts_apart(figure: Any) -> list[str]:
+    """Texts of a drawing; none of them may meet another, or leave the page, as matplotlib measures them."""
+    figure.canvas.draw()
+    [axis] = figure.axes
+    boxes = [text.get_window_extent() for text in axis.texts]
+    for k, one in enumerate(boxes):
+        for other in boxes[:k]:
+            assert (
+                not one.overlaps(other)
+                or min(min(one.x1, other.x1) - max(one.x0, other.x0), min(one.y1, other.y1) - max(one.y0, other.y0))
+                < 2.0
+            )  # pixels: widths of letters are estimated where they are placed
+        assert one.x0 >= 0.0
+        assert one.x1 <= figure.bbox.width
+    return [text.get_text() for text in axis.texts]
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param("forty_four_bars", marks=pytest.mark.slow), "panda_drawing", "andrews", "slider_crank"]
+)
+def test_names_do_not_meet_and_stay_on_the_page(name: str) -> None:
+    told = texts_apart(pinarm.explain(ROOT / "models" / name / "mechanism.yaml").sketch())
+    assert len(told) > 5
+
+
+def strands(figure: Any) -> list[np.ndarray]:
+    """Lines of the first position, shape (n, 2)."""
+    [axis] = figure.axes
+    return [np.transpose(line.get_data()) for line in axis.lines if line.get_color() == COLOURS[0]]
+
+
+def test_a_cable_runs_through_its_points() -> None:
+    """The door's: from D up to P, over to Q, and down to W; 2.8 m, of which it hangs as it is told."""
+    figure = pinarm.explain(ROOT / "models" / "counterweighted_door" / "mechanism.yaml").sketch()
+    [axis] = figure.axes
+    assert (axis.get_xlabel(), axis.get_ylabel()) == ("x [m]", "y [m]")  # it only slides, in one plane
+    parts = [line for line in strands(figure) if len(line) == 2 and (line[-1] - line[0]).any()]
+    route = [part for part in parts if {3.0} & set(np.round(part[:, 1], 9))]
+    assert len(route) == 3
+    assert sum(np.linalg.norm(part[1] - part[0]) for part in route) == pytest.approx(2.8, abs=1e-9)
+    ends = {tuple(np.round(point, 9) + 0.0) for part in route for point in part}
+    assert {(0.0, 3.0), (1.0, 3.0)} <= ends
+
+
+@pytest.mark.parametrize(
+    ("element", "corners"),
+    [
+        ("kind: point_spring, between: [A, B], stiffness: 5 N/m", (16,)),
+        ("kind: point_spring, between: [A, B], force: -350 N, stiffness: 300 N/m", (5, 2)),  # a gas strut pushes
+        ("kind: point_spring, between: [A, B], damping: 8 N*s/m", (5, 2)),  # barrel and rod
+        ("kind: cable, through: [A, B], stiffness: 8 N/m, free_length: 0.2 m", (2,)),
+    ],
+)
+def test_what_joins_two_points_ends_at_them(tmp_path: Path, element: str, corners: tuple[int, ...]) -> None:
+    """Between A, which does not move, and B of a lever; what is drawn beside the line lies on both sides alike."""
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "m.yaml").write_text(
+        "pinarm: 1\nplanar:\n  points: {C: [0, 0], A: [0.5 m, -0.4 m], B: [0.3 m, 0], E: [1 m, 0]}\n"
+        "  ground: [C, A]\n  links: {lever: {points: [C, B, E], mass: 1 kg, centre: E, inertia: 1 kg*m^2}}\n"
+        f"forces: {{strut: {{{element}}}}}\n"
+    )
+    one, two = np.array([0.5, -0.4]), np.array([0.3, 0.0])
+    along = (two - one) / np.linalg.norm(two - one)
+    across = np.array([-along[1], along[0]])
+    lines = strands(pinarm.explain(tmp_path / "m.yaml").sketch())
+    near = [line for line in lines if len(line) > 1 and np.abs((line - one) @ across).max() < 0.05]
+    assert tuple(len(line) for line in near) == corners
+    ways = [(line - one) @ along for line in near]
+    assert min(way.min() for way in ways) == pytest.approx(0.0, abs=EXACT)
+    assert max(way.max() for way in ways) == pytest.approx(np.linalg.norm(two - one), abs=EXACT)
+    assert near[-1][-1] == pytest.approx(two, abs=EXACT)
+    beside = (np.concatenate(near) - one) @ across
+    assert beside.max() == pytest.approx(-beside.min(), abs=EXACT)
+
+
+def test_nothing_is_drawn_between_points_of_the_ground() -> None:
+    """Bricard's two fixed points are no link: the lines there only go down to the floor."""
+    [axis] = solved("bricard_falling").sketch().axes
+    fixed = [line for line in axis.lines if line.get_color() == GROUND and line.get_linestyle() != "None"]
+    assert len(fixed) == 2
+    assert all(len(line.get_xdata()) == 2 for line in fixed)
+
+
+def test_a_roller_touches_the_outline_of_its_cam() -> None:
+    """Wherever the cam stands, the nearest point of its outline is as far from the roller's centre as its radius."""
+    result = solved("bottle_capper_turning")
+    cam = next(one for one in result.trajectory.mechanism.constraints if one.kind == "cam")
+    points = np.stack([(cam.shape - cam.contact.plane.origin) @ axis for axis in np.eye(3)[:2]])
+    outline = points[0] + 1j * points[1]
+    for share in (0.0, 0.1, 0.23, 0.5, 0.61, 0.9):
+        row = int(share * (len(result) - 1))
+        turned = outline * np.exp(1j * result["O"].values[row])
+        centre = 1j * (0.06 + result["lift"].values[row])
+        between = np.abs(np.diff(turned)).max()
+        assert np.abs(turned - centre).min() == pytest.approx(0.015, abs=between**2 / 0.015)
+    figure = result.sketch()
+    [drawn] = [line for line in strands(figure) if len(line) == len(outline)]
+    assert drawn == pytest.approx(points.T, abs=1e-12)
+
+
+def test_a_body_in_one_place_has_the_edges_that_its_file_draws() -> None:
+    """The block of 0.1 m on a belt of 2 m by 0.2 m by 0.01 m."""
+    mechanism = pinarm.Mechanism.load(ROOT / "models" / "mass_on_belt" / "mechanism.yaml")
+    nodes = nodes_of(mechanism.model, np.zeros((1, 2)))
+    sizes = {node: np.ptp(np.concatenate([stick.points for stick in stick_figure(mechanism, nodes, []).sticks
+                                          if stick.node == node]), axis=0) for node in (1, 2)}  # fmt: skip
+    assert sizes[1] == pytest.approx([2.0, 0.2, 0.01])
+    assert sizes[2] == pytest.approx([0.1, 0.1, 0.1])

@@ -1,6 +1,7 @@
 """Charts as SVG: the numbers at their places, texts as texts, nothing that a file could smuggle in."""
 
 import re
+from itertools import pairwise
 from xml.etree import ElementTree
 
 import numpy as np
@@ -114,3 +115,28 @@ def test_ticks_are_round_numbers_within_the_axis(low: float, high: float, wanted
 
 def test_a_scale_goes_both_ways_up() -> None:
     assert Scale(0.0, 2.0, 100.0, 20.0).at(np.array([0.0, 0.5, 2.0])).tolist() == [100.0, 80.0, 20.0]
+
+
+def entries(root: ElementTree.Element, label: str) -> list[tuple[float, float]]:
+    return [(float(text.get("x", "")), float(text.get("y", "")))
+            for text in root.iter(f"{SVG}text") if "".join(text.itertext()) == label]  # fmt: skip
+
+
+def test_the_legend_stands_where_no_line_runs() -> None:
+    """A line of two points runs through the corners lower left and upper right, in which it has none."""
+    lines = [Line(np.array([-1.0, 1.0]), np.array([-1.0, 1.0]), label="name"),
+             Line(np.linspace(-1.0, -0.9, 5), np.full(5, 0.9)), Line(np.zeros(1), np.full(1, -1.0))]  # fmt: skip
+    root = ElementTree.fromstring(svg(Chart("", [Panel(lines)], 7.0, 3.0)))
+    [(x, y)] = entries(root, "name")
+    assert x > 252.0  # to the right of the middle, and below it: 7 by 3 inches
+    assert y > 108.0
+
+
+def test_a_legend_below_has_one_column_where_names_are_long() -> None:
+    names = [f"{k}: {'a long name of a curve ' * 2}" for k in range(3)]
+    lines = [Line(np.arange(2.0), np.arange(2.0), label=name) for name in names]
+    root = ElementTree.fromstring(svg(Chart("", [Panel(lines)], 5.6, 3.0, "below")))
+    places = [entries(root, name)[0] for name in names]
+    assert len({x for x, _ in places}) == 1
+    assert all(b[1] - a[1] > 10.0 for a, b in pairwise(places))
+    assert max(y for _, y in places) < 216.0

@@ -28,6 +28,25 @@ CART = """\
 </robot>
 """
 
+LINK = '<link name="{0}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>'
+PIN = """<joint name="{0}" type="continuous"><parent link="{1}"/><child link="{2}"/><origin xyz="{3}"/>
+  <axis xyz="0 1 0"/></joint>"""
+LOOP = '<loop_joint name="k" type="spherical"><link1 link="B" xyz="{0}"/><link2 link="C" xyz="0 0 0.3"/></loop_joint>'
+BARS = [
+    '<robot name="bars"><link name="base"/>', *(LINK.format(name) for name in "ABC"),
+    PIN.format("a", "base", "A", "0 0 0"), PIN.format("b", "A", "B", "0 0 0.2"),
+    PIN.format("c", "base", "C", "0.5 0 0"),
+]  # fmt: skip
+"""A four-bar in the plane x-z, of crank 0.2 m, ground 0.5 m and rocker 0.3 m."""
+SCREW = """\
+<sdf version="1.9"><model name="press"><link name="base"/>
+  <joint name="w" type="fixed"><parent>world</parent><child>base</child></joint>
+  <link name="ram"><inertial><mass>1</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia></inertial></link>
+  <joint name="s" type="screw"><parent>base</parent><child>ram</child>
+    <screw_thread_pitch>0.01</screw_thread_pitch><axis><xyz>0 0 1</xyz></axis></joint>
+</model></sdf>
+"""
+
 
 def files(folder: Path) -> dict[str, str]:
     return {file.name: file.read_text(encoding="utf-8") for file in folder.iterdir()}
@@ -65,6 +84,38 @@ def test_a_model_moves_every_joint_within_its_limits(tmp_path: Path) -> None:
     text = (tmp_path / "mechanism.yaml").read_text()
     assert "#   rail-1: slides, 20 to 50 mm, at most 10 N\n" in text
     assert "#   on: turns, -171.887 to 5.72958 deg, at most 5 N*m\n" in text
+
+
+def moved(folder: Path) -> list[str]:
+    return [*pinarm.load(folder / "scenario.yaml").document.data["problem"]["motion"]]
+
+
+@pytest.mark.parametrize("coupler", ["0.5 0 0.1", "0.3 0 0.1"])
+def test_a_loop_is_driven_at_one_joint(tmp_path: Path, coupler: str) -> None:
+    """Of three joints one is free, by Gruebler; the second coupler closes the loop away from the zero position."""
+    (tmp_path / "bars.urdf").write_text("\n".join([*BARS, LOOP.format(coupler), "</robot>"]))
+    pinarm.new(tmp_path / "bars.urdf")
+    result = pinarm.run(tmp_path / "scenario.yaml")
+    a, b, c = (result[name].values for name in "abc")
+    x, _, z = map(float, coupler.split())
+    gap = 0.2 * np.exp(1j * a) + (z + 1j * x) * np.exp(1j * (a + b)) - (0.5j + 0.3 * np.exp(1j * c))
+    assert moved(tmp_path) == ["a"]
+    assert np.abs(gap).max() < 1e-13
+    assert np.ptp(a) > 0.01
+
+
+def test_a_screw_is_driven_by_turning_it(tmp_path: Path) -> None:
+    (tmp_path / "press.sdf").write_text(SCREW)
+    pinarm.new(tmp_path / "press.sdf")
+    assert moved(tmp_path) == ["s"]
+    result = pinarm.run(tmp_path / "scenario.yaml")
+    np.testing.assert_allclose(np.ptp(result["s.slide"].values), 0.01 / 12, rtol=1e-12)
+
+
+def test_a_loop_that_does_not_close_says_so_in_the_file(tmp_path: Path) -> None:
+    (tmp_path / "bars.urdf").write_text("\n".join([*BARS, LOOP.format("9 0 0"), "</robot>"]))
+    pinarm.new(tmp_path / "bars.urdf")
+    assert (tmp_path / "scenario.yaml").read_text().startswith("# This does not run as it is: ")
 
 
 def test_a_model_of_another_folder_is_referred_to(tmp_path: Path) -> None:

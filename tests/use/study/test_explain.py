@@ -7,7 +7,7 @@ import pytest
 
 import pinarm
 from pinarm.cli.main import main
-from pinarm.errors import InputError
+from pinarm.errors import InputError, IntegrationError
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
 
@@ -52,6 +52,38 @@ def test_a_notebook_shows_both() -> None:
     assert "mobility 1" in shown
 
 
+def test_friction_of_joints_and_couplings_is_listed() -> None:
+    shown = str(pinarm.explain(MODELS / "screw_jack" / "mechanism.yaml"))
+    assert "friction of joint turn: mu 0.08" in shown
+    assert "friction of coupling thread: mu 0.08" in shown
+    assert "without friction" not in shown
+
+
+WHEELS = """<robot name="wheels"><link name="base"/><link name="one"/><link name="two"/>
+  <joint name="a" type="continuous"><parent link="base"/><child link="one"/><axis xyz="0 0 1"/></joint>
+  <joint name="b" type="continuous"><parent link="base"/><child link="two"/><origin xyz="0.5 0 0"/>
+  <axis xyz="0 0 1"/></joint></robot>"""
+
+
+def test_a_belt_that_slips_is_not_left_out(tmp_path: Path) -> None:
+    """Wheels of one size are wrapped by half a turn: ``2 F0 tanh(mu pi / 2)`` of a pretension of 300 N and 0.3."""
+    (tmp_path / "wheels.urdf").write_text(WHEELS)
+    values = {
+        "couplings": {
+            "belt": {"kind": "belt", "joints": ["a", "b"], "radii": ["0.1 m", "0.1 m"], "pretension": "300 N"}
+        },
+        "friction": {
+            "belt": {"mu": 0.3},
+            "a": {"constant": "2 N*m", "static_constant": "3 N*m", "viscous": "0.1 N*m*s"},
+        },
+    }
+    shown = str(pinarm.explain(tmp_path / "wheels.urdf", values))
+    assert "belt: belt, no row: friction ties its wheels; two strands, pretension 300 N" in shown
+    assert f"friction of coupling belt: {600.0 * np.tanh(0.15 * np.pi):g} N" in shown
+    assert "friction of joint a: 2 N*m (3 N*m at rest), viscous 0.1 N*m*s/rad" in shown
+    assert "open chain" not in shown
+
+
 RODS = """<robot name="rods"><link name="base"/><link name="crank">{mass}</link><link name="rod">{mass}</link>
   <link name="foot"/><link name="ground"/>
   <joint name="turn" type="continuous"><parent link="base"/><child link="crank"/><axis xyz="0 0 1"/></joint>
@@ -75,3 +107,24 @@ def test_rods_that_spin_between_two_balls_are_counted(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text("pinarm: 1\nrobot: rods.urdf\n")
     free = pinarm.explain(tmp_path / "m.yaml")
     assert not free.mobility.spins and "spin by themselves" not in str(free)  # a ball that no loop holds
+
+
+def test_an_integrated_motion_is_explained_where_it_begins_without_being_solved(tmp_path: Path) -> None:
+    """A pendulum of 1 m, let go at 30 degrees; its run would fail, as it may take one step only."""
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "m.yaml").write_text(
+        "pinarm: 1\nplanar:\n  points: {O: [0, 0], A: [1 m, 0]}\n  ground: [O]\n"
+        "  links: {rod: {points: [O, A], mass: 1 kg}}\n"
+    )
+    (tmp_path / "s.yaml").write_text(
+        "pinarm: 1\nmechanism: m.yaml\nproblem: {kind: forward, time: {end: 1 s}, initial: {position: {O: 30 deg}}}\n"
+        "accuracy: {max_steps: 1}\noutputs: [O]\n"
+    )
+    with pytest.raises(IntegrationError):
+        pinarm.run(tmp_path / "s.yaml")
+    found = pinarm.explain(tmp_path / "s.yaml")
+    assert found.q == pytest.approx([np.pi / 6], abs=1e-12)
+    assert "mobility 1 where the motion begins" in str(found)
+    [axis] = found.sketch().axes
+    [tip] = [text.xy for text in axis.texts if text.get_text() == "A"]
+    assert tip == pytest.approx([np.cos(np.pi / 6), 0.5], abs=1e-12)

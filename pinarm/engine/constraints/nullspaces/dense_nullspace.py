@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
 from pinarm.arrays import Array, Indices
+from pinarm.records import Record
 
 UNCLOSED = 1e-9
 """What redundant rows may leave open, of the extent of the mechanism or in rad: a file with 10 digits says no more. The
@@ -72,8 +72,7 @@ class SplitRows(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class RowDecomposition:
+class RowDecomposition(Record, frozen=True):
     """The rows of G taken apart: what they determine, what they leave free, and which of them are redundant.
 
     With D the scaling that gives rows the length 1: ``D G = U S V^T``, cut at the rank r. All arrays, given ones too,

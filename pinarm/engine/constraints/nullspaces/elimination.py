@@ -8,12 +8,12 @@ were alone. Which rows and columns to use, and in which order, is decided at one
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.nullspaces.nullspace import VANISHED
+from pinarm.records import Record
 
 Row = Mapping[int, Array]
 """A row of A: column -> coefficient, shape (n,), or (1,) where it is the same in all configurations."""
@@ -22,8 +22,7 @@ KEPT = 0.1
 """Part of itself that a pivot, or the determinant, keeps in systems that are like the one of the order."""
 
 
-@dataclass(frozen=True, eq=False)
-class Order:
+class Order(Record, frozen=True):
     """Pairs of a row and a column that determine as many unknowns as the rows can; redundant rows are in none.
 
     Attributes:
@@ -68,8 +67,7 @@ def dense(rows: Mapping[int, Row], shape: tuple[int, int]) -> Array:
     return matrix
 
 
-@dataclass(frozen=True, eq=False)
-class Elimination:
+class Elimination(Record, frozen=True):
     """Systems of equations taken apart.
 
     Attributes:

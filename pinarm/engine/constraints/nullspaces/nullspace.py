@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +18,10 @@ from pinarm.engine.constraints.nullspaces.dense_nullspace import (
     dense_parts,
     solved,
 )
+from pinarm.records import Record
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 __all__ = ["ACTS", "MANY", "RANK", "UNCLOSED", "VANISHED", "RowDecompositions", "SplitRows", "solved", "split_rows"]
 
@@ -35,8 +39,7 @@ def split_rows(rows: Array, reach: Array | float = 1.0) -> SplitRows:
     return RowDecomposition.of(rows, reach)
 
 
-@dataclass(frozen=True, eq=False)
-class RowDecompositions:
+class RowDecompositions(Record, frozen=True):
     """The rows of G taken apart at n configurations, those with the same rank together.
 
     Attributes:
@@ -57,6 +60,13 @@ class RowDecompositions:
         """
         return cls(_alike(rows, reach), rows.shape)
 
+    @classmethod
+    def of_many_joints(cls, rows: Sequence[csr_array], reach: Array) -> RowDecompositions:
+        """Return the parts of rows of many joints, n matrices G of shape (m, nv); see ``of``."""
+        from pinarm.engine.constraints.nullspaces.sparse_nullspace import sparse_parts
+
+        return cls(sparse_parts(rows, reach), (len(rows), *rows[0].shape))
+
     def multipliers(self, force: Array) -> Array:
         """Return what ``RowDecomposition.multipliers`` does, shape (n, m)."""
         return self.each(self.shape[1], lambda split, some: split.multipliers(some), force)
@@ -73,7 +83,9 @@ def _alike(rows: Array, reach: Array | float) -> Sequence[tuple[Indices, SplitRo
     """Return the parts of G at configurations, shape (n, m, nv), those with the same rank together."""
     m, nv = rows.shape[-2:]
     if m and nv > MANY:
+        from scipy.sparse import csr_array
+
         from pinarm.engine.constraints.nullspaces.sparse_nullspace import sparse_parts
 
-        return sparse_parts(rows, reach)
+        return sparse_parts(list(map(csr_array, rows)), reach)
     return dense_parts(rows, reach)

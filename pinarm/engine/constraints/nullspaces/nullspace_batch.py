@@ -7,7 +7,6 @@ dependent joints from independent ones; one of these at velocity 1, the others a
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +15,7 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.batch_jacobians import BLOCK, BatchJacobians
 from pinarm.engine.constraints.nullspaces.elimination import Elimination, Order, Row, dense
 from pinarm.engine.constraints.nullspaces.nullspace import MANY, VANISHED, split_rows
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.closure import Closure
@@ -66,8 +66,7 @@ def regular_order(matrix: Array, reach: Array) -> Order | None:
     return Order.of(matrix, split.rank, reach) if split.rank and split.regularity >= REGULAR else None
 
 
-@dataclass(frozen=True, eq=False)
-class BatchNullspace:
+class BatchNullspace(Record, frozen=True):
     """The rows of G taken apart at n configurations; see ``nullspace.RowDecomposition`` for a single one.
 
     Attributes:

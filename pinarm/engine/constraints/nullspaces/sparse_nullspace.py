@@ -5,7 +5,7 @@ As ``dense_nullspace.RowDecomposition``, with ``sparse_rows.BlockDecomposition``
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -110,17 +110,17 @@ def sparse_split(rows: Array, reach: Array | float) -> SplitRows:
     return SparseRowDecomposition([part[0]], [part[1]], [part[2]], ()) if part else RowDecomposition.of(rows, reach)
 
 
-def sparse_parts(rows: Array, reach: Array | float) -> list[tuple[Indices, SplitRows]]:
-    """Return the parts of G, shape (n, m, nv), at configurations with the same rank together.
+def sparse_parts(rows: Sequence[csr_array], reach: Array | float) -> list[tuple[Indices, SplitRows]]:
+    """Return the parts of G, n of shape (m, nv), at configurations with the same rank together.
 
     Where a block of rows does not tell the rank beyond doubt, singular values do.
     """
     found: list[tuple[Indices, SplitRows]] = []
     alike: dict[int, list[int]] = {}
-    parts = [_part(csr_array(matrix), reach) for matrix in rows]
+    parts = [_part(matrix, reach) for matrix in rows]
     for k, part in enumerate(parts):
         if part is None:
-            ((_, dense),) = dense_parts(rows[k : k + 1], reach)
+            ((_, dense),) = dense_parts(rows[k].toarray()[None], reach)
             found.append((np.array([k]), dense))
         else:
             alike.setdefault(part[1].rank, []).append(k)
@@ -139,7 +139,7 @@ def _part(rows: csr_array, reach: Array | float) -> tuple[Array, BlockDecomposit
     scaled.eliminate_zeros()
     largest = float(np.sqrt(abs(scaled).sum(axis=0).max() * abs(scaled).sum(axis=1).max()))
     blocks = BlockDecomposition.of(scaled, RANK * largest)
-    return (scale, blocks, csr_array(rows)) if rank_is_clear(blocks, largest) else None
+    return (scale, blocks, rows) if rank_is_clear(blocks, largest) else None
 
 
 def rank_is_clear(blocks: BlockDecomposition, largest: float) -> bool:
@@ -151,17 +151,16 @@ def rank_is_clear(blocks: BlockDecomposition, largest: float) -> bool:
     return bool(np.linalg.norm(x) < (RANK * largest) ** -2)
 
 
-def extreme_values(rows: Array) -> Array:
+def extreme_values(rows: csr_array) -> Array:
     """Return the largest and the smallest singular value of G that is not 0, shape (m, nv) to (min(m, nv),).
 
     They are at the places that they have in the order of all, which is descending; those between are not known and
     given as the largest, those behind as 0.
     """
-    values, sparse = np.zeros(min(rows.shape)), csr_array(rows)
-    found = _part(sparse, 0.0)
+    values, found = np.zeros(min(rows.shape)), _part(rows, 0.0)
     if found is None:
-        return np.asarray(np.linalg.svd(rows, compute_uv=False))
-    largest, smallest = BlockDecomposition.of(sparse, RANK * float(abs(rows).max(initial=0.0))).extremes(sparse)
+        return np.asarray(np.linalg.svd(rows.toarray(), compute_uv=False))
+    largest, smallest = BlockDecomposition.of(rows, RANK * float(abs(rows.data).max(initial=0.0))).extremes(rows)
     values[: found[1].rank] = largest
     values[found[1].rank - 1 : found[1].rank] = smallest
     return values

@@ -7,9 +7,10 @@ the table. The module of a method is imported when a method of it is made: a run
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Literal
+
+from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Method
@@ -20,8 +21,7 @@ Setting = Literal["tolerance", "step"]
 """The key of ``accuracy`` that decides the error of a method."""
 
 
-@dataclass(frozen=True)
-class Entry:
+class Entry(ValueRecord, frozen=True):
     """A method that scenarios may choose.
 
     Attributes:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pinarm.arrays import Array
 from pinarm.engine.integration.methods.explicit import Adaptive, AdaptiveStepper
 from pinarm.errors import MethodError
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Count, Energy, Interval, Manifold, Projection, Solution, Step

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solu
 from pinarm.engine.integration.step_control import FASTEST, HUGE, LOST, NOISE, TINY, growth, shrinkage
 from pinarm.engine.integration.tableaus import DOP853, DOPRI5, RK4, Tableau
 from pinarm.errors import MethodError
+from pinarm.records import ValueRecord, replace
 
 STIFF = 0.3
 """Share of steps at the stability limit from which a motion is reported as stiff for an explicit method."""
@@ -38,8 +38,7 @@ COARSE = 1e-3
 """Error of a fixed step, relative to ``size + |y|``, from which it is reported as too large."""
 
 
-@dataclass(frozen=True)
-class Adaptive:
+class Adaptive(ValueRecord, frozen=True):
     """An embedded Runge-Kutta pair with variable steps.
 
     Step: ``k_i = f(t + c_i h, y + h sum_j a_ij k_j)``, ``y + h sum_i b_i k_i``, with ``f = (velocity(q, v), a)``. With
@@ -121,8 +120,7 @@ def dopri5(tolerance: float) -> Adaptive:
     return Adaptive(tolerance, DOPRI5)
 
 
-@dataclass(frozen=True)
-class FixedStep:
+class FixedStep(ValueRecord, frozen=True):
     """Steps of fixed length, whatever the error; each interval is divided evenly into steps of at most ``step``.
 
     With ``RK4`` the classical method: ``y + h (k_1 + 2 k_2 + 2 k_3 + k_4) / 6``, order 4, dense output the cubic

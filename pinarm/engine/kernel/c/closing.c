@@ -166,14 +166,14 @@ int closing_settle(void *system, double time, double *y, double *slope) {
         c->floor = singular && !turns(c) ? c->limits.floor * c->step : 0.0;
         c->t = time;
         if ((c->near || c->tolerant.repeats > 0) && rates(c, y, slope) <= c->torn * c->torn)
-            return c->near;
+            return 1;
     }
     copy(t->nq + t->nv, c->saved, y);
     *c = before;
-    return -1;
+    return 0;
 }
 
 int closing_leave(void *system, double time, double *y, double *slope) {
     (void)system, (void)time, (void)y, (void)slope;
-    return -1;
+    return 0;
 }

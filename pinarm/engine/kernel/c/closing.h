@@ -35,9 +35,9 @@ typedef struct {
 /* The rates of a state y = [q, v], for the integrator: normalise q within y, and write [q', a]. */
 void closing_rates(void *system, double time, double *y, double *slope);
 
-/* Bring an accepted state onto the constraints and write its slope; return whether it is near a singular position.
- * Where the rank has grown, or the accelerations leave the constraints, leave all as it was and return -1. */
+/* Bring an accepted state onto the constraints, write its slope, and return 1.
+ * Where the rank has grown, or the accelerations leave the constraints, leave all as it was and return 0. */
 int closing_settle(void *system, double time, double *y, double *slope);
 
-/* Leave every accepted state to be settled elsewhere: return -1. */
+/* Leave every accepted state to be settled elsewhere: return 0. */
 int closing_leave(void *system, double time, double *y, double *slope);

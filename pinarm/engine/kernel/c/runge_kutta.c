@@ -72,14 +72,11 @@ static double ulp(double x) { return nextafter(x, INFINITY) - x; }
 static void accept(const flow *f, course *m, double taken, int last, int floored, const double *end, double *slopes) {
     const ptrdiff_t k = m->written++;
     m->starts[k] = m->t, m->lengths[k] = taken, m->ends[k] = last ? m->end : m->t + taken;
-    m->rejections[k] = m->rejected, m->floored[k] = floored, m->marks[k] = 0;
+    m->rejections[k] = m->rejected, m->floored[k] = floored;
     copy(f->n, m->y, m->states + k * f->n);
     copy(f->n, end, m->y);
     m->t = m->ends[k];
-    if (f->settle) {
-        m->marks[k] = f->settle(f->system, m->t, m->y, slopes);
-        m->handed = m->marks[k] < 0;
-    }
+    m->handed = f->settle && !f->settle(f->system, m->t, m->y, slopes);
 }
 
 void pair_steps(const pair *p, const flow *f, const control *c, course *m) {

@@ -20,8 +20,8 @@ typedef struct {
 } pair;
 
 /* What is integrated: y of n numbers. `rates` writes its slope, and projects y onto the space it belongs to. `settle`,
- * if there is one, brings an accepted state back onto constraints and writes its slope; it returns a mark of the state,
- * or less than 0, and leaves the state, where the steps have to end there. */
+ * if there is one, brings an accepted state back onto constraints, writes its slope and returns 1, or returns 0 and
+ * leaves the state, where the steps have to end there. */
 typedef struct {
     ptrdiff_t n;
     void (*rates)(void *system, double time, double *y, double *slope);
@@ -54,7 +54,7 @@ typedef struct {
     double *lengths;
     double *ends;
     ptrdiff_t *rejections;   /* steps rejected before each, since the beginning of the call, room */
-    int *floored, *marks;    /* whether each was accepted as rounding, and the mark of its end, room each */
+    int *floored;            /* whether each was accepted as rounding, room */
     double *states;          /* y at the start of each, room rows of n */
     double *slopes;          /* k_0 .. k_s of each, room + 1 blocks of s + 1 rows of n; the first k_0 is given */
 } course;

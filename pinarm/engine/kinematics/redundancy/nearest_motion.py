@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -25,6 +25,7 @@ from pinarm.errors import AssemblyError
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid, MotionLaw
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism

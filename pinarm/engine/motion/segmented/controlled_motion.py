@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from pinarm.input.units import unit
 from pinarm.mechanics.control.controller import Controller
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import replace
 
 UNITS = {
     "voltage": unit("V"),

@@ -9,7 +9,6 @@ freedom dynamics, 1988). A restitution of 1 keeps the energy. Stops push only: t
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -23,6 +22,7 @@ from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.records import Record, ValueRecord
 
 RESTING = 1e-6
 """Velocity after an impact that is taken for rest [rad/s or m/s]: what is left to rise is 1e-13 m under gravity."""
@@ -73,8 +73,7 @@ class Stop(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Bound:
+class Bound(ValueRecord, frozen=True):
     """One side of a joint's range.
 
     Attributes:
@@ -124,8 +123,7 @@ class Bound:
         return SLACK * (1.0 + abs(self.limit))
 
 
-@dataclass(frozen=True, eq=False)
-class Contacts:
+class Contacts(Record, frozen=True):
     """The stops of a mechanism.
 
     Attributes:

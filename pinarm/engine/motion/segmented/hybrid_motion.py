@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
@@ -38,6 +38,7 @@ from pinarm.mechanics.forces.force_element import ForceElement, refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.control.controls import Controls
@@ -144,18 +145,24 @@ class HybridSystem:
 
     def _with_stops(self, held: Held) -> PrescribedCoordinates:
         """Return the coordinates that follow laws, and those of joints that rest on stops."""
-        bounds = [bound for k in sorted(held) if isinstance(bound := self.bounds[k], Bound)]
+        bounds = self._stops(held)
         return PrescribedCoordinates(
             (*self.prescribed.names, *(bound.name for bound in bounds)),
             (*self.prescribed.coordinates, *(bound.coordinate for bound in bounds)),
             (*self.prescribed.laws, *(Constant(value=bound.limit) for bound in bounds)),
         )
 
+    def _stops(self, held: Held) -> list[Bound]:
+        """Return the stops of joints among what is held."""
+        return [bound for k in sorted(held) if isinstance(bound := self.bounds[k], Bound)]
+
     def friction(self, held: Held) -> StickSlip:
         """Return the joints with friction while joints rest on the given stops."""
         from pinarm.engine.motion.segmented.stick_slip import StickSlip
 
-        return StickSlip(self.frictions, self.closure_of(held), self.dynamics, self._with_stops(held))
+        return StickSlip(
+            self.frictions, self.closure_of(held), self.dynamics, self._with_stops(held), self._stops(held)
+        )
 
     def stretch(self, mode: Mode, t: float, q: Array, v: Array) -> System:
         """Return what is integrated in a mode that begins in a state of the mechanism."""
@@ -163,8 +170,8 @@ class HybridSystem:
             return self.system(mode.held)
         from pinarm.engine.motion.systems.frictional import FrictionalSystem
 
-        friction, span = self.friction(mode.held), self._span(t)
-        held = friction.held(mode.slip, q, lambda: friction.sliding(mode.slip, span).equation.at(t, q, v))
+        friction = self.friction(mode.held)
+        held = friction.held(mode.slip, self._span(t), q)
         inner = self._built(mode.held, held, replace(self.initial, q=q, v=v))
         return FrictionalSystem(friction, mode.slip, inner, self.cuts)
 
@@ -342,6 +349,7 @@ class HybridSystem:
             v = self.contacts.impact(t, q, v, approached)
         mode = self.mode(t, q, v)
         while (end := self.integrate_segment(motion, mode, t, q, v, first)) is not None:
+            motion.require_progress()
             t, q, v, first = end.t, end.q, end.v, None
             if end.stops:
                 break
@@ -386,6 +394,8 @@ class HybridSystem:
         if end.slip is None:
             return v, self.mode(t, q, v, mode.held & self.separations)
         v, slip = self.friction(mode.held).switched(self._span(t), q, v, mode.slip, end.slip)
+        if self.at_rest(q, v) - mode.held:  # a rebound so small that it ends where the stop is, but for rounding
+            return v, self.mode(t, q, v, mode.held & self.separations)
         return v, Mode(mode.held, slip)
 
     def _slip(self, held: Held, t: float, q: Array, v: Array) -> Slip:
@@ -411,7 +421,7 @@ class HybridSystem:
         try:
             solution = first() if first else integrate(*given, max_steps=steps, watches=watches, steps_over=steps_over)
         except (IntegrationError, Interrupted) as error:
-            if error.partial.steps:
+            if error.partial and error.partial.steps:
                 motion.segments.append(MotionSegment(system, error.partial, acting, self._holding(mode.held)))
             error.partial = motion if motion.segments else None
             self._locate(error, system)
@@ -514,7 +524,8 @@ class HybridSystem:
     def push(self, system: System, k: int, t: Array, q: Array, v: Array) -> Array:
         """Return the push of a stop that is rested on, at states of one interval [N*m or N], shape (n,)."""
         span = (float(t[0]), float(t[-1]) if len(t) > 1 else self._span(float(t[0]))[1])
-        motion, bound = system.complete(self.dynamics, Grid(t, span, (0, len(t))), *system.part(q, v)), self.bounds[k]
+        complete = system.tried if self.frictions else system.complete  # type: ignore[attr-defined]
+        motion, bound = complete(self.dynamics, Grid(t, span, (0, len(t))), *system.part(q, v)), self.bounds[k]
         if isinstance(bound, Bound):
             return np.asarray(bound.side * motion.tau[:, bound.joint])
         return np.asarray(bound.side * np.asarray(motion.lam)[:, system.closure.slices()[bound.name].start])

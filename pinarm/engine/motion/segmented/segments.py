@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import field
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.systems import CompletedStates, System
 from pinarm.engine.motion.trajectory import EventRecord
+from pinarm.errors import IntegrationError
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Solution
 
 
-@dataclass(frozen=True, eq=False)
-class MotionSegment:
+CROWDED = 200
+"""Number of segments that together take longer than rounding: a machine has far fewer events at one instant."""
+
+
+class MotionSegment(Record, frozen=True):
     """A part of a motion during which the same constraints hold.
 
     Attributes:
@@ -34,8 +40,7 @@ class MotionSegment:
     holding: Flags
 
 
-@dataclass(frozen=True, eq=False)
-class SegmentedMotion:
+class SegmentedMotion(Record, frozen=True):
     """An integrated motion: segments, end to end.
 
     Attributes:
@@ -62,6 +67,22 @@ class SegmentedMotion:
     def size(self) -> float:
         """Return the largest coordinate or velocity that was integrated, in SI."""
         return max(segment.solution.size for segment in self.segments)
+
+    def require_progress(self) -> None:
+        """Raise where events follow one another without end, at one instant but for rounding.
+
+        Raises:
+            IntegrationError: The last ``CROWDED`` segments take no time.
+        """
+        if len(self.segments) <= CROWDED:
+            return
+        before, end = self.segments[-1 - CROWDED].solution.end, self.end
+        if end - before <= CROWDED * math.ulp(max(abs(before), abs(end))):
+            raise IntegrationError(
+                f"the integration cannot go on at t = {end:.12g} s: {CROWDED} events follow one another there",
+                hint="look for a controller, a stop or friction that switches back as soon as it has switched",
+                partial=self, t=end,
+            )  # fmt: skip
 
     def complete(self, grid: Grid) -> CompletedStates:
         """Return the motion at the rows of a grid whose intervals do not reach over seams."""

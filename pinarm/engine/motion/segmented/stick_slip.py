@@ -7,7 +7,7 @@ friction that holds a joint reaches its bound.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -21,7 +21,6 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.friction.balance import SlipGroup, companions
-from pinarm.engine.friction.response import SlipResponse
 from pinarm.engine.friction.sliding import SlidingFriction
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.friction.switching import decided
@@ -37,9 +36,14 @@ from pinarm.mechanics.friction.slip_vectors import same_joint, several, sizes, u
 from pinarm.mechanics.laws import Constant
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
+    from pinarm.engine.motion.segmented.end_stops import Bound
     from pinarm.engine.motion.systems.frictional import FrictionalSystem
+
+ALIKE = 1e-9
+"""Difference from 1 of the cosine between motions that rounding leaves, and of slips that take place together."""
+
+INSTANTS = np.array([0.0, 0.0823, 0.2391, 0.3817, 0.5379, 0.6181, 0.7639, 0.9103, 1.0])
+"""Parts of an interval at which laws are looked at for whether they rest: uneven, not to meet a period."""
 
 TURNING = 1e-6
 """Slip [rad/s or m/s] above which one with several components has turned rather than come to rest: the instant is
@@ -55,12 +59,14 @@ class StickSlip:
         closure: Constraints of the mechanism.
         dynamics: The equation of motion without this friction.
         prescribed: Coordinates that follow laws, stops that are rested on included.
+        stops: These stops.
     """
 
     contacts: Sequence[FrictionContact]
     closure: Closure
     dynamics: Dynamics
     prescribed: PrescribedCoordinates
+    stops: Sequence[Bound] = ()
 
     @cached_property
     def rows(self) -> Closure:
@@ -130,15 +136,15 @@ class StickSlip:
         mass = mass_matrix(model, q)
         return solve(split, mass, mass @ v, target)
 
-    def held(self, slip: Slip, q: Array, response: Callable[[], SlipResponse]) -> PrescribedCoordinates:
+    def held(self, slip: Slip, span: tuple[float, float], q: Array) -> PrescribedCoordinates:
         """Return the coordinates that follow laws, and those of joints that friction holds where they are.
 
         Args:
             slip: What joints do.
+            span: Interval of time without jumps.
             q: Where, shape (nq,).
-            response: Returns what friction does there.
         """
-        coordinates = [self._standing(group, response) for group in slip.stuck]
+        coordinates = list(self._standing(slip.stuck, span, q)) if slip.stuck else []
         state = self.closure.state(q)
         return PrescribedCoordinates(
             (*self.prescribed.names, *(f"{self.contacts[group.first].name}, stuck" for group in slip.stuck)),
@@ -146,17 +152,53 @@ class StickSlip:
             (*self.prescribed.laws, *(Constant(value=coordinate.value(state)) for coordinate in coordinates)),
         )
 
-    def _standing(self, group: SlipGroup, response: Callable[[], SlipResponse]) -> Coordinate:
-        """Return a coordinate that stands still if and only if a group does: of a joint, or a sum of joints."""
+    def _standing(self, groups: Sequence[SlipGroup], span: tuple[float, float], q: Array) -> Iterator[Coordinate]:
+        """Yield coordinates that stand still if and only if groups do: of joints, or sums of joints.
+
+        Raises:
+            DynamicsError: There is none of a group, or its members do not stand still together while a law moves.
+        """
+        free = self._possible_motions(span, q)
+        slips = slip_rows(self.closure.model, self.contacts, q[None])[0] @ free
+        for group in groups:
+            first, members = slips[group.first], list(group.members)
+            apart = np.abs(slips[members] - np.outer(group.ratios, first)).max()
+            if apart > ALIKE * np.abs(slips[members]).max():
+                names = ", ".join(dict.fromkeys(self.contacts[i].name for i in members))
+                raise DynamicsError(
+                    f"friction holds {names} at one instant, and a law moves them against each other from then on",
+                    expected="one of them at rest under friction while a law moves what they hold",
+                )
+            yield self._standing_coordinate(group, first, free)
+
+    def _possible_motions(self, span: tuple[float, float], q: Array) -> Array:
+        """Return a basis of the motions that constraints and laws at rest on an interval allow, shape (nv, m)."""
+        prescribed, instants = self.prescribed, span[0] + (span[1] - span[0]) * INSTANTS
+        laws = (law.on(*span)(instants) for law in prescribed.laws)
+        resting = [k for k, (_, *rates) in enumerate(laws) if not np.any(rates)]
+        closure = self.closure.with_guides(
+            [prescribed.names[k] for k in resting], [prescribed.coordinates[k] for k in resting]
+        )
+        return split_rows(closure.rows(closure.state(q))).free
+
+    def _standing_coordinate(self, group: SlipGroup, slip: Array, free: Array) -> Coordinate:
+        """Return a coordinate that stands still if and only if a group does.
+
+        Args:
+            group: The group.
+            slip: ``J T`` of its first member, shape (m,).
+            free: T, the possible motions, shape (nv, m).
+
+        Raises:
+            DynamicsError: There is none.
+        """
         for contact in (self.contacts[i] for i in group.members):
             if isinstance(contact, JointContact) and not contact.part:
                 return coordinate_at(self.closure.model, contact.v)
-        found = response()
-        slip, free = found.slips[group.first], found.free
         sizes = np.linalg.norm(free, axis=1)
         cosines = np.abs(free @ slip) / np.maximum(sizes * np.linalg.norm(slip), np.finfo(float).tiny)
-        best = int(np.where(cosines > 1.0 - 1e-9, sizes, 0.0).argmax())
-        if cosines[best] >= 1.0 - 1e-9:
+        best = int(np.where(cosines > 1.0 - ALIKE, sizes, 0.0).argmax())
+        if cosines[best] >= 1.0 - ALIKE:
             return coordinate_at(self.closure.model, best)
         for contact in (self.contacts[i] for i in group.members):
             if isinstance(contact, CouplingContact):

@@ -6,7 +6,6 @@ The equations are those of ``systems.constrained``. Arrays have the rows of the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspaces.elimination import dense
 from pinarm.engine.constraints.nullspaces.nullspace_batch import BatchNullspace, regular_order
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.records import Record
 
 CLOSED = 1e-13
 """Gap at which a state counts as closed [m or rad]; one step more ends at rounding."""
@@ -36,8 +36,7 @@ Solved = tuple[Flags, Sequence[Array]]
 """Which rows have been solved, shape (n,), and of these q, v, a and the efforts, shapes (s, nq), (s, nv) and (s, k)."""
 
 
-@dataclass(frozen=True, eq=False)
-class BatchRows:
+class BatchRows(Record, frozen=True):
     """Rows under the constraints of a mechanism, some of whose coordinates follow laws.
 
     Attributes:

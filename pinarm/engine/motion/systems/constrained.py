@@ -207,9 +207,8 @@ class ConstrainedSystem:
         mass, still, size = mass_matrices(model, q), np.zeros_like(v), max(1.0, rows.extent)
         whole = size + np.abs(values).max(axis=1)
         for _ in range(ITERATIONS):
-            gaps, matrices = rows.at(q)
-            gaps, splits = values - gaps, rows.splits(q, matrices)
-            gaps = self._closable(gaps, splits, whole)
+            gaps, splits = rows.apart(q)
+            gaps = self._closable(values - gaps, splits, whole)
             torn = np.abs(gaps).max(axis=1)
             if polished or (torn <= ROUNDED * whole).all():
                 return q, solve_each(splits, mass, np.matvec(mass, v), self.rates(dw)), splits

@@ -7,24 +7,26 @@ they may hold of it as well.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.constraint import one_sided
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.friction.balance import FrictionSolution
+from pinarm.engine.friction.extremes import filled, held_part, pushing_part
 from pinarm.engine.friction.sliding import SlidingFriction
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
 from pinarm.errors import IntegrationError
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.friction.contact import slip_rows
+from pinarm.mechanics.friction.slip_vectors import sizes
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Interval, Manifold
@@ -35,6 +37,20 @@ EXCEEDED = 1e-6
 
 FRICTION = "friction"
 """Name of the force element of joints that slip."""
+
+
+class SolvedRows(NamedTuple):
+    """Friction of some rows.
+
+    Attributes:
+        rows: The rows.
+        sliding: What slips there.
+        solutions: The friction of all joints, row by row.
+    """
+
+    rows: slice
+    sliding: SlidingFriction
+    solutions: list[FrictionSolution]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,46 +111,56 @@ class FrictionalSystem:
         return self.inner.whole(t, q, v)
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
-        """Return the motion with the friction of all joints, and with the efforts of what follows laws."""
-        slowed = self.slowed(dynamics)
-        found = self.inner.complete(slowed, grid, q, v)
-        friction, extremes = np.zeros((len(q), len(self.friction.contacts))), list[Array]()
-        for local, rows in ((one.forces[FRICTION], rows) for rows, one in parts(slowed, grid)):
-            assert isinstance(local, SlidingFriction)
-            states = grid.t[rows], found.q[rows], found.v[rows]
-            solutions = local.solutions(*states)
-            for i, solution in zip(range(rows.start, rows.stop), solutions, strict=True):
-                friction[i] = self._within_bounds(solution, grid.t[i])
-            extremes += local.extremes(*states, solutions) if self._shares else []
-        demand = np.concatenate(
-            [
-                one.inverse(grid.t[rows], found.q[rows], found.v[rows], found.a[rows])
-                for rows, one in parts(dynamics, grid)
-            ]
-        )
-        told = self._under(found, grid.t, demand, friction)
-        others = []
-        for other in (self._under(found, grid.t, demand, each) for each in filled(friction, extremes)):
-            part = self._holding_part(told, other)[:, None]
-            within = friction + part * (other.friction - friction)
-            others.append(other if (part == 1.0).all() else self._under(found, grid.t, demand, within))
-        return replace(told, others=tuple(others))
+        """Return the motion with the friction of all joints, and with the efforts of what follows laws.
 
-    def _holding_part(self, told: CompletedStates, other: CompletedStates) -> Array:
-        """Return how far from the told friction to another one constraints that push or pull only hold, shape (n,)."""
-        found, slices = np.ones(len(told.q)), self.closure.slices()
-        for constraint in one_sided(self.closure.constraints):
-            row = slices[constraint.name].start
-            now, then = (constraint.side * np.asarray(states.lam)[:, row] for states in (told, other))
-            gone = (then < 0.0) & (now >= 0.0)
-            found = np.minimum(found, np.divide(now, now - then, out=np.ones_like(now), where=gone))
-        return found
+        Raises:
+            IntegrationError: What holds a joint exceeds its bound.
+        """
+        inner, solved = self._solved(dynamics, grid, q, v)
+        extremes = list[Array]()
+        for rows, local, solutions in solved:
+            for solution, t in zip(solutions, grid.t[rows].tolist(), strict=True):
+                self._require_within_bounds(solution, t)
+            extremes += local.extremes(grid.t[rows], inner.q[rows], inner.v[rows], solutions) if self._open else []
+        demand = _demand(dynamics, grid, inner)
+        states, others = self._under(inner, grid.t, demand, self._friction(solved)), []
+        for friction in filled(states.friction, extremes):
+            other = self._under(inner, grid.t, demand, friction)
+            part = held_part(self.closure, states.lam, other.lam)
+            for stop in self.friction.stops:
+                part = np.minimum(part, pushing_part(*(stop.side * x.tau[:, stop.joint] for x in (states, other))))
+            part = part[:, None]
+            within = states.friction + part * (friction - states.friction)
+            others.append(self._under(inner, grid.t, demand, within))
+        return replace(states, others=tuple(others))
+
+    def tried(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
+        """Return the same in states in which what holds a joint may exceed its bound, as beyond a switch."""
+        inner, solved = self._solved(dynamics, grid, q, v)
+        return self._under(inner, grid.t, _demand(dynamics, grid, inner), self._friction(solved))
+
+    def _solved(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> tuple[CompletedStates, list[SolvedRows]]:
+        """Return the motion under the friction of what slips, and the friction of all joints."""
+        sliding = replace(self.sliding_at(*self.cuts[:2]), known={})  # as all rows are asked for several times
+        slowed = Dynamics.of(dynamics.model, {**dynamics.forces, FRICTION: sliding})
+        inner, solved = self.inner.complete(slowed, grid, q, v), list[SolvedRows]()
+        for rows, local in ((rows, one.forces[FRICTION]) for rows, one in parts(slowed, grid)):
+            assert isinstance(local, SlidingFriction)
+            solved.append(SolvedRows(rows, local, local.solutions(grid.t[rows], inner.q[rows], inner.v[rows])))
+        return inner, solved
+
+    def _friction(self, solved: Sequence[SolvedRows]) -> Array:
+        """Return the friction of all rows, shape (n, k)."""
+        each = [solution.f for part in solved for solution in part.solutions]
+        return np.array(each).reshape(-1, len(self.friction.contacts))
 
     @property
-    def _shares(self) -> bool:
-        """Whether several joints at rest hold one motion."""
-        contacts = self.friction.contacts
-        return any(len({contacts[i].name for i in group.members}) > 1 for group in self.slip.stuck)
+    def _open(self) -> bool:
+        """Whether several joints at rest hold one motion, or laws and stops hold joints with friction at rest."""
+        contacts, grouped = self.friction.contacts, {i for group in self.slip.stuck for i in group.members}
+        moving = sizes(contacts, np.array(self.slip.direction, float)) > 0.0
+        shares = any(len({contacts[i].name for i in group.members}) > 1 for group in self.slip.stuck)
+        return shares or any(not moves and i not in grouped for i, moves in enumerate(moving.tolist()))
 
     def _under(self, states: CompletedStates, t: Array, demand: Array, friction: Array) -> CompletedStates:
         """Return states with the efforts and multipliers under friction of all joints, shape (n, k)."""
@@ -142,11 +168,11 @@ class FrictionalSystem:
         tau, lam = self._efforts(t, states.q, demand - np.vecmat(friction, rows))
         return replace(states, tau=tau, lam=lam, friction=friction)
 
-    def _within_bounds(self, solution: FrictionSolution, t: float) -> Array:
-        """Return the friction of a row, shape (k,).
+    def _require_within_bounds(self, solution: FrictionSolution, t: float) -> None:
+        """Raise where a step has gone past the switch of a joint.
 
         Raises:
-            IntegrationError: What holds a joint exceeds its bound: a step has gone past the switch.
+            IntegrationError: What holds it exceeds its bound.
         """
         beyond = np.abs(solution.held) > solution.bounds * (1.0 + EXCEEDED)
         for group, over in zip(self.slip.stuck, beyond, strict=True):
@@ -156,7 +182,6 @@ class FrictionalSystem:
                     "bound: a step has gone past the instant at which it breaks loose",
                     expected="steps short enough for the loads that act on joints at rest", hint="accuracy.tolerance",
                 )  # fmt: skip
-        return solution.f
 
     def _efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
         prescribed, own = self.friction.prescribed, self.friction.closure
@@ -172,13 +197,10 @@ class FrictionalSystem:
         return SelectedDrives(linear, others, own, self.closure).efforts(t, q, demand)
 
 
-def filled(told: Array, extremes: Sequence[Array]) -> list[Array]:
-    """Return other frictions of n rows, shape (n, k) each, by those of each row, shape (e, k); told ones fill up."""
-    found = [told.copy() for _ in range(max(map(len, extremes), default=0))]
-    for row, frictions in enumerate(extremes):
-        for other, friction in zip(found, frictions, strict=False):
-            other[row] = friction
-    return found
+def _demand(dynamics: Dynamics, grid: Grid, states: CompletedStates) -> Array:
+    """Return ``M a + nle - loads`` without friction that sticks [N*m or N], shape (n, nv)."""
+    return np.concatenate([one.inverse(grid.t[rows], states.q[rows], states.v[rows], states.a[rows])
+                           for rows, one in parts(dynamics, grid)])  # fmt: skip
 
 
 def remarks_on_rest(systems: Iterable[System]) -> list[str]:

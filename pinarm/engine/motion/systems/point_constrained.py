@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pinarm.arrays import Array
@@ -14,14 +13,14 @@ from pinarm.engine.motion.systems.constrained import ConstrainedSystem
 from pinarm.engine.motion.systems.point_motion import PointMotion
 from pinarm.engine.motion.systems.system import CompletedStates, Initial
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.dynamics.many_points import ManyPointConstraints
     from pinarm.engine.kernel.library import Flow
 
 
-@dataclass(frozen=True, eq=False)
-class PointSystem:
+class PointSystem(Record, frozen=True):
     """The whole state of a mechanism whose loops are closed by points.
 
     Attributes:

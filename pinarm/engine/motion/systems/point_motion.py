@@ -67,7 +67,9 @@ class PointMotion:
         self.near, self.rank, self.looked, self.rows = True, 0, False, np.empty((0, 0))
         self.regular, self.singular, self.open = 0.0, True, 0.0
         self.t, self.step, self.least = -np.inf, 0.0, 0.0
-        self.choices: dict[float, tuple[bool, int]] = {}
+        self.ranks: dict[float, int] = {}
+        self.unchecked = np.nan
+        """Instant of an accepted state whose acceleration is still to be looked at, when it is first asked for [s]."""
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration, near singular positions that of the closed state."""
@@ -84,7 +86,8 @@ class PointMotion:
             v = self.tangent(v)
         tolerant = self.tolerant if not self.near and self.rank < self.points.tied.rank else None
         a = (tolerant[1] if tolerant else self.free)(t, q, v)
-        if t == self.t:
+        if t == self.unchecked:  # stages of steps that end there are not closed
+            self.unchecked = np.nan
             require_closed_accelerations(self.rows, a, self.points.right(), t, q)
         return a
 
@@ -130,7 +133,6 @@ class PointMotion:
             changes.append(pin.difference(model, beside, closed))
         self.points.factorise(pin.integrate(model, q, ACROSS @ np.array(changes)))
         self.open = float(np.linalg.norm(self.points.gap()))
-        self.require_known_way(t)
         return np.asarray(ACROSS @ np.array(accelerations))
 
     def floor(self) -> float:
@@ -149,24 +151,30 @@ class PointMotion:
         if not self.singular and self.t > -np.inf:
             self.step = t - self.t
         self.least = FLOOR * self.step if self.singular else 0.0
-        self.t = t
-        self.choices[t] = self.near, self.rank
+        self.t = self.unchecked = t
+        self.ranks[t] = self.rank
+        self.require_known_way(t)
         return q, v
 
-    def chosen(self, t: float) -> tuple[bool, int]:
-        """Return whether stages are closed in the step that begins at t, and the rank; at first they are."""
-        return self.choices.get(t, (True, self.rank))
+    def rank_at(self, t: float) -> int:
+        """Return the rank of the rows in the step that begins at t [s]."""
+        return self.ranks.get(t, self.rank)
 
     def since(self, t: float) -> Acceleration:
-        """Return the acceleration as it was chosen at the start of a step, at the first instant as close as can be."""
-        chosen = self.chosen(t)
+        """Return the acceleration for the dense output of the step that begins at t [s], which closes each state.
+
+        The error of a step says nothing of the further stages of its dense output: in a long step that passes a
+        singular position in one go they may lie right beside it, where states that are a little open have accelerations
+        of any size.
+        """
+        chosen = True, self.rank_at(t)
 
         def acceleration(instant: float, q: Array, v: Array) -> Array:
-            now, (self.near, self.rank) = (self.near, self.rank), chosen
+            now, (self.near, self.rank) = (self.near, self.rank, self.open), chosen
             try:
                 return self.acceleration(instant, q, v)
             finally:
-                self.near, self.rank = now
+                self.near, self.rank, self.open = now
 
         return acceleration
 

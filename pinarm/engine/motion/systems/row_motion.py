@@ -40,8 +40,10 @@ class RowMotion:
     """
 
     def __init__(self, rows: Closure, settled: Settled, dynamics: Dynamics, targets: Targets) -> None:
-        self.rows, self.settled, self.dynamics, self.targets, self.t = rows, settled, dynamics, targets, -np.inf
+        self.rows, self.settled, self.dynamics, self.targets = rows, settled, dynamics, targets
         self.rank, self.begun, self.close = 0, False, False
+        self.unchecked = np.nan
+        """Instant of an accepted state whose acceleration is still to be looked at, when it is first asked for [s]."""
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration."""
@@ -51,7 +53,8 @@ class RowMotion:
         right[len(right) - len(ddw) :] += ddw
         force = dynamics.loads(t, q, v) - pin.nonLinearEffects(dynamics.model, dynamics.data, q, v)
         a = solve(closure.split(rows), mass_matrix(dynamics.model, q), force, right)
-        if t == self.t:
+        if t == self.unchecked:  # stages of steps that end there are not closed
+            self.unchecked = np.nan
             require_closed_accelerations(rows, a, right, t, q)
         return a
 
@@ -61,7 +64,7 @@ class RowMotion:
         closed, rates, splits = self.settled(q[None], v[None], w[None], dw[None], np.array([t]))
         ((_, split),) = splits.parts
         self._require_apart(t, closed[0], self.rows.values_of(split.rows[0])[: split.rank])
-        self.t = t
+        self.unchecked = t
         return closed[0], rates[0]
 
     def _require_apart(self, t: float, q: Array, values: Array) -> None:

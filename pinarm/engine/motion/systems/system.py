@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
+from msgspec import field
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Interval, Manifold
@@ -20,8 +21,7 @@ if TYPE_CHECKING:
     from pinarm.mechanics.joints import Joint
 
 
-@dataclass(frozen=True, eq=False)
-class Initial:
+class Initial(Record, frozen=True):
     """The state that a motion begins with, as far as it is given.
 
     Attributes:
@@ -57,8 +57,7 @@ class Follower(NamedTuple):
     velocity: bool
 
 
-@dataclass(frozen=True, eq=False)
-class CompletedStates:
+class CompletedStates(Record, frozen=True):
     """The motion of a mechanism at the rows of a grid.
 
     Attributes:

@@ -23,13 +23,13 @@ class CouplingQuantities(WrenchFamily):
 
     element: ClassVar[str] = "C"
     meanings: ClassVar[Mapping[str, str]] = {
-        "effort": "multiplier: effort at its second joint",
-        "force": "force of the first member on the second, where they touch",
-        "moment": "moment of the first member on the second, about the point where they touch",
+        "effort": "multiplier: effort at its second joint, without friction",
+        "force": "force of the first member on the second, where they touch, friction included",
+        "moment": "moment of the first member on the second, about the point where they touch, friction included",
         "tangential": "force of the teeth along the pitch circle", "radial": "force of the teeth towards the axis",
-        "axial": "force of the teeth, or of a thread, along the axis",
+        "axial": "force of the teeth, or of a thread with its friction, along the axis",
         "separating": "force of bevel teeth along the normal of the pitch cone",
-        "torque": "moment of the thread about its axis",
+        "torque": "moment of the thread about its axis, friction included",
         "tight": "tension of the strand that pulls", "slack": "tension of the other strand",
         "normal": "contact force of a cam on its follower, along the normal; negative where it would have to pull",
         "pressure_angle": "angle from the direction in which a cam's follower moves to the normal of the contact",
@@ -65,7 +65,10 @@ class CouplingQuantities(WrenchFamily):
         if part not in coupling.parts():
             raise asked.unknown
         doubt = self.doubt(asked, [] if part in GEOMETRY else added)
-        return Series(asked.name, coupling.parts()[part], coupling.part(part, self.run.q, lam), doubt)
+        values = coupling.part(part, self.run.q, lam)
+        for contact, friction in reactions.friction_of(asked.of):
+            values = values + contact.part(part, friction)
+        return Series(asked.name, coupling.parts()[part], values, doubt)
 
 
 def coupling_parts(coupling: JointRelation) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -19,6 +19,7 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import Joint
+from pinarm.records import replace
 
 AT_PARENT = "at_parent"
 """Asks for the moment of a joint about its place on the parent: where a joint slides, the child's origin moves."""
@@ -35,7 +36,7 @@ class JointQuantities(WrenchFamily):
     meanings: ClassVar[Mapping[str, str]] = {
         "position": "coordinate of the joint", "velocity": "its rate", "acceleration": "its second derivative",
         "effort": "effort of the joint's drive, its rotor's share included; of a joint without a drive, of the "
-                  "couplings that move it",
+                  "couplings that move it; of an elastic gear, what it gives",
         "link_effort": "what of the effort reaches the links: without armature * acceleration",
         "power": "effort times velocity",
         "force": "force of the parent on the child, at the child's origin",
@@ -74,7 +75,7 @@ class JointQuantities(WrenchFamily):
         self.require_efforts(asked)
         effort = self.run.effort(joint.v)
         if asked.part in EFFORTS:
-            armature = float(mechanism.model.armature[joint.v]) if asked.part == "link_effort" else 0.0
+            armature = self.run.armature(joint.v) if asked.part == "link_effort" else 0.0
             values, unit = effort - armature * self.run.a[..., joint.v], effort_unit(joint)
         elif asked.part == "power":
             values, unit = effort * self.run.v[..., joint.v], WATT

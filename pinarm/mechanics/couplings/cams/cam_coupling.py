@@ -139,6 +139,12 @@ class CamCoupling(JointRelation):
         """Whether the contact is known."""
         return self.contact is not None
 
+    @property
+    def second(self) -> int:
+        """That of the follower."""
+        assert self.contact is not None
+        return self.contact.plane.pair.second.body
+
     def unit(self, row: int) -> Unit:
         """Return the unit of the follower's joint."""
         return self.follower_joint.unit
@@ -242,6 +248,14 @@ class CamCoupling(JointRelation):
         """How they touch all along the profile; the contact must be known."""
         assert self.contact is not None
         return self.contact.touch(self.profile(sample_range(self.profile)))
+
+    @property
+    def shape(self) -> Array:
+        """The outline of the cam in its carrier where the cam's joint is at 0 [m], shape (n, 3); see ``outline``."""
+        assert self.contact is not None
+        plane, (turning, _) = self.contact.plane, self.contact.senses
+        points = self.outline.point * np.exp(-1j * turning * sample_range(self.profile))
+        return plane.origin + plane.vectors(points)
 
     def flawed(self, q: Array) -> Flags:
         """Return where the outline of the cam is undercut."""

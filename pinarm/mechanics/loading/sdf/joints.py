@@ -9,7 +9,7 @@ Source: SDFormat 1.12, specification of joint.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element
 
@@ -20,6 +20,7 @@ from pinarm.arrays import Array
 from pinarm.errors import ModelError, choices
 from pinarm.mechanics.loading.model_tree import Bounds, Kind, Mimic, TreeJoint
 from pinarm.mechanics.loading.sdf.poses import MODEL, TRUE, Frames, number_in, numbers_of, text_of
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.loops.kinds import Loop

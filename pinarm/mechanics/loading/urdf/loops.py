@@ -15,7 +15,6 @@ Sources: M. Chignoli, J.-J. Slotine, P. Wensing, S. Kim, *URDF+: An Enhanced URD
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element
 
@@ -29,6 +28,7 @@ from pinarm.mechanics.loading.sdf.joints import GEARBOX, joint_in
 from pinarm.mechanics.loading.sdf.poses import MODEL, Frames, pose_of, text_of
 from pinarm.mechanics.loading.urdf.elements import axis_of, number_of, placement_of
 from pinarm.mechanics.loading.urdf.names import gazebo_joints
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.couplings.kinds import CouplingDefinition

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -27,6 +26,7 @@ from pinarm.mechanics.loading.model_tree import (
 )
 from pinarm.mechanics.loading.urdf.elements import axis_of, number_of, placement_of
 from pinarm.mechanics.loading.urdf.names import check_once, closes_loops, urdf_names
+from pinarm.records import replace
 
 KINDS: Mapping[str, Kind] = {
     "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "planar": "planar",

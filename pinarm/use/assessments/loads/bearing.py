@@ -79,8 +79,10 @@ class RollingBearing(InputStruct, frozen=True):
     def equivalent(self, rows: Quantities, joint: LoadedJoint) -> Array:
         """Return P [N], shape (n,); components with a factor of 0 need not be determined."""
         nothing = np.zeros(len(rows.trajectory))
-        radial = rows[f"{joint.prefix}.force.radial"].values if self.X or self.e is not None else nothing
-        axial = np.abs(rows[f"{joint.prefix}.force.axial"].values) if self.Y or self.e is not None else nothing
+        radial = rows.determined(f"{joint.prefix}.force.radial").values if self.X or self.e is not None else nothing
+        axial = (
+            np.abs(rows.determined(f"{joint.prefix}.force.axial").values) if self.Y or self.e is not None else nothing
+        )
         combined = self.X * radial + self.Y * axial
         return combined if self.e is None else np.where(axial <= self.e * radial, radial, combined)
 
@@ -148,7 +150,7 @@ class PlainBearing(InputStruct, frozen=True):
 
     def pressure(self, rows: Quantities, joint: LoadedJoint) -> Array:
         """Return the mean pressure on the projected area [Pa], shape (n,)."""
-        return np.asarray(rows[f"{joint.prefix}.force.radial"].values / (self.diameter * self.length))
+        return np.asarray(rows.determined(f"{joint.prefix}.force.radial").values / (self.diameter * self.length))
 
     def speed(self, rows: Quantities, joint: LoadedJoint) -> Array:
         """Return the speed of the surfaces against each other [m/s], shape (n,)."""
@@ -226,7 +228,9 @@ def _left_out(run: Lookup, joint: LoadedJoint, bearing: RollingBearing | PlainBe
     if isinstance(bearing, RollingBearing) and (bearing.Y or bearing.e is not None):
         return []
     try:
-        axial, radial = (np.abs(run.quantities[f"{joint.prefix}.force.{part}"].values) for part in ("axial", "radial"))
+        axial, radial = (
+            np.abs(run.quantities.determined(f"{joint.prefix}.force.{part}").values) for part in ("axial", "radial")
+        )
     except InputError:
         return [f"{joint.name}: the axial load is not determined, and in no number of its {bearing.key}"]
     size = float(axial.max())

@@ -82,11 +82,13 @@ def _determined(run: Lookup, joint: LoadedJoint, names: list[str]) -> tuple[dict
     for name in names:
         shown = name.replace(f".along.{joint.body}", "")
         try:
-            known[name] = run.quantities[f"{joint.prefix}.{name}"]
+            known[name] = run.quantities.determined(f"{joint.prefix}.{name}")
         except InputError as error:
             if run.run.no_efforts:
                 raise
-            left_open.setdefault(f"not determined ({error.message.partition(': ')[2]})", []).append(shown)
+            why = error.message.partition(": ")[2]
+            known_open = why.startswith("not determined")
+            left_open.setdefault(why if known_open else f"not determined ({why})", []).append(shown)
         else:
             if known[name].doubt:
                 left_open.setdefault(known[name].doubt, []).append(shown)

@@ -20,16 +20,19 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.constraints.nullspaces.nullspace import ACTS
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.quantities.names import OPEN, Quantities
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.records import replace
 from pinarm.use.assessments.loads.joint import moved_link
 from pinarm.use.result.section import SectionTable
 
 METRE, NEWTON, NEWTON_METRE = unit("m"), unit("N"), unit("N*m")
+
+SHARED = "several frictions hold one motion: rigid bodies do not determine which of them holds how much"
 
 SetRow = tuple[str, float, str, str, float, float, float, float, float, float, float, float, float]
 """Set, instant, body, what acts, the point where, force and moment."""
@@ -79,14 +82,14 @@ class LoadSet:
             name: Name of the set.
         """
         run, rows, residuals, remarks = row.trajectory, list[SetRow](), [0.0], dict[str, list[str]]()
-        acting, model = list(_actions(row.reactions, (row.whole or row).reactions)), run.mechanism.model
+        acting, model = _with_shares(row), run.mechanism.model
         turns, places = row.reactions.links(np.arange(1)).turns[0], row.reactions.origins[0]
         for body in range(1, model.njoints):
             own, link = [each for each in acting if each.body == body], moved_link(model, body)
             if doubt := next((each.doubt for each in own if each.doubt), ""):
-                said = "least multipliers" if row.undetermined == "minimum_norm" else "left out"
-                remarks.setdefault(f"{said}; {doubt}", []).append(link)
-                if row.undetermined != "minimum_norm":
+                kept = row.undetermined == "minimum_norm" and doubt != SHARED
+                remarks.setdefault(f"{'least multipliers' if kept else 'left out'}; {doubt}", []).append(link)
+                if not kept:
                     continue
             inner = np.array([_inwards(each, turns[body], places[body]) for each in own])
             missed, relative = _residual(inner)
@@ -111,6 +114,19 @@ def told(sets: Sequence[LoadSet]) -> list[str]:
         for remark in each.remarks:
             names.setdefault(remark, []).append(each.name)
     return [f"sets {', '.join(those)}: {remark}" for remark, those in names.items()]
+
+
+def _with_shares(row: Quantities) -> list[Action]:
+    """Return what acts on the bodies in one row, in doubt where it depends on how frictions at rest share a load."""
+    whole = (row.whole or row).reactions
+    acting = list(_actions(row.reactions, whole))
+    scale = max((np.linalg.norm(each.wrench) for each in acting), default=0.0)
+    for other in row.others:
+        acting = [
+            replace(own, doubt=SHARED) if np.abs(each.wrench - own.wrench).max() > OPEN * scale else own
+            for own, each in zip(acting, _actions(other.reactions, whole), strict=True)
+        ]
+    return acting
 
 
 def _actions(found: Reactions, whole: Reactions) -> Iterator[Action]:

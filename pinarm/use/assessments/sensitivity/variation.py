@@ -14,6 +14,7 @@ from pinarm.errors import InputError, choices, within
 from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.use.assessments.sensitivity.tolerance import Tolerance
 from pinarm.use.cases.case import Case, Row, Task, Wanted
+from pinarm.use.cases.columns import is_column
 from pinarm.use.cases.solving import SolveCases, solving
 from pinarm.use.progress import tell
 from pinarm.use.result.section_number import AnyNumber
@@ -120,9 +121,9 @@ class Variation:
 
 
 def case_of(inputs: Sequence[Input], changes: Sequence[float]) -> Case:
-    """Return what a case sets: what changes, and arguments anyway, so that all cases are of one kind."""
+    """Return what a case sets: what changes, and anyway what may differ in cases of one kind."""
     changed = zip(inputs, changes, strict=True)
-    return {each.path: each.text(each.value + x) for each, x in changed if x or each.path.startswith("arguments.")}
+    return {each.path: each.text(each.value + x) for each, x in changed if x or is_column(each.path)}
 
 
 @contextmanager

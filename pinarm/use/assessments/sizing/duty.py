@@ -128,7 +128,7 @@ def duty_of(run: Lookup, coordinate: str, armature: float, efficiency: float, re
         rest: How long the joint is held by a brake after the motion [s].
     """
     names = [f"coordinate.{coordinate}.{part}" for part in ("velocity", "acceleration", "effort")]
-    rates = [run.quantities[name].values for name in names[:2]]
+    rates = [run.quantities.determined(name).values for name in names][:2]
     pace = np.array([[np.abs(rate).max()] for rate in rates])  # of the whole run, whichever states are looked at
 
     def columns(rows: Quantities) -> tuple[Array, Array, Array]:

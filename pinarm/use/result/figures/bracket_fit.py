@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
 from pinarm.arrays import Array
+from pinarm.records import Record
 
 DEGREE = 16
 NODES = chebyshev.chebpts2(DEGREE + 1)
@@ -24,8 +24,7 @@ REAL = 1e-6
 """Largest imaginary part of roots that count: a double one is split by the root of the rounding."""
 
 
-@dataclass(frozen=True, eq=False)
-class BracketFit:
+class BracketFit(Record, frozen=True):
     """The polynomial through the values of a curve at ``NODES``.
 
     Attributes:
@@ -65,8 +64,9 @@ class BracketFit:
         inside = real[np.abs(real) <= 1.0]
         return 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * inside
 
+    @cached_property
     def extremes(self) -> Array:
-        """Return the places within the bracket where the slope is zero, in order."""
+        """The places within the bracket where the slope is zero, in order."""
         return self._within(np.asarray(chebyshev.chebder(self.coefficients), float))
 
     def crossings(self) -> Array:

@@ -65,7 +65,7 @@ def _with_extremes(curve: Curve, t: Array, values: Array, parts: int) -> tuple[A
 
 def _extremes(curve: Curve, fit: BracketFit, slack: float) -> Iterator[tuple[float, float]]:
     """Yield places of extremes and the values there, 0 where the curve touches it."""
-    places = fit.extremes() if fit.is_resolved else np.empty(0)
+    places = fit.extremes if fit.is_resolved else np.empty(0)
     for place, value in zip(places.tolist(), curve(places).tolist() if len(places) else (), strict=True):
         yield place, value if abs(value) > slack else 0.0
 

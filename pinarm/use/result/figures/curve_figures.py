@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -24,6 +23,7 @@ from pinarm.arrays import Array
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
+from pinarm.records import ValueRecord
 from pinarm.use.result.figures.percentile import percentile
 from pinarm.use.result.figures.quadrature import Panels, integrate
 from pinarm.use.result.row_lookup import Lookup
@@ -38,8 +38,7 @@ ROUNDING = 4e-16
 _PERCENTILE = re.compile(r"p([0-9]{1,3}(?:\.[0-9]{1,3})?)")
 
 
-@dataclass(frozen=True)
-class CurveFigure:
+class CurveFigure(ValueRecord, frozen=True):
     """A figure of a curve.
 
     Attributes:
@@ -140,13 +139,14 @@ def _rounding(values: Array) -> Array:
     """Return the rounding of functions over an interval, shape (k,): what points next to each other differ by.
 
     Third differences d of a smooth function over steps of 1e-7 of the interval vanish; of independent errors with the
-    deviation s they have ``(d²) = 20 s²`` in the mean.
+    deviation s they have the median ``d² = 0.455 · 20 s²``, in which a jump of the function at a cluster has no part.
 
     Args:
         values: Of the functions at ``NEIGHBOURS``, shape (5, 4, k).
     """
     differences = np.diff(values, 3, axis=1)[:, 0]
-    return np.asarray(np.sqrt((differences**2).mean(axis=0) / 20.0))
+    middle = np.sort(differences**2, axis=0)[len(differences) // 2]  # np.median imports numpy.ma
+    return np.asarray(np.sqrt(middle / 9.1))
 
 
 NEIGHBOURS = np.add.outer((0.1127, 0.3819, 0.5, 0.7236, 0.9472), 1e-7 * np.arange(-1.5, 2.0))

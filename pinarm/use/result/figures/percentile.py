@@ -12,12 +12,12 @@ their number.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.records import Record
 from pinarm.use.result.figures.bracket_fit import DEGREE, BracketFit
 
 FIRST, ROUNDS, MOST = 3, 40, 512
@@ -30,8 +30,7 @@ HALVINGS = 60
 """Of the range of values: then a value is known to rounding."""
 
 
-@dataclass(frozen=True, eq=False)
-class CurvePiece:
+class CurvePiece(Record, frozen=True):
     """A curve between two places.
 
     Attributes:
@@ -53,7 +52,7 @@ class CurvePiece:
     @cached_property
     def turns(self) -> tuple[Array, Array]:
         """Places between which the polynomial rises or falls, and its values there, each of shape (n,)."""
-        places = np.concatenate([[self.fit.low], self.fit.extremes(), [self.fit.high]])
+        places = np.concatenate([[self.fit.low], self.fit.extremes, [self.fit.high]])
         return places, self.fit.at(places)
 
     def below(self, value: float) -> float:

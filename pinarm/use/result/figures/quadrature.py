@@ -7,11 +7,11 @@ from far above. R. Piessens and others, *QUADPACK* (1983), dqk21.f.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from pinarm.arrays import Array, Indices
+from pinarm.records import Record
 
 _HALF = (
     (0.995657163025808080735527280689003, 0.011694638867371874278064396062192, 0.0),
@@ -40,8 +40,7 @@ PATIENCE, NOISE = 4, 1e-4
 times the length: what they do not halve is rounding of the functions, not their shape."""
 
 
-@dataclass(frozen=True, eq=False)
-class Panels:
+class Panels(Record, frozen=True):
     """Neighbouring parts of an interval, m of them, with the integrals of k functions over each.
 
     Attributes:

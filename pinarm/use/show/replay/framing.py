@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.records import ValueRecord
 from pinarm.use.show.replay.shapes import Shape
 from pinarm.use.show.replay.tracks import Node
 
@@ -32,8 +32,7 @@ FIELD, ROOM = 28.0, 1.18
 """Angle of the camera from the lowest to the highest point [deg], and the room that is left around the motion."""
 
 
-@dataclass(frozen=True)
-class ParallelView:
+class ParallelView(ValueRecord, frozen=True):
     """Everything as large as it is, seen along an axis.
 
     Attributes:
@@ -47,8 +46,7 @@ class ParallelView:
         return np.asarray(self.axes @ points.T)
 
 
-@dataclass(frozen=True)
-class Camera:
+class Camera(ValueRecord, frozen=True):
     """What is nearer appears larger, as in the replay; lengths are true at the distance of the centre.
 
     Attributes:
@@ -73,8 +71,7 @@ View = ParallelView | Camera
 """How points of the world come into a picture."""
 
 
-@dataclass(frozen=True)
-class Framing:
+class Framing(ValueRecord, frozen=True):
     """The box of the whole motion and the view on it, in world axes.
 
     Attributes:
@@ -131,6 +128,8 @@ def framing(
     gravity = np.asarray(model.gravity.linear)
     up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, 1.0])
     axis = _common_axis(nodes, places[0])
+    if axis is None:
+        axis = _plane_of_slides(nodes, places, paths)
     if axis is not None:
         across = np.linalg.norm((high - low) * np.sqrt(np.maximum(1.0 - axis**2, 0.0)))
         if abs(axis) @ (high - low) > FLAT * across:
@@ -177,6 +176,19 @@ def _common_axis(nodes: Sequence[Node], place: Array) -> Array | None:
     axis = turning[0]
     parallel = all(np.linalg.norm(np.cross(axis, other)) < PARALLEL for other in turning)
     return axis if parallel and all(abs(axis @ other) < PARALLEL for other in sliding) else None
+
+
+def _plane_of_slides(nodes: Sequence[Node], places: Array, paths: Sequence[Array]) -> Array | None:
+    """Return the normal of the plane in which bodies that only slide move, with what joins them; else ``None``."""
+    moved = [k for k, node in enumerate(nodes) if node.kind != "fixed"]
+    if not moved or any(nodes[k].kind != "slide" for k in moved):
+        return None
+    points = np.concatenate([places[:, moved, :3, 3].reshape(-1, 3), *paths])
+    directions = np.array([places[0, k, :3, :3] @ nodes[k].axis for k in moved])
+    offsets = points - points.mean(axis=0)
+    size = float(np.abs(offsets).max()) or 1.0
+    _, sizes, axes = np.linalg.svd(np.concatenate([offsets / size, directions, np.zeros((3, 3))]), full_matrices=False)
+    return np.asarray(axes[2]) if sizes[2] < PARALLEL < sizes[1] else None
 
 
 def _facing(axis: Array, up: Array) -> Array:

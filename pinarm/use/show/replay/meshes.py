@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError
+from pinarm.records import Record
 from pinarm.use.show.replay.collada import read_collada
 from pinarm.use.show.replay.packing import Packing
 from pinarm.use.show.replay.surfaces import Triangles, read_obj, read_stl
@@ -25,8 +25,7 @@ STEPS = 65535
 """Of a coordinate between the lowest and the highest vertex: 15 micrometres on one metre."""
 
 
-@dataclass(frozen=True, eq=False)
-class Mesh:
+class Mesh(Record, frozen=True):
     """Triangles of one colour.
 
     Attributes:

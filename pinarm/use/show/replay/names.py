@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from typing import Literal
 from xml.etree import ElementTree
 
@@ -13,6 +12,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.records import ValueRecord, replace
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.labels import name_label, plain
 from pinarm.use.show.replay.overlays import BodyPoint, point_of
@@ -28,8 +28,7 @@ MOST = 4
 Kind = Literal["part", "point", "joint"]
 
 
-@dataclass(frozen=True)
-class Name:
+class Name(ValueRecord, frozen=True):
     """A name at a point of a body.
 
     Attributes:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -16,13 +16,19 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.errors import InputError, choices
 from pinarm.mechanics.forces.bushing import LinearBushing
+from pinarm.mechanics.forces.cable import TautSpring
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.forces.point import AppliedWrench, TwoPointSpring
 from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.joints import frame_of
+from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.records import ValueRecord
 from pinarm.use.show.replay.packing import Packing
 from pinarm.use.show.replay.tracks import Node
+
+if TYPE_CHECKING:
+    from pinarm.engine.constraints.constraint import Constraint
 
 ARROWS = {
     "forces": "weights and loads",
@@ -32,8 +38,10 @@ ARROWS = {
 """Kinds of arrows, and what the legend calls them. Their colours are in ``overlays.js``."""
 
 
-@dataclass(frozen=True)
-class BodyPoint:
+ConnectionKind = Literal["spring", "cylinder", "bushing", "rod", "cable", "loop"]
+
+
+class BodyPoint(ValueRecord, frozen=True):
     """A point that is fixed to a body.
 
     Attributes:
@@ -53,29 +61,31 @@ class BodyPoint:
         return np.asarray(places[:, self.node, :3, :3] @ self.place + places[:, self.node, :3, 3])
 
 
-@dataclass(frozen=True)
-class Connection:
+class Connection(ValueRecord, frozen=True):
     """Two points that something joins, drawn as what it is.
 
     Attributes:
-        kind: A ``spring``, a ``cylinder`` (a constant force or a damper), a ``bushing``, a ``rod``, or the mark of a
-            ``loop`` joint.
+        kind: A ``spring``, a ``cylinder`` (a damper, a constant force, or a strut, which pushes), a ``bushing``, a
+            ``rod``, a straight part of a ``cable``, or the mark of a ``loop`` joint.
         ends: The two points.
     """
 
-    kind: Literal["spring", "cylinder", "bushing", "rod", "loop"]
+    kind: ConnectionKind
     ends: tuple[BodyPoint, BodyPoint]
+
+    def lengths(self, places: Array) -> Array:
+        """Return its lengths [m], shape (rows,), from placements of shape (rows, njoints, 4, 4)."""
+        one, two = self.ends
+        return np.asarray(np.linalg.norm(two.path(places) - one.path(places), axis=1))
 
     def plain(self, places: Array) -> dict[str, Any]:
         """Return it for JSON, with its extreme lengths."""
-        one, two = self.ends
-        lengths = np.linalg.norm(two.path(places) - one.path(places), axis=1)
+        (one, two), lengths = self.ends, self.lengths(places)
         extremes = {"shortest": float(lengths.min()), "longest": float(lengths.max())}
         return {"kind": self.kind, "a": one.plain(), "b": two.plain(), **extremes}
 
 
-@dataclass(frozen=True)
-class Arrow:
+class Arrow(ValueRecord, frozen=True):
     """A force or a moment at a point, over the rows.
 
     Attributes:
@@ -132,24 +142,26 @@ def traced(model: pin.Model, name: str) -> list[tuple[BodyPoint, float]]:
 
 
 def pairs(mechanism: Mechanism, forces: Mapping[str, ForceElement]) -> list[Connection]:
-    """Return what joins two points: springs, cylinders and bushings among the forces, and loop joints."""
-    model = mechanism.model
-    found = [
-        Connection(_drawn_as(force), (point_of(model, one), point_of(model, two)))
-        for force in forces.values()
-        if isinstance(force, TwoPointSpring | LinearBushing) for one, two in [force.frames]
-    ]  # fmt: skip
-    return found + [
-        Connection("rod" if joint.kind == "rod" else "loop",
-                   (point_of(model, joint.first), point_of(model, joint.second)))
-        for joint in mechanism.constraints if isinstance(joint, LoopJoint)
+    """Return what joins two points: springs, cylinders, bushings and cables among the forces, and loop joints."""
+    model, elements = mechanism.model, list["ForceElement | Constraint"](forces.values())
+    return [
+        Connection(kind, (point_of(model, one), point_of(model, two)))
+        for each in [*elements, *mechanism.constraints]
+        for kind, frames in [_drawn_as(each)] for one, two in pairwise(frames)
     ]  # fmt: skip
 
 
-def _drawn_as(force: TwoPointSpring | LinearBushing) -> Literal["spring", "cylinder", "bushing"]:
-    if isinstance(force, LinearBushing):
-        return "bushing"
-    return "spring" if force.stiffness > 0.0 else "cylinder"
+def _drawn_as(each: ForceElement | Constraint) -> tuple[ConnectionKind, Sequence[int]]:
+    """Return as what a force element or a constraint is drawn, and through which frames; none of what has no place."""
+    if isinstance(each, TwoPointSpring):
+        return "spring" if each.stiffness > 0.0 and each.force >= 0.0 else "cylinder", each.frames
+    if isinstance(each, LinearBushing):
+        return "bushing", each.frames
+    if isinstance(each, TautSpring | CableLoop):
+        return "cable", each.path.frames
+    if isinstance(each, LoopJoint):
+        return "rod" if each.kind == "rod" else "loop", (each.first, each.second)
+    return "rod", ()
 
 
 def arrows(run: Trajectory, nodes: Sequence[Node], kinds: Sequence[str]) -> list[Arrow]:
@@ -187,10 +199,10 @@ def _forces(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
             yield from _at_frame(run, name, force.frame)
         elif isinstance(force, LinearBushing):
             yield from (arrow for frame in force.frames for arrow in _at_frame(run, name, frame))
-        elif isinstance(force, TwoPointSpring):
-            ends = [point_of(model, frame) for frame in force.frames]
-            if ends[0].node != ends[1].node:
-                yield from (Arrow("forces", end, False, _wrench(run, name, end.node)[:, :3]) for end in ends)
+        elif isinstance(force, TwoPointSpring | TautSpring):
+            points = [point_of(model, frame) for frame in force.points]
+            alone = [point for point in points if sum(other.node == point.node for other in points) == 1]
+            yield from (Arrow("forces", point, False, _wrench(run, name, point.node)[:, :3]) for point in alone)
 
 
 def _at_frame(run: Trajectory, name: str, frame: int) -> Iterator[Arrow]:
@@ -232,24 +244,28 @@ def _torques(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
 
 def _reactions(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
     """Yield the forces of the parents on the children at the joints, as far as rigid bodies determine them."""
-    found, model = Reactions(run), run.mechanism.model
+    found, model, others = Reactions(run), run.mechanism.model, [Reactions(other) for other in run.others]
+    size = np.abs(found.joints[:, 1:, :3]).max(initial=0.0) or 1.0
     for joint in range(1, model.njoints):
         added = [stressed[:, joint, :3] for stressed in found.stressed_joints]
+        added += [(other.joints - found.joints)[:, joint, :3] / size for other in others]
         yield _reaction(BodyPoint(joint, np.zeros(3)), found.joints[:, joint, :3], added)
     for name, loop in found.loops.items():
         added = [stressed[:, :3] for stressed in found.stressed_loop(name)]
+        added += [(other.loop(name) - found.loop(name))[:, :3] / size for other in others]
         yield _reaction(point_of(model, loop.second), found.loop(name)[:, :3], added)
 
 
 def _reaction(at: BodyPoint, forces: Array, added: Sequence[Array]) -> Arrow:
-    """Return a reaction without the directions in which self-stresses can add to it.
+    """Return a reaction without the directions in which self-stresses, or other shares of frictions, can add to it.
 
     In planar loops of revolute joints, for example, the forces in the plane are determined, those across it are not.
 
     Args:
         at: Where it acts.
         forces: One choice of the reaction [N], shape (n, 3).
-        added: What each self-stress adds to it, each of shape (n, 3).
+        added: What each self-stress of length 1 adds to it, or other frictions at rest, as a part of the largest force,
+            each of shape (n, 3).
     """
     _, sizes, axes = np.linalg.svd(np.concatenate([np.zeros((3, 3)), *added]), full_matrices=False)
     free = axes[sizes > ACTS]

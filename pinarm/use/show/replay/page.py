@@ -6,7 +6,7 @@ import html
 import json
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,9 +17,11 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.use.output.folder import write_file
+from pinarm.use.show.cam_bodies import cam_bodies
 from pinarm.use.show.labels import axis_label, name_label, runs, unicode_label, unit_text
 from pinarm.use.show.replay import overlays
 from pinarm.use.show.replay.framing import Framing, framing
@@ -27,7 +29,7 @@ from pinarm.use.show.replay.meshes import thinned
 from pinarm.use.show.replay.names import gathered, names_of
 from pinarm.use.show.replay.packing import Packing, compressed
 from pinarm.use.show.replay.shapes import Shape, visuals
-from pinarm.use.show.replay.sticks import sticks
+from pinarm.use.show.replay.sticks import reach, sticks
 from pinarm.use.show.replay.tracks import Node, nodes_of, placed, rows_shown
 
 if TYPE_CHECKING:
@@ -93,7 +95,7 @@ def replay_page(
         InputError: A name is unknown, or the run does not have what is asked.
     """
     names = list(dict.fromkeys(result.content.outputs if plots is None else plots))
-    curves = [result[name] for name in names]
+    curves = list(_with_bounds(result.quantities, names))
     rows = rows_shown(result.trajectory, [series.values for series in curves])
     run = result.trajectory.some(rows) if len(rows) < len(result) else result.trajectory
     packing = Packing()
@@ -122,7 +124,9 @@ def _scene(
     model = run.mechanism.model
     nodes, places = nodes_of(model, run.q), placed(model, run.q)
     drawn = visuals(run.mechanism)
-    shapes = [*drawn.shapes, *sticks(model, nodes, drawn.bare)]
+    cams = [one for one in cam_bodies(run.mechanism, nodes) if one.node in drawn.bare]
+    plain = drawn.bare - {one.node for one in cams if not len(reach(model, nodes, one.node))}
+    shapes = [*drawn.shapes, *sticks(model, nodes, plain), *(one.plate() for one in cams)]
     paths = [overlays.traced(model, name) for name in traces]
     joined, acting = overlays.pairs(run.mechanism, run.dynamics.forces), overlays.arrows(run, nodes, kinds)
     marks = [end for pair in joined for end in pair.ends] + [point for path in paths for point, _ in path]
@@ -216,6 +220,14 @@ def _parameter(run: Trajectory, measured: Unit | None, how: Presentation) -> Pla
     name, scale = unicode_label(name_label(run.parameter, how)), measured.factor if measured else 1.0
     kind = {"time": run.parameter == "t", "discrete": run.numbered}
     return {"name": name, "unit": unit_text(measured), "scale": scale, **kind}
+
+
+def _with_bounds(quantities: Quantities, names: Sequence[str]) -> Iterator[Series]:
+    """Yield quantities, each followed by its bounds where it depends on how frictions at rest share a load."""
+    for name in names:
+        yield quantities[name]
+        if quantities.open_rows(name).any():
+            yield from quantities.bounds(name)
 
 
 def _curve(series: Series, how: Presentation, rows: Indices, colour: str, packing: Packing) -> Plain:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from contextlib import suppress
 from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree
@@ -17,6 +17,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, ModelError, PinarmError
 from pinarm.input.numbers import decimal, is_decimal
 from pinarm.input.roots import contained_file, example_robot_data, root_of
+from pinarm.records import ValueRecord
 from pinarm.use.show.replay.meshes import Mesh, read_mesh
 
 Colour = tuple[float, float, float, float]
@@ -37,8 +38,7 @@ GROUND: Colour = (0.55, 0.57, 0.60, 1.0)
 """Of what does not move."""
 
 
-@dataclass(frozen=True)
-class Shape:
+class Shape(ValueRecord, frozen=True):
     """Something solid that is fixed to a body.
 
     Attributes:
@@ -79,8 +79,7 @@ def colour_of(node: int) -> Colour:
     return PALETTE[(node - 1) % len(PALETTE)] if node else GROUND
 
 
-@dataclass(frozen=True)
-class Visuals:
+class Visuals(ValueRecord, frozen=True):
     """What a model draws.
 
     Attributes:
@@ -97,23 +96,37 @@ class Visuals:
 def visuals(mechanism: Mechanism) -> Visuals:
     """Return what a model draws."""
     robot, model = ElementTree.fromstring(mechanism.xml), mechanism.model
-    frames = {frame.name: frame for frame in model.frames if frame.type == pin.FrameType.BODY}
     shapes: list[Shape] = []
     notes: list[str] = []
     palette = dict(_materials(robot, notes))
     missing: set[int] = set()
     meshes: dict[Path, list[Mesh]] = {}  # a leg's mesh serves four times
-    for link in robot.findall("link"):
-        frame = frames[str(link.get("name"))]
-        for visual in link.findall("visual"):
-            try:
-                shapes += _visual(visual, frame, palette, mechanism.source.robot, meshes)
-            except (PinarmError, ValueError) as error:
-                said = error.message if isinstance(error, PinarmError) else str(error)
-                notes.append(f"link {link.get('name')} is not drawn as its file says: {said}")
-                missing.add(int(frame.parentJoint))
+    for visual, frame in _visuals(robot, model):
+        try:
+            shapes += _visual(visual, frame, palette, mechanism.source.robot, meshes)
+        except (PinarmError, ValueError) as error:
+            said = error.message if isinstance(error, PinarmError) else str(error)
+            notes.append(f"link {frame.name} is not drawn as its file says: {said}")
+            missing.add(int(frame.parentJoint))
     bare = set(range(model.njoints)) - {shape.node for shape in shapes} | missing
     return Visuals(tuple(shapes), frozenset(bare), tuple(dict.fromkeys(notes)))
+
+
+def primitives(mechanism: Mechanism) -> Iterator[Shape]:
+    """Yield what a model draws, without meshes and without what could not be drawn; no file is read."""
+    robot = ElementTree.fromstring(mechanism.xml)
+    for visual, frame in _visuals(robot, mechanism.model):
+        if visual.find("geometry/mesh") is None:
+            with suppress(PinarmError, ValueError):
+                yield from _visual(visual, frame, {}, mechanism.source.robot, {})
+
+
+def _visuals(robot: ElementTree.Element, model: pin.Model) -> Iterator[tuple[ElementTree.Element, pin.Frame]]:
+    """Yield the visuals of a URDF, with the frames of their links."""
+    frames = {frame.name: frame for frame in model.frames if frame.type == pin.FrameType.BODY}
+    for link in robot.findall("link"):
+        for visual in link.findall("visual"):
+            yield visual, frames[str(link.get("name"))]
 
 
 def _materials(robot: ElementTree.Element, notes: list[str]) -> Iterator[tuple[str, Colour]]:

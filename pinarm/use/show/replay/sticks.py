@@ -14,6 +14,9 @@ from pinarm.use.show.replay.tracks import Node
 ROD, PIN, POINT, BOX = 0.014, 0.026, 0.02, 0.18
 """Radii of rods, joints and end points, and the largest edge of a box, relative to the size of the figure."""
 
+FOOT = 0.085, 0.03
+"""Width and height of what a joint on the ground stands on, relative to the size of the figure."""
+
 LINKS = 4.0
 """Typical links in a figure: one of more and shorter links is drawn as thin as its links ask for."""
 
@@ -33,10 +36,11 @@ def sticks(model: pin.Model, nodes: Sequence[Node], bare: Collection[int]) -> li
     """
     points = {node: reach(model, nodes, node) for node in sorted(bare) if nodes[node].carries}
     size = _size(model, nodes, points)
-    if 0 in points:  # what is only fixed to the world, such as the end of a spring, is no body
-        mounted = [node.placement.translation for node in nodes if node.parent == 0 and node.carries]
-        points[0] = _different(np.array(mounted).reshape(-1, 3))
-    shapes = [shape for node in points for shape in _body(model, node, points[node], size)]
+    shapes = [shape for node in points if node for shape in _body(model, node, points[node], size)]
+    if 0 in points:  # the ground is no bar between the joints on it
+        turning = [k for k, node in enumerate(nodes) if node.parent == 0 and node.kind == "turn" and node.carries]
+        mounted = [nodes[k].placement.translation for k in turning if k not in points or len(points[k])]
+        shapes += [_foot(model, at, size) for at in _different(np.array(mounted).reshape(-1, 3))]
     joints = [i for i in range(1, len(nodes)) if i in points or nodes[i].parent in points.keys() - {0}]
     return shapes + [shape for joint in joints for shape in _joint(nodes[joint], joint, size)]
 
@@ -97,6 +101,14 @@ def _joint(node: Node, index: int, size: float) -> Iterator[Shape]:
         yield Shape(node.parent, rail, "cylinder", (0.5 * ROD * size, end - start), GROUND)
     elif node.placement.translation.any():
         yield Shape(index, pin.SE3.Identity(), "sphere", (PIN * size,), DARK)
+
+
+def _foot(model: pin.Model, at: Array, size: float) -> Shape:
+    """Return what a joint on the ground stands on: a short block below it."""
+    gravity = np.asarray(model.gravity.linear)
+    down = gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, -1.0])
+    edges = (FOOT[0] * size, FOOT[0] * size, FOOT[1] * size)
+    return Shape(0, _along(at + (PIN * size + edges[2] / 2.0) * down, down), "box", edges, GROUND)
 
 
 def _rod(node: int, start: Array, end: Array, radius: float, colour: Colour) -> Shape:

@@ -6,7 +6,6 @@ exactly, over any number of turns. Other joints are given by their placements.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -15,6 +14,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices, distinct
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.pinocchio_data import new_data
+from pinarm.records import ValueRecord
 
 MOST_ROWS = 2400
 """Rows in the page: forty seconds at sixty pictures a second; of more, evenly spaced ones are taken."""
@@ -25,8 +25,7 @@ SAMPLED = 100
 Kind = Literal["fixed", "turn", "slide", "pose"]
 
 
-@dataclass(frozen=True)
-class Node:
+class Node(ValueRecord, frozen=True):
     """A body that moves as one: what a joint carries. Node 0 is the world.
 
     Attributes:

@@ -10,7 +10,6 @@ difference bounds the error in 99 of 100 cases.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from pinarm.engine.checks.balance import LOST
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import NumericsError
 from pinarm.input.units import Unit
+from pinarm.records import replace
 from pinarm.use.study.accuracy.common_rows import common_rows
 from pinarm.use.study.accuracy.error_growth import e_folding
 from pinarm.use.study.accuracy.integration_settings import comparison_settings, format_setting, step_limit, with_setting

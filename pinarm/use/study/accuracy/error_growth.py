@@ -26,6 +26,9 @@ GROWN = 8.0
 STEADY = 0.25
 """Part of this that has to be grown in either half: an impact makes errors jump once."""
 
+SMALLEST = 1e-300
+"""Difference that stands for 0 in logarithms."""
+
 FEW = 12
 """Rows below which nothing is said of growth."""
 
@@ -33,7 +36,9 @@ FEW = 12
 def e_folding(one: Trajectory, two: Trajectory) -> float | None:
     """Return the time in which the difference of two motions grows e-fold [s]; ``None`` where it is not exponential.
 
-    It is the reciprocal slope of ``ln d`` over t by least squares, with d the largest difference until t.
+    It is the reciprocal slope of ``ln d`` over t by least squares, with d the largest difference until t. Growth has to
+    last: the least difference from t on must grow as well. Errors of steps that come and go, as where steps lengthen
+    after a transient, leave that where it is.
     """
     if one.parameter != "t":
         return None
@@ -43,13 +48,18 @@ def e_folding(one: Trajectory, two: Trajectory) -> float | None:
     if len(rows) < FEW:
         return None
     rows = rows[t[rows] >= EARLY * t[rows[-1]]]
-    t, grown = t[rows], np.log(largest[rows])
-    middle = len(rows) // 2
-    halves = grown[middle] - grown[0], grown[-1] - grown[middle]
-    if len(rows) < FEW or sum(halves) < GROWN or min(halves) < STEADY * GROWN:
+    least = np.minimum.accumulate(difference[rows][::-1])[::-1]
+    grown = np.log(largest[rows])
+    if len(rows) < FEW or not _steady(grown) or not _steady(np.log(np.maximum(least, SMALLEST))):
         return None
-    t, grown = t - t.mean(), grown - grown.mean()
+    t, grown = t[rows] - t[rows].mean(), grown - grown.mean()
     return float(t @ t / (t @ grown))
+
+
+def _steady(grown: Array) -> bool:
+    """Tell whether logarithms of differences, shape (n,), grow enough as a whole and in either half."""
+    first, second = np.diff(grown[[0, len(grown) // 2, -1]])
+    return bool(first + second >= GROWN and min(first, second) >= STEADY * GROWN)
 
 
 def _differences(one: Trajectory, two: Trajectory) -> tuple[Array, Array]:

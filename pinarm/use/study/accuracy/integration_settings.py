@@ -6,11 +6,12 @@ A setting is written as the keys of a scenario's ``accuracy``.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pinarm.engine.integration.methods import METHODS, MethodName
 from pinarm.problems.accuracy import Accuracy, setting_keys
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result

@@ -6,13 +6,13 @@ One solution is ``Scenario.solve``. What is put together here needs several: the
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.figures import plain
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.constraints.blas_threads import one_blas_thread
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +11,7 @@ from pinarm.engine.integration.methods import METHODS, MethodName
 from pinarm.engine.integration.methods.explicit import LIMITED
 from pinarm.errors import NumericsError
 from pinarm.problems.forward import Forward
+from pinarm.records import replace
 from pinarm.use.study.accuracy.error_estimate import (
     BOUND,
     estimate_errors,

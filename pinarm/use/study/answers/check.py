@@ -21,10 +21,12 @@ from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, half_last_digit
 from pinarm.input.yaml.schema import in_si
 from pinarm.input.yaml.values import Values
+from pinarm.records import replace
 from pinarm.use.result.expectation import Expectation
-from pinarm.use.result.figures.curve_figures import figure, is_figure
+from pinarm.use.result.figures.curve_figures import is_figure
 from pinarm.use.result.result import Result
 from pinarm.use.result.row_lookup import NotReached
+from pinarm.use.result.run_number import RunNumber
 from pinarm.use.result.section_number import measured, names_section, read_number
 from pinarm.use.scenario.scenario import Given
 from pinarm.use.study.run import run, scenarios
@@ -148,16 +150,14 @@ def _computed(result: Result, expectation: Expectation) -> tuple[Quantities, Ser
         if names_section(quantity, result.numbered):
             series, error = measured(read_number(quantity), result)
             return result.lookup.at("start", result.trajectory.parameter), series, error
-        series = result.quantities[quantity]
-    if at == "all":
-        return result.quantities, series, 0.0
+        if at == "all":
+            return result.quantities, result.quantities.determined(quantity), 0.0
+        number = RunNumber(quantity, at, quantity)
+        described = number.described(result.quantities, {})
     with within("at"):
-        if isinstance(at, str) and is_figure(at):
-            number = figure(result.lookup, quantity, at)
-            computed = Series(quantity, number.unit, np.array([number.value]))
-            return result.lookup.at("start", quantity), computed, number.error
-        quantities = result.lookup.at(at, quantity)
-    return quantities, quantities[quantity], 0.0
+        value, error = number.value(result)
+        place = "start" if is_figure(number.figure) else at
+        return result.lookup.at(place, quantity), replace(described, name=quantity, values=np.array([value])), error
 
 
 def _wanted(quantities: Quantities, expectation: Expectation, measured: Unit | None) -> tuple[Array | None, Array]:
@@ -170,7 +170,7 @@ def _wanted(quantities: Quantities, expectation: Expectation, measured: Unit | N
             raise InputError(f"the tolerance {expectation.atol} is negative")
     if expectation.formula is not None:
         with within("formula"):
-            formula = quantities[expectation.formula]
+            formula = quantities.determined(expectation.formula)
             _same(formula.unit, measured, expectation.formula)
         wanted = formula.values
         relative = FORMULA if expectation.rtol is None and expectation.atol is None else expectation.rtol or 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -16,6 +16,7 @@ from pinarm.arrays import Array
 from pinarm.engine.series import Series
 from pinarm.errors import NumericsError
 from pinarm.input.yaml.values import Values
+from pinarm.records import replace
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Given, load
 from pinarm.use.study.batch.block import Block, Question, answered

@@ -60,10 +60,11 @@ def _saved(block: Block, number: int) -> SavedMotion:
         if not isinstance(found, Result):
             return SavedMotion([np.nan] * (2 * len(dict.fromkeys(outputs)) + len(WORTH)), why)
         result = found
-    written = result.columns()
+    written = result.table_columns()
     packed = io.BytesIO()
     write_arrays(packed, arrays(result, written))
-    extremes = [x for series in written[1:] for x in (series.values.min(), series.values.max())]
+    bounds = [result.quantities.bounds(series.name) for series in result.columns()[1:]]
+    extremes = [x for least, greatest in bounds for x in (least.values.min(), greatest.values.max())]
     line = [float(x) for x in (*extremes, *(result.figures.get(name, np.nan) for name in WORTH))]
     return SavedMotion([np.nan if why else x for x in line], why, tuple(csv(written)), packed.getvalue())
 

@@ -155,7 +155,11 @@ class Block:
         return reached
 
     def values(self, names: Sequence[str]) -> Array:
-        """Return quantities, shape (k, b, n), not a number beyond the end of a motion."""
+        """Return quantities, shape (k, b, n), not a number beyond the end of a motion.
+
+        Raises:
+            InputError: One depends on how several frictions at rest share a load; see ``Quantities.determined``.
+        """
         found = np.full((len(names), len(self), len(self.t)), np.nan)
         scenario = self.question.scenario
         for motion, instant, run, rows in self._tables():
@@ -164,7 +168,7 @@ class Block:
             )
             with np.errstate(all="ignore"):
                 for k, name in enumerate(names):
-                    found[k, motion, instant] = quantities[name].values[rows]
+                    found[k, motion, instant] = quantities.determined(name).values[rows]
         return found
 
     def states(self) -> tuple[Array, Array]:

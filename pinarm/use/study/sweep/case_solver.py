@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
+from pinarm.records import replace
 from pinarm.use.cases.case import WORTH, Row, Task
 from pinarm.use.cases.together import CaseSolver, Job
 from pinarm.use.output.folder import check_replaceable

@@ -24,6 +24,7 @@ import numpy as np
 
 from pinarm.errors import InputError
 from pinarm.input.roots import Stamp, stamp_of
+from pinarm.records import replace
 from pinarm.use.cases.case import Row, Task, Value
 from pinarm.use.workers.versions import versions
 
@@ -123,7 +124,7 @@ class JournalEntry(msgspec.Struct, frozen=True, omit_defaults=True):
 
     def sealed(self) -> JournalEntry:
         """Return the entry with its seal."""
-        return msgspec.structs.replace(self, seal=digest(msgspec.to_builtins(msgspec.structs.replace(self, seal=""))))
+        return replace(self, seal=digest(msgspec.to_builtins(replace(self, seal=""))))
 
 
 class Journal:

@@ -121,7 +121,7 @@ ON_LOOPS = [
 
 
 @pytest.mark.parametrize("method", ON_LOOPS, indirect=True)
-@pytest.mark.parametrize("model", FREE_LOOPS)
+@pytest.mark.parametrize("model", ["crank_rocker", pytest.param("rssr", marks=pytest.mark.slow)])
 def test_on_loops_with_projection(method, model):
     mechanism, end = Mechanism.load(MODELS / model / "mechanism.yaml"), 0.4
     hybrid = Forward(time=TimeGrid(end=end), **FREE_LOOPS[model]).prepare(

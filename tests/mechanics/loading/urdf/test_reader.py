@@ -34,7 +34,14 @@ def counting_turns(xml):
     return ElementTree.tostring(robot, encoding="unicode")
 
 
-@pytest.mark.parametrize("file", [one for one in ROBOTS if one.stem not in JOINTLESS], ids=lambda one: one.stem)
+FEW = ("double_pendulum_continuous", "panda", "tiago", "ur5_robot", "solo12", "so101")
+"""Of every robot that is read among the slow tests, some with continuous joints, tables of points and fixed links."""
+
+
+@pytest.mark.parametrize("file", [
+    pytest.param(one, id=one.stem, marks=[] if one.stem in FEW else pytest.mark.slow)
+    for one in ROBOTS if one.stem not in JOINTLESS
+])  # fmt: skip
 def test_a_published_robot_is_what_pinocchios_own_reader_makes_of_it(file):
     xml = file.read_text()
     ours, theirs = build_model(xml, defects="noted").model, pin.buildModelFromXML(counting_turns(xml))

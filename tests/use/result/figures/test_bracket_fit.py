@@ -15,7 +15,7 @@ def fit(curve, low, high):
 def test_extremes_and_crossings_of_a_sine_are_known_to_rounding():
     found = fit(np.sin, 2.0, 8.0)
     assert found.is_resolved
-    assert found.extremes() == pytest.approx([1.5 * math.pi, 2.5 * math.pi], abs=1e-7)
+    assert found.extremes == pytest.approx([1.5 * math.pi, 2.5 * math.pi], abs=1e-7)
     assert found.crossings() == pytest.approx([math.pi, 2 * math.pi], abs=1e-7)
     # the series of a sine of half the width w ends with the Bessel function J_17(w)
     assert found.at(np.linspace(2.0, 8.0, 50)) == pytest.approx(np.sin(np.linspace(2.0, 8.0, 50)), abs=1e-7)

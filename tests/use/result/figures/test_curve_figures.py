@@ -93,6 +93,16 @@ def test_a_quantity_that_is_only_rounding_takes_no_more_points_than_a_smooth_one
     assert 1e-17 < value < 1e-15 and error < 1e-15
 
 
+def test_a_jump_in_the_middle_of_a_run_is_no_rounding(scenario: Callable[..., Any]) -> None:
+    """A swing hangs through whole periods, and drives its motor for half of each: 100 eta there, else 100/eta."""
+    swing = "law: harmonic, amplitude: 1 rad, pulsation: 360 deg/s, phase: 90 deg"
+    hanging = ("law: trapezoid, from: 0 rad, to: 1 rad, acceleration: 1 rad/s^2", swing)
+    result = scenario("inverse", "", hanging).run()
+    mean, error = result.number("joint.pivot.effort/drive.motor.torque @ mean")
+    assert mean == pytest.approx(50.0 * (0.8 + 1.0 / 0.8), rel=1e-9)  # jumps are enclosed to 1e-10 of an integral
+    assert error < 1e-7
+
+
 def test_an_integral_has_the_unit_of_the_parameter_in_it(scenario: Callable[..., Any]) -> None:
     result = scenario("inverse", "numbers: [joint.pivot.power @ integral, M @ rms]\n").run()
     units = {text: series.unit for text, (series, _) in result.numbers().items()}

@@ -297,18 +297,6 @@ def test_the_key_n_names_points_where_they_are(solved: Callable[..., Any], shown
     assert complaints(page) == []
 
 
-@pytest.mark.parametrize("name", quick(["andrews_squeezing", "panda_quintic"], "andrews_squeezing"))
-def test_names_do_not_cover_each_other(solved: Callable[..., Any], shown: Callable[..., Any], name: str) -> None:
-    page = shown(solved(name), named=True)
-    boxes = page.evaluate(
-        "Array.from(document.querySelectorAll('#names span'), (span) => { const b = span.getBoundingClientRect();"
-        "return [b.left, b.top, b.right, b.bottom]; })"
-    )
-    assert len(boxes) > 8
-    for k, (left, top, right, bottom) in enumerate(boxes):
-        assert all(left >= r or right <= x or top >= b - 1 or bottom <= y + 1 for x, y, r, b in boxes[:k])
-
-
 @pytest.mark.parametrize("name", quick(["slider_crank_gas", "gen411_arm_static"], "gen411_arm_static"))
 def test_pictures_have_all_plots_in_sight(solved: Callable[..., Any], shown: Callable[..., Any], name: str) -> None:
     """Ten plots are more than a window is high, three are not."""
@@ -330,3 +318,55 @@ def test_symbols_are_as_in_plots(solved: Callable[..., Any], shown: Callable[...
     captions = page.evaluate("Array.from(document.querySelectorAll('figcaption span'), (span) => span.textContent)")
     assert captions == ["θ [°]", "ψ [°]", "C [N·m]"]
     assert page.evaluate("document.querySelector('figcaption em').textContent") == "θ"
+
+
+@pytest.mark.parametrize("name", quick(["forty_four_bars_equal_rods", "panda_quintic"], "panda_quintic"))
+def test_names_do_not_cover_each_other(solved: Callable[..., Any], shown: Callable[..., Any], name: str) -> None:
+    page = shown(solved(name), named=True)
+    page.evaluate("replay.show(0)")
+    boxes = page.evaluate(
+        "[...document.querySelectorAll('#names span')].filter((e) => e.style.visibility !== 'hidden')"
+        ".map((e) => e.getBoundingClientRect()).map((r) => [r.left, r.top, r.right, r.bottom])"
+    )
+    left, top, right, bottom = page.evaluate(
+        "(({left, top, right, bottom}) => [left, top, right, bottom])"
+        "(document.getElementById('names').getBoundingClientRect())"
+    )
+    assert len(boxes) > 5
+    for k, one in enumerate(boxes):
+        assert left <= one[0] < one[2] <= right
+        assert top <= one[1] < one[3] <= bottom
+        assert all(one[0] >= b[2] or one[2] <= b[0] or one[1] >= b[3] or one[3] <= b[1] for b in boxes[:k])
+
+
+@pytest.mark.slow
+def test_numbers_of_plots_are_whole(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
+    """Forces of 2000 N that differ by some hundredths have numbers of seven digits, which stand in the picture."""
+    page = shown(solved("differential_screw_pressing"))
+    page.evaluate("replay.picture()")
+    out = page.evaluate(
+        "Math.min(...[...document.querySelectorAll('#plots svg')].flatMap((svg) => [...svg.querySelectorAll('text')]"
+        ".map((text) => text.getBoundingClientRect().left - svg.getBoundingClientRect().left)))"
+    )
+    assert out >= -0.5  # pixels, of rounding
+
+
+@pytest.mark.slow
+def test_a_picture_shows_no_controls(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
+    """Neither of a result with plots, nor of one without: what cannot be pressed is not in a video."""
+    for plots in (None, []):
+        page = shown(solved("gen411_arm_vertical"), plots=plots)
+        page.evaluate("replay.picture()")
+        seen = (
+            "[...document.querySelectorAll('button, select, input[type=checkbox]')].filter((e) => e.offsetWidth).length"
+        )
+        assert page.evaluate(seen) == 0
+
+
+def test_on_a_telephone_the_slider_is_as_wide_as_the_page(
+    solved: Callable[..., Any], _browser: Page, tmp_path: Path
+) -> None:
+    solved("gen411_arm_static").replay(tmp_path / "replay.html")
+    _browser.open(tmp_path / "replay.html", "#t=0", width=400, height=800)
+    assert _browser.evaluate("document.getElementById('slider').offsetWidth") > 350
+    assert _browser.evaluate("document.documentElement.scrollWidth") == 400

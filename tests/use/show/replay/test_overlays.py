@@ -69,6 +69,24 @@ def test_springs_and_cylinders_join_their_points(picture: Callable[..., Any], ch
     assert scene["pairs"][0]["longest"] == pytest.approx(3.0)
 
 
+def test_a_strut_that_pushes_is_a_cylinder(picture: Callable[..., Any], chain: Callable[..., str]) -> None:
+    xml = chain({"name": "a", "axis": "0 1 0"}, {"name": "b", "axis": "0 1 0", "at": "0 0 3", "com": "0 0 1"})
+    scene, _ = picture(xml, forces="{s: {kind: point_spring, between: [base, b_link], stiffness: 1 N/m, force: -5 N}}")
+    assert [pair["kind"] for pair in scene["pairs"]] == ["cylinder"]
+
+
+def test_a_cable_goes_through_all_its_points(picture: Callable[..., Any], chain: Callable[..., str]) -> None:
+    """From the ground to the first joint, which it passes, to the tip; stretched by 2 m, it pulls along both parts."""
+    xml = chain({"name": "a", "axis": "0 1 0", "at": "0 0 1"}, {"name": "b", "axis": "0 1 0", "at": "0 0 3"},
+                {"name": "c", "axis": "0 1 0", "at": "0 0 2", "com": "0 0 1"})  # fmt: skip
+    cable = "{kind: cable, through: [base, b_link, c_link], stiffness: 7 N/m, free_length: 1 m}"
+    scene, _ = picture(xml, arrows=["forces"], at=0.5, forces=f"{{s: {cable}}}")
+    assert [(pair["kind"], pair["a"]["node"], pair["b"]["node"]) for pair in scene["pairs"]] == [
+        ("cable", 0, 2), ("cable", 2, 3),
+    ]  # fmt: skip
+    assert sorted(arrow["node"] for arrow in scene["arrows"] if "vectors" in arrow) == [0, 2, 3]
+
+
 def test_a_bushing_is_drawn_between_its_frames_with_force_and_moment_on_both(
     picture: Callable[..., Any], chain: Callable[..., str]
 ) -> None:

@@ -29,3 +29,13 @@ def test_a_body_in_one_place_is_the_box_of_its_inertia(picture: Callable[..., An
     scene, _ = picture(chain({"name": "a", "mass": 12.0, "inertia": (13.0, 10.0, 5.0)}))
     [box] = [shape for shape in scene["shapes"] if shape["kind"] == "box"]
     assert sorted(box["size"]) == pytest.approx([1.0, 2.0, 3.0])
+
+
+def test_the_ground_is_no_bar(solved: Callable[..., Any], read: Callable[..., Any]) -> None:
+    """A four-bar stands on two feet, one behind each of its fixed joints, which lie 0.4 m apart; nothing joins them."""
+    scene = read(solved("four_bar_shaking").replay(plots=[]).html).scene
+    fixed = [shape for shape in scene["shapes"] if shape["node"] == 0]
+    assert [shape["kind"] for shape in fixed] == ["box", "box"]
+    assert sorted(shape["place"][0] for shape in fixed) == pytest.approx([0.0, 0.4])
+    assert all(-0.05 < shape["place"][2] < 0.0 for shape in fixed)  # without gravity the axes' direction is up
+    assert all(max(shape["size"]) < 0.1 for shape in fixed)

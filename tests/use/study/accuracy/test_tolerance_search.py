@@ -1,13 +1,12 @@
 """The setting that reaches a target, and what is said where none does."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import pinarm
 from pinarm.cli.main import main
 from pinarm.problems import forward
+from pinarm.records import replace
 from pinarm.use.study.accuracy import tolerance_search as target_search
 from pinarm.use.study.accuracy.error_estimate import BOUND, output_differences
 from pinarm.use.study.accuracy.integration_settings import with_setting

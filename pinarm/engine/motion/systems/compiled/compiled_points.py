@@ -62,24 +62,27 @@ class PointFlow(Flow):
     def ready(self) -> None:
         """Bring the system to the present state of the motion."""
         structure, motion = self.system.structure, self.motion
-        self.take((motion.near, motion.rank))
+        self.choose(motion.near, motion.rank)
         structure.regular, structure.limits.rank, structure.open = motion.regular, motion.rank, motion.open
         structure.t, structure.step, structure.floor = motion.t, motion.step, motion.least
 
     def way(self, t: float) -> Any:
-        """Return whether the stages were closed in the step that begins at t, and the rank."""
-        return self.motion.chosen(t)
+        """Return the rank of the rows in the step that begins at t."""
+        return self.motion.rank_at(t)
 
     def take(self, way: Any) -> None:
-        """Let rates be those of steps that were taken in a way."""
-        near, rank = way
+        """Let rates be those of stages that are closed, with a rank; see ``PointMotion.since``."""
+        self.choose(True, way)
+
+    def choose(self, near: bool, rank: int) -> None:
+        """Choose whether stages are closed, and the rank."""
         structure, settings = self.system.structure, self.motion.settings(rank)
         structure.near, structure.tolerant = near, _proximal(settings) if settings else ProximalStructure()
 
-    def advanced(self, ends: Sequence[float], marks: Sequence[int]) -> None:
+    def advanced(self, ends: Sequence[float]) -> None:
         """Let the motion know how far it is."""
         structure, motion = self.system.structure, self.motion
-        motion.choices |= {t: (bool(near), motion.rank) for t, near in zip(ends, marks, strict=True)}
+        motion.ranks |= dict.fromkeys(ends, motion.rank)
         motion.near, motion.regular = bool(structure.near), structure.regular
         motion.singular, motion.open = motion.regular < point_motion.NEAR, structure.open
         motion.t, motion.step, motion.least = structure.t, structure.step, structure.floor
@@ -105,7 +108,7 @@ def compiled_points(dynamics: Dynamics, motion: PointMotion, near: Array) -> tup
         return points.rows()[points.tied.acting], drift[points.tied.acting]
 
     states = closed_states(near, motion.scale, lambda q, x: pin.integrate(points.tied.model, q, x), _closed(motion))
-    flow.take((False, points.tied.rank))
+    flow.choose(False, points.tied.rank)
     apart = disagreement(flow, points.tied.model, dynamics, rows, states)
     return (flow, "") if apart <= AGREEMENT else (None, DISAGREES.format(apart))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from functools import lru_cache, partial
 
 import numpy as np
@@ -54,10 +55,17 @@ def compiled_rows(motion: RowMotion, dynamics: Dynamics, near: Array) -> tuple[F
     there = loops.loaded(loaded) if loops and loaded else None
     if there is None:
         return None, ""
-    moved, closed = partial(pin.integrate, closure.model), partial(_closed, motion.settled)
-    states = closed_states(near, closure.scale, moved, closed)
-    flow = _flow(there, closure, [q for q, _ in states])
-    if flow is None:
+    states: list[State] = []
+
+    def configurations() -> Iterator[Array]:
+        """Yield those on the constraints last: to close many loops takes longer than to look at their rows."""
+        yield from places_of(closure.model)
+        moved, closed = partial(pin.integrate, closure.model), partial(_closed, motion.settled)
+        states.extend(closed_states(near, closure.scale, moved, closed))
+        yield from (q for q, _ in states)
+
+    flow = _flow(there, closure, configurations())
+    if flow is None or not states:
         return None, ""
 
     def rows(q: Array, v: Array) -> tuple[Array, Array]:
@@ -68,9 +76,9 @@ def compiled_rows(motion: RowMotion, dynamics: Dynamics, near: Array) -> tuple[F
     return (flow, "") if apart <= AGREEMENT else (None, DISAGREES.format(apart))
 
 
-def _flow(loops: LoadedLoops, closure: Closure, closed: list[Array]) -> Flow | None:
-    """Return the motion of loops, some of whose closed configurations are given; ``None`` where it is not exact."""
-    compiled, scale = library(), _delassus_scale(closure, closed)
+def _flow(loops: LoadedLoops, closure: Closure, configurations: Iterable[Array]) -> Flow | None:
+    """Return the motion of loops; ``None`` where it is not exact at some configurations."""
+    compiled, scale = library(), _delassus_scale(closure, configurations)
     if compiled is None or not scale:
         return None
     solve = ProximalStructure(PROXIMAL * scale, 0.0, ITERATIONS)
@@ -88,16 +96,17 @@ def _closed(settled: Settled, q: Array, v: Array) -> State:
     return closed[0], rates[0]
 
 
-def _delassus_scale(closure: Closure, closed: list[Array]) -> float:
+def _delassus_scale(closure: Closure, configurations: Iterable[Array]) -> float:
     """Return the smallest diagonal of ``G M^-1 G^T`` that is not 0 [1/kg].
 
     0 where the mass matrix is singular, where bodies differ so much that rounding is magnified (``UNEVEN``), or where
     the rank is not the same, and clear, at configurations on the constraints and beside them.
     """
     model, ranks, scale = closure.model, set[int](), 0.0
-    for q in [*places_of(model), *closed] if closed else []:
+    for q in configurations:
         rows, inverse = closure.rows(closure.state(q)), inverse_mass(model, q)
-        if inverse is None:
+        turning = np.linalg.norm(rows, axis=1).max() > NOISE  # rows of redundant loops alone are rounding
+        if inverse is None or not turning:
             return 0.0
         delassus = rows @ inverse @ rows.T
         size = np.sqrt(np.diag(delassus))
@@ -106,8 +115,7 @@ def _delassus_scale(closure: Closure, closed: list[Array]) -> float:
             return 0.0
         s = np.linalg.svd(rows[kept] / size[kept, None] @ np.linalg.cholesky(inverse), compute_uv=False)
         rank = int((s > CLEAR * s[0]).sum())
-        turning = np.linalg.norm(rows, axis=1).max() > NOISE  # rows of redundant loops alone are rounding
-        if not turning or (s[rank:] > REPEATED * s[0]).any() or s[0] > UNEVEN**0.5 * s[rank - 1]:
+        if (s[rank:] > REPEATED * s[0]).any() or s[0] > UNEVEN**0.5 * s[rank - 1]:
             return 0.0
         ranks.add(rank)
         scale = scale or float((size[kept] ** 2).min())

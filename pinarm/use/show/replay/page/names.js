@@ -1,6 +1,7 @@
 // Names of parts, points and joints over the picture. The key N shows and hides them.
 
 const APART = 2; // pixels between two names
+const STEPS = 14; // half lines by which a name may be moved, up and down in turn
 
 /** Return a text whose indices stand below the line, as elements for a page. */
 function lettered(runs) {
@@ -33,7 +34,7 @@ class Names {
     document.getElementById("named").setAttribute("aria-pressed", String(this.shown));
   }
 
-  /** Put the names beside their points, below or above others that they would cover. */
+  /** Put the names beside their points, below or above others that they would cover; those without room are hidden. */
   draw() {
     if (!this.shown) return;
     const { viewer, world } = this.view;
@@ -43,21 +44,22 @@ class Names {
       const place = this.motion.point(node, point).applyMatrix4(world.matrixWorld).project(viewer.camera);
       const [wide, high] = [element.offsetWidth, element.offsetHeight];
       const x = Math.min(Math.max(((place.x + 1) / 2) * clientWidth + 8, 2), clientWidth - wide - 2);
-      const y = free(taken, x, ((1 - place.y) / 2) * clientHeight - high - 3, wide, high);
+      const y = free(taken, x, ((1 - place.y) / 2) * clientHeight - high - 3, wide, high, clientHeight);
+      element.style.visibility = y === null || place.z > 1 ? "hidden" : "";
+      if (y === null) continue;
       taken.push([x, y, x + wide, y + high]);
       element.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
-      element.style.visibility = place.z > 1 ? "hidden" : "";
     }
   }
 }
 
-/** Return the height nearest to a wanted one at which a name covers no other. */
-function free(taken, x, wanted, wide, high) {
-  const meets = (y) => taken.some(([left, top, right, bottom]) => x < right + APART && x + wide + APART > left
-    && y < bottom && y + high > top);
-  for (let step = 0; step < 80; step += 1) {
+/** Return the height nearest to a wanted one at which a name is in the picture and covers no other, or null. */
+function free(taken, x, wanted, wide, high, bottom) {
+  const meets = (y) => y < 0 || y + high > bottom || taken.some((box) => x < box[2] + APART && x + wide + APART > box[0]
+    && y < box[3] && y + high > box[1]);
+  for (let step = 0; step < STEPS; step += 1) {
     const y = wanted + (step % 2 ? 1 : -1) * Math.ceil(step / 2) * (high / 2 + APART);
     if (!meets(y)) return y;
   }
-  return wanted;
+  return null;
 }

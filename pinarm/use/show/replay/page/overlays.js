@@ -1,4 +1,4 @@
-// What is drawn over the mechanism: paths of points, arrows, springs, cylinders, bushings and loop joints.
+// What is drawn over the mechanism: paths of points, arrows, springs, cylinders, bushings, cables and loop joints.
 
 const HUES = { forces: "#009e73", torques: "#d55e00", reactions: "#0072b2", loops: "#cc79a7" };
 const PATHS = ["#cc4778", "#e69f00", "#56b4e9", "#7e4fb0", "#2b8a3e", "#8a5a2b"];
@@ -121,12 +121,12 @@ function twist(view, motion, arrow, array) {
   };
 }
 
-/** Draw what joins two points: a spring, a cylinder, a bushing, a rod, or the mark of a loop joint. */
+/** Draw what joins two points: a spring, a cylinder, a bushing, a rod, a part of a cable, or the mark of a loop joint. */
 function link(view, motion, pair) {
   const { THREE, detail: size } = view;
   const between = new THREE.Group();
   view.world.add(between);
-  const parts = { spring, cylinder, bushing, rod, loop }[pair.kind](THREE, pair, size);
+  const parts = { spring, cylinder, bushing, rod, cable, loop }[pair.kind](THREE, pair, size);
   between.add(...parts.fixed, ...parts.stretched);
   return () => {
     const [a, b] = [motion.point(pair.a.node, pair.a.point), motion.point(pair.b.node, pair.b.point)];
@@ -179,8 +179,17 @@ function bushing(THREE, pair, size) {
 }
 
 function rod(THREE, pair, size) {
-  const bar = new THREE.Mesh(new THREE.CylinderGeometry(0.008 * size, 0.008 * size, 1, 20).rotateX(Math.PI / 2)
-    .translate(0, 0, 0.5), paint(THREE, [0.55, 0.58, 0.62, 1]));
+  return straightPart(THREE, size, 0.008 * size, [0.55, 0.58, 0.62, 1]);
+}
+
+function cable(THREE, pair, size) {
+  return straightPart(THREE, size, 0.0035 * size, [0.2, 0.22, 0.25, 1]);
+}
+
+/** A bar of one radius from one eye to the other. */
+function straightPart(THREE, size, radius, colour) {
+  const bar = new THREE.Mesh(new THREE.CylinderGeometry(radius, radius, 1, 20).rotateX(Math.PI / 2)
+    .translate(0, 0, 0.5), paint(THREE, colour));
   bar.castShadow = true;
   const [start, end] = eyes(THREE, size);
   return { fixed: [start, end], stretched: [bar], atEnd: [end] };

@@ -2,21 +2,23 @@
 
 const SVG = "http://www.w3.org/2000/svg";
 const MARGIN = { left: 50, right: 16, top: 5, bottom: 17 };
+const DIGIT = 6.5; // pixels: width of a digit of the numbers beside an axis
 const HEIGHT = 104;
 const LEAST = 64; // pixels: height below which pictures get a further column of plots
 
 function plots(scene, array, motion, seek) {
   const made = scene.plots.map((plot) => new Plot(scene, plot, array(plot.values), motion, seek));
   document.getElementById("plots").append(...made.map((plot) => plot.figure));
-  const resize = () => made.forEach((plot) => plot.draw());
+  const left = Math.max(MARGIN.left, ...made.map((plot) => plot.numbers())); // all alike: times stand below each other
+  const resize = () => made.forEach((plot) => plot.draw(left));
   return { update: (at, value) => made.forEach((plot) => plot.point(at, value)), resize, fit: () => fit(made, resize) };
 }
 
 /** Make all plots visible at once, side by side where they are many: a picture cannot be scrolled. */
 function fit(made, resize) {
-  if (!made.length) return;
   const aside = document.getElementById("plots");
   document.body.classList.add("picture");
+  if (!made.length) return;
   const caption = made[0].figure.offsetHeight - made[0].svg.clientHeight + 8;
   const room = (columns) => (aside.clientHeight - 20) / Math.ceil(made.length / columns) - caption;
   let columns = 1;
@@ -52,7 +54,7 @@ class Plot {
     this.range = bounds(values);
     const drag = (event) => {
       if (!(event.buttons & 1) && event.type !== "pointerdown") return;
-      const share = (event.clientX - this.svg.getBoundingClientRect().left - MARGIN.left) / this.width;
+      const share = (event.clientX - this.svg.getBoundingClientRect().left - this.left) / this.width;
       const [low, high] = this.span();
       seek((low + Math.min(1, Math.max(0, share)) * (high - low)) * this.scale);
     };
@@ -68,7 +70,7 @@ class Plot {
 
   x(value) {
     const [low, high] = this.span();
-    return MARGIN.left + (this.width * (value / this.scale - low)) / (high - low);
+    return this.left + (this.width * (value / this.scale - low)) / (high - low);
   }
 
   y(value) {
@@ -76,15 +78,21 @@ class Plot {
     return MARGIN.top + (this.height - MARGIN.top - MARGIN.bottom) * (1 - (value - low) / (high - low));
   }
 
-  draw() {
-    this.width = Math.max(40, this.svg.clientWidth - MARGIN.left - MARGIN.right);
+  /** Return the room that the numbers beside the axis need. */
+  numbers() {
+    return 9 + DIGIT * Math.max(0, ...ticks(...this.range, 4).map(({ text }) => text.length));
+  }
+
+  draw(left) {
+    this.left = left;
+    this.width = Math.max(40, this.svg.clientWidth - this.left - MARGIN.right);
     this.svg.replaceChildren();
     this.svg.setAttribute("height", this.height);
-    const [right, bottom] = [MARGIN.left + this.width, this.height - MARGIN.bottom];
+    const [right, bottom] = [this.left + this.width, this.height - MARGIN.bottom];
     for (const { place, text } of ticks(...this.range, this.height < 80 ? 3 : 4)) {
       const y = this.y(place);
-      svg("line", { class: "grid", x1: MARGIN.left, x2: right, y1: y, y2: y }, this.svg);
-      svg("text", { x: MARGIN.left - 5, y: y + 3.5, "text-anchor": "end" }, this.svg).textContent = text;
+      svg("line", { class: "grid", x1: this.left, x2: right, y1: y, y2: y }, this.svg);
+      svg("text", { x: this.left - 5, y: y + 3.5, "text-anchor": "end" }, this.svg).textContent = text;
     }
     for (const { place, text } of ticks(...this.span(), 5)) {
       const x = this.x(place * this.scale);

@@ -1,0 +1,106 @@
+"""States that are kept within limits, such as a current or an integral, by events and modes.
+
+Such a state is free until it reaches a limit, is held there as long as its rate points outwards, and is free again from
+the instant at which the rate changes its sign. Both instants are events, and the mode between them says which equation
+holds. Without modes the last digit of the state at the limit would: each evaluation could take the other equation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Generic, NamedTuple, TypeVar
+
+import numpy as np
+
+from pinarm.arrays import Array
+
+FREE, HIGHEST, LOWEST = 0, 1, 2
+"""Modes: within the limits, held at the upper one, held at the lower one."""
+
+MODES = 3
+"""Their number."""
+
+ROUNDING = 1e-9
+"""Part of a limit by which a state that is integrated may miss it; part of its terms below which a rate is none."""
+
+Inputs = TypeVar("Inputs")
+
+Modes = TypeVar("Modes", int, "Array | int")
+
+
+class Switch(NamedTuple, Generic[Inputs]):
+    """A zero crossing at which a mode changes, or a value stops being smooth.
+
+    Attributes:
+        value: Of the inputs at many instants, shape (n,).
+        direction: 1 for rising crossings, -1 for falling ones, 0 for both.
+        mode: Mode afterwards; ``None`` for the same.
+    """
+
+    value: Callable[[Inputs], Array]
+    direction: int = 0
+    mode: int | None = None
+
+
+def mode_of(modes: Modes, k: int) -> Modes:
+    """Return the mode of the state k from the number that stands for the modes of many: its digit in base 3."""
+    return modes // int(MODES**k) % MODES
+
+
+def number_of(modes: Iterable[int], further: int = 0) -> int:
+    """Return the number that stands for the modes of many states; see ``mode_of``.
+
+    Args:
+        modes: One for each state.
+        further: A number for something else that the same number stands for, above the digits of the modes.
+    """
+    digits = [*modes]
+    return int(further * MODES ** len(digits) + sum(mode * MODES**k for k, mode in enumerate(digits)))
+
+
+class StateLimits(NamedTuple):
+    """Limits of a state; infinite for none."""
+
+    lower: float
+    upper: float
+
+    def mode(self, value: float, rate: float, scale: float, before: int) -> int:
+        """Return the mode at the start of a smooth stretch.
+
+        A free state at a limit is held where its rate points outwards: rates jump, and two states may reach their
+        limits at one instant, of which one event is located. A rate of rounding holds nothing: it is that of the
+        instant at which a state was let go.
+
+        Args:
+            value: The state.
+            rate: Its rate if it were free.
+            scale: Size of the terms of the rate.
+            before: The mode until then.
+        """
+        for mode, limit, sign in ((HIGHEST, self.upper, 1.0), (LOWEST, self.lower, -1.0)):
+            if not np.isfinite(limit):
+                continue
+            at_limit, outwards = sign * (value - limit) >= -ROUNDING * abs(limit), sign * rate
+            if (before == mode and outwards >= 0.0) or (at_limit and outwards > ROUNDING * scale):
+                return mode
+        return FREE
+
+    def switches(
+        self, mode: int, value: Callable[[Inputs], Array], rate: Callable[[Inputs], Array]
+    ) -> list[Switch[Inputs]]:
+        """Return where a free state reaches its limits, or where a state that is held is let go.
+
+        Args:
+            mode: The present mode.
+            value: The state.
+            rate: Its rate if it were free.
+        """
+        if mode != FREE:
+            return [Switch(rate, -1 if mode == HIGHEST else 1, FREE)]
+        lower, upper = self
+        reached: list[Switch[Inputs]] = []
+        if np.isfinite(upper):
+            reached.append(Switch(lambda given: value(given) - upper, 1, HIGHEST))
+        if np.isfinite(lower):
+            reached.append(Switch(lambda given: value(given) - lower, -1, LOWEST))
+        return reached

@@ -1,0 +1,50 @@
+"""How many laws a mechanism can follow: as many as it has degrees of freedom, wherever its loops close."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pinarm.engine.kinematics.joint_motion import follow
+from pinarm.engine.kinematics.law_count import determining
+from pinarm.engine.kinematics.newton import start_configuration
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import InputError
+from pinarm.mechanics.laws import Constant
+from pinarm.mechanics.laws.motion_law import Grid
+
+MODELS = Path(__file__).parents[3] / "models"
+
+
+@pytest.fixture(scope="module")
+def leg():
+    return Mechanism.load(MODELS / "exoskeleton_leg" / "mechanism.yaml")
+
+
+def test_too_few_laws(leg):
+    with pytest.raises(InputError, match="3 coordinates have to follow a law and 1 do") as caught:
+        determining(leg, {"knee": Constant(value=0.0)})
+    assert caught.value.expected == "laws for 2 more, such as of the joints ankle, hip"
+
+
+def test_too_many_laws(leg):
+    names = ["ankle", "knee", "hip", "hip_height"]
+    with pytest.raises(InputError, match="4 coordinates follow a law, but the mechanism has only 3 degrees") as caught:
+        determining(leg, {name: Constant(value=0.0) for name in names})
+    assert caught.value.expected == "3 of ankle, knee, hip, hip_height"
+
+
+@pytest.mark.parametrize("names", [["theta2", "theta4"], ["theta2", "A", "theta4"]])
+def test_too_many_laws_of_a_loop_are_counted_by_its_mobility(names):
+    """Of three joints one is free in a four-bar; values of two would fit one another by chance only."""
+    bars = Mechanism.load(MODELS / "crank_rocker" / "mechanism.yaml")
+    motion = {name: Constant(value=0.1 * k) for k, name in enumerate(names)}
+    with pytest.raises(InputError, match="has only 1 degree of freedom") as caught:
+        follow(bars, determining(bars, motion), Grid.cover(np.array([0.0, 1.0]), []), start_configuration(bars, {}))
+    assert caught.value.expected == f"1 of {', '.join(names)}"
+
+
+def test_unknown_coordinates(leg):
+    with pytest.raises(InputError, match="no coordinate 'hip_hight'") as caught:
+        determining(leg, {"hip_hight": Constant(value=0.0)})
+    assert caught.value.hint == "hip_height"

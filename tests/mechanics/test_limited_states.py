@@ -1,0 +1,93 @@
+"""States within limits: the last digit of a state at its limit decides nothing. Against closed forms."""
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.mechanics.limited_states import FREE, HIGHEST, LOWEST, StateLimits, mode_of, number_of
+
+LIMITS = StateLimits(-5.0, 0.7)
+
+
+@pytest.mark.parametrize(("limit", "sign", "held"), [(0.7, 1.0, HIGHEST), (-5.0, -1.0, LOWEST)])
+def test_a_state_at_its_limit_is_held_on_either_side_of_rounding(limit, sign, held):
+    for value in (np.nextafter(limit, 0.0), limit, np.nextafter(limit, 2.0 * limit)):
+        assert LIMITS.mode(value, sign * 2.0, 3.0, FREE) == held
+        assert LIMITS.mode(value, 0.0, 3.0, held) == held  # as long as nothing takes it back
+        assert LIMITS.mode(value, -sign * 1e-16, 3.0, held) == FREE
+        assert LIMITS.mode(value, sign * 1e-16, 3.0, FREE) == FREE  # the instant at which it was let go
+    assert LIMITS.mode(0.9 * limit, sign * 2.0, 3.0, FREE) == FREE
+    assert StateLimits(-np.inf, np.inf).mode(1e9, 1.0, 1.0, FREE) == FREE
+
+
+def test_a_number_stands_for_many_modes():
+    number = number_of([HIGHEST, FREE, LOWEST], 4)
+    assert [mode_of(number, k) for k in range(3)] == [HIGHEST, FREE, LOWEST]
+    assert number // 27 == 4
+    assert mode_of(np.array([number, 0]), 2).tolist() == [LOWEST, FREE]
+
+
+URDF = """<robot name="two"><link name="base"/>{}</robot>"""
+WHEEL = """<link name="{0}_link"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="0.02" ixy="0" ixz="0" iyz="0"/>
+</inertial></link><joint name="{0}" type="continuous"><parent link="base"/><child link="{0}_link"/><axis xyz="0 0 1"/>
+</joint>"""
+
+
+def solved(tmp_path, drives, control, outputs, end="0.3 s", **problem):
+    """Run with a limit of steps: a state that hangs at its limit takes hundreds of thousands."""
+    (tmp_path / "two.urdf").write_text(URDF.format("".join(WHEEL.format(drive["joint"]) for drive in drives.values())))
+    mechanism = pinarm.Mechanism.load(tmp_path / "two.urdf", values={"drives": drives})
+    return pinarm.run({
+        "pinarm": 1, "mechanism": mechanism, "outputs": outputs, "accuracy": {"max_steps": 900},
+        "problem": {"kind": "forward", "time": {"end": end, "samples": 31}, "control": control, **problem},
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize("limit", np.linspace(3.0, 6.0, 13))
+def test_a_current_stays_at_its_limit_whatever_its_last_digit(tmp_path, limit):
+    motor = {"kind": "dc", "resistance": "1 ohm", "inductance": "2 mH", "constant": "0.03 N*m/A"}
+    drive = {
+        "joint": "x",
+        "ratio": 20,
+        "rotor_inertia": "1e-5 kg*m^2",
+        "motor": {**motor, "current_limit": f"{limit} A"},
+    }
+    control = [{"kind": "pid", "drive": "servo", "follows": {"law": "constant", "value": "1 rad"}, "kp": "24 V/rad",
+               "kd": "3 V*s/rad"}]  # fmt: skip
+    result = solved(tmp_path, {"servo": drive}, control, ["x", "control.servo.current"], "60 ms")
+    t, v = result["t"].values, result["joint.x.velocity"].values
+    held = (t > 2e-3) & (t < 15e-3)
+    assert result["control.servo.current"].values[held] == pytest.approx(limit, rel=1e-12)
+    assert np.diff(v[held]) / np.diff(t[held]) == pytest.approx(0.6 * limit / 0.024, rel=1e-7)  # N k I / J
+
+
+def test_two_motors_reach_their_limits_at_one_instant(tmp_path):
+    motor = {
+        "kind": "dc",
+        "resistance": "1 ohm",
+        "inductance": "2 mH",
+        "constant": "0.03 N*m/A",
+        "current_limit": "5 A",
+    }
+    drives = {f"servo_{x}": {"joint": x, "ratio": 20, "motor": motor} for x in "xy"}
+    control = [{"kind": "state_feedback", "drive": drive, "states": ["x"], "gains": [["0 V/rad", "0 V*s/rad"]],
+                "bias": ["24 V"]} for drive in drives]  # fmt: skip
+    result = solved(tmp_path, drives, control, [f"control.{drive}.current" for drive in drives])
+    first, second = (result[f"control.{drive}.current"].values for drive in drives)
+    assert (first == pytest.approx(second, abs=1e-12)) and first.max() == pytest.approx(5.0, rel=1e-12)
+    assert first[-1] < 4.0  # both are let go when the voltage of the turning motors is left only
+
+
+@pytest.mark.parametrize("most", np.linspace(0.1, 0.4, 7))
+def test_an_integral_waits_at_its_limit_and_returns(tmp_path, most):
+    """A stalled wheel, e = 1 rad, then -1 rad: the part ``ki x`` rises to the limit, stays, and falls at once."""
+    steps = {"law": "steps", "points": [["0 s", "1 rad"], ["0.2 s", "-1 rad"]]}
+    control = [{"kind": "pid", "drive": "x", "follows": steps, "kp": "0 N*m/rad", "ki": "3 N*m/rad/s",
+               "limits": [f"{-most} N*m", f"{most} N*m"]}]  # fmt: skip
+    stalled = {"end_stops": {"x": {"upper": "1e-9 rad", "lower": "-1e-9 rad", "restitution": 0}}}
+    result = solved(tmp_path, {"x": {"joint": "x"}}, control, ["control.x.effort"], **stalled,
+                    initial={"position": {"x": "0 rad"}})  # fmt: skip
+    t = result["t"].values
+    exact = np.where(t < 0.2, np.minimum(3.0 * t, most), most - 3.0 * (t - 0.2))
+    assert result["control.x.effort"].values == pytest.approx(np.maximum(exact, -most), abs=1e-7)

@@ -1,0 +1,130 @@
+"""Stops, and cables that only pull, together with friction that sticks and with controllers, against closed forms."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import pinarm
+
+SIZES = '<limit lower="-1e4" upper="1e4" effort="1e6" velocity="1e3"/>'
+BODY = '<inertial><mass value="{}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+BLOCK = f"""
+<link name="band">{BODY.format(1)}</link><link name="block">{BODY.format(2)}</link>
+<joint name="belt" type="prismatic"><parent link="base"/><child link="band"/><axis xyz="1 0 0"/>{SIZES}</joint>
+<joint name="slip" type="prismatic"><parent link="band"/><child link="block"/><axis xyz="1 0 0"/>{SIZES}</joint>"""
+MASS, SLIDES, STICKS = 2.0, 0.2 * 2.0 * 9.81, 0.3 * 2.0 * 9.81
+RUBBING = "friction: {slip: {mu: 0.2, static_mu: 0.3}}\n"
+STILL = "motion: {belt: {law: constant, value: 0 m}}"
+
+
+def test_a_pushed_block_rebounds_and_sticks_where_it_turns(write):
+    """With 5 N, between the friction of slip and of rest, from 1 m/s on: it comes to the stop, and does not return."""
+    problem = (f"{{kind: forward, time: {{end: 2 s, samples: 3}}, {STILL}, initial: {{velocity: {{slip: 1 m/s}}}}, "
+               "end_stops: {slip: {upper: 1 m, restitution: 0.5}}, "
+               "loads: {push: {kind: joint_effort, joint: slip, effort: {law: constant, value: 5 N}}}}")  # fmt: skip
+    result = pinarm.run(write(BLOCK, RUBBING, problem, "slip, joint.slip.friction"))
+    gains, loses = (5.0 - SLIDES) / MASS, (5.0 + SLIDES) / MASS
+    speed = np.sqrt(1.0 + 2.0 * gains)
+    hits, turns = (speed - 1.0) / gains, (speed - 1.0) / gains + 0.5 * speed / loses
+    found = [segment.solution.end for segment in result.outcome.motion.motion.segments]
+    assert found == pytest.approx([hits, turns, 2.0], rel=1e-9)
+    assert result["slip"].values[-1] == pytest.approx(1.0 - (0.5 * speed) ** 2 / (2.0 * loses), rel=1e-9)
+    assert result["joint.slip.friction"].values[-1] == pytest.approx(-5.0, rel=1e-12)
+
+
+def test_a_block_on_a_belt_that_speeds_up_comes_to_rest_at_a_stop_on_it(write):
+    """On the belt 4 m/s^2 push it back: rebounds are ``e ((A - k)/(A + k))^(1/2)`` as fast as those before.
+
+    At rest stop and friction share 8 N: the stop gives what friction leaves of it, at most the limit of rest to either
+    side.
+    """
+    problem = ("{kind: forward, time: {end: 1.3 s, samples: 3}, "
+               "motion: {belt: {law: trapezoid, from: 0 m, to: 36 m, acceleration: 4 m/s^2}}, "
+               "end_stops: {slip: {lower: -0.5 m, restitution: 0.5}}}")  # fmt: skip
+    result = pinarm.run(write(BLOCK, RUBBING, problem, "slip, joint.slip.effort"))
+    slower, faster = 4.0 - SLIDES / MASS, 4.0 + SLIDES / MASS
+    hits = [event for event in result.events if abs(event.before[1]) > 1e-4]
+    assert hits[0].t == pytest.approx(np.sqrt(1.0 / slower), rel=1e-9)
+    ratio = 0.5 * np.sqrt(slower / faster)
+    for one, two in pairwise(hits):
+        assert two.before[1] / one.before[1] == pytest.approx(ratio, rel=1e-5)  # the places are known to 1e-13 m
+        away = abs(one.v[1])
+        assert two.t - one.t == pytest.approx(away / faster + away / np.sqrt(slower * faster), rel=1e-5)
+    for end, friction in (("least", -STICKS), ("greatest", STICKS)):
+        assert result[f"joint.slip.effort.{end}"].values[-1] == pytest.approx(4.0 * MASS + friction, rel=1e-9)
+
+
+CONTROL = "control: [{kind: pid, drive: slip, follows: {law: constant, value: 1 m}, kp: 200 N/m, kd: 4 N*s/m}]"
+STOP = "end_stops: {slip: {upper: 0.5 m, restitution: 0.5}}"
+
+
+@pytest.mark.parametrize("friction", [0.0, 3.0])
+def test_a_controlled_mass_at_a_stop(write, friction):
+    """``2 x'' = 200 (1 - x) - 4 x' - F sign(x')``, from rest, and from the stop on with half the velocity back."""
+    problem = f"{{kind: forward, time: {{end: 0.25 s, samples: 3}}, {STILL}, {STOP}, {CONTROL}}}"
+    rubbing = f"friction: {{slip: {{constant: {friction} N}}}}\n" if friction else ""
+    result = pinarm.run(write(BLOCK, "gravity: none\n" + rubbing, problem, "slip"))
+
+    def rates(t, x):
+        return [x[1], 100.0 * (1.0 - x[0]) - 2.0 * x[1] - 0.5 * friction * np.sign(x[1])]
+
+    def at_stop(t, x):
+        return x[0] - 0.5 if t > 1e-6 else -1.0
+
+    def turns(t, x):
+        return x[1] if t > 1e-6 else -1.0
+
+    at_stop.terminal = turns.terminal = True
+    at_stop.direction = 1.0
+    options = {"rtol": 1e-11, "atol": 1e-13, "method": "DOP853"}
+    first = solve_ivp(rates, (0.0, 1.0), [0.0, 0.0], events=at_stop, **options)
+    back = solve_ivp(rates, (0.0, 1.0), [0.5, -0.5 * first.y[1, -1]], events=turns, **options)
+    forth = solve_ivp(rates, (0.0, 1.0), [back.y[0, -1], 1e-12], events=at_stop, **options)
+    times = np.cumsum([first.t[-1], back.t[-1] + forth.t[-1]])
+    assert [event.t for event in result.events] == pytest.approx(times, rel=1e-7)
+    assert [event.before[-1] for event in result.events] == pytest.approx([first.y[1, -1], forth.y[1, -1]], rel=1e-7)
+
+
+def test_a_controlled_mass_with_friction_comes_to_rest_at_the_stop(write):
+    """Rebounds below rounding end at the stop: 200 N/m at 0.5 m press with 100 N, of which friction may hold 3 N."""
+    problem = f"{{kind: forward, time: {{end: 0.4 s, samples: 3}}, {STILL}, {STOP}, {CONTROL}}}"
+    rubbing = "gravity: none\nfriction: {slip: {constant: 3 N}}\n"
+    result = pinarm.run(write(BLOCK, rubbing, problem, "slip, joint.slip.friction, control.slip.effort"))
+    assert len(result.events) < 40
+    assert result["slip"].values[-1] == pytest.approx(0.5, abs=1e-12)
+    assert result["joint.slip.velocity"].values[-1] == 0.0
+    assert result["control.slip.effort"].values[-1] == pytest.approx(100.0, rel=1e-9)
+    bounds = [result[f"joint.slip.friction.{end}"].values[-1] for end in ("least", "greatest")]
+    assert bounds == pytest.approx([-3.0, 3.0], rel=1e-9)
+
+
+DOOR = f"""
+<link name="door">{BODY.format(15)}</link><link name="weight">{BODY.format(10)}</link>
+<joint name="lift" type="prismatic"><parent link="base"/><child link="door"/><axis xyz="0 0 1"/>{SIZES}</joint>
+<joint name="drop" type="prismatic"><parent link="base"/><child link="weight"/><origin xyz="1 0 1"/><axis xyz="0 0 1"/>
+{SIZES}</joint><link name="a"/><link name="b"/>
+<joint name="a_fixed" type="fixed"><parent link="base"/><child link="a"/><origin xyz="0 0 3"/></joint>
+<joint name="b_fixed" type="fixed"><parent link="base"/><child link="b"/><origin xyz="1 0 3"/></joint>"""
+HUNG = """loops: {rope: {kind: cable, through: [door, a, b, weight], length: 6 m}}
+friction: {lift: {constant: 60 N}, drop: {constant: 20 N}}
+"""
+
+
+def test_a_controlled_door_on_a_cable_breaks_loose_at_the_sample_that_asks_for_more_than_friction_holds(write):
+    """The motor lifts with ``2000 N/m * 0.1 m/s * t``, 5 N more a sample of 25 ms, the cable with 98.1 N of 147.15 N.
+
+    Friction of door and counterweight hold 80 N together: it moves at the first sample with more than 129.05 N.
+    """
+    control = "{kind: pid, drive: lift, follows: {law: constant_speed, speed: 0.1 m/s}, kp: 2000 N/m, period: 25 ms}"
+    problem = f"{{kind: forward, time: {{end: 0.7 s, samples: 29}}, control: [{control}]}}"
+    result = pinarm.run(write(DOOR, HUNG, problem, "lift, joint.lift.velocity, loop.rope.tension"))
+    begins = 0.025 * np.ceil((15.0 * 9.81 - 10.0 * 9.81 + 80.0) / 200.0 / 0.025)
+    t, moves = result["t"].values, result["joint.lift.velocity"].values > 0.0
+    assert t[moves].min() > begins - 1e-9
+    assert moves[t > begins + 1e-9].all()
+    accelerates = (200.0 * begins + 10.0 * 9.81 - 15.0 * 9.81 - 80.0) / 25.0
+    row = result.lookup.at({"t": f"{begins + 0.02} s"}, "lift")
+    assert row["joint.lift.velocity"].values[0] == pytest.approx(accelerates * 0.02, rel=1e-8)
+    assert row["loop.rope.tension"].values[0] == pytest.approx(10.0 * (9.81 - accelerates) - 20.0, rel=1e-9)
