@@ -213,19 +213,20 @@ class Task:
         source: What the scenario is read from: a process that misses a file of it has to be able to say so.
         wanted: What to take from each result.
         root: Folder that files may refer to; each file's own where it is ``None``.
-        anchor: The case from which loops of all others are closed where they are solved together: the last digits
-            depend on it, and so on no worker; none where each begins with a case of its own.
+        anchors: Cases, from the first of which that can be solved the loops of all others are closed where they are
+            solved together: the last digits depend on it, and so on no worker. Without any, each worker begins with a
+            case of its own.
     """
 
     source: ScenarioSource
     wanted: tuple[Taken, ...]
     root: Path | None = None
-    anchor: Case | None = None
+    anchors: tuple[Case, ...] = ()
 
     @classmethod
-    def of(cls, scenario: Scenario, wanted: Iterable[Taken], anchor: Case | None = None) -> Task:
+    def of(cls, scenario: Scenario, wanted: Iterable[Taken], *anchors: Case) -> Task:
         """Return what is the same in all cases of a scenario, for a process in any folder."""
-        return cls(scenario.source, tuple(wanted), given_root(), anchor)
+        return cls(scenario.source, tuple(wanted), given_root(), anchors)
 
     @cached_property
     def scenario(self) -> Scenario:

@@ -1,7 +1,7 @@
 """The jobs of a chunk: those that differ by numbers only are solved as one array, the others one by one.
 
 The numbers of a case do not depend on those that are solved with it. They are the same to the last digit however cases
-are spread over workers: loops are followed from the anchor of the task, whatever case comes first.
+are spread over workers: loops are followed from an anchor of the task, whatever case comes first.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class _Known:
     Attributes:
         stacks: What they have in common: one for each branch that the model takes.
         alone: Whether they can only be solved one by one.
-        anchored: Whether the task's anchor has been tried.
+        anchored: Whether the task's anchors have been tried.
     """
 
     stacks: list[Stack] = field(default_factory=list)
@@ -75,13 +75,13 @@ class CaseSolver:
 
     def _solved(self, known: _Known, places: deque[int], jobs: Sequence[Job]) -> dict[int, Row]:
         """Return the rows of the first of some places, or of several; they are taken from these."""
+        first, last = jobs[places[0]], jobs[places[-1]]
         if not known.anchored:
-            known.anchored = True
-            anchor = of_kind(self.task.anchor, jobs[places[0]][2]) if self.task.anchor and not known.alone else None
-            if anchor is not None:
-                self._begin(known, (-1, "", anchor), jobs[places[-1]])
+            self._anchor(known, first, last)
         if not known.alone and not known.stacks:
-            row = self._begin(known, jobs[places[0]], jobs[places[-1]])
+            row = self._begin(known, first, last)
+            if self.task.anchors and known.stacks and known.stacks[0].follows:
+                known.stacks, known.alone = [], True  # numbers would depend on which case comes first
             if not known.stacks:
                 return {places.popleft(): row}
         if known.alone:
@@ -94,6 +94,14 @@ class CaseSolver:
             found = zip(left, stack.rows([jobs[place][2] for place in left]), strict=True)
             rows |= {place: row for place, row in found if row is not None}
         return rows | {place: self._other(known, jobs[place]) for place in some if place not in rows}
+
+    def _anchor(self, known: _Known, first: Job, last: Job) -> None:
+        """Begin with the first anchor that can be solved."""
+        known.anchored = True
+        for anchor in self.task.anchors:
+            own = of_kind(anchor, first[2])
+            if own is not None and not known.alone and not known.stacks:
+                self._begin(known, (-1, "", own), last)
 
     def _other(self, known: _Known, job: Job) -> Row:
         """Return the row of a case that no stack takes; it may begin another one."""

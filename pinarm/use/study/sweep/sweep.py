@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 
     from pinarm.use.show.figure import Picture
 
+ANCHORS = 5
+"""Cases, spread over those of a sweep, from the first of which that can be solved loops of all others are closed."""
+
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
@@ -174,7 +177,8 @@ def sweep(
         quantities, sections = _end(scenario, chosen).quantities(), scenario.numbered
         read = [Wanted.read(text, sections) for text in results or scenario.content.outputs]
         found = [entry.measured(quantities, sections) for entry in read]
-    task = Task.of(scenario, (entry for entry, _ in found), chosen.values(0))
+    anchors = np.unique(np.linspace(0, len(chosen) - 1, ANCHORS).astype(int)).tolist()
+    task = Task.of(scenario, (entry for entry, _ in found), *map(chosen.values, anchors))
     named = [column for _, columns in found for column in columns]
     named += [Series(name, DIMENSIONLESS, np.zeros(0)) for name in WORTH]
     solving = Solving(task, chosen, np.full((len(chosen), len(named)), np.nan), progress)
