@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, ArgumentTypeError, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Callable
 from pathlib import Path
+
+from pinarm.errors import PinarmError
 
 EXAMPLES = """examples:
   python -m pinarm new four_bar && python -m pinarm run four_bar/scenario.yaml
@@ -26,8 +28,8 @@ EXAMPLES_OF = {
               "sweep scenario.yaml --over arguments.m_A='normal(0.25, 0.01) kg' --sample 1000",
               "sweep scenario.yaml --over arguments.m_A='0.1:0.5:100000 kg' --cluster tcp://10.0.0.1:8786"],
     "tradeoff": ["tradeoff scenario.yaml"],
-    "replay": ["replay results/scenario --trace P --arrows reactions", "replay results/scenario --png t=0.5"],
-    "report": ["report results/scenario -o report.html", "report results/first results/second -o both.pdf"],
+    "replay": ["replay results/four_bar --trace P --arrows reactions", "replay results/four_bar --png t=0.5"],
+    "report": ["report results/four_bar -o report.html", "report results/first results/second -o both.pdf"],
     "schema": ["schema mechanism > mechanism.schema.json"],
     "examples": ["examples -o pinarm-examples"],
     "selftest": ["selftest"],
@@ -83,10 +85,39 @@ def _resolution(text: str) -> int:
     return int(text)
 
 
+def _sources(prefix: str, **asked: object) -> list[str]:
+    """Return how the source of ``new`` may go on: templates, folders and model files."""
+    from argcomplete.completers import FilesCompleter
+
+    from pinarm.engine.model_source import FILES
+    from pinarm.use.store.new import templates
+
+    files = FilesCompleter([ending[1:] for ending in (*FILES, ".yaml")])(prefix)
+    return [*(name for name in templates() if name.startswith(prefix)), *files]
+
+
+def _names(prefix: str, parsed_args: Namespace, **asked: object) -> list[str]:
+    """Return the names of quantities that may go on a line which has the file of a scenario or a model already."""
+    from pinarm.use.study.quantities import quantities
+
+    file = getattr(parsed_args, "path", None) or getattr(parsed_args, "scenario", None)
+    if not file:
+        return []
+    try:
+        known = quantities(file)
+    except PinarmError:
+        return []
+    names = (f"{entry.name}.{part}" if part else entry.name for entry in known for part in entry.components or ("",))
+    return [name for name in names if name.startswith(prefix)]
+
+
 def _new(new: ArgumentParser) -> None:
-    new.add_argument("source", metavar="TEMPLATE|MODEL",
-                     help="four_bar, slider_crank, scissor_lift, cam or arm; a URDF, xacro, MJCF or SDF file; the name "
-                     "of a robot; or a mechanism file with a drawing, of which the URDF is written")  # fmt: skip
+    source = new.add_argument(
+        "source", metavar="TEMPLATE|MODEL",
+        help="four_bar, slider_crank, scissor_lift, cam or arm; a URDF, xacro, MJCF or SDF file; the name of a robot; "
+        "or a mechanism file with a drawing, of which the URDF is written",
+    )  # fmt: skip
+    source.completer = _sources  # type: ignore[attr-defined]  # where argcomplete looks for it
     new.add_argument("-o", "--output", type=Path,
                      help="folder (default: TEMPLATE, or that of MODEL); files that exist are kept")  # fmt: skip
 
@@ -121,7 +152,10 @@ def _explain(explain: ArgumentParser) -> None:
 
 def _quantities(quantities: ArgumentParser) -> None:
     quantities.add_argument("path", metavar="SCENARIO|MODEL")
-    quantities.add_argument("--like", default="", metavar="TEXT", help="part of a name or of a meaning, such as force")
+    like = quantities.add_argument(
+        "--like", default="", metavar="TEXT", help="part of a name or of a meaning, such as force"
+    )
+    like.completer = _names  # type: ignore[attr-defined]
     _values(quantities)
 
 
@@ -156,9 +190,12 @@ def _sweep(sweep: ArgumentParser) -> None:
     sweep.add_argument("--seed", type=int, default=0, help="of the drawing (default: 0)")
     sweep.add_argument("--lhs", action="store_const", const="latin", default="random", dest="sampling",
                        help="draw a Latin hypercube")  # fmt: skip
-    sweep.add_argument("--result", action="append", default=[], metavar="QUANTITY[@PLACE]", dest="results",
-                       help="what to take from each case, such as C_B, 'C_B @ max', 't @ max(C_B)', 'C_B @ t=1.5 s' "
-                       "(default: least and greatest row of every output)")  # fmt: skip
+    taken = sweep.add_argument(
+        "--result", action="append", default=[], metavar="QUANTITY[@PLACE]", dest="results",
+        help="what to take from each case, such as C_B, 'C_B @ max', 't @ max(C_B)', 'C_B @ t=1.5 s' (default: least "
+        "and greatest row of every output)",
+    )  # fmt: skip
+    taken.completer = _names  # type: ignore[attr-defined]
     _workers(sweep, "processes (default: all cores)")
     sweep.add_argument("-o", "--output", type=Path, help="folder of the sweep (default: results/SCENARIO-sweep)")
     _plots(sweep)

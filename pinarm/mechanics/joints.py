@@ -69,11 +69,14 @@ def joints_of(model: pin.Model) -> dict[str, Joint]:
 
 
 def format_configuration(model: pin.Model, q: Array) -> str:
-    """Return a configuration q, shape (nq,), as text such as ``track = 0.2 m, pivot = 1 rad``, for messages."""
+    """Return a configuration q, shape (nq,), as text such as ``track = 0.2 m, pivot = 30 deg``, for messages."""
     joints, words = joints_of(model), []
     for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
-        values = " ".join(f"{number:.6g}" for number in q[joint.idx_q : joint.idx_q + joint.nq])
-        words.append(f"{name} = {values} {joints[name].unit}" if name in joints else f"{name} = ({values})")
+        turns = name in joints and joints[name].unit == RADIAN
+        own = np.degrees(q[joint.idx_q : joint.idx_q + joint.nq]) if turns else q[joint.idx_q : joint.idx_q + joint.nq]
+        values = " ".join(f"{number:.6g}" for number in own)
+        measured = "deg" if turns else joints[name].unit if name in joints else ""
+        words.append(f"{name} = {values} {measured}" if name in joints else f"{name} = ({values})")
     return ", ".join(words)
 
 

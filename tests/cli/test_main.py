@@ -349,7 +349,8 @@ def test_the_schema_knows_the_words_of_files(capsys: pytest.CaptureFixture[str])
 
 @pytest.mark.parametrize(("line", "offered"), [
     ("pinarm ru", {"run"}), ("pinarm sweep s.yaml --ov", {"--over"}), ("pinarm schema m", {"mechanism"}),
-    ("pinarm re", {"replay", "report"}),
+    ("pinarm re", {"replay", "report"}), ("pinarm new s", {"scissor_lift", "slider_crank"}),
+    ("pinarm quantities panda --like joint.panda_joint7.lin", {"joint.panda_joint7.link_effort"}),
 ])  # fmt: skip
 def test_the_shell_is_told_how_a_line_may_go_on(line: str, offered: set[str], tmp_path: Path) -> None:
     pytest.importorskip("argcomplete")
@@ -525,3 +526,27 @@ def test_too_many_and_too_few_drives_are_the_same_mistake_at_their_line(
     err = capsys.readouterr().err
     assert f"scenario.yaml:{line}:" in err
     assert "drives" in err.splitlines()[0]
+
+
+@pytest.mark.parametrize("command", ["explain", "quantities", "run", "sweep"])
+def test_a_folder_in_place_of_a_file_is_called_a_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bars").mkdir()
+    for name in ("scenario.yaml", "mechanism.yaml", "bars.urdf", "notes.txt"):
+        (tmp_path / "bars" / name).touch()
+    assert main([command, "bars"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: bars: this is a folder\n")
+    assert "one of the files in it: bars/bars.urdf, bars/mechanism.yaml, bars/scenario.yaml\n" in said
+    (tmp_path / "panda").mkdir()  # as `new panda` makes it: the name is still that of the robot
+    assert main(["quantities", "panda", "--like", "joint7.position"]) == 0
+
+
+def test_a_model_that_does_not_exist_is_not_taken_for_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "missing.urdf"]) == 2
+    assert "there is no file missing.urdf" in capsys.readouterr().err

@@ -30,6 +30,7 @@ SIMPLE = {
     "universal": ((TURN, X), (TURN, Y)),
     "planar": ((SLIDE, X), (SLIDE, Y), (TURN, Z)),
     "point_on_line": ((SLIDE, Z), *BALL),
+    "pin": ((SLIDE, Z), *BALL),
     "point_on_plane": ((SLIDE, X), (SLIDE, Y), *BALL),
     "rod": ((TURN, X), (TURN, Y), *BALL),
     "free": ((SLIDE, X), (SLIDE, Y), (SLIDE, Z), *BALL),

@@ -100,6 +100,7 @@ class Bodies:
             "universal": [*ball, x.dot(y2)],
             "planar": [ball[2], *parallel],
             "point_on_line": ball[:2],
+            "pin": ball[:2],
             "point_on_plane": ball[2:],
             "rod": [apart.dot(apart)],
             "free": [],

@@ -58,6 +58,16 @@ def test_a_voltage_step_has_two_eigenvalues(servo, period):
     assert result.figures["energy"] < 1e-7
 
 
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-9])
+def test_rows_after_a_transient_are_as_good_as_steps(servo, tolerance):
+    """Once a current has followed the voltage, with the second eigenvalue, steps go beyond what that allows."""
+    result = pinarm.load({"pinarm": 1, "mechanism": servo(inductance="2 mH"), "outputs": ["x"], "problem": {
+        "kind": "forward", "time": {"end": "0.6 s", "samples": 121}, "control": [OPEN_LOOP],
+    }, "accuracy": {"tolerance": tolerance}}).run()  # fmt: skip
+    error = np.abs(result["control.servo.current"].values - step(2e-3, result["t"].values)[:, 2]).max()
+    assert error < 24.0 * 100.0 * tolerance  # of 24 A; errors of steps add up
+
+
 def test_without_inductance_the_speed_rises_with_the_mechanical_time_constant(servo):
     result = run(servo(), OPEN_LOOP, "1 s")
     tau = R * INERTIA / (K * N) ** 2

@@ -16,6 +16,7 @@ from pinarm.engine.checks.sample import SAMPLE, sampled
 from pinarm.engine.constraints.nullspaces.nullspace import MANY
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.mechanics.geometry.link_placements import moving
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.records import Record
 
@@ -41,7 +42,9 @@ def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: 
         ``condition``: largest condition number of the mass matrix of the free motions, scaled to a diagonal of ones.
         ``return trip``: largest difference of the accelerations that the efforts give by forward dynamics to those of
         the table, relative to the largest acceleration that efforts and loads would give if none of them cancelled;
-        weights count with the most that they can do, ``g sqrt(m M_kk)`` for the mass m of all bodies (Cauchy-Schwarz).
+        weights count with the most that they can do, ``g sqrt(m M_kk)`` for the mass m of all bodies (Cauchy-Schwarz),
+        and forces of a motion at constant rates, which cancel in a steady precession, with ``omega sqrt(2 T M_kk)`` for
+        the largest angular velocity omega of a body and the kinetic energy T.
         The last two are arrays, of variants of shape (k,), NaN where M is singular.
     """
     if run.no_efforts and not run.mechanism.closure.size:
@@ -142,11 +145,18 @@ class _Alike(Record, frozen=True):
 
         resisting, supplied = run.gather(resistance), run.tau[rows] + run.friction_loads[rows] + self.guided
         pull = run.mechanism.gravity * np.sqrt(LinkTree.of(model).masses.sum(axis=-1))
-        weights = pull[..., None] * np.sqrt(np.maximum(masses.diagonal, 0.0))
-        moving = supplied - resisting - masses.times(self.particular)
-        most = np.abs(supplied) + np.abs(resisting) + weights
-        back, given = masses.responses(moving, most)
+        levers = np.sqrt(np.maximum(masses.diagonal, 0.0))
+        left = supplied - resisting - masses.times(self.particular)
+        most = np.abs(supplied) + np.abs(resisting) + (pull + self._turning(run))[..., None] * levers
+        back, given = masses.responses(left, most)
         return _largest(self.particular + back - run.a[rows]), np.maximum(_largest(run.a[rows]), _largest(given))
+
+    def _turning(self, run: Trajectory) -> Array:
+        """Return ``omega sqrt(2 T)``, shape (n, ..)."""
+        v = run.v[self.rows]
+        _, twists, _, _ = moving(run.mechanism.model, run.q[self.rows], v, np.zeros_like(v))
+        omega = np.linalg.norm(twists[..., 3:], axis=-1).max(axis=-1)
+        return np.asarray(omega * np.sqrt(np.maximum((v * self.masses.times(v)).sum(axis=-1), 0.0)))
 
 
 def _largest(x: Array) -> Array:

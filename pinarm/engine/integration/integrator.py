@@ -5,7 +5,7 @@ No module of this package knows mechanisms.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple, Protocol
@@ -291,6 +291,19 @@ class EmbeddedPair(Method, Protocol):
         """Local error per step, relative to ``size + |y|``; see ``Interval.size``."""
         ...
 
+    def divided(
+        self, intervals: Sequence[Interval], manifold: Manifold, steps: Sequence[Step], terms: Array
+    ) -> Mapping[int, Solution]:
+        """Return shorter steps in place of those whose dense output does not follow the motion, by their number.
+
+        Args:
+            intervals: Those of the solution; the steps are of one of them.
+            manifold: The configuration space.
+            steps: The steps.
+            terms: Of their dense output, see ``Method.interpolants``.
+        """
+        ...
+
 
 class Crossing(ValueRecord, frozen=True):
     """A zero crossing of a watched value.
@@ -329,6 +342,7 @@ class Solution:
     count: Count = field(default_factory=Count)
     _starts: Array | None = field(default=None, repr=False)
     _interpolants: dict[int, Array] = field(default_factory=dict, repr=False)
+    _divided: dict[int, Solution] = field(default_factory=dict, repr=False)
 
     @property
     def end(self) -> float:
@@ -368,6 +382,10 @@ class Solution:
             self._interpolate([i for i in needed if i not in self._interpolants])
             terms = np.array([self._interpolants[i] for i in needed])[where]
             y[inside] = interpolated(y[inside], terms, x[inside])
+            for place, i in enumerate(needed):
+                if i in self._divided:
+                    here = inside[where == place]
+                    y[here] = np.concatenate(self._divided[i].states(t[here]), axis=1)
         return self.manifold.project(y[:, : self.manifold.nq]), y[:, self.manifold.nq :]
 
     def _places(self, index: Indices) -> tuple[list[int], Indices]:
@@ -379,6 +397,7 @@ class Solution:
         """Keep the first steps only."""
         del self.steps[count:]
         self._interpolants = {index: terms for index, terms in self._interpolants.items() if index < count}
+        self._divided = {index: parts for index, parts in self._divided.items() if index < count}
 
     @property
     def interpolated_steps(self) -> list[int]:
@@ -389,8 +408,12 @@ class Solution:
         """Compute the dense output of steps, interval by interval."""
         for number, group in groupby(indices, lambda i: self.steps[i].interval):
             members = list(group)
-            terms = self.method.interpolants(self.intervals[number], self.manifold, [self.steps[i] for i in members])
+            steps, pair = [self.steps[i] for i in members], self.method.pair
+            terms = self.method.interpolants(self.intervals[number], self.manifold, steps)
             self._interpolants.update(zip(members, terms, strict=True))
+            if pair is not None:
+                divided = pair.divided(self.intervals, self.manifold, steps, terms)
+                self._divided.update((members[k], parts) for k, parts in divided.items())
 
 
 def interpolated(base: Array, terms: Array, x: Array) -> Array:
@@ -406,3 +429,13 @@ def interpolated(base: Array, terms: Array, x: Array) -> Array:
     for k in range(terms.shape[1] - 1, -1, -1):  # Horner's scheme
         y = (y + terms[:, k]) * (1.0 - x if k % 2 else x)
     return np.where(x == 0.0, base, base + y)  # the terms of a step that failed may be infinite
+
+
+def slopes_within(terms: Array, x: float) -> Array:
+    """Return the derivatives by x of what ``interpolated`` gives at one part x of n steps, shape (n, nq + nv)."""
+    y, slope = np.zeros((2, len(terms), terms.shape[2]))
+    for k in range(terms.shape[1] - 1, -1, -1):
+        factor, rate = (1.0 - x, -1.0) if k % 2 else (x, 1.0)
+        slope = slope * factor + (y + terms[:, k]) * rate
+        y = (y + terms[:, k]) * factor
+    return slope

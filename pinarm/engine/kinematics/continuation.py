@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.kinematics.abscissa import instant
 from pinarm.engine.kinematics.continuation_batch import NOTHING, BatchContinuation
 from pinarm.engine.kinematics.newton import NewtonSolver
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
@@ -100,8 +101,9 @@ def _check_regular(mechanism: Mechanism, prescribed: PrescribedCoordinates, q: A
     usual = min(closure.split(closure.rows(closure.state(one))).free.shape[1] for one in beside(mechanism, q))
     if usual == len(prescribed.names):
         raise InputError(
-            f"at {t:.9g} the motion begins exactly at a singular position, such as a change point: there the mechanism "
-            f"has {freedom} degrees of freedom, beside it {usual}; the motions that meet there obey the same laws",
+            f"at {instant(t)} the motion begins exactly at a singular position, such as a change point: there the "
+            f"mechanism has {freedom} degrees of freedom, beside it {usual}; the motions that meet there obey the same "
+            "laws",
             expected=f"a motion that begins beside it, from which it is passed smoothly: {', '.join(prescribed.names)} "
             "from another value",
             hint="a time that starts earlier",

@@ -17,6 +17,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import SMALL, Closure
 from pinarm.engine.constraints.nullspaces.nullspace import MANY, RANK, UNCLOSED, VANISHED
+from pinarm.engine.kinematics.abscissa import instant
 from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch, part_of_leap
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import AssemblyError, InputError
@@ -276,7 +277,7 @@ class NewtonSolver:
         if left.max(initial=0.0) > AGREED * (terms.max(initial=0.0) + SHORT * square):
             torn = dict.fromkeys(name for name, part in zip(self.names, left, strict=True) if part > 0.1 * left.max())
             raise AssemblyError(
-                f"the position at {t:.9g} is singular: {', '.join(torn)} can move that way for an instant only",
+                f"the position at {instant(t)} is singular: {', '.join(torn)} can move that way for an instant only",
                 expected="a motion on which the loops stay closed",
                 hint="a position beside it, or no velocity there",
                 t=t, q=None,
@@ -296,15 +297,17 @@ class NewtonSolver:
         """Return why a branch that has come to q at t does not go on: values w out of reach at ``to``, or what else."""
         closest, gap = self.closest(q, w, np.ones(len(self.names)))
         if not self.closed(self.closure.state(closest), gap, w):
-            return self.unreachable(closest, gap, to, f", as it does up to {t:.9g}")
+            return self.unreachable(closest, gap, to, f", as it does up to {instant(t)}")
         values = np.linalg.svd(self.rows(self.closure.state(q)), compute_uv=False)
         ratio = float(values[self.model.nv - 1] / values[0])
         singular = f"singular position: the smallest singular value of the rows is {ratio:.1e} of the largest"
         return AssemblyError(
-            f"the motion cannot be followed beyond {t:.9g}, though the loops close at {to:.9g} on another branch",
+            f"the motion cannot be followed beyond {instant(t)}, though the loops close at {instant(to)} on another "
+            "branch",
             expected="laws and velocities that are continuous, along positions that are not singular",
             hint=f"a motion that keeps clear of the {singular}" if ratio < NEAR_SINGULAR
-            else f"another start, which chooses the branch; at {t:.9g} it is {format_configuration(self.model, q)}",
+            else "another start, which chooses the branch; "
+            f"at {instant(t)} it is {format_configuration(self.model, q)}",
             t=t, q=q,
         )  # fmt: skip
 
@@ -324,7 +327,7 @@ class NewtonSolver:
         torn = dict.fromkeys(name for (name, _), size in sizes.items() if size > 0.1 * sizes[worst])
         others = ", ".join(name for name in torn if name != worst[0])
         beside = f", and with it {others}" if others else ""
-        what = f"the motion is out of reach at {t:.9g}" if self.coordinates else "the loops do not close"
+        what = f"the motion is out of reach at {instant(t)}" if self.coordinates else "the loops do not close"
         wanted = "a motion that the mechanism can follow" if self.coordinates else "loops that close"
         return AssemblyError(
             f"{what}: {worst[0]} {missed} by {sizes[worst]:.3g} {worst[1]}{beside}",
@@ -346,7 +349,7 @@ class NewtonSolver:
 def _too_fast(t: float, to: float) -> InputError:
     return InputError(
         "the rows of the table are too far apart to follow the motion between them: after some "
-        f"{CUTS} steps it has come to {t:.9g} on the way to {to:.9g}",
+        f"{CUTS} steps it has come to {instant(t)} on the way to {instant(to)}",
         expected="a few turns between two rows",
         hint="more samples, a shorter range, or a slower law",
     )
@@ -389,7 +392,8 @@ def check_rank(rows: Array, names: Sequence[str], t: float) -> None:
         weak = np.linalg.svd(rows)[0][:, min(len(rows), nv) - 1]
         tied = [name for name, weight in zip(names, weak, strict=True) if abs(weight) > 0.1]
         raise AssemblyError(
-            f"the position is singular at {t:.9g}: the coordinates {', '.join(tied)} do not move independently there",
+            f"the position is singular at {instant(t)}: the coordinates {', '.join(tied)} do not move independently "
+            "there",
             expected="prescribed coordinates that determine the velocity of every joint",
             hint="a motion that keeps clear of the straight or folded position; at a change point a start and rows "
             "beside it, between which the motion passes it; or other coordinates",

@@ -11,6 +11,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.kinematics.abscissa import running
 from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory
 from pinarm.engine.motion.outcome import Outcome, positions_by_interval
 from pinarm.engine.motion.standstill import STANDSTILL, at_rest, directions, law_size, lossy, pace_of, row_paces
@@ -62,15 +63,16 @@ class Prescription(Record, frozen=True):
         Raises:
             AssemblyError: A position cannot be reached.
         """
-        states = self.motion.follow(grid, start)
-        self._refuse_jumps(states.motion)
-        known, grid = replace(self, motion=states.motion), states.grid
-        rows = known._rows(states)
-        pace = known._pace(rows)
-        rows = known.solved(rows, pace)
+        with running(self.parameter, self.unit):
+            states = self.motion.follow(grid, start)
+            self._refuse_jumps(states.motion)
+            known, grid = replace(self, motion=states.motion), states.grid
+            rows = known._rows(states)
+            pace = known._pace(rows)
+            rows = known.solved(rows, pace)
         motion = None if rows.numbered else PrescribedMotion(known, grid.cuts, grid.t, rows.q, start, pace)
         return Outcome(
-            rows, motion, figures=states.motion.figures(states), notes=(*states.motion.jumps, *known._notes(rows))
+            rows, motion, figures=states.motion.figures(states), notes=(*states.motion.jumps, *known._notes(rows, pace))
         )
 
     def _refuse_jumps(self, motion: JointMotion) -> None:
@@ -87,13 +89,18 @@ class Prescription(Record, frozen=True):
                 hint="a posture or a path that keeps clear of the limits; kind: kinematics shows the motion",
             )
 
-    def _notes(self, rows: Trajectory) -> list[str]:
-        """Return what is to be said of joints that friction holds."""
-        if not self.mechanism.frictions:
+    def _notes(self, rows: Trajectory, pace: Array | None) -> list[str]:
+        """Return what is to be said of joints that friction holds, and of rows at which joints stand still."""
+        if not self._directed:
             return []
+        from pinarm.engine.motion.standstill_notes import standstill_notes
+
+        notes = standstill_notes(rows, pace)
+        if not self.mechanism.frictions:
+            return notes
         from pinarm.engine.motion.known_friction import notes_of
 
-        return notes_of(rows)
+        return [*notes_of(rows), *notes]
 
     def moving(self, grid: Grid, near: Array) -> Trajectory:
         """Return the motion at the rows of a grid, without efforts, on the branch of a configuration near the first."""

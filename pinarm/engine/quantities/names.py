@@ -135,10 +135,9 @@ class Quantities:
 
     def open_rows(self, name: str) -> Flags:
         """Return in which rows joints at rest share a load in a way that leaves a quantity open, shape (n,)."""
-        told = self[name]
         if not self.others or self._extreme(name) is not None:
-            return np.zeros(told.values.shape, dtype=bool)
-        values = self._values(told, name)
+            return np.zeros(len(self.trajectory), dtype=bool)
+        values = self._values(self[name], name)
         return np.asarray(np.ptp(values, axis=0) > OPEN * np.abs(values).max(initial=0.0))
 
     def bounds(self, name: str) -> tuple[Series, Series]:

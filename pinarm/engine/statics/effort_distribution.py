@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from pinarm.arrays import Array, Flags
+from pinarm.engine.kinematics.abscissa import instant
 from pinarm.errors import DrivesError, DynamicsError
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.records import ValueRecord
@@ -54,7 +55,7 @@ class UniqueEfforts(ValueRecord, frozen=True):
         freedom, names = len(load), ", ".join(drives)
         if len(drives) > freedom:
             return DrivesError(
-                f"at {t:.9g} there are more drives than degrees of freedom, {len(drives)} and {freedom}: "
+                f"at {instant(t)} there are more drives than degrees of freedom, {len(drives)} and {freedom}: "
                 f"the efforts of {names} are not determined",
                 expected=f"as many drives as degrees of freedom, {freedom}",
                 hint="the others removed from drives, or share: least_squares, bounded or weights, which choose among "
@@ -79,11 +80,12 @@ def undetermined(
         shares = np.abs(vt[r:]).max(axis=0)
         weak = ", ".join(name for name, share in zip(drives, shares, strict=True) if share > 1e-6)
         return DynamicsError(
-            f"at {t:.9g} the efforts of {weak} are not determined: the mechanism is at a dead point of these drives",
+            f"at {instant(t)} the efforts of {weak} are not determined: the mechanism is at a dead point of these "
+            "drives",
             expected="drives that can move the mechanism at every instant", t=t,
         )  # fmt: skip
     return DrivesError(
-        f"at {t:.9g} the drives {', '.join(drives)} leave a load of {left:.3g} N*m or N uncarried",
+        f"at {instant(t)} the drives {', '.join(drives)} leave a load of {left:.3g} N*m or N uncarried",
         expected=f"{freedom} drives, as many as the mechanism has degrees of freedom",
         hint="drives: names of the coordinates that motors act along",
     )

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.arrays import Array, Flags
+from pinarm.engine.kinematics.abscissa import instant
 from pinarm.engine.statics.effort_distribution import carried, least_efforts, undetermined
 from pinarm.errors import DrivesError, DynamicsError
 from pinarm.mechanics.coordinates import Coordinate
@@ -99,7 +100,7 @@ class SharedEfforts:
                   for (name, coordinate), limit in zip(drives.items(), self.limits, strict=True)
                   if np.isfinite(limit)]  # fmt: skip
         return DrivesError(
-            f"at {t:.9g} the drives {', '.join(drives)} cannot carry the load within their limits "
+            f"at {instant(t)} the drives {', '.join(drives)} cannot carry the load within their limits "
             f"({', '.join(limits)}): it takes at least {self._least_factor(ways, load):.6g} times these limits",
             expected="limits that the load keeps to at every instant, or more drives",
             hint="share: least_squares tells what the load takes without limits",

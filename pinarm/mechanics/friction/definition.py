@@ -29,7 +29,7 @@ from pinarm.mechanics.loops.screw import Thread
 
 Coefficient = Annotated[float, msgspec.Meta(ge=0)]
 
-SLIPS = {"revolute": RADIAN, "prismatic": METRE}
+SLIPS = {"revolute": RADIAN, "pin": RADIAN, "prismatic": METRE}
 """Kinds of loop joints that have friction, and the unit of what they leave free."""
 
 SIZES: dict[str, tuple[str, ...]] = {

@@ -226,6 +226,19 @@ class PointOnLine(AxisDefinition, frozen=True, tag_field="kind", tag="point_on_l
         return holding(normals(axis), NOTHING, axis)
 
 
+class Pin(AxisDefinition, frozen=True, tag_field="kind", tag="pin"):
+    """A pin of a mechanism that moves in a plane: frame 2 turns about the axis, on which the two origins stay.
+
+    It holds what ``point_on_line`` holds, the place in the plane alone, so that a planar loop is not hyperstatic. It
+    has the angle of a ``revolute`` joint, with its friction, springs and drives.
+    """
+
+    @staticmethod
+    def around(axis: Array) -> LowerPair:
+        """Return the pair."""
+        return holding(normals(axis), NOTHING, axis)
+
+
 class PointOnPlane(AxisDefinition, frozen=True, tag_field="kind", tag="point_on_plane"):
     """The origin of frame 2 stays in a plane through that of frame 1; the axis is its normal."""
 
@@ -235,7 +248,7 @@ class PointOnPlane(AxisDefinition, frozen=True, tag_field="kind", tag="point_on_
         return holding(axis[None], NOTHING, axis)
 
 
-LowerKind = Fixed | Revolute | Prismatic | Cylindrical | Spherical | Planar | PointOnLine | PointOnPlane
+LowerKind = Fixed | Revolute | Prismatic | Cylindrical | Spherical | Planar | PointOnLine | Pin | PointOnPlane
 """Kinds that need at most an axis. A new one is one class above and one entry here."""
 
 LOWER_KINDS: Mapping[str, type[LowerDefinition]] = {
@@ -245,12 +258,15 @@ LOWER_KINDS: Mapping[str, type[LowerDefinition]] = {
 
 
 def looser(pair: Pair) -> list[tuple[str, LowerPair]]:
-    """Return the kinds about the same axis whose rows are fewer than those of a lower pair, and follow from them."""
+    """Return the kinds about the same axis whose rows are fewer than those of a lower pair, and follow from them.
+
+    A ``pin`` is left out: it holds what ``point_on_line`` does.
+    """
     if not isinstance(pair, LowerPair):
         return []
     held = np.linalg.qr(np.hstack([pair.e, pair.w]).T)[0]
     found = []
-    for kind in get_args(LowerKind):
+    for kind in (kind for kind in get_args(LowerKind) if kind is not Pin):
         other = kind.around(pair.axis)
         rows = np.hstack([other.e, other.w])
         if len(rows) < len(pair.e) and np.abs(rows - rows @ held @ held.T).max() < 1e-9:

@@ -23,7 +23,7 @@ from pinarm.records import Record
 PARALLEL = 1e-9
 """Sine of the angle between axes that are parallel but for rounding."""
 
-TURNING = ("revolute", "cylindrical", "planar", "screw")
+TURNING = ("revolute", "pin", "cylindrical", "planar", "screw")
 """Kinds with a coordinate ``angle``, about their axis."""
 SLIDING = ("prismatic", "cylindrical", "screw", "point_on_line")
 """Kinds with a coordinate ``position``, along their axis."""

@@ -75,10 +75,12 @@ class PlanarDrawing(InputStruct, frozen=True):
     The drawing is the position in which all joint coordinates are 0. A point that two bodies carry is a pin, a joint
     named after it, whose angle counts counter-clockwise from the drawing [rad]: of the body that is farther from the
     ground against the nearer one. Where more than two bodies meet in a point P, the first of them in the file carries
-    the others, link L by the joint ``P_L``. Joints that close loops are found, and called by the same names:
-    ``loop.B.force.x`` is the action of the link that comes first in the file on the other one. Every point is a point
-    for outputs: ``point.P.position.x``. Gravity is 9.81 m/s^2 along -y unless ``gravity`` says otherwise. What acts out
-    of the plane is carried by the joints that close no loop: a drawing does not say more of it.
+    the others, link L by the joint ``P_L``. Joints that close loops are found, and called by the same names; they are
+    listed by ``explain``. A pin B among them has friction by its name, and the angle ``B.angle`` of the link that comes
+    later in the file against the other one, for springs, dampers and drives; ``loop.B.force.x`` is the action of the
+    link that comes first in the file on the other one. Every point is a point for outputs: ``point.P.position.x``.
+    Gravity is 9.81 m/s^2 along -y unless ``gravity`` says otherwise. What acts out of the plane is carried by joints
+    that close no loop: a drawing does not say more of it.
 
     Attributes:
         points: Name -> coordinates x and y in the drawing [m], such as ``A: [40 mm, 80 mm]``.

@@ -18,7 +18,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
-from pinarm.mechanics.loops.lower_pairs import PointOnLine, PointOnPlane, Prismatic
+from pinarm.mechanics.loops.lower_pairs import Pin, PointOnPlane, Prismatic
 from pinarm.mechanics.planar.drawing import GROUND, PlanarDrawing, PlanarLink
 from pinarm.mechanics.planar.linkage import DrawnJoint, Linkage, direction
 
@@ -161,7 +161,7 @@ def _loops(drawing: PlanarDrawing, linkage: Linkage, marks: Marks) -> dict[str, 
     for joint in linkage.closing:
         between = marks[joint.first, joint.point], marks[joint.second, joint.point]
         if joint.direction is None:
-            loops[joint.name] = PointOnLine(between=between, axis="z")
+            loops[joint.name] = Pin(between=between, axis="z")
         else:
             loops[joint.name] = Prismatic(between=between, axis=_spatial(joint.direction))
     for name, slot in drawing.slots.items():

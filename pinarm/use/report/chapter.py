@@ -171,11 +171,12 @@ def _ranges(result: Result) -> ReportTable:
     run = result.trajectory
     names = [with_unit(text, run.unit) if text == f"at {run.parameter}" else text for text in heading[2:]]
     own = [[name, unit_text(unit), *numbers] for name, unit, *numbers in rows]
+    first = "Quantity" if run.numbered else f"Quantity, at {len(run)} rows"
     if not result.errors:
-        return ReportTable(["Quantity", "unit", *names], own, range(2))
+        return ReportTable([first, "unit", *names], own, range(2))
     bounds = [_bound(result.errors.get(series.name)) for series in result.columns()[1:]]
     return ReportTable(
-        ["Quantity", "unit", *names, "error"], [[*row, bound] for row, bound in zip(own, bounds, strict=True)],
+        [first, "unit", *names, "error"], [[*row, bound] for row, bound in zip(own, bounds, strict=True)],
         range(2),
         remark="error: bound of the global error relative to the largest value of the quantity, in 99 of 100 cases",
     )  # fmt: skip

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 from pinarm.engine.model_source import FILES
 from pinarm.errors import InputError, Location
+
+MOST = 12
+"""Number of files of a folder that a message lists."""
 
 
 def is_mechanism(data: Any) -> bool:
@@ -17,13 +20,35 @@ def is_mechanism(data: Any) -> bool:
     )
 
 
+def refuse_folder(path: Path) -> None:
+    """Refuse a folder, unless it has the name of a robot.
+
+    Raises:
+        InputError: It is one; the message names the files in it that can be given.
+    """
+    if not path.is_dir() or (str(path) == path.name and path.name in _robots()):
+        return
+    files = sorted(file for file in path.iterdir() if file.name.endswith((".yaml", ".yml", *FILES)))
+    shown = [str(file) for file in files[:MOST]] + (["..."] if len(files) > MOST else [])
+    raise InputError(
+        "this is a folder", expected=f"one of the files in it: {', '.join(shown)}" if shown else
+        "a scenario, a mechanism file or a model; there is none of them in it",
+    ).at(Location(str(path)))  # fmt: skip
+
+
+def _robots() -> Collection[str]:
+    from pinarm.input.robots import robots
+
+    return robots()
+
+
 def refuse_model(path: Path) -> None:
-    """Refuse a model file.
+    """Refuse a model file; of one that does not exist, whoever reads it says so.
 
     Raises:
         InputError: It is one; the message says what to do with it.
     """
-    if path.name.endswith(FILES):
+    if path.name.endswith(FILES) and path.is_file():
         raise InputError(
             "this is a model, not a scenario", expected="a scenario (.yaml): a question about a mechanism",
             hint=f"python -m pinarm new {path}, which writes a scenario for it; or python -m pinarm explain {path}",

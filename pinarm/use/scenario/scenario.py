@@ -31,7 +31,7 @@ from pinarm.problems.simplify.simplification import Simplification
 from pinarm.records import replace
 from pinarm.use.result.failures import failures_in_words, overflow
 from pinarm.use.result.result import Result
-from pinarm.use.scenario.file_kind import GIVEN, refuse_changes, refuse_mechanism, refuse_model
+from pinarm.use.scenario.file_kind import GIVEN, refuse_changes, refuse_folder, refuse_mechanism, refuse_model
 from pinarm.use.scenario.scenario_file import ScenarioFile
 from pinarm.use.workers.runners import HERE, Runners
 
@@ -76,6 +76,7 @@ class Scenario:
         Raises:
             InputError: The file cannot be read or has a mistake; the message says where.
         """
+        refuse_folder(Path(path))
         refuse_model(Path(path))
         document, folder = Document.read(Path(path), source=str(path)), Path(path).parent
         refuse_mechanism(Path(path), document.data)
@@ -172,8 +173,11 @@ class Scenario:
 
     @property
     def name(self) -> str:
-        """Name of the file without its ending."""
-        stem = self.document.path.stem if self.document.path else ""
+        """Name of the file without its ending; of ``scenario.yaml``, as ``new`` writes it, that of its folder."""
+        path = self.document.path
+        stem = path.stem if path else ""
+        if path and stem == "scenario":
+            stem = path.parent.resolve().name
         return stem.strip(". ") or "scenario"  # ``...yaml`` has the stem ``..``, which is another folder
 
     @cached_property

@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 MOST_ROWS = 12
 """Rows of a section's table that a terminal shows."""
 
+OF_ROWS = "min and max are those of the rows, @ min and @ max look between them"
+"""What is to be known of the ranges: with rows far apart they miss the extremes, which ``numbers`` find."""
+
 DIGIT = 2.0**-52
 """Distance of 1 from the next number."""
 
@@ -132,7 +135,8 @@ def remarks(result: Result) -> list[str]:
              for series, error in result.numbers().values()]  # fmt: skip
     lines += error_lines(result) + _accuracy_lines(result.figures, run.parameter)
     cost = [f"{int(value)} {name}" for name, value in result.figures.items() if name in COSTS]
-    lines.append(f"rows: {len(run)}" + (f"; {', '.join(cost)}" if cost else ""))
+    about = [", ".join(cost), "" if run.numbered else OF_ROWS]
+    lines.append("; ".join(filter(None, [f"rows: {len(run)}", *about])))
     lines += [f"{name}: {value:.9g}" for name, value in result.figures.items() if name not in (*MEASURES, *COSTS)]
     lines += event_lines(result)
     lines += [f"payload {name}: {float(payload.mass):.9g} kg at {payload.point}"

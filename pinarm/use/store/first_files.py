@@ -145,7 +145,7 @@ def _scenario(mechanism: Mechanism, q: Array, names: Sequence[str], part: float,
     rough = ", ".join(_level(mechanism.joints[name], value) for name, value in start.items())
     lines = [
         "# Which efforts does a motion from rest to rest take?",
-        "# Solve: python -m pinarm run scenario.yaml     Look: python -m pinarm replay results/scenario",
+        "# Solve: python -m pinarm run scenario.yaml     Look: python -m pinarm replay RESULT, the folder it names",
         "pinarm: 1", f"title: {_quoted(f'{mechanism.title or TITLE}, a motion from rest to rest')}",
         "mechanism: mechanism.yaml", "problem:",
         "  kind: inverse                  # the motion is known, the efforts are wanted",

@@ -47,8 +47,8 @@ def save(
     Raises:
         InputError: The folder cannot be written, or holds files that are not an earlier result's.
     """
-    scenario = folder / "scenario.yaml"
-    if scenario.exists() and scenario.resolve() == (result.folder / f"{result.name}.yaml").resolve():
+    scenario, given = folder / "scenario.yaml", result.scenario.document.path
+    if given is not None and scenario.exists() and scenario.resolve() == given.resolve():
         raise InputError(f"the result would overwrite its own input {scenario}", hint="another folder: -o DIR")
     with whole_folder(folder, "result") as draft:
         columns, mechanism = result.table_columns(), result.trajectory.mechanism

@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import pinarm
 from pinarm.engine.checks.balance import GAUSS_NODES, EnergyAccount, energy_balance, part_weights, power_balance
+from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Interval
@@ -137,6 +139,15 @@ class TestPowerBalance:
         assert power_balance(run)["power"] < HONEST
         slipping = replace(run, tau=run.tau + np.array([0.0, 0.0, 1e-6 * moment]))
         assert power_balance(slipping)["power"] > 1e-8
+
+    def test_a_precession_without_moments_has_no_residual_of_rounding_over_rounding(self):
+        """Its accelerations are rounding; an effort of 1e-6 of the gyroscopic moments, 0.12 N*m, is seen."""
+        file = MODELS.parent / "scenarios" / "gyroscope_precession.yaml"
+        run = pinarm.run(file, {"problem.time": {"end": "0.1 s", "samples": 5}}).trajectory
+        assert np.abs(run.a).max() < 1e-13
+        assert residual_figures(run)["return trip"] < 1e-15
+        pushed = replace(run, tau=run.tau + 1e-6 * 0.12)
+        assert residual_figures(pushed)["return trip"] > 1e-8
 
     def test_nothing_moves_and_nothing_pulls(self, mechanism, chain):
         still = mechanism(chain({"name": "first"}), gravity="none")

@@ -115,7 +115,7 @@ def test_a_spring_of_free_length_zero_pulls_through_zero(meeting, n):
 def test_points_that_meet_are_refused(meeting, act):
     element = PointSpring(between=("tip", "hook"), stiffness=1.0, damping=1.0).bind(meeting, joints_of(meeting))
     with pytest.raises(
-        DynamicsError, match=r"points tip and hook of a two-point spring meet: .* where arm = 0 rad"
+        DynamicsError, match=r"points tip and hook of a two-point spring meet: .* where arm = 0 deg"
     ) as caught:
         act(element, np.zeros(1), np.ones(1))
     assert caught.value.data["q"].tolist() == [0.0]

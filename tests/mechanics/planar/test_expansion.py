@@ -80,6 +80,27 @@ def test_a_four_bar_is_that_of_the_urdf_file(tmp_path: Path) -> None:
     compared(drawn, model, names)
 
 
+def test_whichever_pin_closes_the_loop_it_does_what_the_others_do(tmp_path: Path) -> None:
+    """With O4 drawn first, A closes the loop in place of B: other equations for one dry machine with a spring at B."""
+    dry = "".join(f"  {pin}: {{mu: 0.1, radius: 12 mm}}\n" for pin in ("O2", "A", "B", "O4"))
+    last = "    O4: [400 mm, 0]\n"
+    first = FOUR_BAR.replace(last, "").replace("  points:\n", f"  points:\n{last}", 1)
+    problem = {**TURNING, "time": {"end": "0.6 s", "samples": 7}}
+    results = []
+    for closes, text, angle in (("B", FOUR_BAR, "B.angle"), ("A", first, "B")):
+        spring = f"forces: {{S: {{kind: coordinate_spring, coordinate: {angle}, stiffness: 40 N*m/rad}}}}\n"
+        (tmp_path / closes).mkdir()
+        results.append(solved(tmp_path / closes, f"{text}friction:\n{dry}{spring}", problem, ["O2", angle]))
+        assert {*results[-1].scenario.mechanism.closure.slices()} == {closes}
+    names = {"joint.O2.effort": "joint.O2.effort", "joint.A.friction": "loop.A.friction", "joint.O2.friction":
+             "joint.O2.friction", "joint.O4.friction": "joint.O4.friction"}  # fmt: skip
+    compared(*results, names)
+    for here, there in (("B.angle", "B"), ("loop.B.friction", "joint.B.friction")):
+        np.testing.assert_allclose(
+            np.abs(results[0][here].values), np.abs(results[1][there].values), rtol=0, atol=1e-12
+        )
+
+
 def test_a_slider_crank_is_that_of_the_urdf_file(tmp_path: Path) -> None:
     motion = {"law": "constant_speed", "speed": "3000 rpm"}
     turning = {**TURNING, "time": {"end": "20 ms", "samples": 41}, "motion": {"O": motion}, "drives": ["O"]}

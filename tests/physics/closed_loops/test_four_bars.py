@@ -109,7 +109,7 @@ def test_a_law_from_exactly_the_change_point_is_refused_and_one_from_beside_it_p
     def law(start):
         return {"theta2": ConstantSpeed(start=start, speed=3.0)}
 
-    with pytest.raises(PinarmError, match="the position is singular at 0") as caught:
+    with pytest.raises(PinarmError, match="the position is singular at t = 0 s") as caught:
         solve("change_point_four_bar", kind, end=2.0, samples=21, motion=law(np.pi), start={"A": -3.1, "theta4": 3.1})
     assert "at a change point a start and rows beside it, between which the motion passes it" in caught.value.hint
     found = solve("change_point_four_bar", kind, end=2.0, samples=21, motion=law(3.1), start={"A": -3.1, "theta4": 3.1})

@@ -118,7 +118,7 @@ def test_reactions_are_those_of_the_chosen_efforts(alone):
 
 
 def test_rows_beyond_all_limits_are_refused_with_their_instant():
-    with pytest.raises(DrivesError, match=r"at 0\.\d+ the drives theta2, theta4 cannot carry the load") as caught:
+    with pytest.raises(DrivesError, match=r"at t = 0\.\d+ s the drives theta2, theta4 cannot carry the load") as caught:
         four_bar(share={"limits": {"theta2": "2 N*m", "theta4": "1 N*m"}})
     assert "theta2 2 N*m, theta4 1 N*m" in str(caught.value)
     assert caught.value.exit_code == 2

@@ -112,3 +112,20 @@ def test_tables_of_sections_are_in_the_units_of_the_scenario(tmp_path: Path) -> 
     assert f"force.norm,kN,{shown[2]!r}" in (folder / "shaking_figures.csv").read_text()
     again = restore(folder)
     assert again.shown_sections["shaking"].tables[0].rows[0] == shown
+
+
+@pytest.mark.parametrize("samples", [2, 3])
+def test_the_range_of_rows_is_called_one_of_rows(tmp_path: Path, samples: int) -> None:
+    """A sine over a period in three rows is 0 in all of them, and 1 at most: the table must not be taken for that."""
+    (tmp_path / "m.yaml").write_text(
+        "pinarm: 1\nplanar: {points: {A: [0, 0], B: [0, -1 m], C: [0, 0]}, ground: [A, B],\n"
+        "  links: {body: {points: [C], mass: 1 kg}}, sliders: {s: {link: body, along: [A, B]}}}\n"
+    )
+    (tmp_path / "s.yaml").write_text(
+        f"pinarm: 1\nmechanism: m.yaml\nproblem: {{kind: kinematics, time: {{end: 1 s, samples: {samples}}}, motion: "
+        "{s: {law: harmonic, amplitude: 1 m, pulsation: 6.283185307179586 rad/s}}}\noutputs: [s]\nnumbers: [s @ max]\n"
+    )
+    result = pinarm.run(tmp_path / "s.yaml")
+    assert float(ranges(result)[1][4]) < 1e-9
+    assert any(line.startswith("s @ max: 1 m") for line in remarks(result))
+    assert any("min and max are those of the rows" in line for line in remarks(result))

@@ -203,3 +203,18 @@ def test_a_link_that_leads_nowhere_is_not_written_through(tmp_path: Path) -> Non
         pinarm.new("four_bar", tmp_path / "mine")
     assert not (tmp_path / "elsewhere").exists()
     assert [file.name for file in (tmp_path / "mine").iterdir()] == ["scenario.yaml"]
+
+
+def test_results_of_files_of_one_name_go_to_folders_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What ``new`` writes is always called ``scenario.yaml``: a run of one must not replace the result of another."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / ".pinarm-root").touch()
+    for name in ("four_bar", "arm"):
+        pinarm.new(name)
+        assert main(["run", f"{name}/scenario.yaml", "--no-plots"]) == 0
+        assert f"written to results/{name}\n" in capsys.readouterr().out
+    assert {finding.scenario for name in ("four_bar", "arm") for finding in pinarm.check(name)} == {"four_bar", "arm"}
+    assert main(["run", "results/arm/scenario.yaml", "--no-plots"]) == 2
+    assert "would overwrite its own input" in capsys.readouterr().err

@@ -13,7 +13,7 @@ import numpy as np
 
 from pinarm.arrays import Array, distinct
 from pinarm.engine.integration.first_step import first_step
-from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution, Step
+from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution, Step, interpolated, slopes_within
 from pinarm.engine.integration.step_control import FASTEST, HUGE, LOST, NOISE, TINY, growth, shrinkage
 from pinarm.engine.integration.tableaus import DOP853, DOPRI5, RK4, Tableau
 from pinarm.errors import MethodError
@@ -33,6 +33,10 @@ SAMPLE = 40
 
 MOST_STEPS = 1e8
 """Largest number of fixed steps of an interval; that many take half a day."""
+
+DEFECT, PARTS = 30.0, 8
+"""Defect of the dense output in the middle of a step, over the tolerance, from which on steps of its eighth take its
+place: it is about 0.1, seldom above 3, and 1e4 beyond the limit of stability."""
 
 COARSE = 1e-3
 """Error of a fixed step, relative to ``size + |y|``, from which it is reported as too large."""
@@ -90,7 +94,33 @@ class Adaptive(ValueRecord, frozen=True):
             return _terms(self.tableau, interval, manifold, steps)
         from pinarm.engine.integration.compiled_steps import terms
 
-        return terms(self.tableau, interval.compiled, steps)
+        found = terms(self.tableau, interval.compiled, steps)
+        # Rows that the library cannot solve for in a further stage are solved for by singular values.
+        return found if np.isfinite(found).all() else _terms(self.tableau, interval, manifold, steps)
+
+    def divided(
+        self, intervals: Sequence[Interval], manifold: Manifold, steps: Sequence[Step], terms: Array
+    ) -> dict[int, Solution]:
+        """Return shorter steps in place of those whose dense output u does not follow the motion, by their number.
+
+        Once the fast part of a motion has died away a step may go far beyond the limit of stability before its end
+        shows it: within, the stages blow up what is left of that part. It is seen in the defect ``h (f(u) - u')`` in
+        the middle of the step. Compiled motions are not looked at: these have no states of controllers or motors.
+        """
+        interval = intervals[steps[0].interval]
+        if interval.compiled is not None:
+            return {}
+        t, h, y = np.array([step.t for step in steps]), np.array([step.h for step in steps]), [step.y for step in steps]
+        u = interpolated(np.array(y), terms, np.full(len(h), 0.5))
+        q, v = manifold.project(u[:, : manifold.nq]), u[:, manifold.nq :]
+        slopes = np.concatenate([manifold.velocity(q, v), interval.accelerations(t, t + 0.5 * h, q, v)], axis=1)
+        defects = np.abs(h[:, None] * slopes - slopes_within(terms, 0.5)).max(axis=1)
+        poor = np.flatnonzero(defects > DEFECT * self.tolerance * (interval.size + np.abs(y).max(axis=1)))
+        return {
+            k: Solution(FixedStep(steps[k].h / PARTS, self.tableau), manifold, intervals,
+                        _parts(self.tableau, interval, manifold, steps[k]))
+            for k in poor.tolist()
+        }  # fmt: skip
 
     def diagnose(self, solution: Solution) -> list[str]:
         """Return a note where the stability limit, not the error, keeps steps short.
@@ -417,6 +447,18 @@ class FixedStepper:
 def middle(h: Array | float, y: Array, new: Array, slopes: Array) -> Array:
     """Return the middle of the cubic Hermite interpolant: ``(y + y_new) / 2 + h (k_0 - k_s) / 8``."""
     return np.asarray(0.5 * (y + new) + 0.125 * h * (slopes[0] - slopes[-1]))
+
+
+def _parts(tableau: Tableau, interval: Interval, manifold: Manifold, step: Step) -> list[Step]:
+    """Return steps of one length from the start of a step to its end."""
+    stages, h, parts = Stages(tableau, manifold), step.h / PARTS, list[Step]()
+    stages.start(step.t, step.y, replace(interval, acceleration=interval.of_step(step.t)))
+    for k in range(PARTS):
+        t = step.t + k * h
+        stages.advance(t, h)
+        parts.append(Step(t, h, t + h, stages.y.copy(), stages.slopes.copy(), step.interval))
+        stages.move()
+    return parts
 
 
 def _terms(tableau: Tableau, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:

@@ -29,6 +29,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.kinematics.abscissa import instant
 from pinarm.engine.kinematics.newton import CONTRACTION, CUTS_A_ROW, REACH, SINGULAR, SMALLEST, NewtonSolver
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.redundancy.posture import Posture
@@ -178,7 +179,7 @@ class NearestSolver:
             if size < SETTLED:
                 return q
         raise AssemblyError(
-            f"no configuration nearest to the posture is reached at {t:.9g}: the last step is {size:.2g}",
+            f"no configuration nearest to the posture is reached at {instant(t)}: the last step is {size:.2g}",
             expected="a path and a posture from which the nearest configuration is determined",
             hint="start: joint values near the wanted configuration", t=t, q=q,
         )  # fmt: skip
@@ -317,7 +318,7 @@ class NearestSolver:
         off = max(np.abs(first - coarse).max() / length, np.abs(second - rough).max() / length**2)
         if not off <= DIFFERED * np.abs(point.rows).max():
             raise AssemblyError(
-                f"at {t:.9g} a prescribed coordinate bends too sharply for the nearest configuration to have an "
+                f"at {instant(t)} a prescribed coordinate bends too sharply for the nearest configuration to have an "
                 "acceleration", expected="rotations that keep clear of half a turn, distances that keep clear of 0",
                 hint="relative_to: a reference that is turned as the body is wanted", t=t,
             )  # fmt: skip
@@ -341,14 +342,14 @@ class NearestSolver:
         if state.bent[1] < FLAT:
             return self._undetermined(point, state.bent[0], state.t)
         return AssemblyError(
-            f"the motion cannot be followed from {state.t:.9g} to {to:.9g}", t=to, q=state.q,
+            f"the motion cannot be followed from {instant(state.t)} to {instant(to)}", t=to, q=state.q,
             expected="a path that moves by less than a turn between two rows", hint="more samples, or a slower law",
         )  # fmt: skip
 
     def _singular(self, weak: Array, t: float) -> AssemblyError:
         tied = dict.fromkeys(name for name, weight in zip(self.newton.names, weak, strict=True) if abs(weight) > 0.1)
         return AssemblyError(
-            f"the position is singular at {t:.9g}: {', '.join(tied)} do not move independently there",
+            f"the position is singular at {instant(t)}: {', '.join(tied)} do not move independently there",
             expected="a path on which the prescribed coordinates, and joints held at their limits, are independent",
             hint="a path that keeps clear of the stretched or folded arm, or another posture", t=t,
         )  # fmt: skip
@@ -359,8 +360,8 @@ class NearestSolver:
         weak = np.abs(self.finer * (free @ np.linalg.eigh(0.5 * (reduced + reduced.T))[1][:, 0]))
         moving = [name for name, size in zip(self.posture.names, weak, strict=True) if size > 0.3 * weak.max()]
         return AssemblyError(
-            f"the configuration nearest to the posture is not determined at {t:.9g}: {', '.join(moving)} can move and "
-            "leave the distance to it as it is",
+            f"the configuration nearest to the posture is not determined at {instant(t)}: {', '.join(moving)} can move "
+            "and leave the distance to it as it is",
             expected="a posture that names enough joints, and that is nearer than half-way to another configuration",
             hint="more joints in nearest_to, another posture, or another start", t=t,
         )  # fmt: skip

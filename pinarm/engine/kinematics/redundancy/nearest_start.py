@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.kinematics.abscissa import instant
 from pinarm.engine.kinematics.redundancy.limited_path import AtLimits, LimitedPath
 from pinarm.engine.kinematics.redundancy.posture import AT_LIMIT, Posture
 from pinarm.errors import AssemblyError
@@ -62,7 +63,7 @@ def first_configuration(
         side, joint = np.unravel_index(int(beyond.argmin()), beyond.shape)
         held.add((int(joint), int(side)))
     raise AssemblyError(
-        f"which joints are at their limits is not determined at {t:.9g}", t=t, q=q,
+        f"which joints are at their limits is not determined at {instant(t)}", t=t, q=q,
         expected="a path that does not begin where a joint just touches its limit", hint="another posture or start",
     )  # fmt: skip
 
@@ -95,7 +96,7 @@ def _rough_minimum(solver: NearestSolver, posture: Posture, q: Array, w: Array, 
     out = [name for name, off in zip(posture.names, (below < 0.0) | (above < 0.0), strict=True) if off]
     beyond = f": on the way, {', '.join(out)} are beyond them" if out else ""
     raise AssemblyError(
-        f"no configuration on the path at {t:.9g} is found within the limits of the joints{beyond}",
+        f"no configuration on the path at {instant(t)} is found within the limits of the joints{beyond}",
         expected="a path that the arm can follow within its limits", hint="start: joint values on the path, within "
         "the limits", t=t, q=q,
     )  # fmt: skip

@@ -26,9 +26,10 @@ from pinarm.mechanics.loops.lower_pairs import LowerPair
 from pinarm.mechanics.loops.rod import Tie
 from pinarm.mechanics.loops.universal import ORIGINS, Cross
 
-PROXIMAL, ITERATIONS = 1e-12, 4
-"""Proximal term of accelerations, relative to the smallest Delassus diagonal, and iterations: rows that reach
-1e-5 of the others count in full, as in the singular values in Python."""
+PROXIMAL, PIVOT, ITERATIONS = 1e-12, 1e-13, 4
+"""Proximal term of accelerations, relative to the smallest Delassus diagonal and, at least, to the largest one, and
+iterations. Rows that reach 1e-5 of the others count in full, as in the singular values in Python; the pivots of rows
+that repeat others are the term, and not what rounding leaves of large diagonals."""
 
 REPEATED = 1e-12
 """The same, up to which rows repeat others but for rounding. Rows of files that are rounded stay above it: they would
@@ -78,10 +79,10 @@ def compiled_rows(motion: RowMotion, dynamics: Dynamics, near: Array) -> tuple[F
 
 def _flow(loops: LoadedLoops, closure: Closure, configurations: Iterable[Array]) -> Flow | None:
     """Return the motion of loops; ``None`` where it is not exact at some configurations."""
-    compiled, scale = library(), _delassus_scale(closure, configurations)
-    if compiled is None or not scale:
+    compiled, term = library(), _proximal_term(closure, configurations)
+    if compiled is None or not term:
         return None
-    solve = ProximalStructure(PROXIMAL * scale, 0.0, ITERATIONS)
+    solve = ProximalStructure(term, 0.0, ITERATIONS)
     system = LoopSystem.of(loops, closure.scale, closure.model.nq, solve)
     return Flow(system.flow((compiled.closing_rates, compiled.closing_leave)), system) if system else None
 
@@ -96,13 +97,13 @@ def _closed(settled: Settled, q: Array, v: Array) -> State:
     return closed[0], rates[0]
 
 
-def _delassus_scale(closure: Closure, configurations: Iterable[Array]) -> float:
-    """Return the smallest diagonal of ``G M^-1 G^T`` that is not 0 [1/kg].
+def _proximal_term(closure: Closure, configurations: Iterable[Array]) -> float:
+    """Return the proximal term, by the diagonals of ``G M^-1 G^T`` that are not 0 [1/kg].
 
     0 where the mass matrix is singular, where bodies differ so much that rounding is magnified (``UNEVEN``), or where
     the rank is not the same, and clear, at configurations on the constraints and beside them.
     """
-    model, ranks, scale = closure.model, set[int](), 0.0
+    model, ranks, term = closure.model, set[int](), 0.0
     for q in configurations:
         rows, inverse = closure.rows(closure.state(q)), inverse_mass(model, q)
         turning = np.linalg.norm(rows, axis=1).max() > NOISE  # rows of redundant loops alone are rounding
@@ -118,8 +119,9 @@ def _delassus_scale(closure: Closure, configurations: Iterable[Array]) -> float:
         if (s[rank:] > REPEATED * s[0]).any() or s[0] > UNEVEN**0.5 * s[rank - 1]:
             return 0.0
         ranks.add(rank)
-        scale = scale or float((size[kept] ** 2).min())
-    return scale if len(ranks) == 1 else 0.0
+        diagonals = size[kept] ** 2
+        term = max(term or PROXIMAL * float(diagonals.min()), PIVOT * float(diagonals.max()))
+    return term if len(ranks) == 1 else 0.0
 
 
 @lru_cache(maxsize=16)  # the same for all runs of a mechanism

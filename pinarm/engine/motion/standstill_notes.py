@@ -1,0 +1,78 @@
+"""Notes on rows at which joints stand still: what a table with one value a row leaves unsaid there.
+
+At rest a gear with losses holds a load with any torque of a band. Where a joint turns back, losses and friction jump; a
+row has one side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags
+from pinarm.engine.motion.standstill import STANDSTILL
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.mechanics.drives import Drive
+from pinarm.mechanics.friction.contact import slip_rows
+
+
+def standstill_notes(run: Trajectory, pace: Array | None) -> list[str]:
+    """Return what is to be said of a prescribed motion with efforts.
+
+    Args:
+        run: The motion of n rows.
+        pace: What rounding of velocities is judged against, shape (2, nv); ``None`` of states of their own.
+    """
+    if run.no_efforts:
+        return []
+    notes = [_held(run, name, drive) for name, drive in _lossy(run)]
+    if pace is not None:
+        notes += [_jumping(run, name, turning) for name, turning in _turning(run, pace[0])]
+    return [note for note in notes if note]
+
+
+def _lossy(run: Trajectory) -> Iterator[tuple[str, Drive]]:
+    """Yield the drives of joints whose gears have losses."""
+    if run.directions is not None:
+        yield from (
+            (name, drive) for name, drive in run.mechanism.drives.items() if drive.joint and drive.efficiency < 1.0
+        )
+
+
+def _held(run: Trajectory, name: str, drive: Drive) -> str:
+    """Return a note on rows at which a gear with losses holds a load; empty where there are none."""
+    effort = np.abs(run.tau[:, run.mechanism.joints[drive.joint].v])
+    rest = run.direction(run.mechanism.driven_joint(name).v) == 0.0
+    count = int((rest & (effort > STANDSTILL * effort.max(initial=0.0))).sum())
+    if not count:
+        return ""
+    return (f"drive.{name}.torque: at rest its gear holds the load with any torque from {drive.efficiency**2:.4g} of "
+            f"the value of the table to that value, in {count} of {len(run)} rows")  # fmt: skip
+
+
+def _turning(run: Trajectory, pace: Array) -> Iterator[tuple[str, Flags]]:
+    """Yield quantities that jump where a joint turns back, and at which rows it does, shape (n,)."""
+    still = np.abs(run.v) <= STANDSTILL * pace
+    for name, _ in _lossy(run):
+        joint = run.mechanism.driven_joint(name).v
+        yield f"drive.{name}.torque", still[:, joint] & (run.direction(joint) != 0.0)
+    if contacts := run.mechanism.frictions:
+        rows = slip_rows(run.mechanism.model, contacts, run.q)
+        slow = np.abs(np.matvec(rows, run.v)) <= STANDSTILL * np.matvec(np.abs(rows), pace)
+        names = np.array([contact.name for contact in contacts])
+        for name in dict.fromkeys(names.tolist()):
+            of = names == name
+            yield f"{name}.friction", slow[:, of].all(axis=1) & (run.friction[:, of] != 0.0).any(axis=1)
+
+
+def _jumping(run: Trajectory, quantity: str, turning: Flags) -> str:
+    """Return a note on rows within intervals at which a joint turns back; empty where there are none."""
+    inside = np.zeros(len(run), dtype=bool)
+    for start, end, rows in run.grid.intervals():
+        inside[rows] = (run.grid.t[rows] != start) & (run.grid.t[rows] != end)
+    count = int((turning & inside).sum())
+    if not count:
+        return ""
+    return (f"{quantity} jumps where the joint turns back, in {count} of {len(run)} rows: the table has the side after "
+            "it, with all that follows from it")  # fmt: skip

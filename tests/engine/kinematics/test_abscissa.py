@@ -1,0 +1,41 @@
+"""Messages name what runs along the rows, in the unit of files."""
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+import pinarm
+from pinarm.engine.kinematics.abscissa import instant, running
+from pinarm.errors import AssemblyError
+from pinarm.input.units import unit
+
+
+def test_angles_are_shown_in_degrees_and_rows_are_counted() -> None:
+    with running("C", unit("rad")):
+        assert instant(0.523598775598299) == "C = 30 deg"
+    with running("t", unit("s")):
+        assert instant(0.25) == "t = 0.25 s"
+    with running("row", unit("1")):
+        assert instant(3.0) == "3"
+    assert instant(0.5) == "0.5"
+
+
+def test_a_range_in_degrees_that_is_out_of_reach_is_told_in_degrees(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A rocker turns as far as crank and coupler in line allow; by the law of cosines."""
+    monkeypatch.chdir(tmp_path)
+    pinarm.new("four_bar")
+    swept = {"kind": "statics", "over": {"C": {"from": "0 deg", "to": "70 deg", "samples": 3}}, "drives": ["O"]}
+    with pytest.raises(AssemblyError) as caught:
+        pinarm.run({"pinarm": 1, "mechanism": "four_bar/mechanism.yaml", "problem": swept, "outputs": ["O"]})
+    points = pinarm.Mechanism.load("four_bar/mechanism.yaml").description.planar.points
+    o, a, b, c = (complex(*points[name]) for name in "OABC")
+    ground, rocker, least = abs(c - o), abs(b - c), abs(b - a) - abs(a - o)
+    first, last = (math.acos((ground**2 + rocker**2 - side**2) / (2 * ground * rocker)) for side in (abs(b - o), least))
+    reached = re.search(r"up to C = (\S+) deg; the closest it comes is C = \S+ deg, O = ", caught.value.expected)
+    assert "out of reach at C = 35 deg" in caught.value.message
+    # the branch is followed to about 1e-9 of an interval of 35 degrees before a point where it ends like a root
+    assert reached and math.isclose(float(reached[1]), math.degrees(first - last), abs_tol=1e-6)
