@@ -23,14 +23,14 @@ from unittest.mock import patch
 import numpy as np
 
 import pinarm
+from pinarm.use.cases.case import Row, Task, Wanted, solve_case
 from pinarm.use.study.sweep.axes import Axis, Cases, Column
 from pinarm.use.study.sweep.case_solver import Solving
-from pinarm.use.study.sweep.cases import Row, Task, Wanted, solve_case
-from pinarm.use.study.workers.chunk_order import Answers, ChunkOrder, answered
-from pinarm.use.study.workers.distribute import Pace, Workers, distribute
-from pinarm.use.study.workers.executor_workers import ExecutorWorkers
-from pinarm.use.study.workers.local_processes import LocalProcesses
-from pinarm.use.study.workers.travelling_files import Parcel
+from pinarm.use.workers.chunk_order import Answers, ChunkOrder, answered
+from pinarm.use.workers.distribute import Pace, Workers, distribute
+from pinarm.use.workers.executor_workers import ExecutorWorkers
+from pinarm.use.workers.local_processes import LocalProcesses
+from pinarm.use.workers.travelling_files import Parcel
 
 SCENARIO = Path(__file__).parents[1] / "scenarios" / "gen411_arm_static.yaml"
 FEW_ROWS = {"problem.over.phi.samples": 5}
@@ -122,7 +122,7 @@ def here() -> None:
     """Print the processor time of the process that gives cases out, for each, its journal included."""
     scenario = pinarm.load(SCENARIO, FEW_ROWS)
     column = Column("arguments.m_A", np.linspace(0.1, 0.5, JOURNALED).tolist(), "kg")
-    chosen, task = Cases((Axis((column,)),)), Task(*scenario.located, ())
+    chosen, task = Cases((Axis((column,)),)), Task.of(scenario, ())
     solving = Solving(task, chosen, np.full((JOURNALED, 20), np.nan), lambda done, failed, total: None)
     with tempfile.TemporaryDirectory() as folder:
         begin = time.process_time()
@@ -145,7 +145,7 @@ def sizes() -> None:
     """Print the bytes of a case there and back."""
     scenario = pinarm.load(SCENARIO, FEW_ROWS)
     wanted = tuple(Wanted.read(text) for text in scenario.content.outputs)
-    rows = [solve_case(Task(*scenario.located, wanted), {"arguments.m_A": f"{mass!r} kg"}) for mass in (0.1, 0.2, 0.3)]
+    rows = [solve_case(Task.of(scenario, wanted), {"arguments.m_A": f"{mass!r} kg"}) for mass in (0.1, 0.2, 0.3)]
     jobs = [(k, "0" * 32, {"arguments.m_A": f"0.1234567890123{k} kg"}) for k in range(100)]
     each = (len(pickle.dumps(rows)) - len(pickle.dumps(rows[:1]))) / 2
     print(f"bytes: {len(pickle.dumps(jobs)) / 100:.0f} a case there, {each:.0f} back")

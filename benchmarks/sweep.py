@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 import pinarm
+from pinarm.use.cases.case import WORTH, Task, Wanted, solve_case
+from pinarm.use.cases.together import CaseSolver
 from pinarm.use.result.measures import MEASURES
-from pinarm.use.study.sweep.cases import WORTH, Task, Wanted, solve_case
-from pinarm.use.study.sweep.together import CaseSolver
 
 ROOT = Path(__file__).parents[1]
 SCENARIO = ROOT / "scenarios" / "gen411_arm_static.yaml"
@@ -120,7 +120,7 @@ def compared(given: Comparison) -> tuple[float, float]:
     ]
     quantities = scenario.quantities()
     wanted = tuple(Wanted.read(text).measured(quantities)[0] for text in given.results or scenario.content.outputs)
-    task = Task(*scenario.located, wanted)
+    task = Task.of(scenario, wanted)
     solver, jobs = CaseSolver(task), [(k, "", case) for k, case in enumerate(cases)]
     begin = time.process_time()
     rows = [row.numbers for row in solver.together(jobs)]

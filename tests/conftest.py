@@ -30,8 +30,8 @@ from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.time_grid import TimeGrid
-from pinarm.use.study.workers import choice
-from pinarm.use.study.workers.local_processes import LocalProcesses
+from pinarm.use.workers import choice
+from pinarm.use.workers.local_processes import LocalProcesses
 
 
 def pytest_collection_finish() -> None:

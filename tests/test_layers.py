@@ -27,7 +27,7 @@ FLOOR_PLAN = {
     "control motion checks quantities mechanism_parts drive_parts mechanism mechanism_variants",
     "problems": "time_grid accuracy joint_values weights prescription loads actuation declaration events "
     "position_bands equilibria inverse kinematics states recording forward batch_table simplify",
-    "use": "progress result assessments scenario output show store views study report",
+    "use": "progress result workers cases assessments scenario output show store views study report",
     "cli": "options streams main",
 }
 """Layers from low to high -> their rooms, folders or modules, from low to high: each may import those before it."""

@@ -166,7 +166,7 @@ ELSEWHERE = {
     "problems/test_profiles.py": (
         "laws in problems", "mechanics/forces/breakpoints problems/prescription/prescribed_laws"),
     "test_messages.py": (
-        "mistakes in files", "input/yaml/validation_messages problems/joint_values use/scenario/failures "
+        "mistakes in files", "input/yaml/validation_messages problems/joint_values use/result/failures "
         "use/scenario/scenario_file",
     ),
     "physics/test_friction.py": (
@@ -209,7 +209,7 @@ ELSEWHERE = {
     ),
     "use/study/accuracy/test_tradeoff.py": (
         "parts of a study", "use/study/accuracy/setting_errors use/study/accuracy/tradeoff_plot "
-        "use/study/accuracy/tradeoff_text use/study/accuracy/variant_errors",
+        "use/study/accuracy/timed_solutions use/study/accuracy/tradeoff_text use/study/accuracy/variant_errors",
     ),
     "use/study/answers/test_check.py": ("verdicts", "use/result/expectation use/study/answers/verdict_table"),
     "use/study/batch/test_batch.py": (
@@ -218,10 +218,8 @@ ELSEWHERE = {
         "use/study/batch/reduced_table use/study/batch/worker_blocks",
     ),
     "use/study/sweep/test_axes.py": ("values as they are written", "use/study/sweep/value_syntax"),
-    "use/study/sweep/stacks/test_stack.py": (
-        "cases of all kinds against each alone", "use/study/sweep/stacks/prescribed_cases",
-    ),
-    "use/study/sweep/test_cases.py": ("one case", "use/result/run_number use/study/sweep/case_solver"),
+    "use/cases/test_stack.py": ("cases of all kinds against each alone", "use/cases/prescribed_cases"),
+    "use/cases/test_case.py": ("one case", "use/result/run_number use/study/sweep/case_solver"),
 }  # fmt: skip
 """Test file -> why it is the one, and the modules without a test file of their name that it tests."""
 

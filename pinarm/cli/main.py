@@ -100,7 +100,8 @@ def _run(options: argparse.Namespace) -> int:
     options.output = folder
     check_replaceable(folder, "result")  # before the work
     replaced = _title(folder)
-    with shown_by(_progress):
+    with _executor(options.cluster) as executor, shown_by(_progress):
+        scenario = scenario.with_workers(options.workers, executor)
         result = scenario.verified() if options.verify else scenario.run()
         solved = time.perf_counter()
         save(result, folder, plots=options.plots, dpi=options.dpi, timing={"solve [s]": solved - begin})
@@ -264,7 +265,7 @@ def _executor(address: str | None) -> AbstractContextManager[Executor | None]:
     """Return the executor of a cluster; none where no address is given."""
     if address is None:
         return nullcontext()
-    from pinarm.use.study.workers.cluster import cluster
+    from pinarm.use.workers.cluster import cluster
 
     return cluster(address)
 
@@ -278,7 +279,8 @@ def _tradeoff(options: argparse.Namespace) -> int:
     scenario = load(options.scenario, options.values)
     folder = options.output or Path("results") / f"{scenario.name}-tradeoff"
     check_replaceable(folder, "trade-off")
-    trade = tradeoff(scenario)
+    with _executor(options.cluster) as executor:
+        trade = tradeoff(scenario, workers=options.workers, executor=executor)
     trade.save(folder, plots=options.plots, dpi=options.dpi)
     if options.json:
         _print_json({**trade.summary(), "folder": str(folder)})

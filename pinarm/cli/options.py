@@ -62,6 +62,13 @@ def _plots(command: ArgumentParser) -> None:
     _dpi(command)
 
 
+def _workers(command: ArgumentParser, processes: str) -> None:
+    who = command.add_mutually_exclusive_group()
+    who.add_argument("-j", "--workers", type=int, metavar="N", help=processes)
+    who.add_argument("--cluster", metavar="ADDRESS", help="solve on the cluster of this Dask scheduler, such as "
+                     "tcp://10.0.0.1:8786, in place of processes here")  # fmt: skip
+
+
 def _dpi(command: ArgumentParser) -> None:
     command.add_argument("--dpi", type=_resolution, default=200, metavar="N",
                          help="pixels per inch of PNG plots (default: 200)")  # fmt: skip
@@ -121,6 +128,7 @@ def _run(run: ArgumentParser) -> None:
     _plots(run)
     run.add_argument("--verify", action="store_true",
                      help="bound the global error by a second solution, and check every row")  # fmt: skip
+    _workers(run, "processes for the runs of find and sensitivity (default: none but this one)")
     _values(run)
 
 
@@ -154,6 +162,7 @@ def _quantities(quantities: ArgumentParser) -> None:
 def _tradeoff(trade: ArgumentParser) -> None:
     trade.add_argument("scenario", type=Path)
     trade.add_argument("-o", "--output", type=Path, help="folder (default: results/SCENARIO-tradeoff)")
+    _workers(trade, "processes for settings and variants, whose times they change (default: none but this one)")
     _plots(trade)
     _values(trade)
 
@@ -187,10 +196,7 @@ def _sweep(sweep: ArgumentParser) -> None:
         "and greatest row of every output)",
     )  # fmt: skip
     taken.completer = _names  # type: ignore[attr-defined]
-    who = sweep.add_mutually_exclusive_group()
-    who.add_argument("-j", "--workers", type=int, help="processes (default: all cores)")
-    who.add_argument("--cluster", metavar="ADDRESS", help="solve on the cluster of this Dask scheduler, such as "
-                     "tcp://10.0.0.1:8786, in place of processes here")  # fmt: skip
+    _workers(sweep, "processes (default: all cores)")
     sweep.add_argument("-o", "--output", type=Path, help="folder of the sweep (default: results/SCENARIO-sweep)")
     _plots(sweep)
     sweep.add_argument("--parquet", action="store_true", help="write the table as Parquet too, in parts")

@@ -32,8 +32,8 @@ from random import Random
 import pinarm
 from pinarm.cli.main import main as command
 from pinarm.errors import PinarmError
+from pinarm.use.cases.case import Row
 from pinarm.use.store.restore import restore
-from pinarm.use.study.sweep.cases import Row
 from pinarm.use.study.sweep.journal import Journal, Sources
 from pinarm.use.study.sweep.value_syntax import read_cases
 

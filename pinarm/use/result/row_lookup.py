@@ -28,6 +28,7 @@ _HEIGHTS: dict[str, Callable[[Array], Array]] = {
     "min": lambda x: -x,
     "largest": lambda x: np.abs(x),
 }
+"""Name of an extreme -> what is largest there."""
 
 PLATEAU = 1e-12
 """Relative difference to an extreme below which a row of the table is the extreme: the first of them is."""

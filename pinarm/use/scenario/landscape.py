@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -38,13 +38,13 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Landscape:
-    """Objective and conditions over the scaled unknowns; every point is run once.
+    """Objective and conditions over the scaled unknowns; every point is run once, several at once.
 
     Attributes:
         low: Lower bounds in SI, shape (k,).
         high: Upper bounds, shape (k,).
         start: The first start, in SI, shape (k,).
-        run: Values in SI -> what a run with them says.
+        run: Values in SI of several points -> what a run with each says.
         equations: For every condition, whether it is an equation.
         sizes: What margins are relative to, one for every condition.
         squared: Whether the square of the objective is searched, which is smooth where an rms value or a peak vanishes.
@@ -53,7 +53,7 @@ class Landscape:
     low: Array
     high: Array
     start: Array
-    run: Callable[[Array], Trial]
+    run: Callable[[Sequence[Array]], Sequence[Trial]]
     equations: Sequence[bool] = ()
     sizes: Sequence[float] = ()
     squared: bool = False
@@ -65,10 +65,16 @@ class Landscape:
 
     def trial(self, x: Array) -> Trial:
         """Return what the run at a scaled point says."""
-        x = np.clip(np.asarray(x, dtype=float), 0.0, 1.0)
-        if x.tobytes() not in self.trials:
-            self.trials[x.tobytes()] = (x, self.run(self.values(x)))
-        return self.trials[x.tobytes()][1]
+        return self.look([x])[0]
+
+    def look(self, points: Iterable[Array]) -> list[Trial]:
+        """Return what the runs at scaled points say."""
+        clipped = [np.clip(np.asarray(x, dtype=float), 0.0, 1.0) for x in points]
+        new = {x.tobytes(): x for x in clipped if x.tobytes() not in self.trials}
+        if new:
+            trials = self.run([self.values(x) for x in new.values()])
+            self.trials.update(zip(new, zip(new.values(), trials, strict=True), strict=True))
+        return [self.trials[x.tobytes()][1] for x in clipped]
 
     @cached_property
     def size(self) -> float:
@@ -99,9 +105,10 @@ class Landscape:
 
     def slopes(self, x: Array) -> Array:
         """Return the gradients of objective and margins, shape (1 + conditions, k): differences of runs that count."""
-        columns = []
-        for unit in np.eye(len(x)):
-            sides = [np.clip(x + sign * DIFFERENCE * unit, 0.0, 1.0) for sign in (1.0, -1.0)]
+        columns, units = [], np.eye(len(x))
+        beside = [[np.clip(x + sign * DIFFERENCE * unit, 0.0, 1.0) for sign in (1.0, -1.0)] for unit in units]
+        self.look([x, *(side for sides in beside for side in sides)])
+        for unit, sides in zip(units, beside, strict=True):
             ahead, behind = (x if self.trial(side).refusal else side for side in sides)
             way = float((ahead - behind) @ unit)
             change = self._levels(ahead) - self._levels(behind)
@@ -110,11 +117,13 @@ class Landscape:
 
     def kink(self, x: Array) -> float:
         """Return the largest jump of a slope at a point: of the slopes ahead and behind, less what curvature makes."""
-        jumps = [0.0]
-        for unit in DIFFERENCE * np.eye(len(x)):
-            if (np.abs(x - 0.5) + unit.max() < 0.5).all():
-                wide, near = (self._bend(x, scale * unit) for scale in (1.0, 0.5))
-                jumps.append(float(np.abs(4.0 * near - wide).max()) / DIFFERENCE)
+        if not (np.abs(x - 0.5) + DIFFERENCE < 0.5).all():
+            return 0.0
+        jumps, units = [0.0], DIFFERENCE * np.eye(len(x))
+        self.look([x, *(x + scale * unit for unit in units for scale in (1.0, -1.0, 0.5, -0.5))])
+        for unit in units:
+            wide, near = (self._bend(x, scale * unit) for scale in (1.0, 0.5))
+            jumps.append(float(np.abs(4.0 * near - wide).max()) / DIFFERENCE)
         return max(jumps)
 
     def _bend(self, x: Array, step: Array) -> Array:

@@ -116,8 +116,7 @@ def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = 
     """
     points = spread(len(landscape.low), starts, seed)
     points[0] = (landscape.start - landscape.low) / (landscape.high - landscape.low)
-    for point in points:
-        landscape.trial(point)
+    landscape.look(points)
     if everywhere:
         points = [_evolved(landscape, seed)]
     descents = [_descent(landscape, point, _slsqp) for point in points]

@@ -7,7 +7,7 @@ the differences are exact, and one or two steps end at rounding.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,27 +47,30 @@ class FoundValues:
         return {f"left of {name} (started with {self.before[name]:.3g})": x for name, x in self.residuals.items()}
 
 
-def find_root(search: Find, residuals: Callable[[Mapping[str, str]], dict[str, Array]]) -> FoundValues:
+Residuals = Callable[[Sequence[Mapping[str, str]]], Iterable[dict[str, Array]]]
+"""Several sets of values by path -> for each every wanted quantity less its target, at all rows."""
+
+
+def find_root(search: Find, residuals: Residuals) -> FoundValues:
     """Return the values that a search finds.
 
     Args:
         search: What is unknown and what is wanted.
-        residuals: Values by path -> every wanted quantity less its target, at all rows.
+        residuals: What is left of it.
 
     Raises:
         InputError: An unknown has no effect on what is wanted, or several have the same.
         IntegrationError: The steps do not settle.
     """
     x, widths = search.start, _widths(search, search.start)
-    parts = residuals(search.text(x))
+    (parts,) = residuals([search.text(x)])
     before, r = _worst(parts), np.concatenate([*parts.values()])
     for step in range(1, ITERATIONS + 1):
         jacobian = _slopes(search, residuals, x, widths)
         change = -_solved(search, jacobian, r, widths)
         length = 1.0
         while True:
-            trial = search.text(x + length * change)
-            parts = residuals(trial)
+            (parts,) = residuals([search.text(x + length * change)])
             moved = np.concatenate([*parts.values()])
             if np.linalg.norm(moved) <= np.linalg.norm(r) or length < SHRINK**8:
                 break
@@ -75,7 +78,8 @@ def find_root(search: Find, residuals: Callable[[Mapping[str, str]], dict[str, A
         small = np.abs(change) <= SETTLED * np.maximum(np.abs(x), widths / DIFFERENCE)
         if small.all() or np.linalg.norm(moved) >= (1.0 - 1e-9) * np.linalg.norm(r):
             best = x + length * change if np.linalg.norm(moved) <= np.linalg.norm(r) else x
-            return FoundValues(best, _worst(residuals(search.text(best))), before, step)
+            (parts,) = residuals([search.text(best)])
+            return FoundValues(best, _worst(parts), before, step)
         x, r = x + length * change, moved
         widths = _widths(search, x)
     raise IntegrationError(
@@ -84,16 +88,13 @@ def find_root(search: Find, residuals: Callable[[Mapping[str, str]], dict[str, A
     )
 
 
-def _slopes(search: Find, residuals: Callable[[Mapping[str, str]], dict[str, Array]], x: Array, widths: Array) -> Array:
+def _slopes(search: Find, residuals: Residuals, x: Array, widths: Array) -> Array:
     """Return the Jacobian of the residuals by central differences, shape (rows, k)."""
-    columns = []
-    for k, width in enumerate(widths):
-        ahead, behind = (
-            np.concatenate([*residuals(search.text(x + sign * width * np.eye(len(x))[k])).values()])
-            for sign in (1.0, -1.0)
-        )
-        columns.append((ahead - behind) / (2.0 * width))
-    return np.array(columns).T
+    sides = (x + sign * np.diag(widths)[k] for k in range(len(x)) for sign in (1.0, -1.0))
+    rows = [np.concatenate([*parts.values()]) for parts in residuals([search.text(side) for side in sides])]
+    return np.array(
+        [(ahead - behind) / (2.0 * width) for ahead, behind, width in zip(rows[::2], rows[1::2], widths, strict=True)]
+    ).T
 
 
 def _solved(search: Find, jacobian: Array, r: Array, widths: Array) -> Array:

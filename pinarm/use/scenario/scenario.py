@@ -29,12 +29,15 @@ from pinarm.problems import KINDS, PRESCRIBING, Problem, problem_class
 from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
 from pinarm.records import replace
+from pinarm.use.result.failures import failures_in_words, overflow
 from pinarm.use.result.result import Result
-from pinarm.use.scenario.failures import failures_in_words, overflow
 from pinarm.use.scenario.file_kind import GIVEN, refuse_changes, refuse_folder, refuse_mechanism, refuse_model
 from pinarm.use.scenario.scenario_file import ScenarioFile
+from pinarm.use.workers.runners import HERE, Runners
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from pinarm.engine.motion.prescribed_motion import PrescribedTable
     from pinarm.mechanics.control.function import ControlFunction, FunctionControl
     from pinarm.problems import PrescribingProblem
@@ -53,6 +56,8 @@ class Scenario:
         seed: Of changes in the last digits of the mechanism; none for the mechanism as it is.
         given: The mechanism where it was given as such; ``None`` where a file or a name says it.
         functions: Controllers given as functions in Python.
+        runners: Who solves the many runs that searches and sensitivities take; another process that reads the scenario
+            again does so by itself.
     """
 
     document: Document
@@ -62,6 +67,7 @@ class Scenario:
     seed: int | None = None
     given: Mechanism | None = None
     functions: tuple[FunctionControl, ...] = ()
+    runners: Runners = HERE
 
     @classmethod
     def load(cls, path: str | Path, values: Values | None = None) -> Scenario:
@@ -106,14 +112,15 @@ class Scenario:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Say how another process makes the same scenario: from its text, since what is built from it has functions."""
-        return _read_again, (self.document, self.folder.absolute(), self.seed, self.given, self.functions)
+        source = ScenarioSource(self.document, self.folder.absolute(), self.seed, self.given, self.functions)
+        return ScenarioSource.scenario, (source,)
 
     @property
-    def located(self) -> tuple[Document, Path]:
-        """Its document and its folder, whose paths are the same for a process in another folder."""
+    def source(self) -> ScenarioSource:
+        """What it is read from, with paths that are the same for a process in another folder."""
         path = self.document.path
         document = replace(self.document, path=path.parent.resolve() / path.name) if path else self.document
-        return document, self.folder.resolve()
+        return ScenarioSource(document, self.folder.resolve(), self.seed, self.given, self.functions)
 
     def varied(self, values: Values) -> Scenario:
         """Return the scenario with other values.
@@ -125,7 +132,15 @@ class Scenario:
         Raises:
             InputError: A path leads nowhere, or a value is wrong there.
         """
-        return self.with_document(_varied(self.document, self.folder, values)) if values else self
+        return self.with_document(self.varied_document(values)) if values else self
+
+    def varied_document(self, values: Values) -> Document:
+        """Return its document with other values, which is not validated: see ``varied``.
+
+        Raises:
+            InputError: A path leads nowhere.
+        """
+        return _varied(self.document, self.folder, values)
 
     def merged(self, changes: Mapping[str, Any]) -> Scenario:
         """Return the scenario with the values that ``changes`` has at the same paths, as a file would have them."""
@@ -277,6 +292,20 @@ class Scenario:
             raise InputError("a period or a delay is given, but no function",
                              expected="control, with functions of drives")  # fmt: skip
         return solved(self.controlled(control, period, delay) if control is not None else self)
+
+    def with_workers(self, workers: int | None = None, executor: Executor | None = None) -> Scenario:
+        """Return the scenario whose searches and sensitivities give their runs to others; the numbers are the same.
+
+        Args:
+            workers: Processes of this machine; this process where it is left out. Of an executor, how many workers it
+                has, where it cannot tell.
+            executor: Who solves the runs in place of processes of this machine; see ``pinarm.sweep``. It has to live as
+                long as sections of results are asked for.
+
+        Raises:
+            InputError: There are less than one.
+        """
+        return replace(self, runners=Runners(workers, executor))
 
     def verified(self) -> Result:
         """Return the result with its global error estimated, and every row of it checked.
@@ -462,11 +491,32 @@ class Scenario:
         return self.document.locating("problem", *path)
 
 
-def _read_again(
-    document: Document, folder: Path, seed: int | None, given: Mechanism | None,
-    functions: tuple[FunctionControl, ...],
-) -> Scenario:  # fmt: skip
-    return replace(Scenario.of(document, folder), seed=seed, given=given, functions=functions)
+@dataclass(frozen=True, eq=False)
+class ScenarioSource:
+    """What another process reads a scenario from.
+
+    Attributes:
+        document: See ``Scenario``, as for all others.
+        folder: Absolute.
+        seed: Of changes in the last digits of the mechanism.
+        given: The mechanism where it was given as such.
+        functions: Controllers given as functions; importable by their names.
+    """
+
+    document: Document
+    folder: Path
+    seed: int | None
+    given: Mechanism | None
+    functions: tuple[FunctionControl, ...]
+
+    def scenario(self) -> Scenario:
+        """Read it.
+
+        Raises:
+            InputError: A file that it names is not there.
+        """
+        read = Scenario.of(self.document, self.folder)
+        return replace(read, seed=self.seed, given=self.given, functions=self.functions)
 
 
 def _varied(document: Document, folder: Path, values: Values) -> Document:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from itertools import count
 from typing import TYPE_CHECKING
 
@@ -9,9 +12,11 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import LOST
-from pinarm.errors import Interrupted, PinarmError
 from pinarm.records import replace
+from pinarm.use.cases.case import Case, Row, RowValues, Task, Wanted, failure
+from pinarm.use.cases.solving import solving
 from pinarm.use.progress import tell
+from pinarm.use.result.condition import Condition
 from pinarm.use.result.measures import RESIDUALS
 from pinarm.use.result.result import Result
 from pinarm.use.result.run_number import RunNumber
@@ -20,7 +25,7 @@ from pinarm.use.scenario.find import Find
 from pinarm.use.scenario.landscape import Landscape, Trial
 from pinarm.use.scenario.optimum import Optimum, optimum
 from pinarm.use.scenario.optimum_section import optimum_section
-from pinarm.use.scenario.roots import find_root
+from pinarm.use.scenario.roots import FoundValues, find_root
 
 if TYPE_CHECKING:
     from pinarm.use.scenario.scenario import Scenario
@@ -49,7 +54,7 @@ def solve_found(scenario: Scenario, search: Find) -> Result:
     with scenario.document.locating("find"):
         search.check_names(bare.quantities(), bare.content.assessments)
         if search.wanted is not None:
-            root = find_root(search, lambda values: _residuals(bare.varied(values), search))
+            root = _root(bare, search)
             values, left = root.values, root.left()
         else:
             best = _best(bare, search)
@@ -62,14 +67,35 @@ def solve_found(scenario: Scenario, search: Find) -> Result:
     return replace(result, known={"find": optimum_section(search, best, objective)})
 
 
-def _residuals(scenario: Scenario, search: Find) -> dict[str, Array]:
-    """Return the wanted quantities less their targets, at all rows, and wanted numbers of the run less theirs."""
-    result, left = scenario.result(scenario.solved_outcome()), {}
-    for name, target in (search.wanted or {}).items():
-        number = search.number(name, scenario.content.assessments)
-        values = np.array([number.value(result)[0]]) if number else result.quantities.determined(name).values
-        left[name] = values - float(target)
-    return left
+def _root(bare: Scenario, search: Find) -> FoundValues:
+    """Return the values for which quantities, at all rows, and numbers of the run are what is wanted.
+
+    Raises:
+        PinarmError: A run on the way fails, or nothing is found.
+    """
+    wanted = search.wanted or {}
+    numbers = {name: search.number(name, bare.content.assessments) for name in wanted}
+    taken = [Wanted(name, number) if number else RowValues(name) for name, number in numbers.items()]
+    task = Task.of(bare, taken, search.text(search.start))
+    of_rows, runs = sum(number is None for number in numbers.values()), count(1)
+
+    def left(row: Row) -> dict[str, Array]:
+        """Return the wanted quantities less their targets, at all rows, and wanted numbers of the run less theirs."""
+        rows = (len(row.taken) - len(numbers) + of_rows) // max(of_rows, 1)
+        ends = np.cumsum([1 if number else rows for number in numbers.values()])
+        parts = np.split(np.array(row.taken), ends[:-1])
+        return {name: part - float(target) for (name, target), part in zip(wanted.items(), parts, strict=True)}
+
+    with solving(task, bare.runners) as solve:
+
+        def residuals(cases: Sequence[Case]) -> Iterator[dict[str, Array]]:
+            for case, row in zip(cases, solve(cases), strict=True):
+                tell(f"find: run {next(runs)}")
+                if row.error:
+                    raise failure(task, case, row)
+                yield left(row)
+
+        return find_root(search, residuals)
 
 
 def _best(bare: Scenario, search: Find) -> Optimum:
@@ -78,52 +104,82 @@ def _best(bare: Scenario, search: Find) -> Optimum:
     Raises:
         InputError: A path leads nowhere, or a value between the bounds is none that may stand there.
     """
-    objective, conditions = search.objective, search.conditions
-    assert objective is not None
     for corner in (search.start, *_bounds(search)):
         bare.varied(search.text(corner))  # what cannot be read fails here, and not as a run that is refused
-    sign = 1.0 if search.minimise is not None else -1.0
+    judge, runs = _Judge.of(search), count(1)
+    with solving(Task.of(bare, judge.wanted, search.text(search.start)), bare.runners) as solve:
 
-    runs = count(1)
+        def trials(judge: _Judge, points: Sequence[Array]) -> list[Trial]:
+            found = []
+            for row in solve([search.text(values) for values in points]):
+                tell(f"find: run {next(runs)}")
+                found.append(judge.trial(row))
+            return found
 
-    def run(values: Array) -> Trial:
-        tell(f"find: run {next(runs)}")
-        try:
-            result = bare.varied(search.text(values)).run()
-            said = _said(objective, result, floor)
-            margins = tuple(condition.margin(condition.number.value(result)[0]) for condition in conditions)
-        except Interrupted:
-            raise
-        except PinarmError as error:
-            return Trial(refusal=error.message)
-        finite = np.isfinite([said, *margins]).all()
-        return Trial(sign * said, margins, refusal(result) if finite else "a number of the run is not finite")
-
-    floor = 0.0
-    first = run(search.start)
-    floor = VANISHED * abs(first.objective) if not first.refusal else 0.0
-    sizes = [abs(float(condition.bound)) for condition in conditions]
-    if not first.refusal:
-        sizes = [max(size, 1e-3 * abs(size - margin)) for size, margin in zip(sizes, first.margins, strict=True)]
-    return optimum(
-        Landscape(
-            *_bounds(search), search.start, run, [condition.relation == "=" for condition in conditions],
-            [size or 1.0 for size in sizes], squared=sign > 0.0 and objective.figure in SQUARED,
-        ),
-        search.starts, search.seed, everywhere=search.search == "global",
-    )  # fmt: skip
+        (first,) = trials(judge, [search.start])
+        if not first.refusal:
+            judge = replace(judge, floor=VANISHED * abs(first.objective))
+        return optimum(
+            Landscape(
+                *_bounds(search), search.start, partial(trials, judge),
+                [condition.relation == "=" for condition in judge.conditions], judge.sizes(first),
+                squared=judge.sign > 0.0 and judge.of_magnitudes,
+            ),
+            search.starts, search.seed, everywhere=search.search == "global",
+        )  # fmt: skip
 
 
-def _said(number: AnyNumber, result: Result, floor: float) -> float:
-    """Return a number of a run; where a figure of magnitudes has vanished, a bound of it: the largest of the rows.
+@dataclass(frozen=True)
+class _Judge:
+    """What rows say to a search for an optimum.
 
-    Rounding has no integral to any number of digits.
+    Attributes:
+        objective: The number that is to be least or largest.
+        conditions: What others must keep to.
+        sign: 1 where the objective is to be least, -1 where it is to be largest.
+        floor: Size of the objective's quantity below which its figure is one of rounding.
     """
-    if isinstance(number, RunNumber) and number.figure in SQUARED:
-        rows = np.abs(result[number.quantity].values)
-        if rows.max() <= floor:
-            return float(rows.max())
-    return number.value(result)[0]
+
+    objective: AnyNumber
+    conditions: Sequence[Condition]
+    sign: float
+    floor: float = 0.0
+
+    @classmethod
+    def of(cls, search: Find) -> _Judge:
+        objective = search.objective
+        assert objective is not None
+        return cls(objective, search.conditions, 1.0 if search.minimise is not None else -1.0)
+
+    @property
+    def of_magnitudes(self) -> bool:
+        """Whether the objective is never negative, and its square is smooth where it vanishes."""
+        return self.objective.figure in SQUARED
+
+    @property
+    def wanted(self) -> list[Wanted]:
+        """What is taken from each run: objective, numbers of conditions, and of a figure of magnitudes all rows."""
+        numbers = [self.objective, *(condition.number for condition in self.conditions)]
+        rows = [self.objective.quantity] if isinstance(self.objective, RunNumber) and self.of_magnitudes else []
+        return [*(Wanted(number.label, number) for number in numbers), *map(Wanted, rows)]
+
+    def trial(self, row: Row) -> Trial:
+        """Return what a row says."""
+        if row.error:
+            return Trial(refusal=row.error)
+        said, *numbers = row.taken
+        bounds = numbers[len(self.conditions) :]
+        if bounds and max(map(abs, bounds)) <= self.floor:  # rounding has no integral to any number of digits
+            said = max(map(abs, bounds))
+        pairs = zip(self.conditions, numbers, strict=False)
+        return Trial(self.sign * said, tuple(condition.margin(x) for condition, x in pairs), refusal(row.figures))
+
+    def sizes(self, first: Trial) -> list[float]:
+        """Return what margins of conditions are relative to, by the run at the start."""
+        sizes = [abs(float(condition.bound)) for condition in self.conditions]
+        if not first.refusal:
+            sizes = [max(size, 1e-3 * abs(size - x)) for size, x in zip(sizes, first.margins, strict=True)]
+        return [size or 1.0 for size in sizes]
 
 
 def _bounds(search: Find) -> tuple[Array, Array]:
@@ -131,13 +187,11 @@ def _bounds(search: Find) -> tuple[Array, Array]:
     return np.array([one.low for one in unknowns]), np.array([one.high for one in unknowns])
 
 
-def refusal(result: Result) -> str:
-    """Return why the accuracy of a run does not allow it to be an optimum; empty where it does."""
-    if result.missed:
-        return "its accuracy.target is not reached"
-    if result.figures.get("energy", 0.0) >= LOST:
-        return f"{result.figures['energy']:.2g} of the energy exchanged is not accounted for"
+def refusal(figures: Mapping[str, float]) -> str:
+    """Return why the measures of accuracy of a run do not allow it to be an optimum; empty where they do."""
+    if figures.get("energy", 0.0) >= LOST:
+        return f"{figures['energy']:.2g} of the energy exchanged is not accounted for"
     for name in RESIDUALS:
-        if name != "energy" and result.figures.get(name, 0.0) > EXACT:
-            return f"its residual '{name}' is {result.figures[name]:.1e}"
+        if name != "energy" and figures.get(name, 0.0) > EXACT:
+            return f"its residual '{name}' is {figures[name]:.1e}"
     return ""

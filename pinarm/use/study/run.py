@@ -14,13 +14,15 @@ from pinarm.use.scenario.file_kind import is_mechanism
 from pinarm.use.scenario.scenario import Given, Scenario, load
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from pinarm.mechanics.control.function import ControlFunction
 
 
 def run(
     scenario: Given, values: Values | None = None, *,
     control: Mapping[str | tuple[str, ...], ControlFunction] | None = None, period: float | None = None,
-    delay: float = 0.0,
+    delay: float = 0.0, workers: int | None = None, executor: Executor | None = None,
 ) -> Result:  # fmt: skip
     """Solve a scenario; with ``accuracy.target``, at the cheapest setting whose error is below it.
 
@@ -30,6 +32,8 @@ def run(
         control: Drives whose efforts are functions ``u(t, state)``; see ``Scenario.run``.
         period: Of sampled functions [s]; continuous where it is left out.
         delay: From a sample to the change of the effort [s].
+        workers: Processes that solve the runs of ``find`` and ``sensitivity``; this process where it is left out.
+        executor: Who solves them in place of processes of this machine; see ``Scenario.with_workers``.
 
     Returns:
         The result: ``result["C_B"]`` is a quantity with its unit, one value per row.
@@ -38,7 +42,7 @@ def run(
         PinarmError: The input has a mistake or is impossible, or the numerics failed; then ``partial`` holds the result
             until there.
     """
-    return load(scenario, values).run(control, period=period, delay=delay)
+    return load(scenario, values).with_workers(workers, executor).run(control, period=period, delay=delay)
 
 
 def validate(scenario: Given, values: Values | None = None) -> list[Scenario]:

@@ -14,13 +14,16 @@ Source: Ridders, Accurate computation of F'(x) and F'(x) F''(x), Advances in Eng
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from itertools import islice
 
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.errors import PinarmError
+from pinarm.errors import InputError, within
+from pinarm.use.assessments.sensitivity.variation import Input, Varied
+from pinarm.use.cases.case import Row
 
 SHRINK, ROUNDS = 16.0, 3
 """Factor by which steps are made smaller where the error is not small yet, and how often that is tried."""
@@ -73,36 +76,72 @@ class _Differences:
         return found.error <= GOOD * abs(found.value) + 10.0 * float(self.rounding[k])
 
 
-def derivatives(numbers: Callable[[float], Array], at_zero: Array, step: float, noise: Array) -> list[Derivative]:
-    """Return the derivatives of several numbers by one input.
+STEPS = np.array([1.0, 0.5, 0.25, -1.0, -0.5, -0.25])
+"""Changes of an input that one round takes, relative to the largest."""
+
+
+@dataclass(eq=False)
+class _Sought:
+    """Derivatives by one input while they are looked for.
+
+    Attributes:
+        step: First and largest change.
+        best: Those of the least error so far; none where no run has succeeded on both sides.
+        failure: Why a run failed.
+    """
+
+    step: float
+    best: list[Derivative] = field(default_factory=list)
+    failure: str = ""
+
+    def settled_by(self, rows: Iterable[Row], at_zero: Array, step: float, noise: Array) -> bool:
+        """Take in the rows of one round, and tell whether no smaller steps are needed."""
+        rows = [*rows]
+        self.failure = next((row.error for row in rows if row.error), self.failure)
+        if any(row.error for row in rows):
+            return False
+        taken = np.array([row.taken for row in rows]).reshape(2, 3, -1)
+        found = _differences(taken[0], taken[1], at_zero, step, noise)
+        new = [found.derivative(k) for k in range(len(at_zero))]
+        pairs = zip(self.best or new, new, strict=True)
+        self.best = [min(pair, key=lambda each: each.error) for pair in pairs]
+        return all(found.settled(k) for k in range(len(at_zero)))
+
+
+def derivatives(
+    varied: Varied, at_zero: Array, step_of: Callable[[Input], float], noise: Array
+) -> list[list[Derivative]]:
+    """Return the derivatives of several numbers by every input, those of a round solved at once.
 
     Args:
-        numbers: Change of the input -> the numbers, shape (m,).
+        varied: The numbers, m of them.
         at_zero: The numbers without a change, shape (m,).
-        step: First and largest change.
+        step_of: Input -> its first and largest change.
         noise: Error of the numbers that changes irregularly from run to run, shape (m,).
 
     Raises:
-        PinarmError: No run succeeds on both sides, however small the step.
+        InputError: No run succeeds on both sides of an input, however small the step.
     """
-    best: list[Derivative] = []
+    sought = [_Sought(step_of(each)) for each in varied.inputs]
+    left, unit = list(range(len(sought))), np.eye(len(sought))
     for attempt in range(ROUNDS):
-        try:
-            found = _differences(numbers, at_zero, step / SHRINK**attempt, noise)
-        except PinarmError:
-            if attempt == ROUNDS - 1 and not best:
-                raise
-            continue
-        new = [found.derivative(k) for k in range(len(at_zero))]
-        best = [min(pair, key=lambda each: each.error) for pair in zip(best, new, strict=True)] if best else new
-        if all(found.settled(k) for k in range(len(at_zero))):
+        steps = {k: sought[k].step / SHRINK**attempt for k in left}
+        if not left:
             break
-    return best
+        rows = varied.rows(np.concatenate([np.outer(step * STEPS, unit[k]) for k, step in steps.items()]))
+        left = [k for k, step in steps.items()
+                if not sought[k].settled_by(islice(rows, len(STEPS)), at_zero, step, noise)]  # fmt: skip
+    for each, of in zip(sought, varied.inputs, strict=True):
+        if not each.best:
+            with within("to", of.name):
+                raise InputError(f"no run succeeds on both sides of {of.text(of.value)}: {each.failure}",
+                                 hint="another value, from which the mechanism can be changed both ways")  # fmt: skip
+    return [each.best for each in sought]
 
 
-def _differences(numbers: Callable[[float], Array], at_zero: Array, step: float, noise: Array) -> _Differences:
+def _differences(ahead: Array, behind: Array, at_zero: Array, step: float, noise: Array) -> _Differences:
+    """Return derivatives by the numbers ahead and behind, both of shape (3, m), for steps halved each time."""
     steps = step / 2.0 ** np.arange(3)
-    ahead, behind = (np.array([numbers(sign * h) for h in steps]) for sign in (1.0, -1.0))
     h = steps[:, None]
     central, error = _extrapolated((ahead - behind) / (2.0 * h), 2)
     right, above = _extrapolated((ahead - at_zero) / h, 1)

@@ -13,8 +13,9 @@ from typing import Literal
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError, Interrupted, PinarmError
-from pinarm.use.assessments.sensitivity.variation import Variation
+from pinarm.errors import InputError
+from pinarm.use.assessments.sensitivity.variation import Varied
+from pinarm.use.cases.case import Row
 
 DistributionName = Literal["normal", "uniform"]
 
@@ -44,22 +45,20 @@ def changes_of(draws: Array, tolerances: Array, distribution: DistributionName) 
     return np.asarray(ndtri(draws) * tolerances * DEVIATION["normal"])
 
 
-def monte_carlo(variation: Variation, count: int, seed: int, distribution: DistributionName) -> Samples:
+def monte_carlo(varied: Varied, count: int, seed: int, distribution: DistributionName) -> Samples:
     """Return the numbers of runs whose inputs are drawn independently.
 
     Raises:
         InputError: Fewer than two of the runs can be solved.
     """
-    tolerances = np.array([each.tolerance for each in variation.inputs])
+    tolerances = np.array([each.tolerance for each in varied.inputs])
     draws = np.random.default_rng(seed).random((count, len(tolerances)))
-    values, failures = list[Array](), list[str]()
-    for changes in changes_of(draws, tolerances, distribution):
-        try:
-            values.append(variation.at(changes))
-        except Interrupted:
-            raise
-        except PinarmError as error:
-            failures.append(error.message)
+    values, failures = list[tuple[float, ...]](), list[str]()
+    for row in varied.rows(changes_of(draws, tolerances, distribution)):
+        if row.error:
+            failures.append(row.error)
+        else:
+            values.append(row.taken)
     if len(values) < 2:
         raise InputError(f"{len(failures)} of {count} runs within the tolerances cannot be solved: {failures[0]}",
                          hint="smaller tolerances")  # fmt: skip
@@ -83,7 +82,7 @@ class SobolIndices:
     total_error: Array
 
 
-def sobol_indices(variation: Variation, count: int, seed: int, distribution: DistributionName) -> SobolIndices:
+def sobol_indices(varied: Varied, count: int, seed: int, distribution: DistributionName) -> SobolIndices:
     """Return the Sobol' indices of the numbers, from ``count * (k + 2)`` runs by Saltelli's scheme.
 
     Source: Saltelli et al., Variance based sensitivity analysis of model output, Computer Physics Communications 181
@@ -98,18 +97,21 @@ def sobol_indices(variation: Variation, count: int, seed: int, distribution: Dis
     except ImportError:
         raise InputError("Sobol' indices need SALib, which is not installed",
                          hint="pip install 'pinarm[sensitivity]', or leave sobol out") from None  # fmt: skip
-    k = len(variation.inputs)
+    k = len(varied.inputs)
     problem = {"num_vars": k, "names": [str(j) for j in range(k)], "bounds": [[0.0, 1.0]] * k}
     draws = sampling.sample(problem, count, calc_second_order=False, seed=seed)
     inner = np.clip(draws, 1e-12, 1.0 - 1e-12)  # Sobol's first point is 0, where a normal distribution has no end
-    changes = changes_of(inner, np.array([each.tolerance for each in variation.inputs]), distribution)
-    try:
-        values = np.array([variation.at(each) for each in changes])
-    except PinarmError as error:
-        raise InputError(f"a run within the tolerances cannot be solved: {error.message}",
-                         hint="smaller tolerances, or uniform ones, which end there") from None  # fmt: skip
+    changes = changes_of(inner, np.array([each.tolerance for each in varied.inputs]), distribution)
+    values = np.array([_taken(row) for row in varied.rows(changes)])
     if not (values.std(axis=0) > 0.0).all():
         raise InputError("a number does not vary within the tolerances: it has no Sobol' indices")
     centred = (values - values.mean(axis=0)) / values.std(axis=0)
     found = [analysis.analyze(problem, each, calc_second_order=False, seed=seed) for each in centred.T]
     return SobolIndices(*(np.array([one[name] for one in found]) for name in ("S1", "S1_conf", "ST", "ST_conf")))
+
+
+def _taken(row: Row) -> tuple[float, ...]:
+    if row.error:
+        raise InputError(f"a run within the tolerances cannot be solved: {row.error}",
+                         hint="smaller tolerances, or uniform ones, which end there")  # fmt: skip
+    return row.taken

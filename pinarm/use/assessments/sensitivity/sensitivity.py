@@ -18,7 +18,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, PinarmError, within
+from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct
 from pinarm.use.assessments.sensitivity.derivative import Derivative, derivatives
@@ -33,7 +33,7 @@ from pinarm.use.assessments.sensitivity.tables import (
     sobol_table,
 )
 from pinarm.use.assessments.sensitivity.tolerance import Tolerance
-from pinarm.use.assessments.sensitivity.variation import Variation, inputs_of
+from pinarm.use.assessments.sensitivity.variation import Input, Varied, inputs_of, varied_runs
 from pinarm.use.result.number_accuracy import global_error, noise
 from pinarm.use.result.run_number import RunNumber
 from pinarm.use.result.section import Graph, Section, SectionTable
@@ -126,19 +126,20 @@ class Sensitivity(InputStruct, frozen=True):
             PinarmError: The scenario cannot be solved with an input changed.
         """
         self.check_names(result.quantities, result.scenario)
-        variation = Variation(result.scenario, inputs_of(result.scenario, self.to), self._asked())
-        taken = [measured(number, result) for number in variation.numbers]
+        inputs, asked = inputs_of(result.scenario, self.to), self._asked()
+        taken = [measured(number, result) for number in asked]
         centre = np.array([float(series.values[0]) for series, _ in taken])
-        errors = noise(result, variation.numbers, taken)
-        slopes = _derivatives(variation, centre, errors)
-        corners = [_corners(variation, [row[k] for row in slopes], k) for k in range(len(centre))]
-        bands = [
-            Band(number, series, global_error(result, number), [row[k] for row in slopes], *corners[k])
-            for k, (number, (series, _)) in enumerate(zip(variation.numbers, taken, strict=True))
-        ]
-        return self._section(variation, bands)
+        errors = noise(result, asked, taken)
+        with varied_runs(result.scenario, inputs, asked) as variation:
+            slopes = derivatives(variation, centre, partial(_step, centre, errors), errors)
+            corners = _corners(variation, slopes)
+            bands = [
+                Band(number, series, global_error(result, number), [row[k] for row in slopes], *corners[k])
+                for k, (number, (series, _)) in enumerate(zip(asked, taken, strict=True))
+            ]
+            return self._section(variation, bands)
 
-    def _section(self, variation: Variation, bands: Sequence[Band]) -> Section:
+    def _section(self, variation: Varied, bands: Sequence[Band]) -> Section:
         drawn, inputs = self._drawn(variation, bands), variation.inputs
         numbers = dict[str, Series]()
         for band in bands:
@@ -153,7 +154,7 @@ class Sensitivity(InputStruct, frozen=True):
         title = "Sensitivity to tolerances"
         return Section("sensitivity", title, tables, numbers | drawn.numbers, remarks, drawn.graphs)
 
-    def _drawn(self, variation: Variation, bands: Sequence[Band]) -> _Drawn:
+    def _drawn(self, variation: Varied, bands: Sequence[Band]) -> _Drawn:
         """Return what drawn inputs show, where that is asked."""
         drawn = _Drawn([], {}, [], [])
         if self.monte_carlo:
@@ -184,36 +185,28 @@ class _Drawn:
     graphs: list[Graph]
 
 
-def _derivatives(variation: Variation, centre: Array, errors: Array) -> list[list[Derivative]]:
-    """Return the derivatives of all numbers by every input."""
+def _step(centre: Array, errors: Array, of: Input) -> float:
+    """Return the first change of an input, by the relative errors of the numbers."""
     size = np.abs(centre)
     relative = float(np.max(errors / np.where(size > 0.0, size, np.inf), initial=np.finfo(float).eps))
-    found = []
-    for k, each in enumerate(variation.inputs):
-        step = min(relative, 1.0) ** LEVEL * max(abs(each.value), ZEROS * each.tolerance)
-        with within("to", each.name):
-            try:
-                found.append(derivatives(partial(variation.along, k), centre, step, errors))
-            except PinarmError as error:
-                raise type(error)(
-                    f"no run succeeds on both sides of {each.text(each.value)}: {error.message}",
-                    hint="another value, from which the mechanism can be changed both ways",
-                ) from None
-    return found
+    return float(min(relative, 1.0) ** LEVEL * max(abs(of.value), ZEROS * of.tolerance))
 
 
-def _corners(variation: Variation, slopes: Sequence[Derivative], number: int) -> tuple[float, float, str]:
-    """Return a number at the two corners of the tolerances where it is least and largest if it is linear.
+def _corners(variation: Varied, slopes: Sequence[Sequence[Derivative]]) -> list[tuple[float, float, str]]:
+    """Return every number at the two corners of the tolerances where it is least and largest if it is linear.
+
+    Args:
+        variation: The numbers, m of them.
+        slopes: Their derivatives by every input.
 
     Returns:
         Both [SI], NaN where the scenario has no solution there, and why it has none.
     """
     tolerances = np.array([each.tolerance for each in variation.inputs])
-    signs, found, why = np.sign([slope.value for slope in slopes]), list[float](), ""
-    for side in (-1.0, 1.0):
-        try:
-            found.append(float(variation.at(side * signs * tolerances)[number]))
-        except PinarmError as error:
-            found.append(np.nan)
-            why = error.message
-    return found[0], found[1], why
+    signs = np.sign([[slope.value for slope in row] for row in slopes]).T
+    rows = [*variation.rows(np.concatenate([-signs * tolerances, signs * tolerances]))]
+    found = []
+    for k, (low, high) in enumerate(zip(rows[: len(signs)], rows[len(signs) :], strict=True)):
+        ends = [np.nan if row.error else row.taken[k] for row in (low, high)]
+        found.append((ends[0], ends[1], high.error or low.error))
+    return found

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
-from typing import TYPE_CHECKING
-
-import numpy as np
+from typing import TYPE_CHECKING, Protocol
 
 from pinarm.arrays import Array
-from pinarm.errors import DynamicsError, InputError, choices, within
+from pinarm.errors import InputError, choices, within
 from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.use.assessments.sensitivity.tolerance import Tolerance
+from pinarm.use.cases.case import Case, Row, Task, Wanted
+from pinarm.use.cases.columns import is_column
+from pinarm.use.cases.solving import SolveCases, solving
 from pinarm.use.progress import tell
 from pinarm.use.result.section_number import AnyNumber
 
@@ -86,41 +88,48 @@ def inputs_of(scenario: Scenario, tolerances: Mapping[str, Tolerance]) -> list[I
     return found
 
 
+class Varied(Protocol):
+    """Numbers of a run as a function of changes of its inputs."""
+
+    @property
+    def inputs(self) -> Sequence[Input]:
+        """The inputs, k of them."""
+
+    def rows(self, changes: Array) -> Iterator[Row]:
+        """Yield rows of m numbers [SI], in the order of the changes [SI], shape (n, k); each may have failed."""
+
+
 @dataclass(frozen=True)
 class Variation:
-    """Numbers of a run as a function of changes of its inputs.
+    """Numbers of the runs of a scenario.
 
     Attributes:
-        scenario: The scenario.
         inputs: Its inputs, k of them.
-        numbers: What is taken from each run, m of them.
+        solve: Solves cases.
         runs: Counts the runs.
     """
 
-    scenario: Scenario = field(repr=False)
     inputs: Sequence[Input]
-    numbers: Sequence[AnyNumber]
+    solve: SolveCases = field(repr=False)
     runs: Iterator[int] = field(default_factory=partial(count, 1), repr=False)
 
-    def at(self, changes: Array) -> Array:
-        """Return the numbers [SI], shape (m,), where the inputs are changed.
+    def rows(self, changes: Array) -> Iterator[Row]:
+        """Yield the rows of changed inputs: see ``Varied``."""
+        for row in self.solve(case_of(self.inputs, each) for each in changes.tolist()):
+            tell(f"sensitivity: run {next(self.runs)}")
+            yield row
 
-        Args:
-            changes: Changes of the inputs [SI], shape (k,).
 
-        Raises:
-            PinarmError: The scenario has no solution there.
-            DynamicsError: A number is not finite.
-        """
-        tell(f"sensitivity: run {next(self.runs)}")
-        changed = {each.path: each.text(each.value + float(x))
-                   for each, x in zip(self.inputs, changes, strict=True) if x}  # fmt: skip
-        result = self.scenario.varied(changed).run()
-        values = np.array([number.value(result)[0] for number in self.numbers])
-        if not np.isfinite(values).all():
-            raise DynamicsError("a number is not finite")
-        return values
+def case_of(inputs: Sequence[Input], changes: Sequence[float]) -> Case:
+    """Return what a case sets: what changes, and anyway what may differ in cases of one kind."""
+    changed = zip(inputs, changes, strict=True)
+    return {each.path: each.text(each.value + x) for each, x in changed if x or is_column(each.path)}
 
-    def along(self, k: int, change: float) -> Array:
-        """Return the numbers [SI], shape (m,), where one input is changed."""
-        return self.at(change * np.eye(len(self.inputs))[k])
+
+@contextmanager
+def varied_runs(scenario: Scenario, inputs: Sequence[Input], numbers: Sequence[AnyNumber]) -> Iterator[Variation]:
+    """Yield the numbers of a scenario's runs as a function of its inputs, solved by its runners."""
+    unchanged = case_of(inputs, [0.0] * len(inputs))
+    task = Task.of(scenario, [Wanted(number.label, number) for number in numbers], unchanged)
+    with solving(task, scenario.runners) as solve:
+        yield Variation(inputs, solve)

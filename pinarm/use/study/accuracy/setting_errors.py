@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import takewhile
 
 import numpy as np
@@ -20,6 +20,7 @@ from pinarm.use.study.accuracy.integration_settings import (
     step_limit,
     with_setting,
 )
+from pinarm.use.study.accuracy.timed_solutions import SolveTrials, TimedSolution, TimedTrial
 
 WANTED = (1e-3, 1e-6, 1e-9)
 """Errors that a setting is recommended for."""
@@ -95,30 +96,25 @@ def reference_solution(scenario: Scenario) -> Reference:
                            hint="a shorter time, away from singular positions")  # fmt: skip
 
 
-def tried_settings(scenario: Scenario, against: Reference) -> list[TriedSetting]:
+def tried_settings(scenario: Scenario, against: Reference, solve: SolveTrials) -> list[TriedSetting]:
     """Return all settings that are tried, method by method, the coarsest first."""
-    found, most = [], max(MOST, step_limit(against.result, scenario.content.accuracy.max_steps))
-    for method, settings in settings_by_method(against.result).items():
-        for setting in settings:
-            variant = with_setting(scenario, setting, most)
-            assert variant.mechanism  # loaded before the clock runs
-            found.append(_tried(variant, method, format_setting(setting), against))
-    return found
+    most = max(MOST, step_limit(against.result, scenario.content.accuracy.max_steps))
+    by_method = settings_by_method(against.result).items()
+    tried = [(method, setting) for method, settings in by_method for setting in settings]
+    trials = [TimedTrial(partial(with_setting, setting=setting, max_steps=most), LONG) for _, setting in tried]
+    return [
+        _tried(solution, method, format_setting(setting), against)
+        for (method, setting), solution in zip(tried, solve(trials), strict=True)
+    ]
 
 
-def _tried(variant: Scenario, method: str, words: str, against: Reference) -> TriedSetting:
-    seconds: list[float] = []
-    while sum(seconds) < LONG:
-        begin = time.perf_counter()
-        try:
-            result = variant.solve()
-        except NumericsError:
-            return TriedSetting(
-                method, words, dict.fromkeys(variant.content.outputs, np.inf), 0, time.perf_counter() - begin
-            )
-        seconds.append(time.perf_counter() - begin)
+def _tried(solution: TimedSolution, method: str, words: str, against: Reference) -> TriedSetting:
+    result = solution.result
+    if result is None:
+        errors = dict.fromkeys(against.result.content.outputs, np.inf)
+        return TriedSetting(method, words, errors, 0, solution.seconds)
     errors = output_differences(against.result, result)
-    return TriedSetting(method, words, errors, int(result.figures["evaluations"]), min(seconds))
+    return TriedSetting(method, words, errors, int(result.figures["evaluations"]), solution.seconds)
 
 
 def recommended_setting(points: Sequence[TriedSetting], bound: float, wanted: float) -> TriedSetting | None:

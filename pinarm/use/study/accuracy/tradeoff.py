@@ -19,9 +19,12 @@ from pinarm.use.study.accuracy.setting_errors import (
     reference_solution,
     tried_settings,
 )
+from pinarm.use.study.accuracy.timed_solutions import solving_trials
 from pinarm.use.study.accuracy.variant_errors import Variant, solve_variants
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from pinarm.use.show.figure import Picture
 
 
@@ -106,23 +109,29 @@ class Tradeoff:
         return blocks(*parts)
 
 
-def tradeoff(scenario: Given, values: Values | None = None) -> Tradeoff:
+def tradeoff(
+    scenario: Given, values: Values | None = None, *, workers: int | None = None, executor: Executor | None = None
+) -> Tradeoff:
     """Measure what accuracy costs: of settings, where the scenario is integrated over time, and of its variants.
 
     Args:
         scenario: The scenario, or its file.
         values: Other values than those of the file, such as ``{"problem.time.end": "3 s"}``; see ``pinarm.load``.
+        workers: Processes that solve settings and variants; this process where it is left out. Errors and numbers of
+            evaluations are the same, but times are those of cores that others are using too.
+        executor: Who solves them in place of processes of this machine; see ``pinarm.sweep``.
 
     Raises:
         InputError: Neither is there to be traded.
         PinarmError: The scenario cannot be solved.
     """
-    scenario = load(scenario, values)
+    scenario = load(scenario, values).with_workers(workers, executor)
     integrated = scenario.problem.kind == "forward"
     if not integrated and not scenario.content.variants:
         raise InputError(f"there is nothing to trade: a problem of kind {scenario.problem.kind} is solved to rounding, "
                          "whatever the setting, and the scenario has no variants",
                          hint="variants: {light: {arguments.mass: 0 kg}}")  # fmt: skip
     against = reference_solution(scenario) if integrated else None
-    tried = tried_settings(scenario, against) if against else []
-    return Tradeoff(scenario, against, tried, solve_variants(scenario) if scenario.content.variants else [])
+    with solving_trials(scenario) as solve:
+        tried = tried_settings(scenario, against, solve) if against else []
+        return Tradeoff(scenario, against, tried, solve_variants(scenario, solve) if scenario.content.variants else [])

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, field
+from operator import methodcaller
 
 import numpy as np
 
-from pinarm.errors import InputError, NumericsError
+from pinarm.errors import InputError
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.accuracy.common_rows import common_rows
 from pinarm.use.study.accuracy.error_estimate import output_scales
-from pinarm.use.study.accuracy.solved import solved
+from pinarm.use.study.accuracy.timed_solutions import SolveTrials, TimedSolution, TimedTrial
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,30 +38,29 @@ class Variant:
     failure: str = ""
 
 
-def solve_variants(scenario: Scenario) -> list[Variant]:
+def solve_variants(scenario: Scenario, solve: SolveTrials) -> list[Variant]:
     """Return the exact model and all variants of a scenario.
 
     Raises:
         PinarmError: The scenario itself cannot be solved, or a variant has a mistake.
     """
-    exact = _solved("exact", scenario)
-    assert exact.result
-    return [exact, *(_compared(_attempted(scenario, name), exact.result) for name in scenario.content.variants)]
-
-
-def _solved(name: str, scenario: Scenario) -> Variant:
-    assert scenario.mechanism  # loaded before the clock runs
-    begin = time.perf_counter()
-    result = solved(scenario)
-    return Variant(name, result, seconds=time.perf_counter() - begin)
-
-
-def _attempted(scenario: Scenario, name: str) -> Variant:
-    try:
+    names = list(scenario.content.variants)
+    changes = [methodcaller("varied", {}), *(methodcaller("variant", name) for name in names)]
+    solutions = solve([TimedTrial(change) for change in changes])
+    first = next(solutions)
+    if first.failure:
+        raise first.failure
+    assert first.result
+    found = [Variant("exact", first.result, seconds=first.seconds)]
+    for name in names:
         with scenario.document.locating("variants", name):
-            return _solved(name, scenario.variant(name))
-    except NumericsError as error:
-        return Variant(name, None, failure=error.message)
+            found.append(_compared(_variant(name, next(solutions)), first.result))
+    return found
+
+
+def _variant(name: str, solution: TimedSolution) -> Variant:
+    failure = solution.failure.message if solution.failure else ""
+    return Variant(name, solution.result, seconds=solution.seconds, failure=failure)
 
 
 def _compared(variant: Variant, exact: Result) -> Variant:

@@ -12,12 +12,10 @@ from typing import Generic, TypeVar
 from pinarm.arrays import Array
 from pinarm.errors import NumericsError, PinarmError
 from pinarm.input.roots import file_root, given_root
-from pinarm.input.yaml.document import Document
-from pinarm.records import replace
-from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.scenario.scenario import Scenario, ScenarioSource
 from pinarm.use.study.batch.block import Block, Question, answered
-from pinarm.use.study.workers.chunk_order import LostJob
-from pinarm.use.study.workers.distribute import Workers, distribute
+from pinarm.use.workers.chunk_order import LostJob
+from pinarm.use.workers.distribute import Workers, distribute
 
 AnswerT = TypeVar("AnswerT")
 
@@ -30,23 +28,19 @@ class Remote(Generic[AnswerT]):
     """What a process is asked of each block; it reads the scenario once.
 
     Attributes:
-        document: The scenario.
-        folder: Folder that paths in it are relative to.
-        seed: Of changes in the last digits of the mechanism.
+        source: What the scenario is read from.
         root: Folder that files may refer to; each file's own where it is ``None``.
         answer: What is asked; importable by its name.
     """
 
-    document: Document
-    folder: Path
-    seed: int | None
+    source: ScenarioSource
     root: Path | None
     answer: Callable[[Block], AnswerT]
 
     @cached_property
     def question(self) -> Question:
         """Return the question of the scenario."""
-        return Question.of(replace(Scenario.of(self.document, self.folder), seed=self.seed))
+        return Question.of(self.source.scenario())
 
     def __call__(self, job: Job) -> tuple[AnswerT, dict[int, str]] | PinarmError:
         """Return the answer of a block and why motions of it failed, or why it has none."""
@@ -68,7 +62,7 @@ def answers(
         PinarmError: A block has no answer.
         NumericsError: Workers died with a block.
     """
-    remote = Remote(*scenario.located, scenario.seed, given_root(), answer)
+    remote = Remote(scenario.source, given_root(), answer)
     with closing(distribute(remote, iter(jobs), workers)) as found:
         for job, answered in found:
             if isinstance(answered, LostJob):

@@ -14,12 +14,12 @@ from pinarm.arrays import Array
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import unit
+from pinarm.use.cases.case import Value
 
 MOST = 10_000_000
 """Cases of one sweep."""
 
 Number = int | float
-Value = Number | str | bool
 
 
 @dataclass(frozen=True)

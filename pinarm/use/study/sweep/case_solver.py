@@ -13,13 +13,13 @@ from pinarm.arrays import Array
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.records import replace
+from pinarm.use.cases.case import WORTH, Row, Task
+from pinarm.use.cases.together import CaseSolver, Job
 from pinarm.use.output.folder import check_replaceable
 from pinarm.use.study.sweep.axes import Cases
-from pinarm.use.study.sweep.cases import WORTH, Row, Task
 from pinarm.use.study.sweep.journal import JOURNAL, Journal, Sources, task_digest
-from pinarm.use.study.sweep.together import CaseSolver, Job
-from pinarm.use.study.workers.chunk_order import LostJob
-from pinarm.use.study.workers.distribute import Workers, distribute
+from pinarm.use.workers.chunk_order import LostJob
+from pinarm.use.workers.distribute import Workers, distribute
 
 UNSOLVED = "not solved"
 

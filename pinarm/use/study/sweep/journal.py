@@ -25,9 +25,8 @@ import numpy as np
 from pinarm.errors import InputError
 from pinarm.input.roots import Stamp, stamp_of
 from pinarm.records import replace
-from pinarm.use.study.sweep.axes import Value
-from pinarm.use.study.sweep.cases import Row, Task
-from pinarm.use.study.workers.versions import versions
+from pinarm.use.cases.case import Row, Task, Value
+from pinarm.use.workers.versions import versions
 
 JOURNAL = "journal.jsonl"
 """Its name in the folder of a sweep."""
@@ -55,9 +54,8 @@ def task_digest(task: Task) -> str:
 
     The code of this program is part of it.
     """
-    relevant = {key: value for key, value in task.document.data.items() if key not in ("expect", "title")}
-    wanted = [(entry.quantity, entry.labels()) for entry in task.wanted]
-    return digest([relevant, str(task.folder.resolve()), wanted, versions()])
+    relevant = {key: value for key, value in task.source.document.data.items() if key not in ("expect", "title")}
+    return digest([relevant, str(task.source.folder.resolve()), [repr(entry) for entry in task.wanted], versions()])
 
 
 class Sources:

@@ -14,22 +14,26 @@ import numpy as np
 
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, Interrupted, PinarmError, choices
-from pinarm.input.roots import given_root, noting_files
+from pinarm.input.roots import noting_files
 from pinarm.input.units import DIMENSIONLESS, unit
 from pinarm.input.yaml.key_path import argument_of
 from pinarm.input.yaml.values import Values, written_unit
+from pinarm.use.cases.case import WORTH, Task, Wanted
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.scenario.scenario import Given, Scenario, declared_unit, load
 from pinarm.use.study.sweep.axes import MOST, Axis, Cases, Distribution, Sampling, draw
 from pinarm.use.study.sweep.case_solver import Solving
-from pinarm.use.study.sweep.cases import WORTH, Task, Wanted
 from pinarm.use.study.sweep.value_syntax import read_axis, read_cases
-from pinarm.use.study.workers.choice import check_number, chosen_workers
+from pinarm.use.workers.choice import chosen_workers
+from pinarm.use.workers.runners import check_number
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
     from pinarm.use.show.figure import Picture
+
+ANCHORS = 5
+"""Cases, spread over those of a sweep, from the first of which that can be solved loops of all others are closed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +177,8 @@ def sweep(
         quantities, sections = _end(scenario, chosen).quantities(), scenario.numbered
         read = [Wanted.read(text, sections) for text in results or scenario.content.outputs]
         found = [entry.measured(quantities, sections) for entry in read]
-    task = Task(*scenario.located, tuple(entry for entry, _ in found), given_root())
+    anchors = np.unique(np.linspace(0, len(chosen) - 1, ANCHORS).astype(int)).tolist()
+    task = Task.of(scenario, (entry for entry, _ in found), *map(chosen.values, anchors))
     named = [column for _, columns in found for column in columns]
     named += [Series(name, DIMENSIONLESS, np.zeros(0)) for name in WORTH]
     solving = Solving(task, chosen, np.full((len(chosen), len(named)), np.nan), progress)

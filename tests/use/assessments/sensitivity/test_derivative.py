@@ -1,21 +1,45 @@
 """Extrapolated differences of functions whose derivatives are known, with and without noise and kinks."""
 
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from math import cos, exp, sin
 
 import numpy as np
 import pytest
 
-from pinarm.errors import DynamicsError
+from pinarm.arrays import Array
+from pinarm.errors import DynamicsError, InputError
 from pinarm.use.assessments.sensitivity.derivative import Derivative, derivatives
+from pinarm.use.assessments.sensitivity.variation import Input
+from pinarm.use.cases.case import WORTH, Row
 
-NOTHING = np.zeros(1)
+UNTOLD = (np.nan,) * len(WORTH)
 
 
-def one(function: object, step: float, noise: float = 0.0) -> Derivative:
-    def numbers(h: float) -> np.ndarray:
-        return np.array([function(h)])  # type: ignore[operator]
+@dataclass(frozen=True)
+class Function:
+    """A function of inputs about 0, in place of runs."""
 
-    [found] = derivatives(numbers, numbers(0.0), step, np.array([noise]))
+    function: Callable[..., Sequence[float]]
+    inputs: Sequence[Input]
+
+    def rows(self, changes: Array) -> Iterator[Row]:
+        for change in changes.tolist():
+            try:
+                yield Row((*self.function(*change), *UNTOLD))
+            except DynamicsError as error:
+                yield Row((), error.message)
+
+
+def by_inputs(
+    function: Callable[..., Sequence[float]], step: float, noise: Array, count: int
+) -> list[list[Derivative]]:
+    varied = Function(function, [Input(f"x{k}", f"x{k}", 0.0, 1.0, None) for k in range(count)])
+    return derivatives(varied, np.array(function(*[0.0] * count)), lambda _: step, noise)
+
+
+def one(function: Callable[[float], float], step: float, noise: float = 0.0) -> Derivative:
+    [[found]] = by_inputs(lambda h: [function(h)], step, np.array([noise]), 1)
     return found
 
 
@@ -24,7 +48,7 @@ def one(function: object, step: float, noise: float = 0.0) -> Derivative:
     [(lambda h: exp(1.0 + h), exp(1.0)), (lambda h: sin(0.7 + h), cos(0.7)), (lambda h: (2.0 + h) ** 6, 192.0),
      (lambda h: 1.0 / (1.0 + h) ** 3, -3.0), (lambda h: 5.0, 0.0)],
 )  # fmt: skip
-def test_it_is_exact_to_its_error(function: object, exact: float) -> None:
+def test_it_is_exact_to_its_error(function: Callable[[float], float], exact: float) -> None:
     found = one(function, 0.0139, 1e-13)
     assert abs(found.value - exact) <= found.error
     assert found.error < 1e-8 * max(abs(exact), 1.0)
@@ -62,14 +86,23 @@ def test_steps_are_shortened_to_where_runs_succeed() -> None:
         return exp(h)
 
     assert one(narrow, 0.01, 1e-14).value == pytest.approx(1.0, abs=1e-9)
-    with pytest.raises(DynamicsError, match="too far"):
+    with pytest.raises(InputError, match=r"both sides of 0\.0: too far"):
         one(narrow, 10.0)
 
 
 def test_each_number_has_its_own_error() -> None:
-    def numbers(h: float) -> np.ndarray:
-        return np.array([exp(h), exp(300.0 * h)])
-
-    found = derivatives(numbers, numbers(0.0), 0.01, np.full(2, 1e-14))
+    [found] = by_inputs(lambda h: [exp(h), exp(300.0 * h)], 0.01, np.full(2, 1e-14), 1)
     assert [each.value for each in found] == pytest.approx([1.0, 300.0], rel=1e-6)
     assert found[0].error < 1e-10
+
+
+def test_each_input_has_its_own_steps() -> None:
+    """f = e^x + 3 y, which has no value for |x| above 1e-3."""
+
+    def narrow(x: float, y: float) -> list[float]:
+        if abs(x) > 1e-3:
+            raise DynamicsError("too far")
+        return [exp(x) + 3.0 * y]
+
+    [[x], [y]] = by_inputs(narrow, 0.01, np.full(1, 1e-14), 2)
+    assert (x.value, y.value) == pytest.approx((1.0, 3.0), abs=1e-9)

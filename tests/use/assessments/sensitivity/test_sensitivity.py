@@ -10,6 +10,8 @@ import pytest
 
 import pinarm
 from pinarm.errors import PinarmError
+from pinarm.use.assessments.sensitivity.variation import Input, case_of
+from pinarm.use.cases.columns import kind_of
 from pinarm.use.result.section import Section, SectionTable
 from pinarm.use.store.restore import restore
 
@@ -41,6 +43,14 @@ def rows(table: SectionTable) -> dict[str, dict[str, Any]]:
 
 def values(found: Section) -> dict[str, float]:
     return {name: float(series.values[0]) for name, series in found.numbers.items()}
+
+
+def test_runs_with_other_arguments_laws_or_initial_states_are_of_one_kind() -> None:
+    paths = ("arguments.a", "problem.motion.theta2.speed", "problem.initial.velocity.A", "gravity.magnitude")
+    inputs = [Input(path, path, 2.0, 0.1, None) for path in paths]
+    kinds = [kind_of(case_of(inputs, changes)) for changes in (np.zeros(4), *np.eye(4))]
+    assert kinds[1:4] == kinds[:1] * 3
+    assert kinds[4] != kinds[0]
 
 
 def test_the_torque_of_an_arm_by_length_and_masses() -> None:

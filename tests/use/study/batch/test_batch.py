@@ -22,7 +22,7 @@ from pinarm.problems.forward import Forward
 from pinarm.use.study.batch import batch as motions
 from pinarm.use.study.batch import worker_blocks as remote
 from pinarm.use.study.batch.block import Block
-from pinarm.use.study.workers.chunk_order import LostJob
+from pinarm.use.workers.chunk_order import LostJob
 
 ROOT = Path(__file__).parents[4]
 SWING = """\

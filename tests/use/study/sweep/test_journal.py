@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.use.study.sweep.cases import Row
+from pinarm.use.cases.case import Row
 from pinarm.use.study.sweep.journal import HEAD, Journal, JournalEntry, Sources, _line, digest
 
 ROW = Row((1.5, float("nan")), "", ("/dev/null",))

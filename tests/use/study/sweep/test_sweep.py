@@ -18,8 +18,8 @@ import pytest
 
 import pinarm
 from pinarm import PinarmError
+from pinarm.use.cases.case import Row
 from pinarm.use.study.sweep import case_solver as solving
-from pinarm.use.study.sweep.cases import Row
 
 MASSES = {"arguments.m": "1:3:5 kg", "arguments.l": "0.5, 1"}
 
@@ -122,8 +122,7 @@ def test_a_fault_of_the_program_is_not_kept(
     held: pinarm.Scenario, tmp_path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     faulty = module(
-        "from pinarm.use.study.sweep.cases import Row\n"
-        "def solve(job):\n    return Row((), 'a fault', (), final=False)\n"
+        "from pinarm.use.cases.case import Row\ndef solve(job):\n    return Row((), 'a fault', (), final=False)\n"
     )
     with monkeypatch.context() as patched:
         patched.setattr(solving, "CaseSolver", lambda task: faulty.solve)
@@ -214,12 +213,12 @@ def test_a_killed_worker_loses_its_case_and_the_next_run_solves_it(
     held: pinarm.Scenario, tmp_path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hostile = module(
-        "import os, signal\nfrom pinarm.use.study.sweep.together import CaseSolver\n"
+        "import os, signal\nfrom pinarm.use.cases.together import CaseSolver\n"
         "class Hostile(CaseSolver):\n"
-        "    def together(self, jobs):\n"
+        "    def together(self, jobs, late):\n"
         "        if any(job[2]['arguments.m'] == '2.0 kg' for job in jobs):\n"
         "            os.kill(os.getpid(), signal.SIGSEGV)\n"
-        "        return super().together(jobs)\n"
+        "        return super().together(jobs, late)\n"
     )
     with monkeypatch.context() as patched:
         patched.setattr(solving, "CaseSolver", hostile.Hostile)
@@ -233,9 +232,9 @@ def test_a_killed_worker_loses_its_case_and_the_next_run_solves_it(
 def test_the_task_of_a_case_is_one_function_of_what_can_be_pickled(held: pinarm.Scenario) -> None:
     import pickle
 
-    from pinarm.use.study.sweep.cases import Task, Wanted, solve_case
+    from pinarm.use.cases.case import Task, Wanted, solve_case
 
-    task = Task(held.document, held.folder, (Wanted.read("M @ end"),))
+    task = Task.of(held, (Wanted.read("M @ end"),))
     function, given = pickle.loads(pickle.dumps((solve_case, task)))
     row = pickle.loads(pickle.dumps(function(given, {"arguments.m": "3 kg"})))
     assert isinstance(row, Row)

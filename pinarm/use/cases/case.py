@@ -1,0 +1,345 @@
+"""One case of many: a scenario with other values, solved, and a few numbers of its result."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, ClassVar, Protocol
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
+from pinarm.errors import DynamicsError, InputError, Interrupted, Location, NumericsError, PinarmError
+from pinarm.input.roots import file_root, given_root, note_files, noting_files
+from pinarm.input.units import Unit
+from pinarm.records import replace
+from pinarm.use.result.failures import failures_in_words
+from pinarm.use.result.measures import MEASURES
+from pinarm.use.result.run_number import EXAMPLES
+from pinarm.use.result.section_number import AnyNumber, Numbered, measured, names_section, read_number
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
+    from pinarm.use.scenario.scenario import Scenario, ScenarioSource
+
+Value = int | float | str | bool
+"""What stands at a path of a case, as a scenario file would have it."""
+
+Case = Mapping[str, Value]
+"""Path -> value that replaces that of the scenario."""
+
+QUADRATURE, GLOBAL_ERROR = "quadrature error", "global error"
+WORTH = (*MEASURES, QUADRATURE, GLOBAL_ERROR)
+"""What tells the accuracy of a case: the largest error of its figures of curves, relative to them, where there are any;
+the global error where the scenario has a target for it."""
+
+
+NO_SECTIONS: Mapping[str, Numbered] = MappingProxyType({})
+
+
+class Taken(Protocol):
+    """What is taken from the result of each case: some numbers, as many in every case."""
+
+    def numbers(self, result: Result) -> list[tuple[float, float]]:
+        """Return the numbers [SI], each with the error of its quadrature.
+
+        Raises:
+            PinarmError: This result has none.
+        """
+
+    @property
+    def number(self) -> AnyNumber | None:
+        """The number of the run that is taken; ``None`` for what is told of all rows."""
+
+    def of_rows(self, quantities: Quantities) -> list[Array]:
+        """Return what is told of all rows of variants, each of shape (k,) or (1,).
+
+        Raises:
+            PinarmError: There is no such quantity of variants.
+        """
+
+
+@dataclass(frozen=True)
+class RowValues:
+    """The values of a quantity in all rows.
+
+    Attributes:
+        quantity: A quantity, a symbol or a formula.
+    """
+
+    quantity: str
+    number: ClassVar[None] = None
+
+    def numbers(self, result: Result) -> list[tuple[float, float]]:
+        """Return the values: see ``Taken``.
+
+        Raises:
+            InputError: Friction at rest leaves one of them open.
+            DynamicsError: One is not finite.
+        """
+        values = result.quantities.determined(self.quantity).values
+        if not np.isfinite(values).all():
+            raise DynamicsError(f"{self.quantity} is not finite")
+        return [(float(value), 0.0) for value in values]
+
+    def of_rows(self, quantities: Quantities) -> list[Array]:
+        """Return the values: see ``Taken``."""
+        return [*quantities[self.quantity].values]
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A number of the run, or the bounds of a quantity in its rows.
+
+    Attributes:
+        quantity: A quantity, a symbol or a formula; of a number, its name.
+        number: The number of the run; ``None`` for the least and the greatest value of the rows.
+        unit: Of the numbers in every case; ``None`` where it is not known.
+    """
+
+    quantity: str
+    number: AnyNumber | None = None
+    unit: Unit | None = None
+
+    @classmethod
+    def read(cls, text: str, sections: Mapping[str, object] = NO_SECTIONS) -> Wanted:
+        """Read ``QUANTITY``, or ``QUANTITY @ PLACE`` and the like; see ``read_number``.
+
+        Args:
+            text: What is wanted.
+            sections: What the sections of the scenario are of, by key.
+
+        Raises:
+            InputError: It cannot be read.
+        """
+        if not text.strip():
+            raise InputError("an empty text asks for nothing", expected=EXAMPLES).at(Location("--result"))
+        if "@" not in text and not names_section(text, sections):
+            return cls(text.strip())
+        try:
+            number = read_number(text)
+        except InputError as error:
+            raise error.at(Location(f"--result {text}")) from None
+        return cls(number.label, number)
+
+    def labels(self) -> tuple[str, ...]:
+        """Return the names of the numbers."""
+        return (self.number.label,) if self.number else (f"min {self.quantity}", f"max {self.quantity}")
+
+    def measured(
+        self, quantities: Quantities, sections: Mapping[str, Numbered] = NO_SECTIONS
+    ) -> tuple[Wanted, list[Series]]:
+        """Return the same with its unit, and the columns of its numbers, still empty.
+
+        Args:
+            quantities: Those of the scenario, with nothing solved.
+            sections: What its sections are of, by key.
+
+        Raises:
+            InputError: There is no such quantity.
+        """
+        try:
+            series = self.number.described(quantities, sections) if self.number else quantities[self.quantity]
+        except InputError as error:
+            raise error.at(Location(f"--result {self.quantity}")) from None
+        columns = [replace(series, name=label, values=np.zeros(0)) for label in self.labels()]
+        return replace(self, unit=series.unit), columns
+
+    def of_rows(self, quantities: Quantities) -> list[Array]:
+        """Return the least and the greatest values: see ``Taken``."""
+        values = quantities[self.quantity].values
+        return [values.min(axis=0), values.max(axis=0)]
+
+    def numbers(self, result: Result) -> list[tuple[float, float]]:
+        """Return the numbers: see ``Taken``.
+
+        Raises:
+            InputError: The place does not exist in this run, or the quantity is of another kind in this case.
+            DynamicsError: A number is not finite.
+        """
+        quantities = result.quantities
+        number = measured(self.number, result) if self.number else None
+        unit = (number[0] if number else quantities[self.quantity]).unit
+        if self.unit and unit and unit.dimension != self.unit.dimension:
+            raise InputError(f"{self.labels()[0]} is in {unit} in this case", expected=f"{self.unit}, as in others")
+        if number:
+            numbers = [(float(number[0].values[0]), number[1])]
+        else:
+            least, greatest = quantities.bounds(self.quantity)
+            numbers = [(float(least.values.min()), 0.0), (float(greatest.values.max()), 0.0)]
+        if not np.isfinite(numbers).all():
+            raise DynamicsError(f"{self.labels()[0]} is not finite")
+        return [(number + 0.0, error) for number, error in numbers]  # -0 becomes 0
+
+
+@dataclass(frozen=True)
+class Row:
+    """What came out of one case.
+
+    Attributes:
+        numbers: Results, then the measures of accuracy in the order of ``WORTH``; nothing where the case failed.
+        error: Why it failed; empty where it did not.
+        files: The files that it refers to.
+        final: Whether solving it again would give the same; not so where the program itself failed.
+    """
+
+    numbers: tuple[float, ...]
+    error: str = ""
+    files: tuple[str, ...] = ()
+    final: bool = True
+
+    @property
+    def taken(self) -> tuple[float, ...]:
+        """The numbers without the measures of accuracy."""
+        return self.numbers[: -len(WORTH)]
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """The measures of accuracy that the case has."""
+        named = zip(WORTH, self.numbers[-len(WORTH) :], strict=False)
+        return {name: figure for name, figure in named if not np.isnan(figure)}
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is the same in all cases of one scenario.
+
+    Attributes:
+        source: What the scenario is read from: a process that misses a file of it has to be able to say so.
+        wanted: What to take from each result.
+        root: Folder that files may refer to; each file's own where it is ``None``.
+        anchors: Cases, from the first of which that can be solved the loops of all others are closed where they are
+            solved together: the last digits depend on it, and so on no worker. Without any, each worker begins with a
+            case of its own.
+    """
+
+    source: ScenarioSource
+    wanted: tuple[Taken, ...]
+    root: Path | None = None
+    anchors: tuple[Case, ...] = ()
+
+    @classmethod
+    def of(cls, scenario: Scenario, wanted: Iterable[Taken], *anchors: Case) -> Task:
+        """Return what is the same in all cases of a scenario, for a process in any folder."""
+        return cls(scenario.source, tuple(wanted), given_root(), anchors)
+
+    @cached_property
+    def scenario(self) -> Scenario:
+        """The scenario."""
+        return self.source.scenario()
+
+    def case(self, values: Case) -> Scenario:
+        """Return the scenario of a case, with its mechanism loaded: that of the case before if it is the same.
+
+        Raises:
+            PinarmError: It has a mistake.
+        """
+        last = self._last[0] if self._last else None
+        document = self.scenario.varied_document(values)
+        scenario = (last.scenario if last else self.scenario).with_document(document)
+        if last and scenario.loaded:
+            note_files(last.files)
+            return scenario
+        with noting_files() as files, failures_in_words():
+            assert scenario.mechanism
+        self._last[:] = [LoadedCase(scenario, frozenset(files))]
+        return scenario
+
+    @cached_property
+    def _last(self) -> list[LoadedCase]:
+        """The last case that has loaded a mechanism; none before the first."""
+        return []
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedCase:
+    """A case with its mechanism loaded.
+
+    Attributes:
+        scenario: The scenario of the case.
+        files: The files that its mechanism refers to.
+    """
+
+    scenario: Scenario
+    files: frozenset[Path]
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """A case that has been solved.
+
+    Attributes:
+        row: What came out.
+        result: The whole of it; ``None`` where the case failed.
+    """
+
+    row: Row
+    result: Result | None = None
+
+
+def solve_case(task: Task, values: Case) -> Row:
+    """Return the row of one case; see ``solved_case``."""
+    return solved_case(task, values).row
+
+
+def solved_case(task: Task, values: Case) -> Solved:
+    """Solve one case: a function of plain data, for any process on any machine that sees the files.
+
+    Args:
+        task: The scenario and what is wanted of it.
+        values: Path -> value that replaces that of the scenario.
+
+    Returns:
+        The row; that of a case that fails says why, and has no result.
+
+    Raises:
+        Interrupted: By the user.
+    """
+    with file_root(task.root), noting_files() as files:
+        try:
+            result = task.case(values).run()
+            numbers = [number for entry in task.wanted for number in entry.numbers(result)]
+            quadrature = [error / abs(number) for number, error in numbers if error and number]
+            if result.contradiction:
+                return Solved(Row((), result.contradiction, _names(files)))
+            if result.missed:
+                target = result.content.accuracy.target
+                said = f"the global error is {result.error:.1e}, not below its target {target:g}"
+                return Solved(Row((), said, _names(files)))
+            figures = {**result.figures, QUADRATURE: max(quadrature, default=np.nan)}
+            figures[GLOBAL_ERROR] = np.nan if result.error is None else result.error
+            worth = (figures.get(name, np.nan) for name in WORTH)
+            return Solved(Row((*(number for number, _ in numbers), *worth), "", _names(files)), result)
+        except Interrupted:
+            raise
+        except PinarmError as error:
+            return Solved(Row((), _one_line(error), _names(files)))
+        except Exception as error:  # a fault of the program costs one case, and is told as what it is
+            said = f"the program failed: {type(error).__name__}: {error}"
+            return Solved(Row((), said, _names(files), final=False))
+
+
+def failure(task: Task, values: Case, row: Row) -> PinarmError:
+    """Return the error of a case that failed, with its place: it is solved again."""
+    try:
+        with file_root(task.root):
+            result = task.case(values).run()
+            for entry in task.wanted:
+                entry.numbers(result)
+    except PinarmError as error:
+        return error
+    return NumericsError(row.error)
+
+
+def _names(files: Iterable[Path]) -> tuple[str, ...]:
+    return tuple(sorted(map(str, files)))
+
+
+def _one_line(error: PinarmError) -> str:
+    place = f"{error.location}: " if error.location and error.location.line else ""
+    return " ".join(f"{place}{error.message}".split())

@@ -1,0 +1,42 @@
+"""Which values of cases are numbers that may differ among cases that are solved together."""
+
+from __future__ import annotations
+
+from pinarm.use.cases.case import Case, Value
+
+ARGUMENT = "arguments."
+"""What begins paths to arguments of the model."""
+
+PRESCRIBED = tuple(f"problem.{key}." for key in ("motion", "time", "over", "hold", "velocity", "acceleration"))
+"""What begins paths to numbers of laws, and of the rows at which they are looked at."""
+
+INITIAL = "problem.initial."
+"""What begins paths to numbers of initial states."""
+
+COLUMNS = (ARGUMENT, *PRESCRIBED, INITIAL)
+"""What begins paths to numbers that may differ from case to case."""
+
+Kind = tuple[tuple[str, Value], ...] | None
+"""What cases have in common that may be solved together; ``None`` of one that varies none of ``COLUMNS``."""
+
+
+def is_column(path: str) -> bool:
+    """Tell whether numbers at a path may differ: numbers of rows may not, which arrays have in common."""
+    return path.startswith(COLUMNS) and not path.endswith(".samples")
+
+
+def kind_of(values: Case) -> Kind:
+    """Return the kind of a case: its values but for those of ``COLUMNS``."""
+    kept = tuple((path, "" if is_column(path) else value) for path, value in values.items())
+    return kept if any(map(is_column, values)) else None
+
+
+def of_kind(anchor: Case, values: Case) -> Case | None:
+    """Return the numbers of one case that may differ with all else of another; ``None`` where it has not the same."""
+    own, other = ({path for path in case if is_column(path)} for case in (anchor, values))
+    return {path: anchor[path] if path in own else value for path, value in values.items()} if own == other else None
+
+
+def moving(values: Case) -> dict[str, Value]:
+    """Return the values that say how a case moves: those of laws, rows and initial states."""
+    return {path: value for path, value in values.items() if path.startswith(COLUMNS[1:])}

@@ -1,0 +1,265 @@
+"""Numbers of cases that are solved together: each is asked of its own curve, states between rows are solved at once.
+
+A number of a run, such as a maximum between rows or a mean, is found by functions that ask for states at instants which
+follow from the states before. They are called for every case; one that lacks states is interrupted and says which, the
+states that any case lacks are solved as one array, and the interrupted ones begin anew with these. So the numbers are
+found by the same steps as those of a case alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple, Protocol, Self
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags, Indices
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.mechanism_variants import some_variants
+from pinarm.engine.motion.outcome import SolvedMotion
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
+from pinarm.errors import InputError
+from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import replace
+from pinarm.use.cases.case import Taken
+from pinarm.use.result.row_lookup import Lookup
+from pinarm.use.result.run_number import RunNumber
+
+
+class MovingVariants(Protocol):
+    """Motions of k variants of a mechanism."""
+
+    @property
+    def run(self) -> Trajectory:
+        """The rows of the first variant."""
+        ...
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The variants."""
+        ...
+
+    @property
+    def motion(self) -> SolvedMotion:
+        """The motion of the first variant."""
+        ...
+
+    @property
+    def grids(self) -> Sequence[Grid]:
+        """The rows of each variant."""
+        ...
+
+    def some(self, mechanism: Mechanism, variants: Indices, grids: Sequence[Grid]) -> Self:
+        """Return some of the variants, of which these are the mechanism, at other rows."""
+        ...
+
+    def rows(self) -> tuple[Trajectory, Flags]:
+        """Return the states at the rows, and which variants are sound, shape (k,)."""
+        ...
+
+    def at(self, near: Array) -> tuple[Trajectory, Flags]:
+        """Return the same at rows each of which is a state of its own, near configurations of shape (n, k, nq)."""
+        ...
+
+
+class Told(NamedTuple):
+    """Numbers of k cases.
+
+    Attributes:
+        numbers: Those that are wanted, in order [SI], each of shape (k,).
+        quadrature: The largest error of a quadrature relative to its number, NaN where there is none, shape (k,).
+        sound: Which cases have them, shape (k,).
+    """
+
+    numbers: list[Array]
+    quadrature: Array
+    sound: Flags
+
+
+class Place(NamedTuple):
+    """Where states of a case are asked for.
+
+    Attributes:
+        case: The case.
+        interval: An interval of its grid.
+        t: Values of the parameter there, as bytes.
+    """
+
+    case: int
+    interval: int
+    t: bytes
+
+    @property
+    def instants(self) -> Array:
+        """The values, shape (n,)."""
+        return np.frombuffer(self.t)
+
+
+class StatesMissing(Exception):
+    """States of a case are asked for that have not been solved.
+
+    Attributes:
+        places: Intervals, and values of the parameter there as bytes.
+    """
+
+    def __init__(self, places: Sequence[tuple[int, bytes]]) -> None:
+        self.places = places
+
+
+@dataclass(kw_only=True)
+class CaseQuantities(Quantities):
+    """The quantities of one of several cases.
+
+    Attributes:
+        shared: Those of all of them.
+        case: Its place among them.
+    """
+
+    shared: Quantities
+    case: int
+
+    def __getitem__(self, name: str) -> Series:
+        """Return a quantity of the case; see ``Quantities``."""
+        told = self.shared[name]
+        return replace(told, values=told.values[:, min(self.case, told.values.shape[1] - 1)])
+
+
+@dataclass(frozen=True, eq=False)
+class CaseLookup(Lookup):
+    """A run of one of several cases that is asked for its states at places.
+
+    Attributes:
+        solved: The quantities of states that have been solved, by interval and values of the parameter.
+    """
+
+    solved: dict[tuple[int, bytes], Quantities] = field(default_factory=dict)
+
+    def quantities_at(self, interval: int, t: Array) -> Quantities:
+        """Return the quantities at values of the parameter in one interval, shape (n,).
+
+        Raises:
+            StatesMissing: They have not been solved.
+        """
+        self.announce([(interval, t)])
+        return self.solved[interval, t.tobytes()]
+
+    def announce(self, places: Sequence[tuple[int, Array]]) -> None:
+        """Ask for states at places.
+
+        Raises:
+            StatesMissing: Some have not been solved.
+        """
+        asked = [(interval, t.tobytes()) for interval, t in places]
+        if missing := [place for place in asked if place not in self.solved]:
+            raise StatesMissing(missing)
+
+
+@dataclass(frozen=True, eq=False)
+class VariantNumbers:
+    """Cases that have been solved together, of which numbers are wanted.
+
+    Attributes:
+        variants: What moves, and how.
+        run: The rows.
+        quantities: Their quantities.
+        block: Number of rows -> the number of cases whose states are solved at once.
+    """
+
+    variants: MovingVariants
+    run: Trajectory
+    quantities: Quantities
+    block: Callable[[int], int]
+
+    def told(self, wanted: Sequence[Taken], sound: Flags) -> Told:
+        """Return what is wanted of the cases that are sound so far, shape (k,)."""
+        numbers, quadrature, sound = list[Array](), np.full(len(sound), np.nan), sound.copy()
+        for entry in self._asked(wanted, sound):
+            if not isinstance(entry, np.ndarray):
+                numbers += entry.of_rows(self.quantities)
+            else:
+                numbers.append(entry[:, 0])
+                relative = np.where(entry.all(axis=1), entry[:, 1] / np.abs(entry[:, 0]), np.nan)
+                quadrature = np.fmax(quadrature, relative)
+        return Told(numbers, quadrature, sound)
+
+    def _asked(self, wanted: Sequence[Taken], sound: Flags) -> list[Taken | Array]:
+        """Return what is wanted, numbers of a run with their values and the errors of their quadratures, shape (k, 2).
+
+        Cases that have no such number are not sound.
+        """
+        asked = {place: entry.number for place, entry in enumerate(wanted) if isinstance(entry.number, RunNumber)}
+        known = {place: np.full((len(sound), 2), np.nan) for place in asked}
+        left = [(place, case) for place in asked for case in np.flatnonzero(sound).tolist()]
+        while left:
+            lacking, missing = list[tuple[int, int]](), dict[Place, None]()
+            for place, case in left:
+                try:
+                    known[place][case] = asked[place].told(self._lookups[case])
+                except StatesMissing as states:
+                    lacking.append((place, case))
+                    missing |= dict.fromkeys(Place(case, *asked) for asked in states.places)
+                except InputError:  # the case alone says why
+                    sound[case] = False
+            self._solve([*missing], sound)
+            left = [(place, case) for place, case in lacking if sound[case]]
+        return [known.get(place, entry) for place, entry in enumerate(wanted)]
+
+    @cached_property
+    def _lookups(self) -> list[CaseLookup]:
+        """The runs of all cases."""
+        motion, found = self.variants.motion, list[CaseLookup]()
+        for case, grid in enumerate(self.variants.grids):
+            rows = replace(self.variants.run, grid=grid)
+            found.append(CaseLookup(CaseQuantities(rows, shared=self.quantities, case=case), motion))
+        return found
+
+    def _solve(self, places: Sequence[Place], sound: Flags) -> None:
+        """Solve states of cases, as many of one number of rows at once as suits processors."""
+        alike = dict[int, list[Place]]()
+        for place in places:
+            alike.setdefault(len(place.t), []).append(place)
+        for some in alike.values():
+            size = self.block(len(some[0].instants))
+            for start in range(0, len(some), size):
+                self._solve_alike(some[start : start + size], sound)
+
+    def _solve_alike(self, places: Sequence[Place], sound: Flags) -> None:
+        """Solve states at as many instants of each case."""
+        cases = np.array([place.case for place in places])
+        grids = [_at(self.variants.grids[place.case], place) for place in places]
+        mechanism = some_variants(self.variants.mechanism, cases)
+        run, good = self.variants.some(mechanism, cases, grids).at(self._near(places, cases))
+        quantities = self.quantities.of(run)
+        sound[cases[~good]] = False
+        for k, place in enumerate(places):
+            own = CaseQuantities(self.variants.run, shared=quantities, case=k)
+            self._lookups[place.case].solved[place.interval, place.t] = own
+
+    def _near(self, places: Sequence[Place], cases: Indices) -> Array:
+        """Return configurations near those at places, shape (n, places, nq): those of rows, moved on to the places."""
+        q, v, a = (x[:, np.minimum(cases, x.shape[1] - 1)] for x in (self.run.q, self.run.v, self.run.a))
+        rows, steps = zip(*(_nearest(self.variants.grids[place.case], place) for place in places), strict=True)
+        row, h = np.stack(rows, axis=1), np.stack(steps, axis=1)[..., None]
+        every = np.arange(len(places))
+        if self.run.separate:
+            return np.asarray(q[row, every])
+        return np.asarray(q[row, every] + h * (v[row, every] + 0.5 * h * a[row, every]))
+
+
+def _at(grid: Grid, place: Place) -> Grid:
+    """Return the grid of instants of one interval."""
+    t = place.instants
+    return Grid(t, (grid.cuts[place.interval], grid.cuts[place.interval + 1]), (0, len(t)))
+
+
+def _nearest(grid: Grid, place: Place) -> tuple[Indices, Array]:
+    """Return the rows of a grid that are nearest to instants of an interval, and how far from these [s], shape (n,)."""
+    first, end = grid.rows[place.interval], grid.rows[place.interval + 1]
+    first, end = (first, end) if first < end else (0, len(grid.t))
+    own, t = grid.t[first:end], place.instants
+    rows = np.abs(own - t[:, None]).argmin(axis=1)
+    return first + rows, t - own[rows]

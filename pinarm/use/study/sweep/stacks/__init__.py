@@ -1,1 +1,0 @@
-"""Cases of a sweep that are solved together as one array."""

@@ -1,0 +1,113 @@
+"""What a worker does: compare versions, keep the function and its files, and answer jobs until its time is up."""
+
+from __future__ import annotations
+
+import pickle
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Protocol, runtime_checkable
+
+from pinarm.input.roots import noting_files
+from pinarm.use.workers.chunk_order import Answers, ChunkOrder, FilesLacking, LostJob, answered, unpacked
+from pinarm.use.workers.travelling_files import Mirror, SharedFiles
+from pinarm.use.workers.versions import versions
+
+NOTHING = object()
+"""What is left of a chunk that is not answered to its end."""
+
+KEPT = 2
+"""Sessions that a thread keeps its function and files of."""
+
+
+def work(wanted: dict[str, str], order: bytes) -> bytes | dict[str, str]:
+    """Return what a worker answers to an order, packed; its versions where they are not those that are wanted.
+
+    Whatever runs it, a process, a thread or a machine elsewhere, needs to know nothing of earlier orders.
+
+    Args:
+        wanted: Versions of the process that gives the order, which is unpacked by the same only.
+        order: An ``ChunkOrder``, pickled.
+    """
+    if wanted != versions():
+        return versions()
+    given: ChunkOrder = pickle.loads(order)
+    session = _session(given)
+    return answered(session.answer(given), session.files.prefix)
+
+
+Late = Callable[[], bool]
+"""Tells whether nothing is to be begun any more once there are answers."""
+
+
+@runtime_checkable
+class Together(Protocol):
+    """A function of jobs that solves several of them at once."""
+
+    def together(self, jobs: Sequence[Any], late: Late) -> Iterator[Any]:
+        """Yield the answers of jobs, in their order, none of which raises; of the first ones where it gets late."""
+
+
+class _Session:
+    """A function and its files, on a worker.
+
+    Args:
+        order: The first order of it.
+    """
+
+    def __init__(self, order: ChunkOrder) -> None:
+        self.files: Mirror | SharedFiles = SharedFiles() if order.files is None else Mirror()
+        self.function = unpacked(order.function, self.files.prefix)
+
+    def answer(self, order: ChunkOrder) -> Answers | FilesLacking:
+        """Answer the jobs of an order until the time is up, or a file is wanted."""
+        lacking = self.files.update(order.files or {}, order.contents)
+        if lacking.digests:
+            return lacking
+        begin, answers = time.perf_counter(), list[Any]()
+        jobs = unpacked(order.jobs, self.files.prefix)
+
+        def late() -> bool:
+            return bool(answers) and time.perf_counter() - begin > order.budget
+
+        together = self.function.together if isinstance(self.function, Together) else self._one_by_one
+        coming = together(jobs, late)
+        while len(answers) < len(jobs):
+            with noting_files() as files:
+                answer = next(coming, NOTHING)
+            if answer is NOTHING:
+                break
+            lacking = self.files.unknown(files)
+            if lacking.paths:
+                if not answers:
+                    return lacking
+                break
+            answers.append(answer)
+        return Answers(answers, time.perf_counter() - begin)
+
+    def _one_by_one(self, jobs: Sequence[Any], late: Late) -> Iterator[Any]:
+        for job in jobs:
+            if late():
+                return
+            yield self._answer_of(job)
+
+    def _answer_of(self, job: Any) -> Any:
+        try:
+            return self.function(job)
+        except Exception as error:  # a fault of the program costs one job
+            return LostJob(f"the program failed: {type(error).__name__}: {error}")
+
+
+_kept = threading.local()
+"""The sessions of a thread: what is built for a scenario serves one thread at a time."""
+
+
+def _session(order: ChunkOrder) -> _Session:
+    sessions: OrderedDict[str, _Session] = _kept.__dict__.setdefault("sessions", OrderedDict())
+    if order.session not in sessions:
+        sessions[order.session] = _Session(order)
+        while len(sessions) > KEPT:
+            sessions.popitem(last=False)
+    sessions.move_to_end(order.session)
+    return sessions[order.session]

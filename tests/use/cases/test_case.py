@@ -1,0 +1,131 @@
+"""One case: the numbers that are taken from a result, and what a case that fails says."""
+
+import pickle
+import re
+from math import pi, sin
+
+import pytest
+
+import pinarm
+from pinarm import PinarmError
+from pinarm.use.cases.case import WORTH, Row, Task, Wanted, solve_case
+
+
+def solved(held: pinarm.Scenario, results: list[str], **values: object) -> Row:
+    wanted = tuple(Wanted.read(text).measured(held.quantities())[0] for text in results)
+    task = pickle.loads(pickle.dumps(Task.of(held, wanted)))
+    return solve_case(task, {name.replace("__", "."): value for name, value in values.items()})
+
+
+def test_the_numbers_are_those_of_the_formula(held: pinarm.Scenario) -> None:
+    results = [
+        "M",
+        "M @ start",
+        "M @ end",
+        "M @ pivot=30 deg",
+        "alpha @ max(M)",
+        "-M @ largest(-2*M)",
+        "alpha @ max(-M)",
+    ]
+    row = solved(held, results, arguments__m="3 kg", arguments__l="0.5 m")
+    full = 3 * 10 * 0.5
+    assert row.error == ""
+    assert row.numbers[:8] == pytest.approx([0, full, 0, full, full * sin(pi / 6), pi / 2, -full, 0], abs=1e-12)
+    assert len(row.numbers) == 8 + len(WORTH)
+    measures = dict(zip(WORTH, row.numbers[8:], strict=True))
+    assert max(measures["equilibrium"], measures["power"]) < 1e-14  # a rounding each
+
+
+def test_numbers_of_the_mechanism_file_can_vary(held: pinarm.Scenario) -> None:
+    row = solved(held, ["M @ end"], changes__forces__spring__stiffness="4 N*m/rad", arguments__m="1 kg")
+    assert row.numbers[0] == pytest.approx(10 + 4 * pi / 2, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "labels"),
+    [("M", ("min M", "max M")), (" M @  max", ("M @ max",)), ("t@max( C_B )", ("t @ max(C_B)",)),
+     ("max(a, b) @ t=1.5 s,side=left", ("max(a, b) @ t=1.5 s, side=left",)),
+     ("M @ phi=0 deg, occurrence=2", ("M @ phi=0 deg, occurrence=2",))],
+)  # fmt: skip
+def test_results_are_called_as_they_are_written(text: str, labels: tuple[str, ...]) -> None:
+    assert Wanted.read(text).labels() == labels
+
+
+@pytest.mark.parametrize("text", ["", "@ max", "M @", "M @ start(M)", "M @ max()", "M @ t", "M @ t=1=2", "M @ t=1 s,"])
+def test_what_is_no_result_is_refused(text: str) -> None:
+    with pytest.raises(PinarmError, match=r"--result .*is no number of a run|asks for nothing"):
+        Wanted.read(text)
+
+
+def test_an_unknown_quantity_is_refused_before_anything_is_solved(held: pinarm.Scenario) -> None:
+    for text in ("N", "M @ max(N)"):
+        with pytest.raises(PinarmError, match=r"--result .*there is no quantity 'N'"):
+            Wanted.read(text).measured(held.quantities())
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ({"arguments__m": "-1 kg"}, r"pendulum.urdf.xacro:6:3: link 'rod': the mass is negative \(-1 kg\)"),
+        ({"arguments__m": "1 m"}, "'m' is not a unit of this quantity"),
+        ({"problem__over__pivot__to": "0 deg"}, "begins and ends at the same value"),
+        ({"problem__over__pivot__from": "60 deg"}, "pivot = 30 deg is not reached"),
+        ({"problem__kind": "static"}, "unknown kind 'static'"),
+        ({"a__b": 1}, "unknown key 'a'"),
+    ],
+)
+def test_a_case_that_fails_is_a_row_that_says_why(
+    held: pinarm.Scenario, values: dict[str, object], reason: str
+) -> None:
+    row = solved(held, ["M @ pivot=30 deg"], **values)
+    assert row.numbers == ()
+    assert row.final
+    assert re.search(reason, row.error)
+    assert "\n" not in row.error
+
+
+def test_a_fault_of_the_program_costs_one_case(held: pinarm.Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Wanted, "numbers", lambda *_: 1 / 0)
+    row = solved(held, ["M"])
+    assert (row.error, row.final) == ("the program failed: ZeroDivisionError: division by zero", False)
+
+
+FALLING = {"problem": {"kind": "forward", "time": {"end": "1 s"}, "initial": {"position": {"pivot": "30 deg"}}}}
+
+
+def test_a_target_of_the_error_is_reached_or_the_case_fails(held: pinarm.Scenario) -> None:
+    reached = solved(held, ["alpha @ end"], **FALLING, accuracy={"target": 1e-6})
+    assert 0 < reached.numbers[-1] < 1e-6
+    missed = solved(held, ["alpha @ end"], **FALLING, accuracy={"target": 1e-18})
+    assert re.fullmatch(r"the global error is \d\.\de-\d\d, not below its target 1e-18", missed.error)
+
+
+def test_a_row_names_the_files_that_it_refers_to(held: pinarm.Scenario) -> None:
+    names = {file.rpartition("/")[2] for file in solved(held, ["M"]).files}
+    assert names == {"pendulum.yaml", "pendulum.urdf.xacro"}
+
+
+def test_a_result_that_is_of_another_kind_in_one_case_is_refused(held: pinarm.Scenario) -> None:
+    row = solved(held, ["M"], symbols__M="joint.pivot.position")
+    assert "M is in" in row.error
+
+
+def test_cases_with_the_same_mechanism_load_it_once(held: pinarm.Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+    from pinarm.use.scenario import scenario as scenarios
+
+    loaded, read = [], scenarios.read_mechanism
+    monkeypatch.setattr(scenarios, "read_mechanism", lambda *given, **more: loaded.append(1) or read(*given, **more))
+    wanted = tuple(Wanted.read(text).measured(held.quantities())[0] for text in ["M @ end", "alpha @ end"])
+    task = Task.of(held, wanted)
+    cases = [{"problem.over.pivot.to": f"{angle} deg"} for angle in (60, 70, 80)]
+    loaded.clear()
+    rows = [solve_case(task, values) for values in cases]
+    assert len(loaded) == 1
+    for values, row in zip(cases, rows, strict=True):
+        alone = solve_case(Task.of(held, wanted), values)
+        assert row.numbers == alone.numbers
+        assert row.files == alone.files, "a change of the model's file concerns every case"
+        assert any(file.endswith(".urdf") or file.endswith(".xacro") for file in row.files)
+    heavier = solve_case(task, {**cases[0], "arguments.m": "3 kg"})
+    assert heavier.numbers[0] != rows[0].numbers[0] and len(loaded) == 5
+    assert solve_case(task, cases[0]).numbers == rows[0].numbers, "and the next one has its own again"

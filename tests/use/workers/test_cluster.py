@@ -1,0 +1,317 @@
+"""Sweeps on a real scheduler of Dask and its worker processes, on loopback; whoever dies, the table is the same."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import pinarm
+from pinarm import PinarmError
+from pinarm.cli.main import BAD_INPUT, NUMERICS_FAILED, main
+from pinarm.use.workers.cluster import cluster
+
+pytest.importorskip("distributed")
+ROOT = str(Path(__file__).parents[3])
+WAIT = 120.0
+
+
+def wait_for(condition: Callable[[], Any]) -> Any:
+    deadline = time.monotonic() + WAIT
+    while not (found := condition()):
+        assert time.monotonic() < deadline, "it takes too long"
+        time.sleep(0.05)
+    return found
+
+
+class Cluster:
+    """A scheduler and workers, each a process."""
+
+    def __init__(self, folder: Path, stack: ExitStack, protocol: str = "tcp", **environment: str) -> None:
+        self.folder, self.stack, self.protocol = folder, stack, protocol
+        self.environment = {
+            **os.environ,
+            "TMPDIR": str(folder),
+            "PYTHONPATH": ROOT,
+            "DASK_LOGGING__DISTRIBUTED": "info",
+            **environment,
+        }
+        self.scheduler = self.start("scheduler", "--protocol", protocol, "--port", "0")
+        self.address = self.said("scheduler", rf"Scheduler at: +({protocol}://127\.0\.0\.1:\d+)")
+        self.workers = list[subprocess.Popen[bytes]]()
+
+    def start(self, command: str, *arguments: str) -> "subprocess.Popen[bytes]":
+        name = f"{command}{len(list(self.folder.glob('*.log')))}"
+        with open(self.folder / f"{name}.log", "wb") as log:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "dask", command, "--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0",
+                 *arguments],
+                cwd=self.folder, env=self.environment, stdout=log, stderr=log, start_new_session=True,
+            )  # fmt: skip
+        self.stack.callback(process.wait)
+        self.stack.callback(process.kill)
+        return process
+
+    def said(self, command: str, pattern: str) -> str:
+        return str(
+            wait_for(
+                lambda: next((m[1] for log in logs_of(self.folder, command) if (m := re.search(pattern, log))), "")
+            )
+        )
+
+    def add_worker(self) -> "subprocess.Popen[bytes]":
+        """Start a worker without a nanny, which would start it again."""
+        before = len(self.present())
+        options = ("--nthreads", "1", "--no-nanny", "--local-directory", str(self.folder))
+        self.workers.append(self.start("worker", self.address, *options))
+        wait_for(lambda: len(self.present()) > before)
+        return self.workers[-1]
+
+    def present(self) -> list[str]:
+        log = "".join(logs_of(self.folder, "scheduler"))
+        return re.findall(r"Register worker", log)
+
+
+def logs_of(folder: Path, command: str) -> list[str]:
+    return [log.read_text() for log in folder.glob(f"{command}*.log")]
+
+
+@pytest.fixture
+def start(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Cluster]]:
+    with ExitStack() as stack:
+        yield lambda **given: Cluster(tmp_path_factory.mktemp("cluster"), stack, **given)
+
+
+def sweep(path: Path, cases: int, *arguments: str, **environment: str) -> "subprocess.Popen[str]":
+    command = [sys.executable, "-m", "pinarm", "sweep", str(path), "--over", f"arguments.m=-1:3:{cases} kg"]
+    known = {**os.environ, "PYTHONPATH": ROOT, **environment}
+    return subprocess.Popen([*command, "--no-plots", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                            text=True, env=known)  # fmt: skip
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    names = ("cases.csv", "cases.npz", "summary.json", "sweep.yaml")
+    return {name: (folder / name).read_bytes() for name in names}
+
+
+def solved(folder: Path) -> int:
+    journal = folder / "journal.jsonl"
+    return journal.read_bytes().count(b'"case"') if journal.exists() else 0
+
+
+def in_one_process(path: Path, cases: int, folder: Path) -> dict[str, bytes]:
+    over = {"arguments.m": f"-1:3:{cases} kg"}
+    pinarm.sweep(path, over, workers=1).save(folder, plots=False)
+    return files(folder)
+
+
+def listening(process: int) -> set[str]:
+    """Return the addresses at which a process waits for connections."""
+    sockets = {os.readlink(entry) for entry in Path(f"/proc/{process}/fd").iterdir() if entry.is_symlink()}
+    lines = [
+        line.split()
+        for name in ("tcp", "tcp6")
+        for line in Path(f"/proc/{process}/net/{name}").read_text().splitlines()[1:]
+    ]
+    return {line[1] for line in lines if line[3] == "0A" and f"socket:[{line[9]}]" in sockets}
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_the_bytes_of_one_process_and_nothing_listens_here(
+    path: Path, tmp_path: Path, start: Callable[..., Cluster]
+) -> None:
+    dask = start()
+    dask.add_worker()
+    out = tmp_path / "out"
+    client = sweep(path, 300, "--cluster", dask.address, "-o", str(out))
+    wait_for(lambda: solved(out) > 10)
+    assert listening(client.pid) == set()
+    assert {address.partition(":")[0] for address in listening(dask.scheduler.pid)} == {"0100007F"}, "of loopback"
+    said, errors = client.communicate(timeout=WAIT)
+    assert client.returncode == NUMERICS_FAILED, errors  # negative masses are failures
+    assert errors == ""
+    assert "cases: 300, 75 failed" in said
+    assert files(out) == in_one_process(path, 300, tmp_path / "one")
+
+
+def killed(path: Path, tmp_path: Path, dask: Cluster, cases: int) -> None:
+    """Kill a worker and then the scheduler of a sweep, and go on without and with a cluster."""
+    out = tmp_path / "out"
+    dask.add_worker()
+    dask.add_worker()
+    client = sweep(path, cases, "--cluster", dask.address, "-o", str(out))
+    wait_for(lambda: solved(out) > cases // 10)
+    dask.workers[0].kill()
+    before = wait_for(lambda: solved(out) > cases // 5 and solved(out))
+    dask.scheduler.kill()
+    _, errors = client.communicate(timeout=WAIT)
+    assert client.returncode == NUMERICS_FAILED
+    assert re.match(r"error: the workers are lost \(.*\)\n  try: the same command", errors), errors
+    assert "Traceback" not in errors
+    assert before <= solved(out) < cases
+    last = sweep(path, cases, "-j", "1", "-o", str(out))
+    last.communicate(timeout=WAIT + 0.02 * cases)
+    assert files(out) == in_one_process(path, cases, tmp_path / "one")
+    entries = [
+        entry["case"] for entry in map(json.loads, (out / "journal.jsonl").read_text().splitlines()) if "case" in entry
+    ]
+    assert len(entries) == len(set(entries)) == cases, "no case was solved twice"
+
+
+@pytest.mark.slow
+def test_ten_thousand_cases_survive_both(path: Path, tmp_path: Path, start: Callable[..., Cluster]) -> None:
+    killed(path, tmp_path, start(), 10_000)
+
+
+@pytest.mark.slow
+def test_a_sweep_that_began_here_goes_on_on_a_cluster(
+    path: Path, tmp_path: Path, start: Callable[..., Cluster]
+) -> None:
+    out, dask = tmp_path / "out", start()
+    first = sweep(path, 300, "-j", "1", "-o", str(out))
+    wait_for(lambda: solved(out) > 30)
+    first.send_signal(signal.SIGKILL)
+    first.communicate()
+    kept = solved(out)
+    dask.add_worker()
+    sweep(path, 300, "--cluster", dask.address, "-o", str(out)).communicate(timeout=WAIT)
+    assert kept < 300 == solved(out)
+    assert files(out) == in_one_process(path, 300, tmp_path / "one")
+
+
+@pytest.mark.slow
+def test_searches_and_sensitivities_have_the_same_numbers_on_a_cluster(
+    path: Path, tmp_path: Path, start: Callable[..., Cluster]
+) -> None:
+    asked = {"sensitivity": {"of": ["M @ max"], "to": {"m": "1 %", "l": "1 mm"}, "monte_carlo": 30}}
+    sought = {"find": {"for": {"arguments.m": "1 kg"}, "so_that": {"M @ end": "30 N*m"}}}
+    dask = start()
+    for _ in range(2):
+        dask.add_worker()
+    with cluster(dask.address) as executor:
+        here, there = (pinarm.run(path, asked, executor=who).section("sensitivity") for who in (None, executor))
+        assert {k: repr(x.values[0]) for k, x in there.numbers.items()} == {
+            k: repr(x.values[0]) for k, x in here.numbers.items()
+        }
+        assert pinarm.run(path, sought, executor=executor).figures == pinarm.run(path, sought).figures
+    told = ["run", str(path), "--set", "sensitivity={of: [M @ max], to: {m: 1 %}}", "--json", "-o"]
+    for name, options in (("here", []), ("there", ["--cluster", dask.address])):
+        assert main([*told, str(tmp_path / name), *options]) == 0
+    tables = [file.read_bytes() for file in sorted(tmp_path.glob("*/sensitivity*.csv"))]
+    assert len(tables) >= 2
+    assert tables[: len(tables) // 2] == tables[len(tables) // 2 :]
+
+
+@pytest.mark.slow
+def test_an_interrupt_keeps_what_is_done(path: Path, tmp_path: Path, start: Callable[..., Cluster]) -> None:
+    out, dask = tmp_path / "out", start()
+    dask.add_worker()
+    client = sweep(path, 2000, "--cluster", dask.address, "-o", str(out))
+    wait_for(lambda: solved(out) > 20)
+    client.send_signal(signal.SIGINT)
+    _, errors = client.communicate(timeout=WAIT)
+    assert client.returncode == 130
+    assert re.fullmatch(rf"error: interrupted with {solved(out)} of 2000 cases solved\n  try: the same .*\n", errors)
+
+
+@pytest.mark.slow
+def test_a_job_that_kills_its_workers_is_the_only_one_that_fails(
+    path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
+    start: Callable[..., Cluster],
+) -> None:  # fmt: skip
+    """Dask gives a chunk up when three workers have died with it: a nanny starts them again."""
+    hostile = module(
+        "import os\nfrom pinarm.use.cases.together import CaseSolver\n"
+        "class Hostile(CaseSolver):\n"
+        "    def together(self, jobs, late):\n"
+        "        if any(job[2]['arguments.m'] == '2.0 kg' for job in jobs):\n"
+        "            os._exit(9)\n"
+        "        return super().together(jobs, late)\n"
+    )
+    from pinarm.use.study.sweep import case_solver
+
+    monkeypatch.setattr(case_solver, "CaseSolver", hostile.Hostile)
+    dask = start(PYTHONPATH=os.pathsep.join((ROOT, str(tmp_path))), DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
+    dask.start("worker", dask.address, "--nthreads", "1", "--nworkers", "1", "--local-directory", str(dask.folder))
+    wait_for(dask.present)
+    with cluster(dask.address) as executor:
+        swept = pinarm.sweep(path, {"arguments.m": "1:3:5 kg"}, executor=executor)
+    assert list(swept.errors) == [2]
+    assert swept.errors[2].startswith("its process died by KilledWorker")
+
+
+def certificates(folder: Path) -> dict[str, str]:
+    """Make an authority and a certificate of it with openssl; return the settings of Dask that name them."""
+
+    def openssl(*arguments: str) -> None:
+        subprocess.run(["openssl", *arguments], cwd=folder, check=True, capture_output=True)
+
+    openssl("req", "-x509", "-newkey", "rsa:2048", "-nodes", "-keyout", "ca.key", "-out", "ca.pem", "-days", "2",
+            "-subj", "/CN=authority")  # fmt: skip
+    openssl("req", "-newkey", "rsa:2048", "-nodes", "-keyout", "key.pem", "-out", "request.pem", "-subj", "/CN=dask")
+    openssl("x509", "-req", "-in", "request.pem", "-CA", "ca.pem", "-CAkey", "ca.key", "-CAcreateserial",
+            "-out", "certificate.pem", "-days", "2")  # fmt: skip
+    roles = ("SCHEDULER", "WORKER", "CLIENT")
+    named = {f"DASK_DISTRIBUTED__COMM__TLS__{role}__{key}": str(folder / file) for role in roles
+             for key, file in (("KEY", "key.pem"), ("CERT", "certificate.pem"))}  # fmt: skip
+    return {**named, "DASK_DISTRIBUTED__COMM__TLS__CA_FILE": str(folder / "ca.pem"),
+            "DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION": "true"}  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_cluster_may_want_certificates(path: Path, tmp_path: Path, start: Callable[..., Cluster]) -> None:
+    settings = certificates(tmp_path)
+    dask = start(protocol="tls", **settings)
+    dask.add_worker()
+    out = tmp_path / "out"
+    client = sweep(path, 20, "--cluster", dask.address, "-o", str(out), **settings)
+    client.communicate(timeout=WAIT)
+    assert files(out) == in_one_process(path, 20, tmp_path / "one")
+    stranger = sweep(path, 20, "--cluster", dask.address, "-o", str(tmp_path / "other"))
+    _, errors = stranger.communicate(timeout=WAIT)
+    assert stranger.returncode == BAD_INPUT
+    assert f"{dask.address} wants certificates, and none are configured" in errors
+    (tmp_path / "others").mkdir()
+    fake = certificates(tmp_path / "others")
+    forger = sweep(path, 20, "--cluster", dask.address, "-o", str(tmp_path / "other"), **fake)
+    _, errors = forger.communicate(timeout=WAIT)
+    assert forger.returncode == BAD_INPUT
+    assert f"no scheduler of Dask answers at {dask.address}" in errors
+    assert "Traceback" not in errors
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "127.0.0.1:1", "nonsense://x", "tcp://"])
+def test_an_address_at_which_nobody_answers_is_refused(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    from pinarm.use.workers import cluster as module
+
+    monkeypatch.setattr(module, "TIMEOUT", 0.5)
+    with pytest.raises(PinarmError, match=f"no scheduler of Dask answers at {address}"), cluster(address):
+        pass
+
+
+def test_a_cluster_without_pinarm_is_refused(path: Path, tmp_path: Path, start: Callable[..., Cluster]) -> None:
+    dask = start(PYTHONPATH="")
+    if subprocess.run([sys.executable, "-P", "-c", "import pinarm"], cwd="/", env=dask.environment).returncode == 0:
+        pytest.skip("pinarm is installed in this environment")
+    dask.add_worker()
+    client = sweep(path, 20, "--cluster", dask.address, "-o", str(tmp_path / "out"))
+    _, errors = client.communicate(timeout=WAIT)
+    assert client.returncode == BAD_INPUT
+    assert "cannot run pinarm: No module named 'pinarm'" in errors
+
+
+def test_without_dask_it_is_said_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with (
+        pytest.raises(PinarmError, match=r"Dask is not installed\n  try: pip install 'pinarm\[cluster\]'"),
+        cluster("tcp://x"),
+    ):
+        pass

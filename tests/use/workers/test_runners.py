@@ -1,0 +1,62 @@
+"""Jobs are answered in their order, by this process or others."""
+
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import pytest
+
+from pinarm.errors import InputError
+from pinarm.use.workers import runners
+from pinarm.use.workers.runners import HERE, Runners
+from pinarm.use.workers.worker import Late
+
+
+def hurried(n: int) -> int:
+    """Take longer for the first of every ten."""
+    time.sleep(0.02 if n % 10 == 0 else 0.0)
+    return n * n
+
+
+@dataclass(frozen=True)
+class Twice:
+    """Answers jobs, and says how many it was given at once."""
+
+    def __call__(self, n: int) -> tuple[int, int]:
+        return 2 * n, 1
+
+    def together(self, jobs: Sequence[int], late: Late) -> Iterator[tuple[int, int]]:
+        yield from ((2 * n, len(jobs)) for n in jobs)
+
+
+def test_this_process_gives_a_function_what_it_solves_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runners, "TOGETHER", 4)
+    with HERE.applying(Twice()) as apply:
+        assert list(apply(range(6))) == [(0, 4), (2, 4), (4, 4), (6, 4), (8, 2), (10, 2)]
+    with HERE.applying(hurried) as apply:
+        assert list(apply(iter([3, 1]))) == [9, 1]
+
+
+def test_answers_come_in_the_order_of_their_jobs_as_often_as_is_asked() -> None:
+    with ThreadPoolExecutor(3) as executor, Runners(executor=executor).applying(hurried) as apply:
+        for count in (0, 1, 45):
+            assert list(apply(range(count))) == [n * n for n in range(count)]
+        assert list(apply(iter(range(250)))) == [n * n for n in range(250)]
+
+
+def test_few_jobs_are_shared_among_all() -> None:
+    with ThreadPoolExecutor(3) as executor, Runners(3, executor).applying(Twice()) as apply:
+        list(apply(range(2000)))  # chunks have become large
+        assert max(size for _, size in apply(range(6))) == 2
+
+
+@pytest.mark.slow
+def test_processes_of_this_machine_answer_and_end() -> None:
+    with Runners(2).applying(hash) as apply:
+        assert list(apply(range(30))) == list(range(30))
+
+
+def test_a_number_of_workers_is_at_least_one() -> None:
+    with pytest.raises(InputError, match="0 workers solve nothing"):
+        Runners(0)
