@@ -17,6 +17,8 @@ from pinarm.use.show.figure import STYLE, UNDATED, new
 from pinarm.use.show.replay.overlays import pairs
 from pinarm.use.show.replay.shapes import Shape, visuals
 from pinarm.use.show.replay.tracks import placed
+from pinarm.use.show.sketch import sketch
+from pinarm.use.show.svg import svg
 
 SIZE = 4.4
 """Width and height [inch]."""
@@ -28,9 +30,11 @@ _SIDES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), 
 
 
 def solids(result: Result) -> str:
-    """Return the picture as SVG."""
+    """Return the picture as SVG; that of a mechanism without boxes, such as a drawing, is its sketch."""
     run = result.trajectory
     boxes = [shape for shape in visuals(run.mechanism).shapes if shape.node and shape.kind == "box"]
+    if not boxes:
+        return svg(sketch(result))
     strings = [pair for pair in pairs(run.mechanism, run.dynamics.forces) if pair.kind in ("rod", "cable")]
     rows = np.unique(np.linspace(0, len(run) - 1, ROWS).round().astype(int))
     with matplotlib.rc_context(STYLE):
