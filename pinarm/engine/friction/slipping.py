@@ -105,7 +105,8 @@ class Slipping:
         raise DynamicsError(
             f"the friction of {names} and the reactions that it depends on do not determine each other: "
             f"friction raises its own load {self.contraction():.3g} times; more than one motion is possible, or none",
-            expected="friction that raises its load less than once", hint="a smaller mu, or a longer span of the guide",
+            expected="friction that raises its load less than once",
+            hint="a smaller mu, a longer span of a guide; what locks itself, as worms do, is driven from the screw",
         )  # fmt: skip
 
     def _dips(self, i: int) -> bool:
