@@ -65,7 +65,7 @@ class MotorController(Controller):
 
     def _of_source(self, given: Given) -> Given:
         """Return what the controller of the motors knows."""
-        return given._replace(integral=given.integral[..., : self.own], mode=given.mode // MODES ** len(self.actuators))
+        return given._replace(integral=given.integral[..., : self.own], mode=self._mode_of_source(given.mode))
 
     def _of_limited(self, given: Given) -> Given:
         """Return what it knows, with what the motors withhold of its commands."""
