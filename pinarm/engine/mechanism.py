@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from pinarm.mechanics.friction.contact import FrictionContact
     from pinarm.mechanics.loading.pinocchio_layout import PinocchioLayout
     from pinarm.mechanics.payloads import Payload
+    from pinarm.use.result.result import Result
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -381,6 +382,30 @@ class Mechanism:
         from pinarm.engine.quantities.catalogue import catalogue_of
 
         return catalogue_of(self, like)
+
+    def result(
+        self, t: ArrayLike, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None,
+        tau: ArrayLike | None = None, **keys: Any,
+    ) -> Result:  # fmt: skip
+        """Return the result of a motion of one's own arrays, with quantities, plots, checks, tables and replays.
+
+        It is ``pinarm.result(mechanism, t, q, v, a, tau, **keys)``, which tells more.
+
+        Args:
+            t: Instants [s], not descending, shape (n,).
+            q: Configurations in pinarm's convention, shape (n, nq).
+            v: Velocities, shape (n, nv).
+            a: Accelerations, shape (n, nv).
+            tau: Efforts of the drives [N*m or N], shape (n, nv).
+            keys: ``derivatives``, ``drives``, ``loads``, and keys of a scenario file such as ``outputs``.
+
+        Raises:
+            InputError: Shapes do not fit, a number is not finite, or instants descend.
+            DynamicsError: The drives do not determine their efforts.
+        """
+        import pinarm  # by its public name, as users do: the engine imports nothing from the layers above it
+
+        return pinarm.result(self, t, q, v, a, tau, **keys)
 
     def from_pinocchio(self, q: ArrayLike, v: ArrayLike | None = None) -> tuple[Array, Array]:
         """Return q and v of this mechanism from those of ``pin.buildModelFromUrdf`` of the same URDF.

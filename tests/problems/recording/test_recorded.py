@@ -38,7 +38,7 @@ def torque(t):
 def test_everything_given_is_as_of_separate_states(arm):
     t = np.linspace(0, 2, 201)
     q, v, a = motion(t)
-    result = pinarm.result(arm, t, q, v, a, outputs=["C_B"])
+    result = arm.result(t, q, v, a, outputs=["C_B"])
     assert result["C_B"].values == pytest.approx(torque(t), abs=1e-14)
     states = arm.at(q, v, a)
     for name in ("joint.O.force.x", "energy.total", "point.A.acceleration.y", "momentum.all.linear.x"):
