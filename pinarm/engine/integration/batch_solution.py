@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -59,6 +59,33 @@ class BatchStep:
             return None
         t, h, until = (float(x[column]) for x in (self.t, self.h, self.until))
         return Step(t, h, until, self.y[:, column].copy(), self.slopes[..., column].copy(), self.interval)
+
+
+@dataclass(eq=False)
+class ActiveMotions:
+    """The motions that are still within an interval; the last axis of every array runs over them.
+
+    Attributes:
+        number: Numbers of the motions, ascending, shape (m,).
+        t: Present times [s], shape (m,).
+        h: Next steps [s], shape (m,).
+        ceiling: Largest factors by which these may grow, shape (m,).
+        y: Present states [q, v], shape (nq + nv, m).
+        slope: Their slopes [q', v'], shape (nq + nv, m).
+    """
+
+    number: Indices
+    t: Array
+    h: Array
+    ceiling: Array
+    y: Array
+    slope: Array
+
+    def subset(self, which: Flags) -> ActiveMotions:
+        """Return some of the motions."""
+        if which.all():
+            return self
+        return ActiveMotions(*(getattr(self, each.name)[..., which] for each in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)

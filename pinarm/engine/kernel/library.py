@@ -41,6 +41,10 @@ class Flow:
         """Whether accepted states are brought back onto constraints."""
         return bool(self.structure.settle)
 
+    def copied(self) -> Flow | None:
+        """Return the same motion with buffers of its own, for another thread; ``None`` where it has a state."""
+        return None
+
     def ready(self) -> None:
         """Bring the system to the present state of the motion."""
 
@@ -78,7 +82,8 @@ class Flow:
 def library() -> ctypes.PyDLL | None:
     """Return the library; ``None`` where there is none, it does not fit, or ``PINARM_KERNEL=off`` switches it off.
 
-    It keeps Python's lock while it computes: the buffers of a mechanism serve one thread at a time.
+    It keeps Python's lock while it computes: the buffers of a mechanism serve one thread at a time. Where each thread
+    has buffers of its own, ``compiled_batch`` calls it without.
     """
     if os.environ.get(SWITCH) == "off" or not PATH.exists():
         return None
