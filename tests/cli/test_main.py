@@ -569,8 +569,29 @@ def test_a_folder_in_place_of_a_file_is_called_a_folder(
     said = capsys.readouterr().err
     assert said.startswith("error: bars: this is a folder\n")
     assert "one of the files in it: bars/bars.urdf, bars/mechanism.yaml, bars/scenario.yaml\n" in said
-    (tmp_path / "panda").mkdir()  # as `new panda` makes it: the name is still that of the robot
-    assert main(["quantities", "panda", "--like", "joint7.position"]) == 0
+
+
+@pytest.mark.parametrize("command", ["explain", "quantities", "run", "sweep"])
+def test_the_name_of_a_robot_that_stands_for_something_else_too_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if command in ("run", "sweep"):
+        assert main([command, "panda"]) == 2
+        said = capsys.readouterr().err
+        assert said.startswith("error: 'panda' is the name of a robot, not a scenario\n")
+        assert "python -m pinarm new panda, which" in said
+    (tmp_path / "panda").mkdir()
+    (tmp_path / "panda/scenario.yaml").touch()  # as `new panda` makes it
+    (tmp_path / "ur5").write_text("notes")
+    assert main([command, "panda"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: panda: this is a folder, and the name of a robot\n")
+    assert "files in it: panda/scenario.yaml\n" in said
+    assert main([command, "ur5"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: ur5:1:1" if command in ("run", "sweep") else
+                           "error: ur5: this is a file, and the name of a robot\n")  # fmt: skip
 
 
 def test_a_model_that_does_not_exist_is_not_taken_for_one(

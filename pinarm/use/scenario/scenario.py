@@ -31,7 +31,14 @@ from pinarm.problems.simplify.simplification import Simplification
 from pinarm.records import replace
 from pinarm.use.result.failures import failures_in_words, overflow
 from pinarm.use.result.result import Result
-from pinarm.use.scenario.file_kind import GIVEN, refuse_changes, refuse_folder, refuse_mechanism, refuse_model
+from pinarm.use.scenario.file_kind import (
+    GIVEN,
+    refuse_changes,
+    refuse_folder,
+    refuse_mechanism,
+    refuse_model,
+    refuse_robot,
+)
 from pinarm.use.scenario.scenario_file import ScenarioFile
 from pinarm.use.workers.runners import HERE, Runners
 
@@ -78,6 +85,7 @@ class Scenario:
         """
         refuse_folder(Path(path))
         refuse_model(Path(path))
+        refuse_robot(Path(path))
         document, folder = Document.read(Path(path), source=str(path)), Path(path).parent
         refuse_mechanism(Path(path), document.data)
         return cls.of(_varied(document, folder, values) if values else document, folder)
