@@ -165,8 +165,13 @@ class Scenario:
         """
         content = document.validate(ScenarioFile)
         other = replace(self, document=document, content=content, problem=_problem(document, content.problem))
-        if self.loaded and self._mechanism_data == other._mechanism_data:
-            vars(other)["mechanism"] = self.mechanism
+        same = self.loaded and self._mechanism_data == other._mechanism_data
+        return other.with_mechanism(self.mechanism) if same else other
+
+    def with_mechanism(self, mechanism: Mechanism) -> Scenario:
+        """Return the scenario with its mechanism as it has been loaded already."""
+        other = replace(self)
+        vars(other)["mechanism"] = mechanism
         return other
 
     @property
