@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
+    from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
 
 ROW = "row"
 """Parameter of rows that are only numbered."""
@@ -221,12 +222,13 @@ class Trajectory:
 
         That of its drive, with what accelerates its rotor; of a joint without one, what couplings do along it, with
         their friction: ``sum_k G_k lam_k + J_k f_k``. Where a motor acts on a rotor that is a joint of its own, its
-        effort less the losses of the gear; behind an elastic gear what the gear gives, ``tau - N^2 J a`` of the rotor.
+        effort less the losses of the gear; behind an elastic gear ``k w + c w'``, what the gear gives, and what drives
+        the joint itself beside it.
         """
+        if (gear := self._elastic_gear_at(joint)) is not None:
+            return self.tau[..., joint] - gear.efforts(self.grid.t, self.q, self.v)
         if (drive := self._motor_at(joint)) is not None:
             rotor, friction = self.mechanism.driven_joint(drive).v, self.columns.get(f"drive.{drive}.friction")
-            if self.mechanism.drives[drive].elasticity is not None:
-                return self.tau[..., rotor] - self.mechanism.drives[drive].armature * self.a[..., rotor]
             return self.tau[..., rotor] + (0.0 if friction is None else friction.values)
         if not (acting := self.couplings_at(joint)):
             return self.tau[..., joint]
@@ -247,6 +249,13 @@ class Trajectory:
         drive = self.mechanism.drives.get(self._rotor_of(joint) or "")
         own = drive.armature if drive is not None and drive.elasticity is None else 0.0
         return own + float(self.mechanism.model.armature[joint])
+
+    def _elastic_gear_at(self, joint: int) -> AlongCoordinate | None:
+        """Return the spring and damper of the elastic gear at a joint, by its index in v; ``None`` without one."""
+        drive = self._rotor_of(joint)
+        if drive is None or self.mechanism.drives[drive].elasticity is None:
+            return None
+        return cast("AlongCoordinate", self.mechanism.forces[f"elasticity of {drive}"])
 
     def _motor_at(self, joint: int) -> str | None:
         """Return the drive whose motor moves a joint in this run, by a rotor that is a joint of its own."""

@@ -40,7 +40,9 @@ PATIENCE = 60.0
 
 
 @contextmanager
-def whole_folder(folder: Path, kind: str, *, beside: Collection[str] = ()) -> Iterator[Path]:
+def whole_folder(
+    folder: Path, kind: str, *, source: Path | None = None, beside: Collection[str] = ()
+) -> Iterator[Path]:
     """Yield an empty draft folder; at the end of the block its files replace those of an older one.
 
     An exception in the block leaves the folder as it was.
@@ -48,6 +50,7 @@ def whole_folder(folder: Path, kind: str, *, beside: Collection[str] = ()) -> It
     Args:
         folder: The folder, which need not exist.
         kind: What is written, as in ``Manifest``.
+        source: The scenario file that it came of.
         beside: Files in the folder that are left as they are.
 
     Raises:
@@ -58,7 +61,7 @@ def whole_folder(folder: Path, kind: str, *, beside: Collection[str] = ()) -> It
         check_replaceable(folder, kind, beside=beside)
         draft = _draft(folder)
         yield draft
-        _publish(draft, folder, kind, beside)
+        _publish(draft, folder, Manifest(kind, {}, source=_from(folder, source) if source else ""), beside)
     except OSError as error:
         raise InputError(f"the {kind} cannot be written to {folder}: {error.strerror or error}") from None
     finally:
@@ -148,12 +151,17 @@ def _draft(folder: Path) -> Path:
     return draft
 
 
-def _publish(draft: Path, folder: Path, kind: str, beside: Collection[str]) -> None:
+def _from(folder: Path, source: Path) -> str:
+    """Return the path of a file from a folder, which need not exist, with no links on the way."""
+    return os.path.relpath(os.path.realpath(source), os.path.realpath(folder))
+
+
+def _publish(draft: Path, folder: Path, empty: Manifest, beside: Collection[str]) -> None:
     """Put a draft in its place: by renaming it where there is none yet, else file by file under a lock."""
     new = {name: str(digest(draft / name)) for name in file_names(draft)}
     if not os.path.lexists(folder):
         with _locked(draft, fcntl.LOCK_EX) as home:
-            write_manifest(home, Manifest(kind, new))
+            write_manifest(home, replace(empty, files=new))
         try:
             draft.rename(folder)
             return
@@ -162,8 +170,8 @@ def _publish(draft: Path, folder: Path, kind: str, beside: Collection[str]) -> N
                 raise
         (draft / MANIFEST).unlink()
     with _locked(folder, fcntl.LOCK_EX) as home:
-        own = own_files(folder, kind, beside)
-        _exchange(draft, home, Manifest(kind, own, new), set(own) - set(new))
+        own = own_files(folder, empty.kind, beside)
+        _exchange(draft, home, replace(empty, files=own, arriving=new), set(own) - set(new))
 
 
 def _add(draft: Path, path: Path) -> None:
@@ -211,7 +219,7 @@ def _exchange(draft: Path, home: int, both: Manifest, stale: set[str]) -> None:
             with suppress(OSError):  # it holds other files
                 os.rmdir(inner, dir_fd=home)
         left = {name: known for name, known in both.files.items() if name not in stale}
-        write_manifest(home, Manifest(both.kind, left | both.arriving))
+        write_manifest(home, replace(both, files=left | both.arriving, arriving={}))
 
 
 @contextmanager

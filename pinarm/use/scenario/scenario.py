@@ -31,7 +31,14 @@ from pinarm.problems.simplify.simplification import Simplification
 from pinarm.records import replace
 from pinarm.use.result.failures import failures_in_words, overflow
 from pinarm.use.result.result import Result
-from pinarm.use.scenario.file_kind import GIVEN, refuse_changes, refuse_folder, refuse_mechanism, refuse_model
+from pinarm.use.scenario.file_kind import (
+    GIVEN,
+    refuse_changes,
+    refuse_folder,
+    refuse_mechanism,
+    refuse_model,
+    refuse_robot,
+)
 from pinarm.use.scenario.scenario_file import ScenarioFile
 from pinarm.use.workers.runners import HERE, Runners
 
@@ -78,6 +85,7 @@ class Scenario:
         """
         refuse_folder(Path(path))
         refuse_model(Path(path))
+        refuse_robot(Path(path))
         document, folder = Document.read(Path(path), source=str(path)), Path(path).parent
         refuse_mechanism(Path(path), document.data)
         return cls.of(_varied(document, folder, values) if values else document, folder)
@@ -157,8 +165,13 @@ class Scenario:
         """
         content = document.validate(ScenarioFile)
         other = replace(self, document=document, content=content, problem=_problem(document, content.problem))
-        if self.loaded and self._mechanism_data == other._mechanism_data:
-            vars(other)["mechanism"] = self.mechanism
+        same = self.loaded and self._mechanism_data == other._mechanism_data
+        return other.with_mechanism(self.mechanism) if same else other
+
+    def with_mechanism(self, mechanism: Mechanism) -> Scenario:
+        """Return the scenario with its mechanism as it has been loaded already."""
+        other = replace(self)
+        vars(other)["mechanism"] = mechanism
         return other
 
     @property

@@ -66,6 +66,7 @@ def restore(folder: str | Path) -> Result:
         summary, arrays = _summary(folder / "summary.json"), _arrays(folder / "trajectory.npz")
         scenario, known = Scenario.load(folder / "scenario.yaml"), read_sections(folder / SECTIONS)
         mechanism = replace(_mechanism(folder, scenario), notes=tuple(summary["notes"]))
+    scenario = scenario.with_mechanism(mechanism)
     rows = trajectory_of(scenario, mechanism, arrays)
     outcome = Outcome(rows, None if rows.isolated else SolvedAnew(scenario, mechanism, rows.grid.cuts))
     measured = {key: summary[key] for key in ("figures", "errors", "setting", "removals")}

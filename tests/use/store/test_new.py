@@ -216,5 +216,5 @@ def test_results_of_files_of_one_name_go_to_folders_of_their_own(
         assert main(["run", f"{name}/scenario.yaml", "--no-plots"]) == 0
         assert f"written to results/{name}\n" in capsys.readouterr().out
     assert {finding.scenario for name in ("four_bar", "arm") for finding in pinarm.check(name)} == {"four_bar", "arm"}
-    assert main(["run", "results/arm/scenario.yaml", "--no-plots"]) == 2
+    assert main(["run", "results/arm/scenario.yaml", "--no-plots", "-o", "results/arm"]) == 2
     assert "would overwrite its own input" in capsys.readouterr().err

@@ -174,20 +174,13 @@ def sweep(
     given = {path: x.tolist() if isinstance(x, np.ndarray) else x for path, x in (over or {}).items()}
     with noting_files() as files:
         chosen = Cases.of(_axes(scenario, given, cases, samples, seed, sampling))
-        quantities, sections = _end(scenario, chosen).quantities(), scenario.numbered
-        read = [Wanted.read(text, sections) for text in results or scenario.content.outputs]
-        found = [entry.measured(quantities, sections) for entry in read]
-    anchors = np.unique(np.linspace(0, len(chosen) - 1, ANCHORS).astype(int)).tolist()
-    task = Task.of(scenario, (entry for entry, _ in found), *map(chosen.values, anchors))
-    named = [column for _, columns in found for column in columns]
-    named += [Series(name, DIMENSIONLESS, np.zeros(0)) for name in WORTH]
-    solving = Solving(task, chosen, np.full((len(chosen), len(named)), np.nan), progress)
+        wanted, columns = _measured(scenario, chosen, results or scenario.content.outputs)
+    solving = _solving(scenario, chosen, wanted, len(columns) + len(WORTH), progress)
     solving.sources.check(tuple(map(str, files)))
     definition = {
         "scenario": str(scenario.document.path or ""), "over": given, "cases": None if cases is None else str(cases),
         "units": {column.path: column.unit for column in chosen.columns() if column.unit},
-        "samples": samples, "seed": seed, "sampling": sampling,
-        "results": [series.name for series in named if series.name not in WORTH],
+        "samples": samples, "seed": seed, "sampling": sampling, "results": [series.name for series in columns],
         "base": {key: value for key, value in scenario.document.data.items() if key != "expect"},
     }  # fmt: skip
     interrupted = False
@@ -195,14 +188,32 @@ def sweep(
         solving.run(chosen_workers(workers, executor), Path(folder) if folder is not None else None)
     except KeyboardInterrupt:
         interrupted = True
-    notes = _period_notes(scenario, chosen, [entry for entry, _ in found])
-    swept = Sweep(scenario.name, scenario.content.title, definition, chosen, solving.columns(named), solving.failures(),
-                  scenario.content.presentation, notes)  # fmt: skip
+    worth = [Series(name, DIMENSIONLESS, np.zeros(0)) for name in WORTH]
+    notes = _period_notes(scenario, chosen, wanted)
+    swept = Sweep(scenario.name, scenario.content.title, definition, chosen, solving.columns(columns + worth),
+                  solving.failures(), scenario.content.presentation, notes)  # fmt: skip
     if interrupted:
         said = f"interrupted with {solving.done} of {len(chosen)} cases solved"
         hint = "the same command again: it goes on from there" if folder is not None else ""
         raise Interrupted(said, partial=swept, hint=hint)
     return swept
+
+
+def _measured(scenario: Scenario, cases: Cases, results: Sequence[str]) -> tuple[list[Wanted], list[Series]]:
+    """Return what is taken from each case, checked at an end of the sweep, and the columns of it, still empty."""
+    quantities, sections = _end(scenario, cases).quantities(), scenario.numbered
+    measured = [Wanted.read(text, sections).measured(quantities, sections) for text in results]
+    return [wanted for wanted, _ in measured], [column for _, columns in measured for column in columns]
+
+
+def _solving(
+    scenario: Scenario, cases: Cases, wanted: Sequence[Wanted], width: int,
+    progress: Callable[[int, int, int], None],
+) -> Solving:  # fmt: skip
+    """Return the cases as they are solved, with a table of NaN that many columns wide for what comes out."""
+    anchors = np.unique(np.linspace(0, len(cases) - 1, ANCHORS).astype(int)).tolist()
+    task = Task.of(scenario, wanted, *map(cases.values, anchors))
+    return Solving(task, cases, np.full((len(cases), width), np.nan), progress)
 
 
 def _period_notes(scenario: Scenario, cases: Cases, wanted: Sequence[Wanted]) -> list[str]:
