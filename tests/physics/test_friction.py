@@ -207,6 +207,44 @@ def test_the_power_screw_of_the_textbook(write, joint, flank):
     assert turning.figures["friction"] < 1e-13
 
 
+NUT = ", ".join(f"joint.lift.effort{side}" for side in ("", ".lower", ".upper"))
+HELD_AT_NUT = "{kind: statics, hold: {lift: 0 mm}, drives: [lift]}"
+
+
+@pytest.mark.parametrize(
+    ("joint", "thread", "further"),
+    [
+        (COUPLED, "mu: 0.09", ""),
+        (LOOPED, "mu: 0.09", ""),
+        (COUPLED, "mu: 0.09, constant: 3 N", ""),  # no slip that begins is in balance
+        (COUPLED, "mu: 0.08", ", turn: {mu: 0.1, radius: 20 mm, thrust_radius: 20 mm}"),  # the collar locks alone
+        (COUPLED, "mu: 0.06", ", turn: {mu: 0.04, radius: 20 mm, thrust_radius: 20 mm}"),  # neither does
+    ],
+)
+def test_no_effort_at_the_nut_turns_a_screw_that_locks_itself(write, joint, thread, further):
+    """Statics tells it of any effort; motions under a thousand times the load, either way, do not begin."""
+    rubs = f"friction: {{thread: {{radius: 15 mm, {thread}}}{further}}}\n"
+    held = pinarm.run(write(SCREW, LOAD + joint + rubs, HELD_AT_NUT, NUT))
+    assert [float(held[name].values[0]) for name in NUT.split(", ")] == pytest.approx([6400.0, -np.inf, np.inf])
+    assert held.notes()[0].startswith("joint.lift is self-locking in 1 of 1 rows: friction grows with the effort")
+    entry = held.headline(held["joint.lift.effort.upper"])
+    assert (entry["min"], entry["max"]) == (np.inf, np.inf)
+    for load in ("6400 kN", "-6400 kN"):
+        moved = write(SCREW, LOAD.replace("-6.4 kN", load) + joint + rubs, "{kind: forward, time: {end: 1 s}}", "lift")
+        assert np.ptp(pinarm.run(moved)["lift"].values) == 0.0
+
+
+def test_a_torque_on_a_screw_that_locks_itself_is_held_by_its_bearing_or_turns_it(write):
+    """Under 2 N*m the nut turns between two efforts, and is held beyond both: no band; 3 N*m in the bearing hold it."""
+    twist = "twist: {kind: joint_effort, joint: turn, effort: {law: constant, value: 2 N*m}}}\n"
+    twisted = LOAD.replace("}}}\n", "}}, ") + twist + COUPLED
+    rubs = "friction: {thread: {mu: 0.09, radius: 15 mm}%s}\n"
+    with pytest.raises(PinarmError, match="more than one motion is possible, or none"):
+        pinarm.run(write(SCREW, twisted + rubs % "", HELD_AT_NUT, NUT))
+    held = pinarm.run(write(SCREW, twisted + rubs % ", turn: {constant: 3 N*m}", HELD_AT_NUT, NUT))
+    assert [float(held[name].values[0]) for name in NUT.split(", ")[1:]] == [-np.inf, np.inf]
+
+
 def test_a_screw_with_three_starts_on_a_collar(write):
     """Bhandari, Design of Machine Elements, example 6.1: 50 mm, three starts of 8 mm, 15 kN, mu = 0.15 for thread and
     collar, of 65 to 100 mm: 204.64 N*m raise the load, 87.40 N*m lower it.

@@ -26,7 +26,7 @@ from pinarm.errors import DynamicsError
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import left_open
 from pinarm.mechanics.friction.contact import FrictionContact, JointContact, slip_drifts, slip_rows
-from pinarm.mechanics.friction.coupling_contact import CouplingContact
+from pinarm.mechanics.friction.coupling_contact import ConstantSlip
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 DRIVEN = 1e-9
@@ -139,10 +139,10 @@ class BearingReactions:
         """
         model, data, slices = self.closure.model, self.dynamics.data, self.closure.slices()
         named = {name: lam[:, rows] for name, rows in slices.items()}
-        if all(isinstance(contact, CouplingContact) or not contact.law.loaded for contact in self.contacts):
+        if all(isinstance(contact, ConstantSlip) or not contact.law.loaded for contact in self.contacts):
             carried = np.zeros((len(a), len(self.contacts), 6))
             for i, contact in enumerate(self.contacts):
-                if isinstance(contact, CouplingContact):
+                if isinstance(contact, ConstantSlip):
                     carried[:, i] = contact.carried(named)
             return carried
         links = LinkPlacements.at(model, q[None]).some(np.zeros(len(a), dtype=np.intp))

@@ -355,7 +355,7 @@ class Result:
         Raises:
             DynamicsError: Says where; ``partial`` holds the result.
         """
-        bad = np.flatnonzero(~np.isfinite(self[name].values))
+        bad = np.flatnonzero(~self[name].known)
         if len(bad):
             run = self.trajectory
             where = f"{run.parameter} = {run.grid.t[bad[0]]:.9g} {run.unit}"
@@ -440,9 +440,11 @@ class Result:
         """
         t, least, greatest = self.trajectory.grid.t, *self._bounds(series)
         values = np.where(self.quantities.open_rows(series.name), np.nan, series.values) + 0.0  # -0 becomes 0
-        finite = np.concatenate([x[np.isfinite(x)] for x in (least, greatest)] if np.isfinite(least).any() else [[0.0]])
-        slack = PLATEAU * float(np.abs(finite).max())
-        low, high = int((least <= finite.min() + slack).argmax()), int((greatest >= finite.max() - slack).argmax())
+        slack = PLATEAU * max(float(np.abs(x[np.isfinite(x)]).max(initial=0.0)) for x in (least, greatest))
+        low, high = (
+            int((least <= np.nanmin(least) + slack).argmax()),
+            int((greatest >= np.nanmax(greatest) - slack).argmax()),
+        )
         return {
             "unit": str(series.unit or "?"), "min": least[low], "at_min": t[low], "max": greatest[high],
             "at_max": t[high], "start": values[0], "end": values[-1],
