@@ -22,8 +22,9 @@ from urllib.parse import quote, unquote_to_bytes
 import msgspec
 import numpy as np
 
-from pinarm.errors import InputError
+from pinarm.errors import InputError, PinarmError
 from pinarm.input.roots import Stamp, stamp_of
+from pinarm.problems.forward import Forward
 from pinarm.records import replace
 from pinarm.use.cases.case import Row, Task, Value
 from pinarm.use.workers.versions import versions
@@ -52,10 +53,21 @@ def digest(data: object) -> str:
 def task_digest(task: Task) -> str:
     """Return a digest of all that determines the numbers of a sweep, but for its files and the values of its cases.
 
-    The code of this program is part of it.
+    The code of this program is part of it, and where loops may be closed from the anchors of the task, these too.
     """
     relevant = {key: value for key, value in task.source.document.data.items() if key not in ("expect", "title")}
-    return digest([relevant, str(task.source.folder.resolve()), [repr(entry) for entry in task.wanted], versions()])
+    anchors = [dict(anchor) for anchor in task.anchors] if _depends_on_anchors(task) else []
+    wanted = [repr(entry) for entry in task.wanted]
+    return digest([relevant, str(task.source.folder.resolve()), wanted, anchors, versions()])
+
+
+def _depends_on_anchors(task: Task) -> bool:
+    """Tell whether the last digits of a case may depend on the anchors: see ``Task``."""
+    try:
+        scenario = task.source.scenario()
+        return bool(scenario.mechanism.closure.size) and not isinstance(scenario.problem, Forward)
+    except PinarmError:  # cases change what is wrong with it
+        return True
 
 
 class Sources:
