@@ -9,7 +9,7 @@ import numpy as np
 from pinarm.arrays import Array, Indices
 from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, states_first, turned
 from pinarm.mechanics.geometry.model_variants import Model
-from pinarm.mechanics.geometry.vectors import cross, crossed, joined
+from pinarm.mechanics.geometry.vectors import cross, crossed, joined, rotated
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class LinkPlacements:
         """Return the rotation matrices, shape (n, 3, 3), and the origins [m], shape (n, 3), of a frame of the model."""
         frame = self.model.frames[index]
         turn, place = self.turns[..., frame.parentJoint, :, :], self.places[..., frame.parentJoint, :]
-        rotation, along = frame.placement.rotation, np.matvec(turn, frame.placement.translation)
+        rotation, along = frame.placement.rotation, rotated(turn, frame.placement.translation)
         return turn if (rotation == np.eye(3)).all() else turn @ rotation, place + along
 
     def inwards(self, wrenches: Array) -> Array:
@@ -71,11 +71,11 @@ class LinkPlacements:
 
         Shape (.., n, njoints, 6).
         """
-        forces, moments = np.matvec(self.turns, wrenches[..., :3]), np.matvec(self.turns, wrenches[..., 3:])
+        forces, moments = rotated(self.turns, wrenches[..., :3]), rotated(self.turns, wrenches[..., 3:])
         return joined(forces, moments + crossed(self.places, forces))
 
     def _turned(self, forces: Array, moments: Array, turns: Array) -> Array:
-        return joined(np.matvec(turns, forces), np.matvec(turns, moments))
+        return joined(rotated(turns, forces), rotated(turns, moments))
 
 
 def moving(model: Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, Array, Array, Array]:

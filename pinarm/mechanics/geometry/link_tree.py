@@ -191,7 +191,7 @@ def components_first(x: Array, tail: int = 2) -> Array:
 
 def states_first(x: Array, tail: int = 2) -> Array:
     """Return an array of shape (w, links, ..) or (w, w, links, ..) as (.., links, w) or (.., links, w, w)."""
-    return np.ascontiguousarray(x.transpose(*range(tail, x.ndim), tail - 1, *range(tail - 1)))
+    return x.transpose(*range(tail, x.ndim), tail - 1, *range(tail - 1))
 
 
 @cached_by_model

@@ -19,7 +19,7 @@ from pinarm.input.yaml.schema import InputStruct
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree
-from pinarm.mechanics.geometry.vectors import cross, crossed, joined
+from pinarm.mechanics.geometry.vectors import cross, crossed, joined, rotated
 from pinarm.mechanics.joints import METRE, RADIAN, frame_of
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ class LoopJoint:
         """
         if self.pair.constant is not None:
             turn = links.frame(self.first)[0]
-            return joined(*(np.matvec(turn, lam @ direction) for direction in self.pair.constant))
+            return joined(*(rotated(turn, lam @ direction) for direction in self.pair.constant))
         (turn, origin), (other, place) = links.frame(self.first), links.frame(self.second)
         axes, p = turn.swapaxes(-1, -2) @ other, np.vecmat(place - origin, turn)
         states = np.broadcast_shapes(axes.shape[:-2], p.shape[:-1], lam.shape[:-1])
@@ -126,7 +126,7 @@ class LoopJoint:
         )
         directions = self.pair.directions(p.T, axes.transpose(2, 1, 0))
         inner = (np.einsum("nk,kcn->nc", lam, _spread(direction, len(lam))) for direction in directions)
-        return joined(*(np.matvec(turn, one.reshape(*states, 3)) for one in inner))
+        return joined(*(rotated(turn, one.reshape(*states, 3)) for one in inner))
 
 
 def _spread(directions: Array, n: int) -> Array:
