@@ -16,7 +16,6 @@ from pinarm.engine.checks.sample import SAMPLE, sampled
 from pinarm.engine.constraints.nullspaces.nullspace import MANY
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.mechanics.geometry.link_placements import moving
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.records import Record
 
@@ -153,8 +152,7 @@ class _Alike(Record, frozen=True):
 
     def _turning(self, run: Trajectory) -> Array:
         """Return ``omega sqrt(2 T)``, shape (n, ..)."""
-        v = run.v[self.rows]
-        _, twists, _, _ = moving(run.mechanism.model, run.q[self.rows], v, np.zeros_like(v))
+        v, (_, twists, _, _) = run.v[self.rows], run.link_motion_at(self.rows)
         omega = np.linalg.norm(twists[..., 3:], axis=-1).max(axis=-1)
         return np.asarray(omega * np.sqrt(np.maximum((v * self.masses.times(v)).sum(axis=-1), 0.0)))
 

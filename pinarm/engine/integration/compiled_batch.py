@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.integration.batch_solution import ActiveMotions, BatchStep, Ensemble
-from pinarm.engine.integration.compiled_steps import Coefficients, control_of
+from pinarm.engine.integration.compiled_steps import Coefficients, coefficients_of, control_of
 from pinarm.engine.integration.integrator import Interval
 from pinarm.engine.kernel.library import Flow, address, contiguous, library, pointer
 from pinarm.engine.kernel.structures import CourseStructure
@@ -103,7 +103,7 @@ class CompiledRounds:
 
     @cached_property
     def _coefficients(self) -> Coefficients:
-        return Coefficients.of(self.ensemble.method.tableau)
+        return coefficients_of(self.ensemble.method.tableau)
 
     @cached_property
     def _control(self) -> ctypes.Structure:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -37,13 +38,14 @@ class Coefficients(NamedTuple):
     structure: PairStructure
     arrays: list[Array]
 
-    @classmethod
-    def of(cls, tableau: Tableau) -> Coefficients:
-        """Return the coefficients of a tableau."""
-        names = ("a", "b", "c", "error", "dense_a", "dense_c", "dense_d")
-        arrays = [contiguous(getattr(tableau, name)) for name in names]
-        counts = tableau.stages, len(tableau.error), len(tableau.dense_c), len(tableau.dense_d)
-        return cls(PairStructure(*counts, tableau.error_order + 1, *map(pointer, arrays)), arrays)
+
+@cache
+def coefficients_of(tableau: Tableau) -> Coefficients:
+    """Return the coefficients of a pair, of which there are few."""
+    names = ("a", "b", "c", "error", "dense_a", "dense_c", "dense_d")
+    arrays = [contiguous(getattr(tableau, name)) for name in names]
+    counts = tableau.stages, len(tableau.error), len(tableau.dense_c), len(tableau.dense_d)
+    return Coefficients(PairStructure(*counts, tableau.error_order + 1, *map(pointer, arrays)), arrays)
 
 
 def control_of(pair: EmbeddedPair, interval: Interval) -> ControlStructure:
@@ -108,7 +110,7 @@ class CompiledSteps:
     _numbers: ControlStructure | None = None
 
     def __post_init__(self) -> None:
-        self._coefficients = Coefficients.of(self.pair.tableau)
+        self._coefficients = coefficients_of(self.pair.tableau)
 
     def take(self, index: int, span: Interval, t: float, h: float, tries: int) -> tuple[float, float]:
         """Take as many steps in an interval as there is room for."""
@@ -196,7 +198,7 @@ def terms(tableau: Tableau, flow: Flow, steps: Sequence[Step]) -> Array:
 
 def _terms(tableau: Tableau, flow: Flow, steps: Sequence[Step]) -> Array:
     """Return the terms of steps whose further stages are taken in one way."""
-    coefficients, compiled = Coefficients.of(tableau), library()
+    coefficients, compiled = coefficients_of(tableau), library()
     if compiled is None:
         raise ValueError("the compiled library has gone")
     times = contiguous(np.array([(step.t, step.h) for step in steps]).T)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.records import ValueRecord
+from pinarm.records import Record
 
 
-class Tableau(ValueRecord, frozen=True):
+class Tableau(Record, frozen=True):
     """The coefficients of an explicit Runge-Kutta method with dense output, and of its error estimate if it has one.
 
     Stage i is ``k_i = f(t + c_i h, y + h sum_j a_ij k_j)``; the step is ``y + h sum_i b_i k_i``, and ``k_s``, behind

@@ -128,7 +128,8 @@ def _turned(turns: Array, motions: Array) -> tuple[Array, Array]:
 
 def _columns(tree: LinkTree, turns: Array, places: Array, subspaces: Array) -> Array:
     """Return the columns S of all velocities as twists in the world frame, shape (n, 6, nv)."""
-    columns = np.moveaxis(subspaces, (-2, -1), (0, 1))
+    states = range(subspaces.ndim - 2)
+    columns = subspaces.transpose(-2, -1, *states)
     d, w = _turned(turns[:, :, tree.moved], columns)
     found = np.concatenate([d + cross(places[:, tree.moved], w), w])
-    return np.ascontiguousarray(np.moveaxis(found, (0, 1), (-2, -1)))
+    return np.ascontiguousarray(found.transpose(*(2 + k for k in states), 0, 1))

@@ -124,8 +124,7 @@ class LinkTree:
     def multiplied(self, turns: Array) -> Array:
         """Return the products of rotations along these paths; that of the world is 1; shape (3, 3, njoints, ..)."""
         for jump in self.jumps:
-            before = turns[:, :, jump]
-            turns = np.stack([turned(before, turns[:, column]) for column in range(3)], axis=1)
+            turns = np.einsum("ab...,bc...->ac...", turns[:, :, jump], turns)
         return turns
 
     def gathered(self, columns: Array) -> Array:
@@ -138,7 +137,7 @@ class LinkTree:
     def relative(self, model: Model, q: Array, v: Array) -> RelativeMotion:
         """Return how every link is placed and moves with respect to its parent, in states, (.., nq) and (.., nv)."""
         n, count, one, rank = len(q), len(self.parents), self.single, q.ndim - 1
-        along = np.ascontiguousarray(np.moveaxis(q, -1, 0)[one.q])
+        along = np.ascontiguousarray(components_first(q, 1)[one.q])
         constant, cosine, sine = (states_last(x, rank, 3) for x in (one.constant, one.cosine, one.sine))
         shift, slide = (states_last(x, rank, 2) for x in (one.shift, one.slide))
         turned = constant + np.cos(along) * cosine + np.sin(along) * sine
@@ -162,7 +161,7 @@ class LinkTree:
             return components_first(self.gathered(relative.subspaces * x[..., None, :]))
         rank = x.ndim - 1
         found = np.zeros((6, len(self.parents), *x.shape[:-1]))
-        found[:, self.moved] = states_last(self.subspace.T, rank, 2) * np.moveaxis(x, -1, 0)
+        found[:, self.moved] = states_last(self.subspace.T, rank, 2) * components_first(x, 1)
         return found
 
 
@@ -184,7 +183,10 @@ def states_last(x: Array, rank: int, tail: int) -> Array:
 
 
 def components_first(x: Array, tail: int = 2) -> Array:
-    """Return an array of shape (.., links, w) or (.., links, w, w) as (w, links, ..) or (w, w, links, ..)."""
+    """Return an array of shape (.., links, w) or (.., links, w, w) as (w, links, ..) or (w, w, links, ..).
+
+    With a tail of 1 states, shape (.., nv), become (nv, ..).
+    """
     lead = x.ndim - tail
     return x.transpose(*range(lead + 1, x.ndim), lead, *range(lead))
 

@@ -184,7 +184,7 @@ class Scenario:
         """What the document says of the mechanism."""
         return [self.document.data.get(key) for key in ("mechanism", "arguments", "gravity", "payloads", "changes")]
 
-    @property
+    @cached_property
     def name(self) -> str:
         """Name of the file without its ending; of ``scenario.yaml``, as ``new`` writes it, that of its folder."""
         path = self.document.path

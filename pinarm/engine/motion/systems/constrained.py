@@ -7,8 +7,9 @@ change, measured by the masses: positions by Newton's method, velocities in one 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,7 +29,7 @@ from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems.batch_rows import CLOSED, ITERATIONS, ROUNDED, TURNED, BatchRows, Solved
 from pinarm.engine.motion.systems.row_motion import RowMotion
-from pinarm.engine.motion.systems.system import CompletedStates, Initial
+from pinarm.engine.motion.systems.system import KEPT, CompletedStates, Initial
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.ball_joints import coordinate_at, coordinate_name
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -170,21 +171,31 @@ class ConstrainedSystem:
 
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         """Return the motion on an interval without jumps."""
-        here = dynamics.on(start, end)
-        motion = RowMotion(self.rows, self.settled, here, self.prescribed.on(start, end))
-        compiled, remark = self._compiled(here, motion)
+        motion = self._motion(dynamics, start, end)
+        compiled, remark = self._judged(dynamics, start, end)
         return Interval(
             start, end, motion.acceleration, motion.settle, energy=self.energy(dynamics), compiled=compiled,
             remark=remark,
         )  # fmt: skip
 
-    def _compiled(self, dynamics: Dynamics, motion: RowMotion) -> tuple[Flow | None, str]:
-        """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not."""
-        if self.prescribed.names:
-            return None, ""
-        from pinarm.engine.motion.systems.compiled.compiled_rows import compiled_rows
+    def _motion(self, dynamics: Dynamics, start: float, end: float) -> RowMotion:
+        return RowMotion(self.rows, self.settled, dynamics.on(start, end), self.prescribed.on(start, end))
 
-        return compiled_rows(motion, dynamics, self.near)
+    @cached_property
+    def _judged(self) -> Callable[[Dynamics, float, float], tuple[Flow | None, str]]:
+        """The motion in compiled code where Pinocchio agrees, and what is to be said where not; kept for the next run.
+
+        What the library writes are buffers of one evaluation: no run changes it.
+        """
+
+        def judged(dynamics: Dynamics, start: float, end: float) -> tuple[Flow | None, str]:
+            if self.prescribed.names:
+                return None, ""
+            from pinarm.engine.motion.systems.compiled.compiled_rows import compiled_rows
+
+            return compiled_rows(self._motion(dynamics, start, end), dynamics.on(start, end), self.near)
+
+        return lru_cache(maxsize=KEPT)(judged)
 
     def energy(self, dynamics: Dynamics) -> Energy | None:
         """Return the energy of a state, as far as it is conserved."""

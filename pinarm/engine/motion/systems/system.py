@@ -21,6 +21,11 @@ if TYPE_CHECKING:
     from pinarm.mechanics.joints import Joint
 
 
+KEPT = 16
+"""Number of intervals of a system kept for the next run: a motion mostly has one, and one more for every jump of a
+load."""
+
+
 class Initial(Record, frozen=True):
     """The state that a motion begins with, as far as it is given.
 
