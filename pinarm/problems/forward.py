@@ -212,7 +212,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             *_uncertain(hybrid.guided, q, v),
             *motion.remarks(),
             *_motors(hybrid, motion),
-            *impact_remarks(mechanism.model, hybrid.bounds, motion.events),
+            *impact_remarks(hybrid.contacts, motion.events),
             *opening_remarks(hybrid.bounds, motion.events),
             *_rest(hybrid, motion),
             *profile_remarks(mechanism, self.motion),

@@ -79,6 +79,8 @@ class Trajectory:
         remedy: What to try where they are not.
         others: The same motion with other efforts, multipliers and frictions that hold it as well: quantities that
             differ in them are not determined by rigid bodies, and lie between.
+        endless: Of such a motion, in which rows, shape (n,), it only tells the direction in which quantities have no
+            end, or none that is known; ``None`` for none.
     """
 
     mechanism: Mechanism
@@ -103,6 +105,7 @@ class Trajectory:
     unknown: str = ""
     remedy: str = ""
     others: tuple[Trajectory, ...] = field(default=(), repr=False)
+    endless: Flags | None = field(default=None, repr=False)
 
     @classmethod
     def schema_row(
@@ -176,10 +179,11 @@ class Trajectory:
         q, v, a, tau = (array[rows] for array in (self.q, self.v, self.a, self.tau))
         columns = {name: replace(series, values=series.values[rows]) for name, series in self.columns.items()}
         directions = None if self.directions is None else self.directions[rows]
-        opened = None if self.opened is None else self.opened[rows]
+        opened, endless = (None if flags is None else flags[rows] for flags in (self.opened, self.endless))
         return replace(
             self, grid=self.grid.some(rows), q=q, v=v, a=a, tau=tau, lam=self.lam.some(rows), columns=columns,
-            directions=directions, opened=opened, others=tuple(other.some(rows) for other in self.others),
+            directions=directions, opened=opened, endless=endless,
+            others=tuple(other.some(rows) for other in self.others),
         )  # fmt: skip
 
     @cached_property

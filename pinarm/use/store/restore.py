@@ -35,7 +35,7 @@ from pinarm.use.store.section_files import SECTIONS, read_sections
 if TYPE_CHECKING:
     from pinarm.use.show.replay.page import Replay
 
-FURTHER = re.compile(r"state\.(directions|other\.[0-9]{1,4}\.(?:tau|lam|further))\.npy")
+FURTHER = re.compile(r"state\.(directions|other\.[0-9]{1,4}\.(?:tau|lam|further|endless))\.npy")
 """Files that only some results have: directions of drives with losses, other frictions that hold the motion."""
 
 NEEDED = ("scenario.yaml", "mechanism.yaml", "trajectory.npz", "summary.json", "manifest.json")
