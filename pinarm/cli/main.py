@@ -11,6 +11,7 @@ import argparse
 import atexit
 import gc
 import os
+import re
 import sys
 import time
 from collections.abc import Sequence
@@ -21,7 +22,7 @@ from typing import TYPE_CHECKING
 from pinarm import __version__
 from pinarm.cli.options import EXAMPLES, add
 from pinarm.cli.streams import flush_output, give_up, open_streams, unwritable
-from pinarm.errors import InputError, NumericsError, PinarmError, printable
+from pinarm.errors import InputError, NumericsError, PinarmError, choices, printable
 from pinarm.input.roots import file_root
 
 if TYPE_CHECKING:
@@ -198,6 +199,11 @@ def _quantities(options: argparse.Namespace) -> int:
     from pinarm.use.study.quantities import quantities
 
     known = quantities(options.path, options.values, like=options.like)
+    if not known:
+        words = {word for entry in quantities(options.path, options.values) for word in re.findall(r"\w+", str(entry))}
+        raise InputError(f"nothing that can be asked has '{options.like}' in its name or meaning",
+                         expected="part of a name or of a meaning, such as force", hint=choices(options.like, words)[1],
+                         )  # fmt: skip
     if options.json:
         import msgspec
 

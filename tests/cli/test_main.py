@@ -594,6 +594,26 @@ def test_the_name_of_a_robot_that_stands_for_something_else_too_is_refused(
                            "error: ur5: this is a file, and the name of a robot\n")  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["run", "arm/scenario.yaml", "--set", "drives.w.ratio=3"], "try: changes.drives.w.ratio\n"),
+        (["sweep", "arm/scenario.yaml", "--over", "links.a.mass=1, 2 kg"], "try: changes.planar.links.a.mass\n"),
+        (["quantities", "arm/mechanism.yaml", "--like", "tork"], "'tork' in its name or meaning"),
+        (["quantities", "arm/mechanism.yaml", "--like", "Accelaration"], "try: acceleration\n"),
+        (["check", "."], "try: the folders below: arm\n"),
+    ],
+)  # fmt: skip
+def test_what_newcomers_write_is_answered_with_what_they_need(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str], said: str
+) -> None:
+    (tmp_path / "own").mkdir()
+    monkeypatch.chdir(tmp_path / "own")
+    assert main(["new", "arm"]) == 0
+    assert main(arguments) == 2
+    assert said in capsys.readouterr().err
+
+
 def test_a_model_that_does_not_exist_is_not_taken_for_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

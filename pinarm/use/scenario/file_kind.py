@@ -8,6 +8,9 @@ from typing import Any
 
 from pinarm.engine.model_source import FILES
 from pinarm.errors import InputError, Location, ModelError
+from pinarm.input.yaml.values import Values
+from pinarm.mechanics.description import MechanismDescription
+from pinarm.use.scenario.scenario_file import ScenarioFile
 
 MOST = 12
 """Number of files of a folder that a message lists."""
@@ -105,6 +108,29 @@ def refuse_mechanism(path: Path, data: Any) -> None:
             expected=f"a scenario, with 'mechanism: {path.name}' and a 'problem:'",
             hint=f"python -m pinarm explain {path}; or python -m pinarm new four_bar, for a scenario to begin with",
         ).at(Location(str(path)))  # fmt: skip
+
+
+def refuse_keys_of_mechanism(values: Values) -> None:
+    """Refuse other values at keys that mechanism files have, and no scenario.
+
+    Raises:
+        InputError: Says by which path a scenario changes them.
+    """
+    for text in values:
+        path = str(text).partition("=")[0].strip()
+        first = path.partition(".")[0]
+        if first not in ScenarioFile.__struct_fields__ and (place := _in_mechanism_file(first)) is not None:
+            raise InputError(f"'{first}' is a key of mechanism files", expected="a path in the scenario",
+                             hint=f"changes.{place}{path}").at(Location(path))  # fmt: skip
+
+
+def _in_mechanism_file(key: str) -> str | None:
+    """Return the path to the map of a mechanism file that has a key; ``None`` where none has."""
+    if key in MechanismDescription.__struct_fields__:
+        return ""
+    from pinarm.mechanics.planar.drawing import PlanarDrawing
+
+    return "planar." if key in PlanarDrawing.__struct_fields__ else None
 
 
 GIVEN = "mechanism.yaml"

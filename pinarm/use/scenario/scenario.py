@@ -35,6 +35,7 @@ from pinarm.use.scenario.file_kind import (
     GIVEN,
     refuse_changes,
     refuse_folder,
+    refuse_keys_of_mechanism,
     refuse_mechanism,
     refuse_model,
     refuse_robot,
@@ -534,6 +535,7 @@ class ScenarioSource:
 
 def _varied(document: Document, folder: Path, values: Values) -> Document:
     """Return the scenario in a document with other values; what it does not say itself, its mechanism file may."""
+    refuse_keys_of_mechanism(values)
     return varied(document, values, partial(declared_unit, document.data, folder))
 
 

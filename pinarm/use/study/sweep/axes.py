@@ -80,8 +80,11 @@ class Cases:
         paths = [column.path for column in cases.columns()]
         if twice := [path for path, times in Counter(paths).items() if times > 1]:
             raise InputError(f"'{min(twice)}' is varied twice", expected="each path once")
-        if not paths or not 0 < len(cases) <= MOST:
-            raise InputError(f"the sweep has {len(cases) if paths else 0} cases", expected=f"1 to {MOST}")
+        if not paths:
+            raise InputError("nothing is varied", expected="paths of numbers with their values, or a file of cases",
+                             hint="--over problem.time.end='1, 2, 3 s', or --cases FILE.csv")  # fmt: skip
+        if not 0 < len(cases) <= MOST:
+            raise InputError(f"the sweep has {len(cases)} cases", expected=f"1 to {MOST}")
         return cases
 
     def __len__(self) -> int:
