@@ -16,7 +16,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.model_variants import Model
-from pinarm.mechanics.geometry.vectors import crossed
+from pinarm.mechanics.geometry.vectors import crossed, joined, rotated
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def _asked(links: LinkPlacements, columns: Array, wrenches: Array) -> tuple[Arra
     """
     tree = LinkTree.of(links.model)
     moved, size = tree.supports, np.linalg.norm(links.model.gravity.linear)
-    centres = links.places + np.matvec(links.turns, tree.levers)
+    centres = links.places + rotated(links.turns, tree.levers)
     states = np.broadcast_shapes(columns.shape[:-2], wrenches.shape[1:-2], tree.masses.shape[:-1])
     asked, most = (np.zeros((*states, columns.shape[-1])) for _ in range(2))
     for start in range(0, len(moved), TOGETHER):
@@ -156,14 +156,14 @@ def demands(model: Model, links: LinkPlacements, twists: Array, rates: Array) ->
     Returns:
         ``I V'``, ``V x* I V`` and the wrench against its weight, shape (3, n, njoints, 6).
     """
-    mass = LinkTree.of(model).inertias
-    momenta, upwards = np.matvec(mass, twists), np.zeros((*links.turns.shape[:-2], 6))
-    found = np.empty((3, *np.broadcast_shapes(momenta.shape, rates.shape)))
+    tree, up = LinkTree.of(model), rotated(links.turns.swapaxes(-2, -1), -model.gravity.linear)
+    momenta, forces = tree.momenta(twists[..., :3], twists[..., 3:]), tree.momenta(rates[..., :3], rates[..., 3:])
     v, omega, p, h = twists[..., :3], twists[..., 3:], momenta[..., :3], momenta[..., 3:]
-    upwards[..., :3] = np.vecmat(-model.gravity.linear, links.turns)
-    found[0], found[2] = np.matvec(mass, rates), np.matvec(mass, upwards)
-    found[1, ..., :3], found[1, ..., 3:] = crossed(omega, p), crossed(omega, h) + crossed(v, p)
-    return found
+    parts = forces, joined(crossed(omega, p), crossed(omega, h) + crossed(v, p)), tree.momenta(up, np.zeros_like(up))
+    found = np.empty((3, 6, *forces.shape[:-1]))
+    for place, part in zip(np.moveaxis(found, 1, -1), parts, strict=True):
+        place[...] = part
+    return np.moveaxis(found, 1, -1)
 
 
 class EnergyAccount(Record, frozen=True):

@@ -124,6 +124,12 @@ class VariantClosure(Closure):
             raise VariantsDiffer("a motion that begins near a singular position")
         return sorted(order.rows)
 
+    def values_of(self, rows: Array) -> Array:
+        """Return the singular values of given rows G, shape (n, k, m, nv), without those of rows that are 0 in all."""
+        counts = rows.any(axis=(0, 1, 3))
+        scaled = rows[..., counts, :] * self.scale / self.measure[counts, None]
+        return np.asarray(np.linalg.svd(scaled, compute_uv=False))
+
     def stresses(self, q: Array) -> list[Array]:
         """Return multipliers of length 1 that do nothing, each of shape (n, k, m): see ``Reactions.stresses``."""
         return self.splits(q).stresses() if self.size and len(q) else []

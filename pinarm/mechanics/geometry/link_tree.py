@@ -23,7 +23,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.mechanics.geometry.model_variants import Model, bodies_of, placements_of
-from pinarm.mechanics.geometry.vectors import crossed
+from pinarm.mechanics.geometry.vectors import crossed, joined, rotated
 
 
 class SingleJoints(NamedTuple):
@@ -106,6 +106,12 @@ class LinkTree:
         for jump in self.jumps:
             moves |= moves[jump]
         return moves
+
+    def momenta(self, v: Array, omega: Array) -> Array:
+        """Return ``[m v - m c x omega; m c x v + I omega]`` in link axes, of vectors of shape (n, .., njoints, 3)."""
+        first, turning = self.masses[..., None] * self.levers, self.inertias[..., 3:, 3:]
+        linear = self.masses[..., None] * v + crossed(omega, first)
+        return joined(linear, crossed(first, v) + rotated(turning, omega))
 
     def summed(self, x: Array) -> Array:
         """Return the sums over the paths from the world to every link, whose own term is 0; shape (3, njoints, ..)."""

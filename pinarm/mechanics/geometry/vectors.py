@@ -67,8 +67,9 @@ def joined(linear: Array, angular: Array) -> Array:
 
 
 def components_apart(like: Array, width: int) -> Array:
-    """Return an array for vectors, shape (.., width), that lie in memory component by component, states as those of
-    another array, shape (..): numpy then works on long rows.
+    """Return an array for vectors, shape (.., width), which lies in memory component by component.
+
+    Its states have the order of another array's, shape (..): numpy then works on long rows.
     """
     order = sorted(range(like.ndim), key=lambda axis: -like.strides[axis])
     made = np.empty((width, *(like.shape[axis] for axis in order)))
