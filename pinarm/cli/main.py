@@ -237,20 +237,17 @@ def _explain(options: argparse.Namespace) -> int:
 
 def _sweep(options: argparse.Namespace) -> int:
     from pinarm.use.scenario.scenario import load
-    from pinarm.use.study.sweep.parquet_parts import require_parquet
     from pinarm.use.study.sweep.sweep import sweep
     from pinarm.use.study.sweep.sweep_files import summary
     from pinarm.use.study.sweep.sweep_text import progress_bar, report
 
     scenario = load(options.scenario, options.values)
     folder = options.output or Path("results") / f"{scenario.name}-sweep"
-    if options.parquet:
-        require_parquet()  # before the work
     with _executor(options.cluster) as executor, progress_bar(sys.stderr) as progress:
         swept = sweep(
             scenario, _assignments(options.over), cases=options.cases, samples=options.sample, seed=options.seed,
             sampling=options.sampling, results=options.results, workers=options.workers, executor=executor,
-            folder=folder, progress=progress,
+            folder=folder, parquet=options.parquet, progress=progress,
         )  # fmt: skip
     swept.save(folder, plots=options.plots, dpi=options.dpi, parquet=options.parquet)
     if options.json:
