@@ -233,20 +233,17 @@ def _explain(options: argparse.Namespace) -> int:
 def _sweep(options: argparse.Namespace) -> int:
     from pinarm.use.output.destination import destination
     from pinarm.use.scenario.scenario import load
-    from pinarm.use.study.sweep.parquet_parts import require_parquet
     from pinarm.use.study.sweep.sweep import sweep
     from pinarm.use.study.sweep.sweep_files import summary
     from pinarm.use.study.sweep.sweep_text import progress_bar, report
 
     scenario = load(options.scenario, options.values)
     target = destination(options.output, options.scenario, scenario.name, "-sweep")
-    if options.parquet:
-        require_parquet()  # before the work
     with _executor(options.cluster) as executor, progress_bar(sys.stderr) as progress:
         swept = sweep(
             scenario, _assignments(options.over), cases=options.cases, samples=options.sample, seed=options.seed,
             sampling=options.sampling, results=options.results, workers=options.workers, executor=executor,
-            folder=target.folder, progress=progress,
+            folder=target.folder, parquet=options.parquet, progress=progress,
         )  # fmt: skip
     swept.save(target.folder, plots=options.plots, dpi=options.dpi, parquet=options.parquet)
     if options.json:

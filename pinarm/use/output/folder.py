@@ -82,21 +82,27 @@ def check_replaceable(folder: Path, kind: str, *, beside: Collection[str] = ()) 
         raise InputError(f"the {kind} cannot be written to {folder}: {error.strerror or error}") from None
 
 
-def write_file(path: Path, parts: Iterable[bytes]) -> None:
+def write_file(path: Path, parts: Iterable[bytes], *, home: Path | None = None) -> None:
     """Write a file that appears whole or not at all; in a folder with a manifest, which then lists it.
+
+    Args:
+        path: The file.
+        parts: Its content.
+        home: The folder that may have a manifest, where it is not the one that the file is in but one above it.
 
     Raises:
         InputError: It cannot be written, or something stands there that is no file, or none of the manifest's.
     """
-    draft = path.with_name(f"{DRAFT}{os.urandom(4).hex()}.part")
+    home = home or path.parent
+    draft = home / f"{DRAFT}{os.urandom(4).hex()}.part"
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        home.mkdir(parents=True, exist_ok=True)
         if path.is_symlink() or (path.exists() and not path.is_file()):
             raise InputError(f"{path} is not a regular file", hint="another name: -o FILE")
         try:
             with open(draft, "xb") as stream:
                 stream.writelines(parts)
-            _add(draft, path)
+            _add(draft, home, path)
         finally:
             draft.unlink(missing_ok=True)
     except OSError as error:
@@ -174,9 +180,9 @@ def _publish(draft: Path, folder: Path, empty: Manifest, beside: Collection[str]
         _exchange(draft, home, replace(empty, files=own, arriving=new), set(own) - set(new))
 
 
-def _add(draft: Path, path: Path) -> None:
-    """Put a draft of one file in its place."""
-    folder, name = path.parent, path.name
+def _add(draft: Path, folder: Path, path: Path) -> None:
+    """Put a draft of one file in its place in a folder or below it."""
+    name = path.relative_to(folder).as_posix()
     if (folder / MANIFEST).is_symlink() or not (folder / MANIFEST).is_file():
         draft.replace(path)
         return
@@ -187,7 +193,7 @@ def _add(draft: Path, path: Path) -> None:
         if os.path.lexists(path) and digest(path) != known.files.get(name, ""):
             raise InputError(f"{path} was not written by pinarm, or was changed since", hint="another name: -o FILE")
         box = folder / f"{draft.name}.d"
-        box.mkdir()
+        (box / name).parent.mkdir(parents=True)
         try:
             new = {name: str(digest(draft))}
             draft.rename(box / name)
