@@ -24,6 +24,7 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import replace
 
 if TYPE_CHECKING:
+    from pinarm.engine.dynamics.mass_matrix import Masses
     from pinarm.engine.dynamics.side_by_side import SideBySide
     from pinarm.engine.integration.integrator import Acceleration, Accelerations, Energy, Manifold
 
@@ -90,6 +91,10 @@ class Dynamics:
     def mass_matrices(self, q: Array) -> Array:
         """Return M at configurations, shape (n, .., nq), as an array of shape (n, .., nv, nv)."""
         return self.recursions.mass_matrices(q)
+
+    def masses(self, q: Array) -> Masses:
+        """Return M at configurations, shape (n, .., nq): as ``mass_matrices``, or of many joints its products."""
+        return self.recursions.masses(q)
 
     def loads(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the generalised loads of the force elements [N*m or N], shape (..., nv)."""

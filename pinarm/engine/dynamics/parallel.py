@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.dynamics.mass_matrix import mass_matrices
+from pinarm.engine.dynamics.mass_matrix import Masses, mass_matrices, masses
 from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.mechanics.geometry.pinocchio_data import WIDE, new_data
 
@@ -130,6 +130,10 @@ class Parallel:
     def mass_matrices(self, q: Array) -> Array:
         """Return M at configurations, shape (n, nq), as an array of shape (n, nv, nv); armatures are in it."""
         return mass_matrices(self.model, q)
+
+    def masses(self, q: Array) -> Masses:
+        """Return M at configurations, shape (n, nq): as ``mass_matrices``, or of many joints its products."""
+        return masses(self.model, q)
 
     def _rows(self, call: Callable[..., Array], single: Callable[..., Array], q: Array, *others: Array) -> Array:
         nv, size = self.model.nv, len(q) * self.model.nv

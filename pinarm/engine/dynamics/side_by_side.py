@@ -115,6 +115,10 @@ class SideBySide:
         above = np.triu(np.ones((nv, nv)), 1)
         return np.asarray(upper * (np.eye(nv) + above) + (upper * above).swapaxes(-2, -1))
 
+    def masses(self, q: Array) -> Array:
+        """Return M: as ``mass_matrices``, variants have few joints."""
+        return self.mass_matrices(q)
+
     def _called(self, forest: Forest, call: Callable[..., Array], *arrays: Array) -> Array:
         """Return what Pinocchio computes of all rows of states, shape (n, k, w)."""
         n, found = len(arrays[0]), list[Array]()

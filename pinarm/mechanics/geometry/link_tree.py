@@ -101,8 +101,12 @@ class LinkTree:
     @cached_property
     def supports(self) -> Flags:
         """Which velocities move which links, shape (njoints, nv): row j is true for all joints up to joint j."""
-        moves = np.zeros((len(self.parents), len(self.moved)), dtype=bool)
-        moves[self.moved, np.arange(len(self.moved))] = True
+        return self.moves(np.arange(len(self.moved)))
+
+    def moves(self, velocities: Indices) -> Flags:
+        """Return which of k velocities move which links, shape (njoints, k)."""
+        moves = np.zeros((len(self.parents), len(velocities)), dtype=bool)
+        moves[self.moved[velocities], np.arange(len(velocities))] = True
         for jump in self.jumps:
             moves |= moves[jump]
         return moves

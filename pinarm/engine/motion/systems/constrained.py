@@ -22,7 +22,7 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspaces.nullspace import RANK, VANISHED, RowDecompositions, split_rows
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.dynamics.equation import solve, solve_each
-from pinarm.engine.dynamics.mass_matrix import mass_matrices, mass_matrix
+from pinarm.engine.dynamics.mass_matrix import masses
 from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.integration.integrator import Energy, Interval, Manifold
 from pinarm.engine.kinematics.newton import assembled
@@ -153,7 +153,7 @@ class ConstrainedSystem:
         Where it cannot have that, it has what comes closest.
         """
         model = self.rows.model
-        nv, mass = model.nv, mass_matrix(model, q)
+        nv, mass = model.nv, masses(model, q)
         rows, right = self.rows.rows(self.rows.state(q)), self.rates(dw)
         given = np.eye(nv)[list(initial.velocities)]
         split = self.rows.split(rows)
@@ -215,14 +215,14 @@ class ConstrainedSystem:
             AssemblyError: Newton's method does not close one.
         """
         model, rows, values, polished = self.rows.model, self.rows, self.rates(w), False
-        mass, still, size = mass_matrices(model, q), np.zeros_like(v), max(1.0, rows.extent)
+        mass, still, size = masses(model, q), np.zeros_like(v), max(1.0, rows.extent)
         whole = size + np.abs(values).max(axis=1)
         for _ in range(ITERATIONS):
             gaps, splits = rows.apart(q)
             gaps = self._closable(values - gaps, splits, whole)
             torn = np.abs(gaps).max(axis=1)
             if polished or (torn <= ROUNDED * whole).all():
-                return q, solve_each(splits, mass, np.matvec(mass, v), self.rates(dw)), splits
+                return q, solve_each(splits, mass, (mass @ v[..., None])[..., 0], self.rates(dw)), splits
             q = _moved(model, q, solve_each(splits, mass, still, gaps))
             excess = torn - CLOSED * whole - TURNED * size * np.abs(q).max(axis=1)
             polished = bool((excess <= 0.0).all())
@@ -278,9 +278,9 @@ class ConstrainedSystem:
         some = np.arange(len(t)) < max(1, min(FEW, LARGE // (self.rows.size * self.rows.model.nv)))
         w, t = w[:, :, some].transpose(0, 2, 1), t[some]
         q, v, splits = self.settled(q[some], v[some], w[0], w[1], t)
-        mass, force = dynamics.mass_matrices(q), -dynamics.inverse(t, q, v, np.zeros_like(v))
+        mass, force = dynamics.masses(q), -dynamics.inverse(t, q, v, np.zeros_like(v))
         a = solve_each(splits, mass, force, self.rates(w[2]) - self.rows.drifts(q, v))
-        efforts = splits.multipliers(np.matvec(mass, a) - force)[:, self.own.size :] if w.size else w[0]
+        efforts = splits.multipliers((mass @ a[..., None])[..., 0] - force)[:, self.own.size :] if w.size else w[0]
         return some, (q, v, a, efforts)
 
     def _with_efforts(
