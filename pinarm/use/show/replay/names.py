@@ -101,7 +101,7 @@ def gathered(names: Sequence[Name], places: Array, size: float) -> list[Name]:
 
 
 def _as_one(group: Sequence[Name]) -> Name:
-    """Return names at one place as one, without ``O_crank`` beside O: a point of a drawing, as it is called on a link."""
+    """Return names at one place as one, without ``O_crank`` beside O, which is that point of a drawing on a link."""
     texts = [name.text for name in group]
     own = [text for text in texts if not any(text.startswith(f"{other}_") for other in texts)]
     return replace(group[0], text=", ".join(own[:MOST]) + (", ..." if len(own) > MOST else ""))
