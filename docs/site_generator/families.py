@@ -87,6 +87,9 @@ in every problem; its motor and the losses of the gear act in the motion where a
 [Control](../../control.md)."""
 FRICTION = """A mechanism file gives joints, loop joints and couplings dry friction that sticks: `friction: {NAME:
 {...}}`. Its load is the reaction itself. What every problem makes of it is told in [Friction](../../friction.md)."""
+EVENTS = """What a motion from an initial state may meet on its way, keys of a `forward` problem: `events: {NAME:
+{...}}` and `end_stops: {JOINT: {...}}`. The motion is integrated to the instant, and goes on from there. More is in
+[End stops, events, cams](../../events.md)."""
 INTEGRATORS = """`accuracy: {method: ..., tolerance: ...}` of a scenario says how a motion is integrated over time;
 `accuracy: {target: 1e-6}` looks for the cheapest tolerance that keeps the error. What each is worth is told in
 [How accuracy is known](../../theory.md), and `tradeoff` draws it."""
@@ -100,6 +103,8 @@ with `lead_angle`. Forces in N, velocities in m/s, both along the thread.""",
 number of teeth of the first wheel.""",
     "belt": """A `belt` with a pretension is held on its wheels by friction alone. It slips where the tensions of its
 strands differ by more than the factor `exp(mu theta)`; until then it sticks. Its wheels are two degrees of freedom.""",
+    "cam": """Friction of a `cam` along the tangent of its contact: `mu N` under a flat face or a knife edge, and
+`mu N r / R` of a roller of radius R that turns on a pin of `radius` r.""",
 }
 """What has friction -> its definition, or what it is."""
 
@@ -138,6 +143,7 @@ def families() -> list[Kinds]:
             r"\bkind: {member}\b|\b{member}: {{|\befficiency: ",
         ),
         Kinds("friction", "Friction", "friction", FRICTION, RUBBING, ("positions", "curves"), r"\bmu: "),
+        Kinds("events", "Events", "an event", EVENTS, {"event": "Event", "end_stop": "EndStop"}, sign=r"\b{member}s:"),
         Kinds("coordinates", "Coordinates", "a coordinate", COORDINATES, _union(CoordinateDefinition)),
         Kinds(
             "assessments",

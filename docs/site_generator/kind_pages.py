@@ -13,7 +13,7 @@ import yaml
 
 import pinarm
 from pinarm.use.result.result import Result
-from pinarm.use.show.plot import plot
+from pinarm.use.show.plot import graph, plot
 from pinarm.use.show.sketch import sketch
 from pinarm.use.show.svg import svg
 from pinarm.use.show.terminal import report
@@ -68,11 +68,14 @@ def member_pages(family: Kinds, member: str) -> Iterator[Made]:
     scenario = example_of(family, member)
     result = pinarm.run(scenario)
     place = f"{FOLDER}/{family.name}/{member}"
-    for name in family.pictures:
-        yield Made(f"{place}_{name}.svg", PICTURES[name](result))
+    pictures = {name: PICTURES[name](result) for name in family.pictures}
+    graphs = [drawn for section in result.sections.values() for drawn in section.graphs]
+    pictures |= {f"graph_{k}": svg(graph(drawn, result.presentation)) for k, drawn in enumerate(graphs, 1)}
+    for name, picture in pictures.items():
+        yield Made(f"{place}_{name}.svg", picture)
     definition = family.members[member]
     keys = ["## Keys", *key_tables(definition)] if definition in definitions() else []
-    images = " ".join(f"![{member}: {name}]({member}_{name}.svg)" for name in family.pictures)
+    images = " ".join(f"![{member}: {name}]({member}_{name}.svg)" for name in pictures)
     lines = [
         f"# `{member}`", "", description(family, member), "",
         f'<div class="pictures" markdown="1">\n{images}\n</div>', "",

@@ -1,4 +1,4 @@
-"""A picture of boxes, rods and cables at several rows of a run: how a body turns is not seen of a stick."""
+"""A picture of boxes, their joint, rods and cables at several rows of a run: how a body turns is not seen of a stick."""
 
 from __future__ import annotations
 
@@ -11,6 +11,10 @@ from matplotlib.axes import Axes
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from pinarm.arrays import Array
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.quantities.joint_axes import loop_axis, tree_axis
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.loops.lower_pairs import normals
 from pinarm.use.result.result import Result
 from pinarm.use.show.chart import COLOURS
 from pinarm.use.show.figure import STYLE, UNDATED, new
@@ -25,6 +29,18 @@ SIZE = 4.4
 
 ROWS = 5
 """Positions that are drawn, the first and the last in colour."""
+
+TICKS = 5
+"""Numbers at an axis, about."""
+
+MARGIN = 0.18
+"""How far lines and planes of joints go on beyond the motion, relative to the width of the picture."""
+
+ABOVE = 10
+"""Where joints are drawn: above the bodies."""
+
+PLANES = ("planar", "point_on_plane")
+"""Loop joints whose axis is the normal of a plane."""
 
 _SIDES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
 
@@ -41,17 +57,22 @@ def solids(result: Result) -> str:
         figure = new(SIZE, SIZE)
         figure.set_layout_engine("none")
         axis = figure.add_axes((0.0, 0.03, 0.92, 0.9), projection="3d", proj_type="ortho")
+        axis.computed_zorder = False
         points = []
         for k, places in enumerate(placed(run.mechanism.model, run.q[rows])):
             colour = COLOURS[0] if k == 0 else COLOURS[1] if k == len(rows) - 1 else "0.7"
             polygons = [polygon for box in boxes for polygon in _in_world(box, places)]
             axis.add_collection3d(Poly3DCollection(
-                polygons, facecolor=colour, edgecolor=colour, linewidth=0.6, alpha=0.25 if k else 0.4
+                polygons, facecolor=colour, edgecolor=colour, linewidth=0.6, alpha=0.25 if k else 0.4,
+                zorder=1 if colour == "0.7" else 2,
             ))  # fmt: skip
             points.append(np.vstack(polygons))
             for string in strings:
-                axis.plot(*np.vstack([end.path(places[None]) for end in string.ends]).T, color=colour, linewidth=1.0)
+                axis.plot(
+                    *np.vstack([end.path(places[None]) for end in string.ends]).T, color=colour, linewidth=1.0, zorder=3
+                )
         _frame(axis, np.vstack(points))
+        _draw_joints(axis, run.mechanism, placed(run.mechanism.model, run.q))
         figure.suptitle(result.content.title, fontsize=10)
     stream = io.StringIO()
     figure.savefig(stream, format="svg", metadata=UNDATED["svg"])
@@ -75,3 +96,40 @@ def _frame(axis: Axes, points: Array) -> None:
     axis.view_init(elev=22, azim=-60)
     axis.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     axis.tick_params(labelsize=7)
+    axis.locator_params(nbins=TICKS)
+
+
+def _draw_joints(axis: Axes, mechanism: Mechanism, places: Array) -> None:
+    """Draw where the joint of the example is at the start, and its line or plane as far as the body moves along it."""
+    margin = MARGIN * np.ptp(axis.get_xlim())
+    for way, direction, flat in _joints(mechanism, places):
+        axis.plot(*way[0][:, None], "o", color="black", markersize=3.5, zorder=ABOVE)
+        if direction is not None and flat:
+            low, high = zip(*(_ends(way, along, margin) for along in normals(direction)), strict=True)
+            corners = [way[0] + a + b for a, b in ((low[0], low[1]), (high[0], low[1]), high, (low[0], high[1]))]
+            plane = Poly3DCollection([corners], facecolor="0.5", edgecolor="black", linewidth=0.6, alpha=0.12, zorder=0)
+            axis.add_collection3d(plane)
+        elif direction is not None:
+            ends = way[0] + np.array(_ends(way, direction, margin))
+            axis.plot(*ends.T, "-.", color="black", linewidth=0.9, zorder=ABOVE)
+
+
+def _ends(way: Array, direction: Array, margin: float) -> tuple[Array, Array]:
+    """Return how far from its start a way reaches along a direction, and a margin beyond [m], shape (3,) each."""
+    along = (way - way[0]) @ direction
+    return (along.min() - margin) * direction, (along.max() + margin) * direction
+
+
+def _joints(mechanism: Mechanism, places: Array) -> Iterator[tuple[Array, Array | None, bool]]:
+    """Yield the ways of the origins of joints [m], shape (rows, 3), their axes, and whether these are normals."""
+    model = mechanism.model
+    for loop in mechanism.constraints:
+        if isinstance(loop, LoopJoint):
+            first, second = model.frames[loop.first], model.frames[loop.second]
+            turn, own = places[0, first.parentJoint, :3, :3] @ first.placement.rotation, loop_axis(loop)
+            place = places[:, second.parentJoint]
+            way = place[:, :3, :3] @ second.placement.translation + place[:, :3, 3]
+            yield way, None if own is None else turn @ (own / np.linalg.norm(own)), loop.kind in PLANES
+    if model.njoints == 2:  # one joint of the tree, and what it carries
+        own = tree_axis(model, 1)
+        yield places[:, 1, :3, 3], None if own is None else places[0, 1, :3, :3] @ own, False

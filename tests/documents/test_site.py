@@ -1,5 +1,6 @@
 """The site: a page and an example for every kind, and a strict build that needs no network."""
 
+import html
 import json
 import os
 import re
@@ -12,6 +13,7 @@ import pytest
 import yaml
 from code_blocks import ROOT
 from site_generator.api_page import page as api_page
+from site_generator.code_breaks import with_breaks
 from site_generator.errata import PLACE, with_errata
 from site_generator.families import Kinds, definitions, families
 from site_generator.formulas import with_mathml
@@ -96,6 +98,30 @@ def test_formulas_are_mathml():
     assert "<mfrac>" in drawn
     assert "&#x0003C;" in drawn  # the sign "less than", which is no tag
     assert "arithmatex" not in drawn
+
+
+def test_dots_and_functions_of_formulas_are_set_as_by_tex():
+    """A dot is an accent, not a small superscript; thin spaces part a function from its factor and its argument."""
+    drawn = with_mathml(r'<div class="arithmatex">\[l\cos\varphi + \sin(a) \dot G\]</div>')
+    assert re.search(r'<mover accent="true"><mi>G</mi><mo stretchy="false">&#x002D9;</mo></mover>', drawn)
+    assert re.search(r"<mi>l</mi><mspace[^>]*/><mi>cos</mi><mspace[^>]*/><mi>&#x003C6;</mi>", drawn)
+    assert re.search(r"<mo>&#x0002B;</mo><mi>sin</mi><mo", drawn)
+
+
+def test_every_formula_is_understood_in_full():
+    """What the converter does not know it leaves as it is."""
+    pages = [page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md")]
+    tex = [formula for page in pages for formula in re.findall(r"\$\$(.+?)\$\$", page)]
+    assert len(tex) > 15
+    drawn = [with_mathml(f'<div class="arithmatex">\\[{html.escape(formula)}\\]</div>') for formula in tex]
+    assert [formula for formula in drawn if "\\" in formula] == []
+
+
+def test_long_code_in_cells_may_be_divided_between_names():
+    long = "body.arm_1.velocity.z/body.arm_2.norm + 0.5"
+    shown = with_breaks(f"<td><code>{long}</code><code>a.b</code></td><p><code>{long}</code></p>")
+    broken = "body.<wbr>arm_1.<wbr>velocity.<wbr>z/<wbr>body.<wbr>arm_2.<wbr>norm + 0.5"
+    assert shown == f"<td><code>{broken}</code><code>a.b</code></td><p><code>{long}</code></p>"
 
 
 def test_every_misprint_of_the_answer_keys_is_listed():

@@ -155,13 +155,13 @@ class Reactions:
         checked = sampled(len(run))
         rows = checked[(checked >= part.start) & (checked < part.stop)]
         links, twists, rates, _ = run.link_motion_at(rows)
-        asked, wrenches = links.outwards(demands(model, links, twists, rates).sum(axis=0)), self.joints[rows]
+        asked, wrenches = links.outwards(demands(model, links, twists, rates)), self.joints[rows]
         parents = np.array(model.parents)
         carries = (parents == np.arange(model.njoints)[:, None]).astype(float)
         carried = _moved(wrenches, links.places - links.places[..., parents, :])
         outside = _moved(self._acting(dynamics, rows), -links.places)
-        missed = wrenches + outside - asked - carries @ carried
-        terms = np.abs(wrenches) + np.abs(outside) + np.abs(asked) + carries @ np.abs(carried)
+        missed = wrenches + outside - asked.sum(axis=0) - carries @ carried
+        terms = np.abs(wrenches) + np.abs(outside) + np.abs(asked).sum(axis=0) + carries @ np.abs(carried)
         return np.asarray(np.stack([missed, terms], axis=1)[..., 1:, :])
 
     def loop(self, name: str) -> Array:

@@ -264,8 +264,8 @@ class Bushing(InputStruct, frozen=True, tag_field="kind", tag="bushing"):
 
     Attributes:
         between: The two links; their frames coincide where the bushing is free.
-        stiffness: K.
-        damping: D.
+        stiffness: K, of three displacements and three rotations.
+        damping: D, likewise.
     """
 
     between: tuple[str, str]

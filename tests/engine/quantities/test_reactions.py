@@ -63,6 +63,12 @@ def test_a_reaction_that_is_wrong_shows(pulled, monkeypatch, component):
     assert pulled.run().figures["bodies"] > 1e-8
 
 
+def test_balances_are_judged_by_their_terms_where_these_cancel():
+    """A rod that falls about its hinge: moments of weight and inertia are large, and their sum is rounding."""
+    scenario = SCENARIOS.parent / "docs" / "kind_examples" / "events" / "event.yaml"
+    assert 0.0 < pinarm.run(scenario).figures["bodies"] < 1e-14
+
+
 def test_a_length_that_a_flat_mechanism_leaves_open_has_one_in_its_plane():
     """Of revolute joints, all parallel: what they carry along z together is open, what is across it is not."""
     text = "".join(

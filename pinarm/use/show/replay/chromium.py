@@ -162,7 +162,9 @@ def browser(*options: str) -> Iterator[Page]:
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         theirs, commands = os.pipe()
         answers, writes = os.pipe()
-        high = [fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in (theirs, writes)]  # so that 3 and 4 overwrite neither
+        # So that 3 and 4 overwrite neither. They may be files of this process that are closed at any time, by the
+        # collector of garbage: ``pass_fds`` would refuse them then; all others end with the call of the program.
+        high = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10) for end in (theirs, writes)]
 
         def connect() -> None:
             os.dup2(high[0], 3)
@@ -170,7 +172,7 @@ def browser(*options: str) -> Iterator[Page]:
 
         process = subprocess.Popen(
             [program, *OPTIONS, *options, f"--user-data-dir={profile}", "about:blank"],
-            preexec_fn=connect, pass_fds=(3, 4), start_new_session=True,
+            preexec_fn=connect, close_fds=False, start_new_session=True,
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )  # fmt: skip
         for end in (theirs, writes, *high):

@@ -12,6 +12,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.planar.drawing import GROUND
 from pinarm.records import ValueRecord, replace
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.labels import name_label, plain
@@ -59,7 +60,8 @@ def names_of(mechanism: Mechanism, nodes: Sequence[Node], how: Presentation) -> 
         name = str(link.get("name"))
         at = point_of(model, frames[name])
         if link.find("inertial") is None and link.find("visual") is None:
-            yield Name(plain(name), "point", at)
+            if at.node or name != GROUND:  # the ground of a drawing is seen by its mounts
+                yield Name(plain(name), "point", at)
         elif at.node:
             yield Name(plain(name), "part", _middle(model, nodes, at))
     for index in range(1, model.njoints):
@@ -99,5 +101,7 @@ def gathered(names: Sequence[Name], places: Array, size: float) -> list[Name]:
 
 
 def _as_one(group: Sequence[Name]) -> Name:
-    more = ", ..." if len(group) > MOST else ""
-    return replace(group[0], text=", ".join(name.text for name in group[:MOST]) + more)
+    """Return names at one place as one, without ``O_crank`` beside O, which is that point of a drawing on a link."""
+    texts = [name.text for name in group]
+    own = [text for text in texts if not any(text.startswith(f"{other}_") for other in texts)]
+    return replace(group[0], text=", ".join(own[:MOST]) + (", ..." if len(own) > MOST else ""))

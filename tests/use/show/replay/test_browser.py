@@ -1,6 +1,8 @@
 """The page in a real browser: silent, alone, right to 1e-6, and worth looking at."""
 
 import io
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -370,3 +372,26 @@ def test_on_a_telephone_the_slider_is_as_wide_as_the_page(
     _browser.open(tmp_path / "replay.html", "#t=0", width=400, height=800)
     assert _browser.evaluate("document.getElementById('slider').offsetWidth") > 350
     assert _browser.evaluate("document.documentElement.scrollWidth") == 400
+
+
+CLOSED_LATE = """
+import os
+assert {os.open(os.devnull, os.O_RDONLY), os.open(os.devnull, os.O_RDONLY)} == {3, 4}
+from pinarm.use.show.replay.chromium import browser
+pipe, made = os.pipe, []
+def pipe_and_collect():
+    made.append(pipe())
+    if len(made) == 3:  # two of the browser, and that by which a process tells that it has started
+        os.close(3), os.close(4)
+    return made[-1]
+os.pipe = pipe_and_collect
+with browser() as page:
+    print(page.call("Browser.getVersion")["product"])
+"""
+
+
+@pytest.mark.slow
+def test_the_browser_starts_where_files_are_closed_in_the_meantime():
+    """Its pipes are descriptors 3 and 4, which belong to fonts that matplotlib has open until garbage is collected."""
+    done = subprocess.run([sys.executable, "-c", CLOSED_LATE], capture_output=True, text=True, timeout=60)
+    assert "Chrom" in done.stdout, done.stderr

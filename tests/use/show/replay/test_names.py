@@ -1,11 +1,13 @@
 """Names: of parts, points, joints and loop joints, at their places, one for all that is in one place."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import pinarm
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.replay.names import gathered, names_of
 from pinarm.use.show.replay.tracks import nodes_of, placed
@@ -42,3 +44,9 @@ def test_joints_have_the_labels_of_the_scenario(solved: Callable[..., Any]) -> N
     known = found(solved("slider_crank_gas"), Presentation(labels={"A": r"\alpha", "x": "stroke"}))
     assert known[r"A, $\alpha$"][0] == "point"
     assert "B3, B, stroke" in known
+
+
+def test_a_point_of_a_drawing_has_its_name_once() -> None:
+    """A pin is one point of the drawing, though each of its two links has a mark of it; the ground is hatched."""
+    known = found(pinarm.run(Path(__file__).parents[4] / "docs/kind_examples/problems/kinematics.yaml"))
+    assert {text for text, (kind, _) in known.items() if kind != "part"} == {"O", "A", "B", "C"}
