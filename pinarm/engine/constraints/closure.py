@@ -175,6 +175,15 @@ class Closure:
             return measured.gaps, measured.matrices
         return self._one_by_one(q)
 
+    def matrices(self, q: Array) -> Array:
+        """Return G at configurations, shape (n, nq), as an array of shape (n, m, nv); see ``at``."""
+        if measured := self._measured(q):
+            return measured.matrices
+        rows = np.empty((*q.shape[:-1], self.size, self.model.nv))
+        for k, one in enumerate(q if self.size else ()):
+            rows[k] = self.rows(self.state(one))
+        return rows
+
     def _one_by_one(self, q: Array) -> tuple[Array, Array]:
         states = q.shape[:-1]
         gaps, rows = np.empty((*states, self.size)), np.empty((*states, self.size, self.model.nv))
@@ -241,7 +250,7 @@ class Closure:
     def drifts(self, q: Array, v: Array) -> Array:
         """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""
         if measured := self._measured(q):
-            return measured.rows.drifts(v.T, self.size)
+            return measured.drifts(v)
         found = np.empty((*q.shape[:-1], self.size))
         for k, one in enumerate(q if self.size else ()):
             found[k] = self.drift(self.state(one, v[k]))
@@ -253,7 +262,12 @@ class Closure:
         Of many joints only the largest and the last are computed. Rows are not brought to the length 1: where bars are
         in line a row itself may vanish.
         """
-        return self.values_of(self.rows(self.state(q)))
+        return self._values(q.tobytes())
+
+    @cached_property
+    def _values(self) -> Callable[[bytes], Array]:
+        """Singular values at the configurations asked for last, such as the start of a motion, to be read only."""
+        return lru_cache(maxsize=4)(lambda content: self.values_of(self.rows(self.state(np.frombuffer(content)))))
 
     def values_of(self, rows: Array) -> Array:
         """Return the singular values of given rows G, shape (.., m, nv), as ``singular_values`` does."""
@@ -339,6 +353,16 @@ class MeasuredRows(Record, frozen=True):
         found = self.rows.matrices(self.shape)
         found.flags.writeable = False
         return found
+
+    def drifts(self, v: Array) -> Array:
+        """Return G' v for velocities v, shape (n, nv), as an array of shape (n, m), to be read only."""
+        return self._drifts(v.tobytes())
+
+    @cached_property
+    def _drifts(self) -> Callable[[bytes], Array]:
+        """Those of the velocities asked for last: all that looks at a table asks for them."""
+        n, m, nv = self.shape
+        return lru_cache(maxsize=1)(lambda content: self.rows.drifts(np.frombuffer(content).reshape(n, nv).T, m))
 
     @cached_property
     def splits(self) -> RowDecompositions:
