@@ -6,7 +6,6 @@ An open chain has no rows; nothing else distinguishes it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -41,8 +40,7 @@ SEVERAL, KEPT = 8, 64
 which this is kept."""
 
 
-@dataclass(frozen=True, eq=False)
-class Closure:
+class Closure(Record, frozen=True):
     """Constraints of one mechanism, stacked.
 
     Attributes:
@@ -50,7 +48,7 @@ class Closure:
         constraints: In the order of their rows.
     """
 
-    model: pin.Model = field(repr=False)
+    model: pin.Model
     constraints: tuple[Constraint, ...]
 
     @classmethod

@@ -30,8 +30,7 @@ WEAK = 1e-3
 """Least length of what a row adds to those before it, relative to the length that it can have."""
 
 
-@dataclass(frozen=True, eq=False)
-class VariantClosure(Closure):
+class VariantClosure(Closure, frozen=True):
     """Constraints of variants of one mechanism, stacked; ``model`` are the variants."""
 
     model: ModelVariants
