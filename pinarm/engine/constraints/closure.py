@@ -6,7 +6,6 @@ An open chain has no rows; nothing else distinguishes it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -44,8 +43,7 @@ SEVERAL, KEPT = 8, 64
 which this is kept."""
 
 
-@dataclass(frozen=True, eq=False)
-class Closure:
+class Closure(Record, frozen=True):
     """Constraints of one mechanism, stacked.
 
     Attributes:
@@ -53,7 +51,7 @@ class Closure:
         constraints: In the order of their rows.
     """
 
-    model: pin.Model = field(repr=False)
+    model: pin.Model
     constraints: tuple[Constraint, ...]
 
     @classmethod
@@ -244,7 +242,7 @@ class Closure:
     def drifts(self, q: Array, v: Array) -> Array:
         """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""
         if measured := self._measured(q):
-            return measured.rows.drifts(v.T, self.size)
+            return measured.drifts(v)
         found = np.empty((*q.shape[:-1], self.size))
         for k, one in enumerate(q if self.size else ()):
             found[k] = self.drift(self.state(one, v[k]))
@@ -280,7 +278,12 @@ class Closure:
         Of many joints only the largest and the last are computed. Rows are not brought to the length 1: where bars are
         in line a row itself may vanish.
         """
-        return np.asarray(self.values(q[None])[0])
+        return self._values(q.tobytes())
+
+    @cached_property
+    def _values(self) -> Callable[[bytes], Array]:
+        """Singular values at the configurations asked for last, such as the start of a motion, to be read only."""
+        return lru_cache(maxsize=4)(lambda content: np.asarray(self.values(np.frombuffer(content)[None])[0]))
 
     def values_of(self, rows: Matrices) -> Array:
         """Return the singular values of given rows G, shape (.., m, nv), as ``singular_values`` does."""
@@ -370,6 +373,16 @@ class MeasuredRows(Record, frozen=True):
         found = self.rows.matrices(self.shape)
         found.flags.writeable = False
         return found
+
+    def drifts(self, v: Array) -> Array:
+        """Return G' v for velocities v, shape (n, nv), as an array of shape (n, m), to be read only."""
+        return self._drifts(v.tobytes())
+
+    @cached_property
+    def _drifts(self) -> Callable[[bytes], Array]:
+        """Those of the velocities asked for last: all that looks at a table asks for them."""
+        n, m, nv = self.shape
+        return lru_cache(maxsize=1)(lambda content: self.rows.drifts(np.frombuffer(content).reshape(n, nv).T, m))
 
     @cached_property
     def sparse_matrices(self) -> list[csr_array]:

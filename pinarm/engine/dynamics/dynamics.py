@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -21,7 +20,7 @@ from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, VariantsDiffer
 from pinarm.mechanics.geometry.pinocchio_data import WIDE, new_data
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.records import replace
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.dynamics.mass_matrix import Masses
@@ -34,8 +33,7 @@ KEPT = 16
 """Number of intervals of time whose loads are kept, since each is asked for several times in a run."""
 
 
-@dataclass(frozen=True, eq=False)
-class Dynamics:
+class Dynamics(Record, frozen=True):
     """The terms of the equation of motion of one tree, and the buffers of the integrators' kernels.
 
     Attributes:
@@ -47,7 +45,7 @@ class Dynamics:
 
     model: Model
     forces: Mapping[str, ForceElement]
-    data: pin.Data = field(repr=False)
+    data: pin.Data
 
     @classmethod
     def of(cls, model: pin.Model, forces: Mapping[str, ForceElement] = NO_FORCES) -> Dynamics:

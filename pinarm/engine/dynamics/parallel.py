@@ -17,6 +17,7 @@ from pinarm.arrays import Array
 from pinarm.engine.dynamics.mass_matrix import Masses, mass_matrices, masses
 from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.mechanics.geometry.pinocchio_data import WIDE, new_data
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.mechanics.geometry.link_placements import LinkPlacements
@@ -87,15 +88,14 @@ class ThreadTiming:
         self.spent[number] = min(spent, 0.5 * (known + min(spent, 2.0 * known)))
 
 
-@dataclass(frozen=True, eq=False)
-class Parallel:
+class Parallel(Record, frozen=True):
     """Inverse and forward dynamics of one tree, without loads.
 
     Attributes:
         model: Pinocchio's model.
     """
 
-    model: pin.Model = field(repr=False)
+    model: pin.Model
 
     def rnea(self, q: Array, v: Array, a: Array) -> Array:
         """Return efforts, shape (n, nv), at configurations, shape (n, nq), with velocities and accelerations."""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
+from msgspec import field
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
@@ -48,8 +48,7 @@ class EventRecord(Record, frozen=True):
     before: Array | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Trajectory:
+class Trajectory(Record, frozen=True):
     """States of a mechanism, a row each: of one motion, of a path of positions, or each of its own.
 
     Of variants of a mechanism arrays have an axis after the first, of length k, or 1 where all are alike.
@@ -87,25 +86,25 @@ class Trajectory:
     parameter: str
     unit: Unit
     grid: Grid
-    q: Array = field(repr=False)
-    v: Array = field(repr=False)
-    a: Array = field(repr=False)
-    tau: Array = field(repr=False)
-    lam: Multipliers = field(repr=False)
-    closure: Closure = field(repr=False)
-    dynamics: Dynamics = field(repr=False)
+    q: Array
+    v: Array
+    a: Array
+    tau: Array
+    lam: Multipliers
+    closure: Closure
+    dynamics: Dynamics
     no_efforts: str = ""
     columns: Mapping[str, Series] = field(default_factory=dict)
     separate: bool = False
-    driven: Flags | None = field(default=None, repr=False)
+    driven: Flags | None = None
     drives: tuple[str, ...] = ()
-    directions: Array | None = field(default=None, repr=False)
+    directions: Array | None = None
     sampled: bool = False
-    opened: Flags | None = field(default=None, repr=False)
+    opened: Flags | None = None
     unknown: str = ""
     remedy: str = ""
-    others: tuple[Trajectory, ...] = field(default=(), repr=False)
-    endless: Flags | None = field(default=None, repr=False)
+    others: tuple[Trajectory, ...] = ()
+    endless: Flags | None = None
 
     @classmethod
     def schema_row(
@@ -130,6 +129,10 @@ class Trajectory:
     def link_motion(self) -> tuple[LinkPlacements, Array, Array, Array]:
         """The motion of the links in all rows; see ``link_placements.moving``."""
         return moving(self.mechanism.model, self.q, self.v, self.a)
+
+    def __repr__(self) -> str:
+        """Return its rows and its mechanism."""
+        return f"<Trajectory of {self.mechanism.title or 'a mechanism'}: {len(self)} rows along {self.parameter}>"
 
     def __len__(self) -> int:
         return len(self.grid.t)

@@ -122,9 +122,9 @@ class Reactions:
         """
         run, found = self.run, np.zeros((*self.run.q[rows].shape[:-1], self.model.njoints, 6))
         for force in dynamics.forces.values():
-            for k, i in enumerate(rows.tolist()):
-                for joint, wrench in force.wrenches(run.grid.t[i], run.q[i], run.v[i]).items():
-                    found[k, joint] += wrench
+            acting = force.wrenches_at(self.links(rows), run.grid.t[rows], run.q[rows], run.v[rows])
+            for joint, wrench in acting.items():
+                found[:, joint] += wrench
         if self.closure.size:
             found = found + self.closure.wrenches(self.links(rows), self.multipliers[rows])
         for contact, f in zip(run.mechanism.frictions, run.friction.T, strict=True):

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from pinarm.arrays import Array, Indices
 from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, states_first, turned
 from pinarm.mechanics.geometry.model_variants import Model
 from pinarm.mechanics.geometry.vectors import cross, crossed, joined, rotated
+from pinarm.records import Record
 
 
-@dataclass(frozen=True, eq=False)
-class LinkPlacements:
+class LinkPlacements(Record, frozen=True):
     """World placements of the joint frames, one for each link, at n configurations.
 
     Attributes:
@@ -24,10 +22,10 @@ class LinkPlacements:
         q: The configurations, shape (n, nq): they tell whole turns of a joint, too.
     """
 
-    model: Model = field(repr=False)
+    model: Model
     turns: Array
     places: Array
-    q: Array = field(repr=False)
+    q: Array
 
     @classmethod
     def at(cls, model: Model, q: Array) -> LinkPlacements:

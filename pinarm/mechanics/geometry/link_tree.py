@@ -13,7 +13,6 @@ long rows of numbers some ten times as fast as vectors of three.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -24,6 +23,7 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.mechanics.geometry.model_variants import Model, bodies_of, placements_of
 from pinarm.mechanics.geometry.vectors import crossed, joined, rotated
+from pinarm.records import Record
 
 
 class SingleJoints(NamedTuple):
@@ -65,8 +65,7 @@ class RelativeMotion(NamedTuple):
     biases: Array
 
 
-@dataclass(frozen=True, eq=False)
-class LinkTree:
+class LinkTree(Record, frozen=True):
     """What is the same of a tree of links at all configurations.
 
     Attributes:
@@ -89,9 +88,9 @@ class LinkTree:
     single: SingleJoints
     others: tuple[int, ...]
     subspace: Array
-    masses: Array = field(repr=False)
-    levers: Array = field(repr=False)
-    inertias: Array = field(repr=False)
+    masses: Array
+    levers: Array
+    inertias: Array
 
     @classmethod
     def of(cls, model: Model) -> LinkTree:

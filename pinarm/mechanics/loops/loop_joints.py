@@ -6,7 +6,6 @@ the origin of frame 2 and a moment ``lam w``, of the first link on the second: t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +20,7 @@ from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.vectors import cross, crossed, joined, rotated
 from pinarm.mechanics.joints import METRE, RADIAN, frame_of
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.mechanics.loops.pair import Pair
@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 LOCAL = pin.ReferenceFrame.LOCAL
 
 
-@dataclass(frozen=True, eq=False)
-class LoopJoint:
+class LoopJoint(Record, frozen=True):
     """A loop joint of one mechanism, ready for evaluation.
 
     Attributes:
@@ -44,7 +43,7 @@ class LoopJoint:
     kind: str
     first: int
     second: int
-    pair: Pair = field(repr=False)
+    pair: Pair
 
     @property
     def side(self) -> float:

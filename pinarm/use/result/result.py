@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 import numpy as np
+from msgspec import field
 from msgspec.structs import asdict
 
 from pinarm.arrays import Array
@@ -25,7 +25,7 @@ from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplification import Removal
-from pinarm.records import replace
+from pinarm.records import Record, replace
 from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED
 from pinarm.use.result.row_lookup import PLATEAU, Lookup, unreached
 
@@ -44,8 +44,7 @@ if TYPE_CHECKING:
     from pinarm.use.show.replay.page import Replay
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Result:
+class Result(Record, frozen=True):
     """The answer to a scenario.
 
     Attributes:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -28,7 +27,7 @@ from pinarm.input.yaml.values import Values, value_at, varied, written_unit
 from pinarm.problems import KINDS, PRESCRIBING, Problem, problem_class
 from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
-from pinarm.records import replace
+from pinarm.records import Record, replace
 from pinarm.use.result.failures import failures_in_words, overflow
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.file_kind import (
@@ -52,8 +51,7 @@ if TYPE_CHECKING:
     from pinarm.use.result.section_number import Numbered
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Scenario:
+class Scenario(Record, frozen=True):
     """A scenario, read and checked; nothing is computed before ``run``.
 
     Attributes:
@@ -505,8 +503,7 @@ class Scenario:
         return self.document.locating("problem", *path)
 
 
-@dataclass(frozen=True, eq=False)
-class ScenarioSource:
+class ScenarioSource(Record, frozen=True):
     """What another process reads a scenario from.
 
     Attributes:
