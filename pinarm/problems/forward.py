@@ -310,6 +310,8 @@ def _uncertain(closure: Closure, q: Array, v: Array) -> list[str]:
     if not closure.size or len(q) < closure.model.nq or not v.any():
         return []
     values = closure.singular_values(q)
+    if not values[0]:  # loops that only repeat each other
+        return []
     least = float(values[values > VANISHED * closure.coarseness].min(initial=values[0])) / float(values[0])
     noise = float(np.finfo(float).eps) / least**2
     return [] if noise < TELLING else [

@@ -456,6 +456,32 @@ def test_friction_of_a_hyperstatic_joint_is_refused_without_a_rule(write):
         pinarm.run(write(CRANK, CLOSED + bare, forward, "turn"))
 
 
+SHAFT = f"""<link name="shaft">{BODY.format(mass=5)}</link><joint name="spin" type="continuous"><parent link="base"/>
+<child link="shaft"/><axis xyz="0 0 1"/></joint>"""
+BEARINGS = """gravity: {direction: [0, -1, 0]}
+points: {right: {link: shaft, at: [0 m, 0 m, 0.4 m]}, seat: {link: base, at: [0 m, 0 m, 0.4 m]}}
+loops: {second: {kind: revolute, between: [seat, right], axis: z}}
+friction:
+  spin: {mu: 0.1, radius: 10 mm, undetermined: minimum_norm}
+  second: {constant: 0.01 N*m}
+"""
+
+
+@pytest.mark.parametrize("problem", [
+    "{kind: inverse, time: {end: 1 s, samples: 2}, motion: {spin: {law: constant_speed, speed: 3 rad/s}}, "
+    "drives: [spin]}",
+    "{kind: forward, time: {end: 0.1 s, samples: 2}, initial: {velocity: {spin: 3 rad/s}}}",
+])  # fmt: skip
+def test_friction_under_a_load_that_a_rule_shares_is_marked(write, problem):
+    """A shaft in two bearings in line, whose second joint only repeats the first: its own friction is its constant."""
+    rests = "least multipliers; rigid bodies do not determine the load of joint.spin"
+    result = pinarm.run(write(SHAFT, BEARINGS, problem, "joint.spin.friction, loop.second.friction, power.friction"))
+    assert [series.doubt for series in result.columns()[1:]] == [rests, "", rests]
+    assert (
+        f"{rests}: what follows from its friction, such as efforts and motions, rests on this choice" in result.notes()
+    )
+
+
 def test_the_crank_of_a_loaded_slider_crank(write):
     """Without masses the rod is in line with its pins but for friction: ``T`` follows from the friction circles.
 
