@@ -227,6 +227,7 @@ def test_no_effort_at_the_nut_turns_a_screw_that_locks_itself(write, joint, thre
     held = pinarm.run(write(SCREW, LOAD + joint + rubs, HELD_AT_NUT, NUT))
     assert [float(held[name].values[0]) for name in NUT.split(", ")] == pytest.approx([6400.0, -np.inf, np.inf])
     assert held.notes()[0].startswith("joint.lift is self-locking in 1 of 1 rows: friction grows with the effort")
+    assert held.figures["equilibrium"] < 1e-15  # of 6400 N of drive and load, of which nothing is left
     entry = held.headline(held["joint.lift.effort.upper"])
     assert (entry["min"], entry["max"]) == (np.inf, np.inf)
     for load in ("6400 kN", "-6400 kN"):
@@ -454,6 +455,32 @@ def test_friction_of_a_hyperstatic_joint_is_refused_without_a_rule(write):
     forward = "{kind: forward, time: {end: 1 s, samples: 3}, initial: {position: {turn: 40 deg}}}"
     with pytest.raises(PinarmError, match="hyperstatic"):
         pinarm.run(write(CRANK, CLOSED + bare, forward, "turn"))
+
+
+SHAFT = f"""<link name="shaft">{BODY.format(mass=5)}</link><joint name="spin" type="continuous"><parent link="base"/>
+<child link="shaft"/><axis xyz="0 0 1"/></joint>"""
+BEARINGS = """gravity: {direction: [0, -1, 0]}
+points: {right: {link: shaft, at: [0 m, 0 m, 0.4 m]}, seat: {link: base, at: [0 m, 0 m, 0.4 m]}}
+loops: {second: {kind: revolute, between: [seat, right], axis: z}}
+friction:
+  spin: {mu: 0.1, radius: 10 mm, undetermined: minimum_norm}
+  second: {constant: 0.01 N*m}
+"""
+
+
+@pytest.mark.parametrize("problem", [
+    "{kind: inverse, time: {end: 1 s, samples: 2}, motion: {spin: {law: constant_speed, speed: 3 rad/s}}, "
+    "drives: [spin]}",
+    "{kind: forward, time: {end: 0.1 s, samples: 2}, initial: {velocity: {spin: 3 rad/s}}}",
+])  # fmt: skip
+def test_friction_under_a_load_that_a_rule_shares_is_marked(write, problem):
+    """A shaft in two bearings in line, whose second joint only repeats the first: its own friction is its constant."""
+    rests = "least multipliers; rigid bodies do not determine the load of joint.spin"
+    result = pinarm.run(write(SHAFT, BEARINGS, problem, "joint.spin.friction, loop.second.friction, power.friction"))
+    assert [series.doubt for series in result.columns()[1:]] == [rests, "", rests]
+    assert (
+        f"{rests}: what follows from its friction, such as efforts and motions, rests on this choice" in result.notes()
+    )
 
 
 def test_the_crank_of_a_loaded_slider_crank(write):

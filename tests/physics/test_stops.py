@@ -67,6 +67,15 @@ def test_impacts_on_a_moving_belt_take_what_they_take_on_one_at_rest(write, spee
     assert (f"the drives of coordinates that follow laws do {work:g} J of work" in note) if work else "work" not in note
 
 
+@pytest.mark.parametrize(("friction", "said"), [("mu: 0.1", True), ("constant: 1 N", False)])
+def test_impacts_say_that_they_have_no_impulses_of_friction(write, friction, said):
+    problem = ("{kind: forward, time: {end: 0.2 s, samples: 2}, initial: {velocity: {slip: -4 m/s}}, "
+               f"{STILL}, end_stops: {{slip: {{lower: -0.5 m, restitution: 0.5}}}}}}")  # fmt: skip
+    result = pinarm.run(write(BLOCK, f"friction: {{slip: {{{friction}}}}}\n", problem, "slip"))
+    wanted = "impacts are without the impulses of friction that their reactions would cause in joint.slip"
+    assert (wanted in result.notes()) == said
+
+
 CONTROL = "control: [{kind: pid, drive: slip, follows: {law: constant, value: 1 m}, kp: 200 N/m, kd: 4 N*s/m}]"
 STOP = "end_stops: {slip: {upper: 0.5 m, restitution: 0.5}}"
 

@@ -97,8 +97,9 @@ def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array
     held = run.closure.load(links, columns, run.q[rows], lam)
     wrenches = demands(model, links, twists, rates)
     asked, sizes = _asked(links, columns, links.at_world(wrenches))
-    supplied = run.tau[rows] + loads[rows] + run.friction_loads[rows] + held - model.armature * run.a[rows]
-    return supplied - asked, np.abs(supplied) + np.abs(held) + sizes, _most_powers(wrenches, twists)
+    acting = run.tau[rows], loads[rows], run.friction_loads[rows], held
+    supplied = sum(acting) - model.armature * run.a[rows]
+    return supplied - asked, sum(map(np.abs, acting)) + sizes, _most_powers(wrenches, twists)
 
 
 def _asked(links: LinkPlacements, columns: Array, wrenches: Array) -> tuple[Array, Array]:

@@ -196,20 +196,25 @@ class BearingReactions:
             DynamicsError: Says which joint's friction rigid bodies do not determine.
         """
         self._require_known()
+        for contact in self.undetermined(rows, q):
+            if not contact.shared:
+                raise DynamicsError(
+                    f"the friction of {contact.name} depends on a reaction that rigid bodies do not determine: the "
+                    "mechanism is hyperstatic",
+                    expected="a joint that is loosened until its reaction is determined, or friction without a "
+                    "load: constant",
+                    hint="no thrust_radius or span, or undetermined: minimum_norm, for the least multipliers",
+                )
+
+    def undetermined(self, rows: SplitRows, q: Array) -> list[FrictionContact]:
+        """Return the contacts whose bearings multipliers load that do nothing; see ``require_determined``."""
         free = rows.scale[:, None] * rows.redundant
         stresses = np.vstack([np.zeros(len(free)), (free / np.linalg.norm(free, axis=0)).T])
         still, none = np.zeros((len(stresses), self.closure.model.nv)), np.zeros((len(stresses), len(self.contacts)))
         wrenches = self.wrenches(0.0, q, still[0], still, stresses, none)
-        for added in wrenches[1:] - wrenches[0]:
-            for contact, wrench in zip(self.contacts, added, strict=True):
-                if contact.law.loaded and not contact.shared and contact.bearing.most(wrench) > OPEN:
-                    raise DynamicsError(
-                        f"the friction of {contact.name} depends on a reaction that rigid bodies do not determine: the "
-                        "mechanism is hyperstatic",
-                        expected="a joint that is loosened until its reaction is determined, or friction without a "
-                        "load: constant",
-                        hint="no thrust_radius or span, or undetermined: minimum_norm, for the least multipliers",
-                    )
+        added = (wrenches[1:] - wrenches[0]).swapaxes(0, 1)
+        return [contact for contact, wrench in zip(self.contacts, added, strict=True)
+                if contact.law.loaded and (contact.bearing.most(wrench) > OPEN).any()]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

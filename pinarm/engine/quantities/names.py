@@ -70,6 +70,11 @@ class Quantities:
         return Evaluation(self.trajectory, self.undetermined, judged=self.whole is None)
 
     @property
+    def _judged(self) -> Evaluation:
+        """That of the whole run, which tells what is determined."""
+        return (self.whole or self).evaluation
+
+    @property
     def reactions(self) -> Reactions:
         """What the joints transmit."""
         return self.evaluation.reactions
@@ -108,7 +113,8 @@ class Quantities:
                 found = self._extreme(name)
                 if found is None:
                     found = self._require_known(self._find(name))
-                    found = replace(found, doubt=found.doubt or self._left_open(name, found))
+                    doubt = found.doubt or self._judged.friction_doubts.get(name) or self._left_open(name, found)
+                    found = replace(found, doubt=doubt)
                 self._require_axes(found)
                 self._known[name] = found
         return self._known[name]

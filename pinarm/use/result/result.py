@@ -464,6 +464,11 @@ class Result(Record, frozen=True):
         """
         run = self.trajectory
         doubts = [f"{series.name}: {series.doubt}" for series in self.columns() if series.doubt]
+        rules = dict.fromkeys(self.quantities.evaluation.friction_doubts.values())
+        doubts += [
+            f"{rule}: what follows from its friction, such as efforts and motions, rests on this choice"
+            for rule in rules
+        ]
         coarse = coarse_angles(run.mechanism.joints, run.q)
         missed = unreached(self.quantities, self.content.expect)
         said = [*run.mechanism.notes, *doubts, *self.outcome.notes, *missed, *coarse, *self._periods()]

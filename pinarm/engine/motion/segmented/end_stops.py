@@ -9,7 +9,7 @@ freedom dynamics, 1988). A restitution of 1 keeps the energy. Stops push only: t
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.records import Record, ValueRecord
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.friction.contact import FrictionContact
 
 RESTING = 1e-6
 """Velocity after an impact that is taken for rest [rad/s or m/s]: what is left to rise is 1e-13 m under gravity."""
@@ -219,6 +222,18 @@ def impact_remarks(contacts: Contacts, events: Iterable[EventRecord]) -> list[st
         if event.before is not None:
             impacts.setdefault(event.name, []).append(event)
     return [_impact_remark(titles[name], hits, *contacts.energies(hits)) for name, hits in impacts.items()]
+
+
+def frictionless_remarks(frictions: Sequence[FrictionContact], events: Iterable[EventRecord]) -> list[str]:
+    """Return that impacts have no impulse of friction, where there are any and friction depends on loads.
+
+    In an impact mu times the impulses of reactions would be of its size. Where a slip reverses meanwhile it depends on
+    the course of the impact, of which a restitution tells nothing.
+    """
+    names = dict.fromkeys(friction.name for friction in frictions if friction.law.loaded)
+    if not names or all(event.before is None for event in events):
+        return []
+    return [f"impacts are without the impulses of friction that their reactions would cause in {', '.join(names)}"]
 
 
 def _impact_remark(title: str, hits: Sequence[EventRecord], taken: float, given: float) -> str:
