@@ -112,8 +112,11 @@ class Scenario:
         """
         given = data.get("mechanism")
         if isinstance(given, pin.Model):
-            raise InputError("scenario: the mechanism is a model of Pinocchio",
-                             expected="a Mechanism, the path of a file, or the name of a robot", hint="pinarm.Mechanism.of(model)")  # fmt: skip
+            raise InputError(
+                "scenario: the mechanism is a model of Pinocchio",
+                expected="a Mechanism, the path of a file, or the name of a robot",
+                hint="pinarm.Mechanism.of(model)",
+            )
         if not isinstance(given, Mechanism):
             return cls.of(Document.of_data(data, "scenario"), Path())
         refuse_changes(data)
