@@ -9,6 +9,8 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+import pinocchio as pin
+
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.figures import plain
 from pinarm.engine.checks.residuals import residual_figures
@@ -107,6 +109,12 @@ class Scenario(Record, frozen=True):
             InputError: It has a mistake.
         """
         given = data.get("mechanism")
+        if isinstance(given, pin.Model):
+            raise InputError(
+                "scenario: the mechanism is a model of Pinocchio",
+                expected="a Mechanism, the path of a file, or the name of a robot",
+                hint="pinarm.Mechanism.of(model)",
+            )
         if not isinstance(given, Mechanism):
             return cls.of(Document.of_data(data, "scenario"), Path())
         refuse_changes(data)
