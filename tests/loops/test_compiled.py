@@ -225,6 +225,17 @@ class TestClosing:
         found = flow.slope(np.concatenate([q, v]))[3:]
         assert found == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
+    def test_closes_states_within_steps_that_have_been_taken(self, motion):
+        """As in Python, whatever the present step does."""
+        python, flow = motion
+        q, v = self.state(0.3, 1e-3)
+        python.looked, python.near, python.rank = True, False, python.points.tied.rank
+        open_, closed = (each(0.9, q, v)[:3] for each in (python.acceleration, python.since(0.5)))
+        assert np.abs(open_ - closed).max() > 1e-4
+        y = np.concatenate([q, v])
+        assert flow.slopes(np.array([0.5]), y[None])[0, 3:] == pytest.approx(closed, rel=1e-9, abs=1e-9)
+        assert flow.slope(y)[3:] == pytest.approx(open_, rel=1e-9, abs=1e-9)
+
 
 def settle(flow, t, y, slope):
     """Let the library settle a state."""

@@ -14,8 +14,8 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.integration.batch_solution import ActiveMotions, BatchStep, Ensemble
 from pinarm.engine.integration.events import Watch, keeps_sign, locate_crossings, nodes
 from pinarm.engine.integration.first_step import first_step
-from pinarm.engine.integration.integrator import EmbeddedPair, Interval, Manifold, Solution, StepsOver, interpolated
-from pinarm.engine.integration.methods.explicit import HALVES, middle, terms_of
+from pinarm.engine.integration.integrator import EmbeddedPair, Interval, Manifold, Solution, StepsOver
+from pinarm.engine.integration.methods.explicit import HALVES, middle
 from pinarm.engine.integration.step_control import (
     FASTEST,
     HUGE,
@@ -228,9 +228,9 @@ class _BatchDriver:
         """Return in which steps a watched value may cross zero, shape (m,): bounds on its Chebyshev series decide."""
         m, x, nq = len(taken.h), nodes(self.method.subdivisions), self.manifold.nq
         base, known = taken.y.T, taken.slopes.transpose(2, 0, 1)
-        terms = terms_of(self.method.tableau, self.interval, self.manifold, taken.t, taken.h, base, known)
+        output = self.method.output_of(self.interval, self.manifold, taken.t, taken.h, base, known)
         rows, fraction = np.repeat(np.arange(m), len(x)), np.tile(x, m)
-        y = interpolated(base[rows], terms[rows], fraction)
+        y = output.states(rows, fraction)
         states = taken.t[rows] + taken.h[rows] * fraction, self.manifold.project(y[:, :nq]), y[:, nq:]
         values = [watch.value(*states).reshape(m, len(x)) for watch in self.watches]
         return np.asarray(~np.all([keeps_sign(each) for each in values], axis=0))

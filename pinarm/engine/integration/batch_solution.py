@@ -16,9 +16,7 @@ from pinarm.engine.integration.integrator import (
     Manifold,
     Solution,
     Step,
-    interpolated,
 )
-from pinarm.engine.integration.methods.explicit import terms_of
 from pinarm.errors import IntegrationError
 
 ROWS = 16384
@@ -174,11 +172,10 @@ class Ensemble:
             return
         steps = taken.subset(needed)
         base, slopes, interval = steps.y.T, steps.slopes.transpose(2, 0, 1), self.intervals[taken.interval]
-        terms = terms_of(self.method.tableau, interval, self.manifold, steps.t, steps.h, base, slopes)
+        output = self.method.output_of(interval, self.manifold, steps.t, steps.h, base, slopes)
         for begin in range(0, len(row), ROWS):
             part = slice(begin, begin + ROWS)
-            here = where[part]
-            y[steps.number[here], instant[part]] = interpolated(base[here], terms[here], x[part])
+            y[steps.number[where[part]], instant[part]] = output.states(where[part], x[part])
 
 
 def _ranges(first: Indices, beyond: Indices) -> tuple[Indices, Indices]:

@@ -188,7 +188,7 @@ class CompiledSteps:
 
 
 def terms(tableau: Tableau, flow: Flow, steps: Sequence[Step]) -> Array:
-    """Return the terms of the dense output of steps, see ``Method.interpolants``, shape (n, d, nq + nv)."""
+    """Return the terms of the dense output of steps, see ``DenseOutput``, shape (n, d, nq + nv)."""
     found = []
     for way, group in [(way, list(group)) for way, group in groupby(steps, lambda step: flow.way(step.t))]:
         flow.take(way)

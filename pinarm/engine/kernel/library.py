@@ -50,9 +50,20 @@ class Flow:
 
     def slope(self, y: Array) -> Array:
         """Return the slope of a state [q, v], shape (nq + nv,)."""
+        self.ready()
+        return self._slope(y)
+
+    def slopes(self, starts: Array, y: Array) -> Array:
+        """Return the slopes of states within steps, by the starts of these [s], shape (n, nq + nv)."""
+        found = np.empty_like(y)
+        for k, start in enumerate(starts.tolist()):
+            self.within(start)
+            found[k] = self._slope(y[k])
+        return found
+
+    def _slope(self, y: Array) -> Array:
         rates, state, slope, places = self._evaluation
         state[:] = y
-        self.ready()
         rates(self.structure.system, 0.0, *places)
         return slope.copy()
 
@@ -73,6 +84,10 @@ class Flow:
 
     def take(self, way: Any) -> None:
         """Let rates be those of such stages."""
+
+    def within(self, t: float) -> None:
+        """Let rates be those within the step that began at t [s]."""
+        self.take(self.way(t))
 
     def advanced(self, ends: Sequence[float]) -> None:
         """Note that steps have been taken to these instants [s], and the states there settled."""

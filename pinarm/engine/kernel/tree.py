@@ -129,6 +129,10 @@ class HeldFlow(Flow):
         structure.rows = values  # kept as long as the structure
         return structure
 
+    def within(self, t: float) -> None:
+        """Bring in the loads that were in force in the step that began at t [s]."""
+        self._efforts[:] = self.steady + self.loads.load_of(np.array([self.loads.piece(t)]))[0]
+
 
 class CompiledTree(Record, frozen=True):
     """A tree as the library knows it.
