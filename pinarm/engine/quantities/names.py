@@ -108,7 +108,8 @@ class Quantities:
                 found = self._extreme(name)
                 if found is None:
                     found = self._require_known(self._find(name))
-                    found = replace(found, doubt=found.doubt or self._left_open(name, found))
+                    if not found.doubt and (doubt := self._left_open(name, found)):
+                        found = replace(found, doubt=doubt)
                 self._require_axes(found)
                 self._known[name] = found
         return self._known[name]

@@ -354,9 +354,9 @@ class Result(Record, frozen=True):
         Raises:
             DynamicsError: Says where; ``partial`` holds the result.
         """
-        bad = np.flatnonzero(~np.isfinite(self[name].values))
-        if len(bad):
-            run = self.trajectory
+        finite = np.isfinite(self[name].values)
+        if not finite.all():
+            run, bad = self.trajectory, np.flatnonzero(~finite)
             where = f"{run.parameter} = {run.grid.t[bad[0]]:.9g} {run.unit}"
             more = f", nor in {len(bad) - 1} more rows" if len(bad) > 1 else ""
             never = [time for time, series in run.columns.items() if time in name and np.isnan(series.values).any()]
