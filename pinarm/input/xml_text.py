@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.parsers import expat
+
+from msgspec import Struct, field
 
 from pinarm.errors import InputError, Location, ModelError, PinarmError
 
@@ -51,8 +52,7 @@ def read(path: Path, source: str, most: int) -> str:
     )
 
 
-@dataclass
-class Survey:
+class Survey(Struct):
     """Counts from a first pass over XML text, which builds nothing and stops at the bounds.
 
     Attributes:

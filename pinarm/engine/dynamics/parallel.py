@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import cached_property
 from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
+from msgspec import Struct, field
 
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.mass_matrix import Masses, mass_matrices, masses
@@ -56,8 +56,7 @@ def threads() -> int:
     return min(cores(), max(1, int(allowed))) if allowed.isdecimal() else cores()
 
 
-@dataclass(eq=False)
-class ThreadTiming:
+class ThreadTiming(Struct):
     """How fast calls of like size are with one thread and with several.
 
     That depends on who else needs the cores: calls of 256 pandas take 0.20 to 0.28 ms with two threads instead of 0.40,

@@ -114,7 +114,8 @@ class Quantities:
                 if found is None:
                     found = self._require_known(self._find(name))
                     doubt = found.doubt or self._judged.friction_doubts.get(name) or self._left_open(name, found)
-                    found = replace(found, doubt=doubt)
+                    if doubt != found.doubt:
+                        found = replace(found, doubt=doubt)
                 self._require_axes(found)
                 self._known[name] = found
         return self._known[name]

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from itertools import repeat
 from typing import Any
 
 import numpy as np
+from msgspec import Struct, field
 
 from pinarm.errors import ExpressionError, ModelError
 from pinarm.input.xacro.arithmetic import Scalars, evaluate
@@ -61,8 +61,7 @@ class Traced(Record, frozen=True):
         return outcome
 
 
-@dataclass
-class Tape:
+class Tape(Struct):
     """A straight-line program: registers hold the arguments, then the result of each step.
 
     Attributes:

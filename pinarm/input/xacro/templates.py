@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct, field
 
 from pinarm.errors import ModelError, PinarmError
 from pinarm.input.roots import contained_path
@@ -205,8 +206,7 @@ def _text(path: Path) -> str | None:
     return read(path, str(path), MAX_BYTES) if path.is_file() else None
 
 
-@dataclass
-class _Remembered:
+class _Remembered(Struct):
     """The templates of a model, and how many more may be recorded."""
 
     templates: list[Template] = field(default_factory=list)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -24,7 +23,7 @@ from pinarm.input.yaml.key_path import steps_of
 from pinarm.input.yaml.parser import Builder, Path_
 from pinarm.input.yaml.schema import InputStruct, convert, reading_from
 from pinarm.input.yaml.validation_messages import explain, failing_path, unknown_key
-from pinarm.records import replace
+from pinarm.records import ValueRecord, replace
 
 MAX_BYTES = 1_000_000
 """Largest size of a file; a reader in Python needs about a minute for ten megabytes. Longer tables go in CSV files."""
@@ -33,8 +32,7 @@ MAX_BYTES = 1_000_000
 StructT = TypeVar("StructT", bound=InputStruct)
 
 
-@dataclass(frozen=True)
-class Document:
+class Document(ValueRecord, frozen=True):
     """A YAML file as plain data, with the location of every key and value; that of a list or map is its key's.
 
     Attributes:
@@ -48,8 +46,8 @@ class Document:
     source: str
     path: Path | None
     data: Any
-    places: Mapping[Path_, Location] = field(repr=False)
-    keys: Mapping[Path_, Location] = field(repr=False)
+    places: Mapping[Path_, Location]
+    keys: Mapping[Path_, Location]
 
     @classmethod
     def read(cls, path: Path, *, source: str | None = None) -> Document:

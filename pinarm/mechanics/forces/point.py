@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 Number = TypeVar("Number", float, Array)
 
-MANY = 8
-"""Number of configurations from which on it pays to place them together."""
+MANY, KEPT = 8, 64
+"""Number of configurations from which on it pays to place them together, and up to which what is found is kept."""
 
 ALIGNED = pin.LOCAL_WORLD_ALIGNED
 
@@ -236,6 +236,16 @@ class TwoPointSpring(ForceElement):
     def _lines(self, q: Array) -> tuple[Array, Array]:
         """Return lengths [m], shape (...), and dl/dq, shape (..., nv), at configurations, shape (..., nq)."""
         states = q.reshape(-1, q.shape[-1])
+        lengths, rows = self._last(q.tobytes()) if len(states) <= KEPT else self._lines_of(states)
+        return lengths.reshape(q.shape[:-1]), rows.reshape(*q.shape[:-1], self.model.nv)
+
+    @cached_property
+    def _last(self) -> Callable[[bytes], tuple[Array, Array]]:
+        """The lines at the configurations of a table, to be read only: all that looks at it asks for the load there."""
+        return lru_cache(maxsize=2)(lambda content: self._lines_of(np.frombuffer(content).reshape(-1, self.model.nq)))
+
+    def _lines_of(self, states: Array) -> tuple[Array, Array]:
+        """Return lengths [m], shape (n,), and dl/dq, shape (n, nv), at configurations, shape (n, nq)."""
         if self.chain is None or len(states) < MANY:
             lines = [self._line(state) for state in states]
             lengths, rows = np.array([length for length, _, _ in lines]), np.array([row for _, _, row in lines])
@@ -246,7 +256,7 @@ class TwoPointSpring(ForceElement):
                 raise self._meeting(states[lengths.argmin()])
             for j, x in placed.along(placed.p / np.where(lengths == 0.0, 1.0, lengths)).items():
                 rows[:, j] = x
-        return np.broadcast_to(lengths, len(states)).reshape(q.shape[:-1]), rows.reshape(*q.shape[:-1], -1)
+        return np.broadcast_to(lengths, len(states)), rows
 
     def _line(self, q: Array) -> tuple[float, Array, Array]:
         """Return length [m], direction from the first to the second point, and dl/dq, shape (nv,)."""
