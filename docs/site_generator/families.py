@@ -73,11 +73,11 @@ under
 `motion:` (of a coordinate), `effort:` (of a load), `follows:` (of a controller). The examples move one slide; pictures
 show position, velocity and acceleration. Where a derivative jumps, the table of a run has a row for either side."""
 CONTROLLERS = """A controller turns what it measures into the effort of a drive, in `forward` runs: `control: [{kind:
-..., drive: ...}]` of the problem, or of the mechanism file. Sampling, delay, limits and what is integrated are described in
+..., drive: ...}]` of the problem, or of the mechanism file. Sampling, delay, limits and integrals are described in
 [Control](../../control.md)."""
 COORDINATES = """Every joint of one degree of freedom is a coordinate. A mechanism file defines others: `coordinates:
-{NAME: {kind: ...}}`. A coordinate may follow a law, be driven, and be an output: `coordinate.NAME.position`, `.velocity`,
-`.acceleration`."""
+{NAME: {kind: ...}}`. A coordinate may follow a law, be driven, and be an output:
+`coordinate.NAME.position`, `.velocity`, `.acceleration`."""
 
 ASSESSED = """An assessment is a key of a scenario: what is concluded from the run. Its section of the result has
 tables, numbers and remarks, which terminal, result folder, notebook and report show. More is in
