@@ -23,6 +23,8 @@ from unittest.mock import patch
 import numpy as np
 
 import pinarm
+from pinarm.engine.series import Series
+from pinarm.input.units import DIMENSIONLESS
 from pinarm.use.cases.case import Row, Task, Wanted, solve_case
 from pinarm.use.study.sweep.axes import Axis, Cases, Column
 from pinarm.use.study.sweep.case_solver import Solving
@@ -123,7 +125,8 @@ def here() -> None:
     scenario = pinarm.load(SCENARIO, FEW_ROWS)
     column = Column("arguments.m_A", np.linspace(0.1, 0.5, JOURNALED).tolist(), "kg")
     chosen, task = Cases((Axis((column,)),)), Task.of(scenario, ())
-    solving = Solving(task, chosen, np.full((JOURNALED, 20), np.nan), lambda done, failed, total: None)
+    named = [Series(f"x{k}", DIMENSIONLESS, np.zeros(0)) for k in range(20)]
+    solving = Solving(task, chosen, named, lambda done, failed, total: None)
     with tempfile.TemporaryDirectory() as folder:
         begin = time.process_time()
         solving.run(Answered(), Path(folder))

@@ -64,9 +64,10 @@ Time to an answer of a given accuracy: pinarm and other engines, from the same n
 The error of a run is the largest difference to one reference, over {SAMPLES} instants and all joint angles [rad]; of a
 batch, over the last angles of all its motions. References are computed twice, on routes that share no code, and known
 to the error that stands below. Every engine tries its settings, tolerances or steps from coarse to fine, in every
-method that suits the problem. Of those below an error the fastest is run again in turn with the others', and the median
-of its times is given. Models are built beforehand. pinarm is timed through `Scenario.run`, its measures of accuracy
-included, `pinarm.batch` without those of each motion, or `Mechanism.inverse`. The first of a line is bold."""
+method that suits the problem. Of those below an error the fastest is run again in turn with the others', each time
+twice in a row, and the median of the second times is given. Models are built beforehand. pinarm is timed through
+`Scenario.run`, its measures of accuracy included, `pinarm.batch` without those of each motion, or `Mechanism.inverse`.
+The first of a line is bold."""
 
 
 def _version(package: str) -> str:

@@ -1,4 +1,4 @@
-"""A picture of boxes, their joint and cables at several rows of a run: how a body turns is not seen of a stick."""
+"""A picture of boxes, their joint, rods and cables at several rows: how a body turns is not seen of a stick."""
 
 from __future__ import annotations
 

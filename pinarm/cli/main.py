@@ -11,6 +11,7 @@ import argparse
 import atexit
 import gc
 import os
+import re
 import sys
 import time
 from collections.abc import Sequence
@@ -21,13 +22,13 @@ from typing import TYPE_CHECKING
 from pinarm import __version__
 from pinarm.cli.options import EXAMPLES, add
 from pinarm.cli.streams import flush_output, give_up, open_streams, unwritable
-from pinarm.errors import InputError, NumericsError, PinarmError, printable
+from pinarm.errors import InputError, NumericsError, PinarmError, choices, printable
 from pinarm.input.roots import file_root
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from pinarm.use.study.answers.check import Finding
+    from pinarm.use.study.answers.check import Findings
 
 OK, MISSED, BAD_INPUT, NUMERICS_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -88,6 +89,7 @@ def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from pinarm.use.output.destination import destination
     from pinarm.use.output.folder import check_replaceable
     from pinarm.use.progress import shown_by
     from pinarm.use.scenario.scenario import load
@@ -96,53 +98,41 @@ def _run(options: argparse.Namespace) -> int:
 
     begin = time.perf_counter()
     scenario = load(options.scenario, options.values)
-    folder = options.output or Path("results") / scenario.name
-    options.output = folder
-    check_replaceable(folder, "result")  # before the work
-    replaced = _title(folder)
+    target = destination(options.output, options.scenario, scenario.name)
+    options.output = target.folder
+    check_replaceable(target.folder, "result")  # before the work
     with _executor(options.cluster) as executor, shown_by(_progress):
         scenario = scenario.with_workers(options.workers, executor)
         result = scenario.verified() if options.verify else scenario.run()
         solved = time.perf_counter()
-        save(result, folder, plots=options.plots, dpi=options.dpi, timing={"solve [s]": solved - begin})
+        save(result, target.folder, plots=options.plots, dpi=options.dpi, timing={"solve [s]": solved - begin})
     if options.json:
-        _print_json({**result.summary(), "folder": str(folder)})
+        _print_json({**result.summary(), "folder": str(target.folder)})
     else:
         print(report(result))
-        other = replaced is not None and replaced != result.content.title
-        print(f"written to {folder}" + (f", in place of the result of '{replaced}'" if other else ""))
+        print(target)
     if result.contradiction:
         return NumericsError.exit_code
     return MISSED if result.missed else OK
 
 
-def _title(folder: Path) -> str | None:
-    """Return the title of the scenario whose result a folder holds; ``None`` where it holds none that can be read."""
-    import json
-
-    try:
-        title = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["title"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-    return title if isinstance(title, str) else None
-
-
 def _check(options: argparse.Namespace) -> int:
-    from pinarm.use.study.answers.check import check, misses
+    from pinarm.use.study.answers.check import check, misses, told_apart
     from pinarm.use.study.answers.verdict_table import plain, verdicts
     from pinarm.use.study.run import scenario_files
 
-    findings: list[Finding] = []
+    solved: dict[Path, Findings] = {}
     failures: list[PinarmError] = []
     for path in scenario_files(*options.paths):
         _progress(f"check {path}")
         try:
-            findings += check(path, options.values)
+            solved[path] = check(path, options.values)
         except PinarmError as error:
             if options.traceback:
                 raise
             failures.append(error)
     _progress("")
+    findings = told_apart(solved)
     if options.json:
         _print_json({"findings": [plain(finding) for finding in findings], "errors": [str(e) for e in failures]})
     else:
@@ -209,6 +199,11 @@ def _quantities(options: argparse.Namespace) -> int:
     from pinarm.use.study.quantities import quantities
 
     known = quantities(options.path, options.values, like=options.like)
+    if not known:
+        words = {word for entry in quantities(options.path, options.values) for word in re.findall(r"\w+", str(entry))}
+        raise InputError(f"nothing that can be asked has '{options.like}' in its name or meaning",
+                         expected="part of a name or of a meaning, such as force", hint=choices(options.like, words)[1],
+                         )  # fmt: skip
     if options.json:
         import msgspec
 
@@ -236,28 +231,26 @@ def _explain(options: argparse.Namespace) -> int:
 
 
 def _sweep(options: argparse.Namespace) -> int:
+    from pinarm.use.output.destination import destination
     from pinarm.use.scenario.scenario import load
-    from pinarm.use.study.sweep.parquet_parts import require_parquet
     from pinarm.use.study.sweep.sweep import sweep
     from pinarm.use.study.sweep.sweep_files import summary
     from pinarm.use.study.sweep.sweep_text import progress_bar, report
 
     scenario = load(options.scenario, options.values)
-    folder = options.output or Path("results") / f"{scenario.name}-sweep"
-    if options.parquet:
-        require_parquet()  # before the work
+    target = destination(options.output, options.scenario, scenario.name, "-sweep")
     with _executor(options.cluster) as executor, progress_bar(sys.stderr) as progress:
         swept = sweep(
             scenario, _assignments(options.over), cases=options.cases, samples=options.sample, seed=options.seed,
             sampling=options.sampling, results=options.results, workers=options.workers, executor=executor,
-            folder=folder, progress=progress,
+            folder=target.folder, parquet=options.parquet, progress=progress,
         )  # fmt: skip
-    swept.save(folder, plots=options.plots, dpi=options.dpi, parquet=options.parquet)
+    swept.save(target.folder, plots=options.plots, dpi=options.dpi, parquet=options.parquet)
     if options.json:
-        _print_json({**summary(swept), "folder": str(folder)})
+        _print_json({**summary(swept), "folder": str(target.folder)})
     else:
         print(printable(report(swept)))
-        print(f"written to {folder}")
+        print(target)
     return NUMERICS_FAILED if swept.errors else OK
 
 
@@ -271,22 +264,23 @@ def _executor(address: str | None) -> AbstractContextManager[Executor | None]:
 
 
 def _tradeoff(options: argparse.Namespace) -> int:
+    from pinarm.use.output.destination import destination
     from pinarm.use.output.folder import check_replaceable
     from pinarm.use.scenario.scenario import load
     from pinarm.use.study.accuracy.tradeoff import tradeoff
     from pinarm.use.study.accuracy.tradeoff_text import report
 
     scenario = load(options.scenario, options.values)
-    folder = options.output or Path("results") / f"{scenario.name}-tradeoff"
-    check_replaceable(folder, "trade-off")
+    target = destination(options.output, options.scenario, scenario.name, "-tradeoff")
+    check_replaceable(target.folder, "trade-off")
     with _executor(options.cluster) as executor:
         trade = tradeoff(scenario, workers=options.workers, executor=executor)
-    trade.save(folder, plots=options.plots, dpi=options.dpi)
+    trade.save(target.folder, plots=options.plots, dpi=options.dpi)
     if options.json:
-        _print_json({**trade.summary(), "folder": str(folder)})
+        _print_json({**trade.summary(), "folder": str(target.folder)})
     else:
         print(printable(report(trade)))
-        print(f"written to {folder}")
+        print(target)
     return OK
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pinocchio as pin
+from msgspec import field
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
@@ -48,7 +48,7 @@ from pinarm.mechanics.geometry.model_variants import ModelVariants
 from pinarm.mechanics.joints import Joint, links_of
 from pinarm.mechanics.loops.closing_frames import proposals
 from pinarm.mechanics.perturbation import perturbed
-from pinarm.records import replace
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.constraint import Constraint
@@ -63,8 +63,7 @@ if TYPE_CHECKING:
     from pinarm.use.result.result import Result
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Mechanism:
+class Mechanism(Record, frozen=True):
     """A mechanism with its names.
 
     Attributes:
@@ -107,7 +106,7 @@ class Mechanism:
     notes: tuple[str, ...] = ()
     frictions: tuple[FrictionContact, ...] = ()
     control: tuple[ControlDefinition | FunctionControl, ...] = ()
-    locate: Locate = field(default=nowhere, repr=False, compare=False)
+    locate: Locate = nowhere
 
     @classmethod
     def load(
@@ -164,7 +163,7 @@ class Mechanism:
 
         What was computed of the fields stays behind.
         """
-        own = {each.name: getattr(self, each.name) for each in fields(self)}
+        own = {name: getattr(self, name) for name in self.__struct_fields__}
         own["forces"] = {name: force for name, force in self.forces.items() if name not in self.description.forces}
         return _bound_again, (own,)
 

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.errors import UnitError
 from pinarm.input.formulas.dimensions import Measure, Rule, power, pure, root, same
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
@@ -43,12 +43,19 @@ class Series(NDArrayOperatorsMixin):
         unit: Unit of the values; ``None`` where it is not known, which fits every other unit.
         values: One per row of a run, shape (n,), or of the shape in which states or motions were given; read-only.
         doubt: Why the values are one choice of many; empty where they are determined.
+        unbounded: Whether infinite values are meant: ends of a band that has none.
     """
 
     name: str
     unit: Unit | None
     values: Array
     doubt: str = ""
+    unbounded: bool = False
+
+    @property
+    def known(self) -> Flags:
+        """Which values are numbers, of an ``unbounded`` series infinite ones too, shape (n,)."""
+        return ~np.isnan(self.values) if self.unbounded else np.isfinite(self.values)
 
     def __post_init__(self) -> None:
         values = np.asarray(self.values).view()

@@ -143,7 +143,8 @@ def contained_path(path: str | Path, root: Path, packages: Mapping[str, Path] = 
         raise InputError(
             f"the path {_short(path)} leads out of the root folder",
             expected=f"a path under {' or '.join(allowed)}",
-            hint="copy the file there, put an empty .pinarm-root in a folder above both, or say --root DIR",
+            hint="copy the file there, put an empty .pinarm-root in a folder above both, or say --root DIR; in Python: "
+            "with pinarm.file_root(DIR)",
         )
     file = Path(resolved)
     if (noted := _noted.get()) is not None:

@@ -85,7 +85,8 @@ class Drive(InputStruct, frozen=True):
         if self.elasticity is not None and self.efficiency < 1.0:
             with within("efficiency"):
                 raise InputError("the losses of an elastic gear are not modelled", expected="an efficiency of 1",
-                                 hint="elasticity: {damping: ...}, or friction of the joint")  # fmt: skip
+                                 hint="the wheel of the gear as a link of the model between motor and load, with a "
+                                 "joint_spring behind it: see docs/control.md")  # fmt: skip
         if self.ratio == 0.0 or not math.isfinite(self.ratio):
             with within("ratio"):
                 raise InputError(

@@ -20,7 +20,7 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.bifurcation import undetermined_rest
 from pinarm.engine.motion.integrated_motion import IntegratedMotion, event_columns
-from pinarm.engine.motion.segmented.end_stops import Bound, impact_remarks
+from pinarm.engine.motion.segmented.end_stops import Bound, frictionless_remarks, impact_remarks
 from pinarm.engine.motion.segmented.hybrid_motion import FirstSegment, HybridSystem
 from pinarm.engine.motion.segmented.segments import SegmentedMotion
 from pinarm.engine.motion.segmented.separations import Separation, opening_remarks, separations_of
@@ -212,7 +212,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             *_uncertain(hybrid.guided, q, v),
             *motion.remarks(),
             *_motors(hybrid, motion),
-            *impact_remarks(mechanism.model, hybrid.bounds, motion.events),
+            *impact_remarks(hybrid.contacts, motion.events),
+            *frictionless_remarks(mechanism.frictions, motion.events),
             *opening_remarks(hybrid.bounds, motion.events),
             *_rest(hybrid, motion),
             *profile_remarks(mechanism, self.motion),
@@ -309,6 +310,8 @@ def _uncertain(closure: Closure, q: Array, v: Array) -> list[str]:
     if not closure.size or len(q) < closure.model.nq or not v.any():
         return []
     values = closure.singular_values(q)
+    if not values[0]:  # loops that only repeat each other
+        return []
     least = float(values[values > VANISHED * closure.coarseness].min(initial=values[0])) / float(values[0])
     noise = float(np.finfo(float).eps) / least**2
     return [] if noise < TELLING else [

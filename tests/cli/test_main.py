@@ -88,14 +88,22 @@ def test_run_writes_a_result_and_says_where(here: Path, capsys: pytest.CaptureFi
     assert set(files(here / "results/a")) >= {"scenario.yaml", "summary.json", "trajectory.csv", "timing.json"}
 
 
-def test_run_says_whose_result_it_replaces(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Files of one name in different folders share a folder of results, unless told otherwise."""
-    assert main(["run", "a.yaml", "-o", "r", "--no-plots"]) == 0
-    assert main(["run", "a.yaml", "-o", "r", "--no-plots"]) == 0
-    assert "in place of" not in capsys.readouterr().out
-    (here / "a.yaml").write_text((here / "a.yaml").read_text().replace("title: Held", "title: Let go"))
-    assert main(["run", "a.yaml", "-o", "r", "--no-plots"]) == 0
-    assert capsys.readouterr().out.endswith("written to r, in place of the result of 'Held'\n")
+def test_files_of_one_name_have_results_of_their_own(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "b").mkdir()
+    content = (here / "a.yaml").read_text()
+    (here / "b/a.yaml").write_text(
+        content.replace("title: Held", "title: Again").replace("mechanism: ", "mechanism: ../")
+    )
+    varied = ["--over", "problem.over.pivot.to=90, 180 deg", "-j", "1"]
+    for command, kind, ending in [(["run"], "result", ""), (["sweep", *varied], "sweep", "-sweep")]:
+        assert main([*command, "a.yaml", "--no-plots"]) == 0
+        first = files(here / f"results/a{ending}")
+        assert main([*command, "b/a.yaml", "--no-plots"]) == 0
+        told = f"written to results/b-a{ending}, as results/a{ending} holds the {kind} of a.yaml\n"
+        assert capsys.readouterr().out.endswith(told)
+        assert files(here / f"results/a{ending}") == first
+    assert main(["run", "a.yaml", "-o", "results/b-a", "--no-plots"]) == 0
+    assert capsys.readouterr().out.endswith("written to results/b-a, in place of the result of b/a.yaml\n")
 
 
 def test_run_elsewhere_without_plots(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -280,6 +288,17 @@ def test_check_of_a_folder(here: Path, capsys: pytest.CaptureFixture[str]) -> No
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_checked_scenarios_of_one_name_are_told_apart_by_their_paths(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "b").mkdir()
+    (here / "b/a.yaml").write_text((here / "miss.yaml").read_text().replace("mechanism: ", "mechanism: ../"))
+    main(["check", "a.yaml", "b/a.yaml", "--json"])
+    assert [each["scenario"] for each in json.loads(capsys.readouterr().out)["findings"]] == ["a.yaml", "b/a.yaml"]
+    main(["check", "b/a.yaml", "miss.yaml"])
+    assert "MISS a: M: " in capsys.readouterr().out
+
+
 def test_check_goes_on_after_a_mistake(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "bad.yaml", "blow.yaml", "a.yaml"]) == 3
     out, err = capsys.readouterr()
@@ -550,8 +569,49 @@ def test_a_folder_in_place_of_a_file_is_called_a_folder(
     said = capsys.readouterr().err
     assert said.startswith("error: bars: this is a folder\n")
     assert "one of the files in it: bars/bars.urdf, bars/mechanism.yaml, bars/scenario.yaml\n" in said
-    (tmp_path / "panda").mkdir()  # as `new panda` makes it: the name is still that of the robot
-    assert main(["quantities", "panda", "--like", "joint7.position"]) == 0
+
+
+@pytest.mark.parametrize("command", ["explain", "quantities", "run", "sweep"])
+def test_the_name_of_a_robot_that_stands_for_something_else_too_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if command in ("run", "sweep"):
+        assert main([command, "panda"]) == 2
+        said = capsys.readouterr().err
+        assert said.startswith("error: 'panda' is the name of a robot, not a scenario\n")
+        assert "python -m pinarm new panda, which" in said
+    (tmp_path / "panda").mkdir()
+    (tmp_path / "panda/scenario.yaml").touch()  # as `new panda` makes it
+    (tmp_path / "ur5").write_text("notes")
+    assert main([command, "panda"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: panda: this is a folder, and the name of a robot\n")
+    assert "files in it: panda/scenario.yaml\n" in said
+    assert main([command, "ur5"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: ur5:1:1" if command in ("run", "sweep") else
+                           "error: ur5: this is a file, and the name of a robot\n")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["run", "arm/scenario.yaml", "--set", "drives.w.ratio=3"], "try: changes.drives.w.ratio\n"),
+        (["sweep", "arm/scenario.yaml", "--over", "links.a.mass=1, 2 kg"], "try: changes.planar.links.a.mass\n"),
+        (["quantities", "arm/mechanism.yaml", "--like", "tork"], "'tork' in its name or meaning"),
+        (["quantities", "arm/mechanism.yaml", "--like", "Accelaration"], "try: acceleration\n"),
+        (["check", "."], "try: the folders below: arm\n"),
+    ],
+)  # fmt: skip
+def test_what_newcomers_write_is_answered_with_what_they_need(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str], said: str
+) -> None:
+    (tmp_path / "own").mkdir()
+    monkeypatch.chdir(tmp_path / "own")
+    assert main(["new", "arm"]) == 0
+    assert main(arguments) == 2
+    assert said in capsys.readouterr().err
 
 
 def test_a_model_that_does_not_exist_is_not_taken_for_one(

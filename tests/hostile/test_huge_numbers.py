@@ -34,6 +34,26 @@ def test_no_number_ends_in_a_traceback_or_a_warning(scenario: str, path: str, un
             assert str(error)
 
 
+@pytest.mark.parametrize(("given", "line"), [
+    ("planar: {points: {A: [0 m, 0 m],\n B: [1e300 m, 0 m]}, ground: [A], links: {l: {points: [A, B]}}}", 2),
+    ("robot: far.urdf", 2),
+])  # fmt: skip
+@pytest.mark.filterwarnings("error")
+def test_places_beyond_all_lengths_are_refused_on_their_line(tmp_path: Path, given: str, line: int) -> None:
+    """LAPACK wrote to the terminal, or eigenvalues did not converge, without a word on where the number is."""
+    (tmp_path / "far.urdf").write_text(
+        '<robot name="far"><link name="a"/><link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" '
+        'ixy="0" ixz="0" iyz="0"/></inertial></link>\n<joint name="x" type="continuous"><origin xyz="0 0 -1e60"/>'
+        '<parent link="a"/><child link="b"/></joint></robot>'
+    )
+    (tmp_path / "mechanism.yaml").write_text(f"{given}\npinarm: 1\n")
+    with pytest.raises(PinarmError, match=r"1e\+(300|60)") as caught:
+        pinarm.Mechanism.load(tmp_path / "mechanism.yaml")
+    assert caught.value.location is not None
+    assert caught.value.location.line == line
+    assert caught.value.hint == "check the exponent and the unit"
+
+
 @pytest.mark.filterwarnings("error")
 def test_what_is_kept_of_numbers_that_are_not_finite_is_kept_without_a_warning(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from catalogue import bennett, bricard, five_bar, four_bar, rssr, screw_jack, slider_crank
-from motions import freely
+from motions import anywhere, freely
 from test_accelerations import random_linkage
 
 import pinarm
@@ -24,6 +24,9 @@ from pinarm.engine.motion.systems import Initial, system_of
 from pinarm.engine.motion.systems.compiled import compiled_points, compiled_rows
 from pinarm.engine.motion.systems.constrained import ConstrainedSystem
 from pinarm.engine.motion.systems.point_constrained import PointSystem
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.forward import Forward, InitialState
+from pinarm.problems.time_grid import TimeGrid
 
 pytestmark = pytest.mark.skipif(bool(absence()), reason=f"compiled kernel: {absence()}")
 
@@ -222,6 +225,17 @@ class TestClosing:
         found = flow.slope(np.concatenate([q, v]))[3:]
         assert found == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
+    def test_closes_states_within_steps_that_have_been_taken(self, motion):
+        """As in Python, whatever the present step does."""
+        python, flow = motion
+        q, v = self.state(0.3, 1e-3)
+        python.looked, python.near, python.rank = True, False, python.points.tied.rank
+        open_, closed = (each(0.9, q, v)[:3] for each in (python.acceleration, python.since(0.5)))
+        assert np.abs(open_ - closed).max() > 1e-4
+        y = np.concatenate([q, v])
+        assert flow.slopes(np.array([0.5]), y[None])[0, 3:] == pytest.approx(closed, rel=1e-9, abs=1e-9)
+        assert flow.slope(y)[3:] == pytest.approx(open_, rel=1e-9, abs=1e-9)
+
 
 def settle(flow, t, y, slope):
     """Let the library settle a state."""
@@ -243,6 +257,21 @@ def test_states_that_are_handed_back_are_settled_in_python(tmp_path, monkeypatch
     assert len(calls) - before > 10 * few
     assert found.figures["evaluations"] == expected.figures["evaluations"]
     assert np.abs(found.rows.q - expected.rows.q).max() <= 1e-9
+
+
+@pytest.mark.parametrize("cut", ["A", "B"])
+def test_a_second_run_is_not_judged_again_and_has_the_same_digits(cut, tmp_path, monkeypatch, calls):
+    """By points, and by rows."""
+    mechanism, accuracy = rssr().build(tmp_path, [cut]), Accuracy(tolerance=1e-6)
+    problem = Forward(time=TimeGrid(end=0.5, samples=6), initial=InitialState(velocity={"O": 4.0}))
+    prepared = problem.prepare(mechanism, accuracy, anywhere)
+    first = problem.solve(mechanism, accuracy, anywhere, prepared).rows
+    few = len(calls)
+    for module in (compiled_points, compiled_rows):
+        monkeypatch.setattr(module, "disagreement", None)
+    second = problem.solve(mechanism, accuracy, anywhere, prepared).rows
+    assert len(calls) == 2 * few > 0
+    assert np.array_equal(second.q, first.q) and np.array_equal(second.a, first.a)
 
 
 class TestWrongKernel:

@@ -207,6 +207,45 @@ def test_the_power_screw_of_the_textbook(write, joint, flank):
     assert turning.figures["friction"] < 1e-13
 
 
+NUT = ", ".join(f"joint.lift.effort{side}" for side in ("", ".lower", ".upper"))
+HELD_AT_NUT = "{kind: statics, hold: {lift: 0 mm}, drives: [lift]}"
+
+
+@pytest.mark.parametrize(
+    ("joint", "thread", "further"),
+    [
+        (COUPLED, "mu: 0.09", ""),
+        (LOOPED, "mu: 0.09", ""),
+        (COUPLED, "mu: 0.09, constant: 3 N", ""),  # no slip that begins is in balance
+        (COUPLED, "mu: 0.08", ", turn: {mu: 0.1, radius: 20 mm, thrust_radius: 20 mm}"),  # the collar locks alone
+        (COUPLED, "mu: 0.06", ", turn: {mu: 0.04, radius: 20 mm, thrust_radius: 20 mm}"),  # neither does
+    ],
+)
+def test_no_effort_at_the_nut_turns_a_screw_that_locks_itself(write, joint, thread, further):
+    """Statics tells it of any effort; motions under a thousand times the load, either way, do not begin."""
+    rubs = f"friction: {{thread: {{radius: 15 mm, {thread}}}{further}}}\n"
+    held = pinarm.run(write(SCREW, LOAD + joint + rubs, HELD_AT_NUT, NUT))
+    assert [float(held[name].values[0]) for name in NUT.split(", ")] == pytest.approx([6400.0, -np.inf, np.inf])
+    assert held.notes()[0].startswith("joint.lift is self-locking in 1 of 1 rows: friction grows with the effort")
+    assert held.figures["equilibrium"] < 1e-15  # of 6400 N of drive and load, of which nothing is left
+    entry = held.headline(held["joint.lift.effort.upper"])
+    assert (entry["min"], entry["max"]) == (np.inf, np.inf)
+    for load in ("6400 kN", "-6400 kN"):
+        moved = write(SCREW, LOAD.replace("-6.4 kN", load) + joint + rubs, "{kind: forward, time: {end: 1 s}}", "lift")
+        assert np.ptp(pinarm.run(moved)["lift"].values) == 0.0
+
+
+def test_a_torque_on_a_screw_that_locks_itself_is_held_by_its_bearing_or_turns_it(write):
+    """Under 2 N*m the nut turns between two efforts, and is held beyond both: no band; 3 N*m in the bearing hold it."""
+    twist = "twist: {kind: joint_effort, joint: turn, effort: {law: constant, value: 2 N*m}}}\n"
+    twisted = LOAD.replace("}}}\n", "}}, ") + twist + COUPLED
+    rubs = "friction: {thread: {mu: 0.09, radius: 15 mm}%s}\n"
+    with pytest.raises(PinarmError, match="more than one motion is possible, or none"):
+        pinarm.run(write(SCREW, twisted + rubs % "", HELD_AT_NUT, NUT))
+    held = pinarm.run(write(SCREW, twisted + rubs % ", turn: {constant: 3 N*m}", HELD_AT_NUT, NUT))
+    assert [float(held[name].values[0]) for name in NUT.split(", ")[1:]] == [-np.inf, np.inf]
+
+
 def test_a_screw_with_three_starts_on_a_collar(write):
     """Bhandari, Design of Machine Elements, example 6.1: 50 mm, three starts of 8 mm, 15 kN, mu = 0.15 for thread and
     collar, of 65 to 100 mm: 204.64 N*m raise the load, 87.40 N*m lower it.
@@ -416,6 +455,32 @@ def test_friction_of_a_hyperstatic_joint_is_refused_without_a_rule(write):
     forward = "{kind: forward, time: {end: 1 s, samples: 3}, initial: {position: {turn: 40 deg}}}"
     with pytest.raises(PinarmError, match="hyperstatic"):
         pinarm.run(write(CRANK, CLOSED + bare, forward, "turn"))
+
+
+SHAFT = f"""<link name="shaft">{BODY.format(mass=5)}</link><joint name="spin" type="continuous"><parent link="base"/>
+<child link="shaft"/><axis xyz="0 0 1"/></joint>"""
+BEARINGS = """gravity: {direction: [0, -1, 0]}
+points: {right: {link: shaft, at: [0 m, 0 m, 0.4 m]}, seat: {link: base, at: [0 m, 0 m, 0.4 m]}}
+loops: {second: {kind: revolute, between: [seat, right], axis: z}}
+friction:
+  spin: {mu: 0.1, radius: 10 mm, undetermined: minimum_norm}
+  second: {constant: 0.01 N*m}
+"""
+
+
+@pytest.mark.parametrize("problem", [
+    "{kind: inverse, time: {end: 1 s, samples: 2}, motion: {spin: {law: constant_speed, speed: 3 rad/s}}, "
+    "drives: [spin]}",
+    "{kind: forward, time: {end: 0.1 s, samples: 2}, initial: {velocity: {spin: 3 rad/s}}}",
+])  # fmt: skip
+def test_friction_under_a_load_that_a_rule_shares_is_marked(write, problem):
+    """A shaft in two bearings in line, whose second joint only repeats the first: its own friction is its constant."""
+    rests = "least multipliers; rigid bodies do not determine the load of joint.spin"
+    result = pinarm.run(write(SHAFT, BEARINGS, problem, "joint.spin.friction, loop.second.friction, power.friction"))
+    assert [series.doubt for series in result.columns()[1:]] == [rests, "", rests]
+    assert (
+        f"{rests}: what follows from its friction, such as efforts and motions, rests on this choice" in result.notes()
+    )
 
 
 def test_the_crank_of_a_loaded_slider_crank(write):

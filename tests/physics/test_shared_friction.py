@@ -100,6 +100,20 @@ def test_a_saved_result_has_the_bands_too(hoist, tmp_path):
     assert sorted(read.notes()) == sorted(result.notes())
 
 
+def test_ends_that_are_not_known_are_infinite(hoist, tmp_path):
+    """With a brake on the drum three joints share the weight, and the gear raises its own load."""
+    path = hoist(LOCKS)
+    mechanism = tmp_path / "mechanism.yaml"
+    mechanism.write_text(mechanism.read_text() + "  D: {constant: 1 N*m}\n")
+    result = pinarm.run(path)
+    for read in (result, restore(result.save(tmp_path / "saved", plots=True))):
+        assert (read["coupling.cable.effort.least"].values == -np.inf).all()
+        assert (read["coupling.cable.effort.greatest"].values == np.inf).all()
+        assert read["joint.lift.position.greatest"].values == pytest.approx(np.ones(3), rel=1e-14)
+    with pytest.raises(InputError, match="between -inf and inf N"):
+        result.number("coupling.cable.effort @ max")
+
+
 def test_what_one_friction_holds_is_determined(hoist):
     result = pinarm.run(hoist(LOCKS, guide=False, scenario=REST.replace(", joint.lift.friction", "")))
     assert not result.trajectory.others

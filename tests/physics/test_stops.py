@@ -56,6 +56,26 @@ def test_a_block_on_a_belt_that_speeds_up_comes_to_rest_at_a_stop_on_it(write):
         assert result[f"joint.slip.effort.{end}"].values[-1] == pytest.approx(4.0 * MASS + friction, rel=1e-9)
 
 
+@pytest.mark.parametrize(("speed", "work"), [(3.0, 36.0), (-3.0, -36.0), (0.0, None)])
+def test_impacts_on_a_moving_belt_take_what_they_take_on_one_at_rest(write, speed, work):
+    """2 kg meet the stop with 4 m/s and leave with 2 m/s: 12 J. The impulse of 12 N*s, at the belt's 3 m/s, is 36 J."""
+    problem = (f"{{kind: forward, time: {{end: 0.2 s, samples: 2}}, initial: {{velocity: {{slip: -4 m/s}}}}, motion: "
+               f"{{belt: {{law: constant_speed, speed: {speed} m/s}}}}, "
+               "end_stops: {slip: {lower: -0.5 m, restitution: 0.5}}}")  # fmt: skip
+    [note] = (note for note in pinarm.run(write(BLOCK, "gravity: none\n", problem, "slip")).notes() if "impact" in note)
+    assert "takes 12 J;" in note
+    assert (f"the drives of coordinates that follow laws do {work:g} J of work" in note) if work else "work" not in note
+
+
+@pytest.mark.parametrize(("friction", "said"), [("mu: 0.1", True), ("constant: 1 N", False)])
+def test_impacts_say_that_they_have_no_impulses_of_friction(write, friction, said):
+    problem = ("{kind: forward, time: {end: 0.2 s, samples: 2}, initial: {velocity: {slip: -4 m/s}}, "
+               f"{STILL}, end_stops: {{slip: {{lower: -0.5 m, restitution: 0.5}}}}}}")  # fmt: skip
+    result = pinarm.run(write(BLOCK, f"friction: {{slip: {{{friction}}}}}\n", problem, "slip"))
+    wanted = "impacts are without the impulses of friction that their reactions would cause in joint.slip"
+    assert (wanted in result.notes()) == said
+
+
 CONTROL = "control: [{kind: pid, drive: slip, follows: {law: constant, value: 1 m}, kp: 200 N/m, kd: 4 N*s/m}]"
 STOP = "end_stops: {slip: {upper: 0.5 m, restitution: 0.5}}"
 

@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.checks.figures import relative
 from pinarm.engine.checks.sample import SAMPLE, sampled
+from pinarm.engine.constraints.nullspaces.nullspace import MANY
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.model_variants import Model
-from pinarm.mechanics.geometry.vectors import crossed
+from pinarm.mechanics.geometry.vectors import crossed, joined, rotated
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -33,10 +34,10 @@ LOST = 1e-3
 """Energy that nothing accounts for, relative to the energy exchanged, from which on it is noted, and contradicts bounds
 of the error that are far below it."""
 
-TOGETHER = 64
-"""Links whose virtual powers are looked at together: of all, they would take the square of the memory."""
+LOOKED_AT = 64
+"""Velocities of mechanisms with many of which the virtual powers of all links are looked at one by one."""
 
-MANY = 2000
+FINE = 2000
 """Steps between samples of controllers from which on each is one part: they are short beside the motion."""
 
 STEPS, GAUSS_NODES = 8, 4
@@ -96,15 +97,15 @@ def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array
     held = run.closure.load(links, columns, run.q[rows], lam)
     wrenches = demands(model, links, twists, rates)
     asked, sizes = _asked(links, columns, links.at_world(wrenches))
-    supplied = run.tau[rows] + loads[rows] + run.friction_loads[rows] + held - model.armature * run.a[rows]
-    return supplied - asked, np.abs(supplied) + np.abs(held) + sizes, _most_powers(wrenches, twists)
+    acting = run.tau[rows], loads[rows], run.friction_loads[rows], held
+    supplied = sum(acting) - model.armature * run.a[rows]
+    return supplied - asked, sum(map(np.abs, acting)) + sizes, _most_powers(wrenches, twists)
 
 
 def _asked(links: LinkPlacements, columns: Array, wrenches: Array) -> tuple[Array, Array]:
     """Return the virtual power that wrenches of links ask for, and the most that its parts and weights could have.
 
-    Weights: m g times the path of the mass centre. Links are looked at some at a time, with the joints that move any of
-    them.
+    Weights: m g times the path of the mass centre.
 
     Args:
         links: Where they are.
@@ -115,22 +116,54 @@ def _asked(links: LinkPlacements, columns: Array, wrenches: Array) -> tuple[Arra
     Returns:
         Two of shape (n, .., nv) [W per rad/s or m/s].
     """
+    if links.model.nv > MANY:
+        return _asked_of_many(links, columns, wrenches)
+    moved = LinkTree.of(links.model).supports
+    powers = np.where(moved, wrenches @ columns, 0.0)  # part by part and link by link
+    return powers.sum(axis=(0, -2)), np.abs(powers).sum(axis=(0, -2)) + _paths(links, columns, moved)
+
+
+def _paths(links: LinkPlacements, columns: Array, moved: Flags) -> Array:
+    """Return the sum of the weights times the lengths of their paths, of k velocities, shape (n, .., k).
+
+    Args:
+        links: Where they are.
+        columns: Twists of these velocities, shape (n, .., 6, k).
+        moved: Which links they move, shape (njoints, k).
+    """
+    tree, size = LinkTree.of(links.model), np.linalg.norm(links.model.gravity.linear)
+    linear, angular = (part.swapaxes(-2, -1)[..., None, :, :] for part in (columns[..., :3, :], columns[..., 3:, :]))
+    paths = linear + crossed(angular, _centres(links, tree)[..., None, :])
+    lengths = np.where(moved, np.sqrt((paths * paths).sum(axis=-1)), 0.0)
+    return np.asarray(size * np.vecmat(tree.masses, lengths))
+
+
+def _centres(links: LinkPlacements, tree: LinkTree) -> Array:
+    return links.places + rotated(links.turns, tree.levers)
+
+
+def _asked_of_many(links: LinkPlacements, columns: Array, wrenches: Array) -> tuple[Array, Array]:
+    """Return what ``_asked`` does, of many joints: the most is exact of those velocities that move most links.
+
+    Of each link along each joint below it, it would take the square of the time. For the others it is at least what
+    the sums of the parts and of the weights could have, so that residuals are compared with less, not with more.
+    """
     tree = LinkTree.of(links.model)
-    moved, size = tree.supports, np.linalg.norm(links.model.gravity.linear)
-    centres = links.places + np.matvec(links.turns, tree.levers)
-    states = np.broadcast_shapes(columns.shape[:-2], wrenches.shape[1:-2], tree.masses.shape[:-1])
-    asked, most = (np.zeros((*states, columns.shape[-1])) for _ in range(2))
-    for start in range(0, len(moved), TOGETHER):
-        some = slice(start, start + TOGETHER)
-        joints = np.flatnonzero(moved[some].any(axis=0))
-        here, ways = moved[some][:, joints], columns[..., joints]
-        powers = np.where(here, wrenches[..., some, :] @ ways, 0.0)  # part by part and link by link
-        linear, angular = (part.swapaxes(-2, -1)[..., None, :, :] for part in (ways[..., :3, :], ways[..., 3:, :]))
-        paths = linear + crossed(angular, centres[..., some, None, :])
-        lengths = np.where(here, np.sqrt((paths * paths).sum(axis=-1)), 0.0)
-        asked[..., joints] += powers.sum(axis=(0, -2))
-        most[..., joints] += np.abs(powers).sum(axis=(0, -2)) + size * np.vecmat(tree.masses[..., some], lengths)
-    return asked, most
+    carried = tree.carried(wrenches)[..., tree.moved, :]
+    powers = np.vecdot(carried, columns.swapaxes(-2, -1))
+    weighed = np.append(tree.masses[:, None], np.ones((len(tree.masses), 1)), axis=1)
+    mass, count = tree.carried(weighed)[tree.moved].T
+    moment = tree.carried(tree.masses[:, None] * _centres(links, tree))[..., tree.moved, :]
+    path = mass[:, None] * columns[..., :3, :].swapaxes(-2, -1) + crossed(columns[..., 3:, :].swapaxes(-2, -1), moment)
+    most = np.abs(powers).sum(axis=0) + np.linalg.norm(links.model.gravity.linear) * np.linalg.norm(path, axis=-1)
+    chosen = np.argsort(-count, kind="stable")[:LOOKED_AT]
+    ways, moved = columns[..., chosen], tree.moves(chosen)
+    for row in range(len(columns)):  # of all rows at once, memory would grow with their number
+        some = slice(row, row + 1)
+        each = np.where(moved, wrenches[:, some] @ ways[some], 0.0)
+        paths = _paths(links.some(np.array([row])), ways[some], moved)
+        most[some, chosen] = np.abs(each).sum(axis=(0, -2)) + paths
+    return powers.sum(axis=0), most
 
 
 def _most_powers(wrenches: Array, twists: Array) -> Array:
@@ -156,14 +189,14 @@ def demands(model: Model, links: LinkPlacements, twists: Array, rates: Array) ->
     Returns:
         ``I V'``, ``V x* I V`` and the wrench against its weight, shape (3, n, njoints, 6).
     """
-    mass = LinkTree.of(model).inertias
-    momenta, upwards = np.matvec(mass, twists), np.zeros((*links.turns.shape[:-2], 6))
-    found = np.empty((3, *np.broadcast_shapes(momenta.shape, rates.shape)))
+    tree, up = LinkTree.of(model), rotated(links.turns.swapaxes(-2, -1), -model.gravity.linear)
+    momenta, forces = tree.momenta(twists[..., :3], twists[..., 3:]), tree.momenta(rates[..., :3], rates[..., 3:])
     v, omega, p, h = twists[..., :3], twists[..., 3:], momenta[..., :3], momenta[..., 3:]
-    upwards[..., :3] = np.vecmat(-model.gravity.linear, links.turns)
-    found[0], found[2] = np.matvec(mass, rates), np.matvec(mass, upwards)
-    found[1, ..., :3], found[1, ..., 3:] = crossed(omega, p), crossed(omega, h) + crossed(v, p)
-    return found
+    parts = forces, joined(crossed(omega, p), crossed(omega, h) + crossed(v, p)), tree.momenta(up, np.zeros_like(up))
+    found = np.empty((3, 6, *forces.shape[:-1]))
+    for place, part in zip(np.moveaxis(found, 1, -1), parts, strict=True):
+        place[...] = part
+    return np.moveaxis(found, 1, -1)
 
 
 class EnergyAccount(Record, frozen=True):
@@ -216,7 +249,7 @@ class EnergyAccount(Record, frozen=True):
         """Return the step of every part, its start and its length [s], each of shape (n,)."""
         steps = self.solution.steps
         counts = np.ones(len(steps), dtype=np.intp)
-        if not self._sampled or len(divided) < MANY:
+        if not self._sampled or len(divided) < FINE:
             counts[divided] = self.solution.method.subdivisions
         index = np.repeat(np.arange(len(steps)), counts)
         part = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)

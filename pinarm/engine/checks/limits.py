@@ -68,6 +68,20 @@ class Opening(Excess, frozen=True):
                 "from there on it moves otherwise")  # fmt: skip
 
 
+class Slackness(Excess, frozen=True):
+    """A belt that carries more than its pretension allows: ``joint`` is its name, ``value`` the tension it transmits.
+
+    The limit is twice the pretension, at which one strand has no tension left; the other one carries the rest alone.
+    """
+
+    def words(self, run: Trajectory) -> str:
+        """Return it as a sentence."""
+        where = f"{run.parameter} = {self.at:.6g} {'' if str(run.unit) == '1' else run.unit}".rstrip()
+        return (f"belt {self.joint}: a strand is slack, as the tensions differ by {self.value:.6g} {self.unit}, more "
+                f"than twice the pretension of {0.5 * self.limit:.6g} {self.unit}, first at {where} ({self.rows} of "
+                f"{len(run)} rows); the other strand carries all of it")  # fmt: skip
+
+
 class Flaw(Excess, frozen=True):
     """A cam that cannot be made: ``joint`` is its name, ``value`` how many rows show it.
 
@@ -89,10 +103,11 @@ class Flaw(Excess, frozen=True):
 def excesses(run: Trajectory) -> list[Excess]:
     """Return the limits that a run goes beyond, joint by joint; efforts are those of drives, or of couplings.
 
-    Then cams and cables that would have to act against their sense, and cams that cannot be made.
+    Then cams and cables that would have to act against their sense, belts with a slack strand, and cams that cannot be
+    made.
     """
     found = [excess for joint in run.mechanism.joints.values() for excess in _of(run, joint)]
-    return [*found, *_openings(run), *_flaws(run)]
+    return [*found, *_openings(run), *_slackness(run), *_flaws(run)]
 
 
 def _flaws(run: Trajectory) -> Iterator[Flaw]:
@@ -117,6 +132,24 @@ def _openings(run: Trajectory) -> Iterator[Opening]:
                 one.name, "contact", one.push_unit(), 0.0, float(push.min()), float(run.grid.t[rows[0]]), len(rows),
                 one.kind, one.opens, one.whereabouts(run.q[rows[0]]),
             )  # fmt: skip
+
+
+def _slackness(run: Trajectory) -> Iterator[Slackness]:
+    """Yield the belts whose pretension a run uses up; chains, which have none, have a slack strand at all times."""
+    if run.no_efforts or not run.mechanism.relations:
+        return
+    from pinarm.mechanics.couplings.coupling import Coupling
+    from pinarm.mechanics.couplings.transmissions import Strands
+
+    for one in run.mechanism.relations:
+        known = one.transmission if isinstance(one, Coupling) else None
+        if not isinstance(known, Strands):
+            continue
+        apart = np.abs(known.difference * np.asarray(run.lam)[:, run.closure.slices()[one.name].start])
+        rows = np.flatnonzero(apart > 2.0 * known.pretension * (1.0 + ROUNDING))
+        if len(rows) and known.pretension:
+            yield Slackness(one.name, "tension", unit("N"), 2.0 * known.pretension, float(apart.max()),
+                            float(run.grid.t[rows[0]]), len(rows))  # fmt: skip
 
 
 def _of(run: Trajectory, joint: Joint) -> Iterator[Excess]:

@@ -14,13 +14,14 @@ from pinarm.engine.checks.figures import relative
 from pinarm.engine.checks.free_masses import ConstrainedMasses, FreeMasses, MassMatrices, TreeMasses
 from pinarm.engine.checks.sample import SAMPLE, sampled
 from pinarm.engine.constraints.nullspaces.nullspace import MANY
+from pinarm.engine.constraints.sparse_matrices import first_rows, times, transposed_times
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.mechanics.geometry.link_placements import moving
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.records import Record
 
 if TYPE_CHECKING:
+    from pinarm.engine.constraints.sparse_matrices import Matrices
     from pinarm.engine.motion.outcome import SolvedMotion
 
 
@@ -90,7 +91,7 @@ class _Looked(Record, frozen=True):
 
     rows: Indices
     gaps: Array
-    own: Array
+    own: Matrices
     right: Array
     guided: Array
 
@@ -98,12 +99,13 @@ class _Looked(Record, frozen=True):
     def at(cls, run: Trajectory, rows: Indices) -> _Looked:
         """Return what belongs to rows of a run."""
         closure, m, q, v = run.closure, run.mechanism.closure.size, run.q[rows], run.v[rows]
-        (gap, matrices), drift = closure.at(q), closure.drifts(q, v)
-        own, guided = matrices[..., :m, :], np.vecmat(run.lam.along[rows], matrices[..., m:, :])
-        rates = (np.matvec(own, one[rows]) for one in (run.v, run.a))
-        parts = gap[..., :m], next(rates), next(rates) + drift[..., :m]
+        (gap, matrices), drift = closure.matrices(q), closure.drifts(q, v)
+        along = run.lam.along[rows]
+        guided = transposed_times(matrices, np.concatenate([np.zeros((*along.shape[:-1], m)), along], axis=-1))
+        own, drift = first_rows(matrices, m), drift[..., :m]
+        parts = gap[..., :m], times(own, v), times(own, run.a[rows]) + drift
         gaps = np.stack([np.abs(part).max(axis=-1, initial=0.0) for part in parts], axis=1)
-        return cls(rows, gaps, own, -drift[..., :m], guided)
+        return cls(rows, gaps, own, -drift, guided)
 
     def of_one_freedom(self, run: Trajectory) -> list[_Alike]:
         """Return those with as many free motions together: at singular positions there are more."""
@@ -153,8 +155,7 @@ class _Alike(Record, frozen=True):
 
     def _turning(self, run: Trajectory) -> Array:
         """Return ``omega sqrt(2 T)``, shape (n, ..)."""
-        v = run.v[self.rows]
-        _, twists, _, _ = moving(run.mechanism.model, run.q[self.rows], v, np.zeros_like(v))
+        v, (_, twists, _, _) = run.v[self.rows], run.link_motion_at(self.rows)
         omega = np.linalg.norm(twists[..., 3:], axis=-1).max(axis=-1)
         return np.asarray(omega * np.sqrt(np.maximum((v * self.masses.times(v)).sum(axis=-1), 0.0)))
 

@@ -147,4 +147,4 @@ def _lowest(t: Array, values: Array) -> Array:
 def _between(run: Trajectory, motion: SolvedMotion, rank: int, largest: float, t: Array) -> Array:
     """Return the regularity at values of the parameter, shape (n,)."""
     closure = run.mechanism.closure
-    return np.asarray(closure.values_of(closure.at(motion.positions(t))[1])[:, rank - 1] / largest)
+    return np.asarray(closure.values(motion.positions(t))[:, rank - 1] / largest)

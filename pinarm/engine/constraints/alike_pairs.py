@@ -81,6 +81,10 @@ class EvaluatedAlike:
             self._drift = v, self.pair.drift(self.every, columns)
         return self._drift[1]
 
+    def stacked(self, n: int, x: Array) -> Array:
+        """Return what belongs to all pairs at n configurations, shape (n, L) or (1, L)."""
+        return np.broadcast_to(x, len(self.joints) * n).reshape(-1, n).T
+
     def of_pair(self, k: int, x: Array) -> Array:
         """Return what belongs to one of the pairs, shape (n,) or (1,)."""
         return x if len(x) == 1 else x.reshape(len(self.joints), -1)[k]

@@ -5,14 +5,14 @@ The rows of each are those of ``row_measures``, numbered through.
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Container, Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array
-from pinarm.engine.constraints.alike_pairs import BLOCK, AlikePairs, alike_pairs
+from pinarm.arrays import Array, Indices
+from pinarm.engine.constraints.alike_pairs import BLOCK, AlikePairs, AlikeRows, EvaluatedAlike, alike_pairs
 from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.constraints.nullspaces.elimination import Row
 from pinarm.engine.constraints.row_measures import EvaluatedRows, RowMeasure, row_measure
@@ -23,6 +23,9 @@ from pinarm.records import Record
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
+
+EVERY = range(1 << 16)
+"""Numbers of the rows of any single measure."""
 
 __all__ = ["BLOCK", "BatchJacobians", "EvaluatedJacobians", "rows_of"]
 
@@ -108,18 +111,21 @@ class EvaluatedJacobians(Record, frozen=True):
 
     def gaps(self, n: int) -> Array:
         """Return the values of all rows at n configurations [m or rad], shape (n, m)."""
-        gap = self.gap()
-        found = np.empty((n, len(gap)))
-        for row, x in enumerate(gap):
-            found[:, row] = x
+        values = [(np.array([row]), np.broadcast_to(x, n)[:, None])
+                  for start, part in self._apart for row, x in enumerate(part.gap(), start)]  # fmt: skip
+        values += [
+            (starts + i, alike.stacked(n, x)) for starts, alike in self._stacked for i, x in enumerate(alike.gap)
+        ]
+        found = np.empty((n, sum(len(rows) for rows, _ in values)))
+        for rows, x in values:
+            found[:, rows] = x
         return found
 
     def matrices(self, shape: tuple[int, ...]) -> Array:
         """Return J with all rows, of the shape (n, m, nv)."""
         found = np.zeros(shape)
-        for row, coefficients in self.rows(range(shape[1])).items():
-            for column, x in coefficients.items():
-                found[:, row, column] = x
+        for rows, columns, values in self._entries(shape[0]):
+            found[:, rows, columns] = values
         return found
 
     def sparse_matrices(self, shape: tuple[int, int, int]) -> list[csr_array]:
@@ -127,25 +133,52 @@ class EvaluatedJacobians(Record, frozen=True):
         from scipy.sparse import csr_array
 
         n, *size = shape
-        found = self.rows(range(size[0]))
-        rows = [found.get(row, {}) for row in range(size[0])]
-        starts = np.cumsum([0, *map(len, rows)])
-        columns = np.array([column for row in rows for column in row], dtype=np.intp)
-        values = np.empty((n, len(columns)))
-        for k, x in enumerate(x for row in rows for x in row.values()):
-            values[:, k] = x
+        entries = [(np.empty(0, np.intp), np.empty(0, np.intp), np.empty((n, 0))), *self._entries(n)]
+        rows, columns, values = (np.concatenate(each, axis=-1) for each in zip(*entries, strict=True))
+        order = np.lexsort((columns, rows))
+        columns, values = columns[order], values[:, order]
+        starts = np.searchsorted(rows[order], np.arange(size[0] + 1))
         matrices = [csr_array((own, columns.copy(), starts.copy()), shape=size) for own in values]
         for matrix in matrices:
             matrix.eliminate_zeros()
-            matrix.sort_indices()
         return matrices
 
     def drifts(self, v: Array, m: int) -> Array:
         """Return J' v of all m rows, shape (n, m), for velocities v, shape (nv, n)."""
-        found = np.zeros((v.shape[1], m))
-        for row, x in self.drift(range(m), v).items():
-            found[:, row] = x
+        n = v.shape[1]
+        found = np.zeros((n, m))
+        for start, part in self._apart:
+            for i, x in part.drift(EVERY, v).items():
+                found[:, start + i] = x
+        for starts, alike in self._stacked:
+            for i, x in alike.drift(v).items():
+                found[:, starts + i] = alike.stacked(n, x)
         return found
+
+    def _entries(self, n: int) -> Iterator[tuple[Indices, Indices, Array]]:
+        """Yield rows and columns of some entries of J, shape (e,), and their values at n configurations, (n, e)."""
+        for start, part in self._apart:
+            for i, row in part.rows(EVERY).items():
+                for column, x in row.items():
+                    yield np.array([start + i]), np.array([column]), np.broadcast_to(x, n)[:, None]
+        for starts, alike in self._stacked:
+            for i, row in alike.rows.items():
+                for stage, x in row.items():
+                    yield starts + i, alike.joints[:, stage], alike.stacked(n, x)
+
+    @cached_property
+    def _apart(self) -> list[tuple[int, EvaluatedRows]]:
+        """The parts that are like no other."""
+        return [(start, part) for start, part in self.parts if not isinstance(part, AlikeRows)]
+
+    @cached_property
+    def _stacked(self) -> list[tuple[Indices, EvaluatedAlike]]:
+        """First rows of alike pairs, in their order, shape (L,), and all of these."""
+        known: dict[int, tuple[list[int], EvaluatedAlike]] = {}
+        for start, part in self.parts:
+            if isinstance(part, AlikeRows):
+                known.setdefault(id(part.alike), ([], part.alike))[0].append(start)
+        return [(np.array(starts, dtype=np.intp), alike) for starts, alike in known.values()]
 
 
 class _Own(Record, frozen=True):

@@ -6,7 +6,6 @@ An open chain has no rows; nothing else distinguishes it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -31,7 +30,10 @@ from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
     from pinarm.engine.constraints.batch_jacobians import BatchJacobians, EvaluatedJacobians
+    from pinarm.engine.constraints.sparse_matrices import Matrices
 
 SMALL = 0.01
 """Part of its reach below which a row may be that of a joint which repeats others but is a little out of line."""
@@ -41,8 +43,7 @@ SEVERAL, KEPT = 8, 64
 which this is kept."""
 
 
-@dataclass(frozen=True, eq=False)
-class Closure:
+class Closure(Record, frozen=True):
     """Constraints of one mechanism, stacked.
 
     Attributes:
@@ -50,7 +51,7 @@ class Closure:
         constraints: In the order of their rows.
     """
 
-    model: pin.Model = field(repr=False)
+    model: pin.Model
     constraints: tuple[Constraint, ...]
 
     @classmethod
@@ -211,9 +212,9 @@ class Closure:
         gaps, rows = self._one_by_one(q)
         return gaps, RowDecompositions.of(rows, self.reach)
 
-    def splits(self, q: Array, rows: Array | None = None) -> RowDecompositions:
-        """Return G taken apart at configurations, shape (n, nq); ``rows`` are what ``at`` says of them, if known."""
-        if rows is None or (len(q) <= KEPT and self._measured(q)):
+    def splits(self, q: Array, rows: Matrices | None = None) -> RowDecompositions:
+        """Return G taken apart at configurations, shape (n, nq); ``rows`` are what ``matrices`` says, if known."""
+        if rows is None or isinstance(rows, list) or (len(q) <= KEPT and self._measured(q)):
             return self.apart(q)[1]
         return RowDecompositions.of(rows, self.reach)
 
@@ -241,11 +242,35 @@ class Closure:
     def drifts(self, q: Array, v: Array) -> Array:
         """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""
         if measured := self._measured(q):
-            return measured.rows.drifts(v.T, self.size)
+            return measured.drifts(v)
         found = np.empty((*q.shape[:-1], self.size))
         for k, one in enumerate(q if self.size else ()):
             found[k] = self.drift(self.state(one, v[k]))
         return found
+
+    def matrices(self, q: Array) -> tuple[Array, Matrices]:
+        """Return what ``at`` does, G of many joints as sparse matrices."""
+        sparse = self._sparse(q)
+        return self.at(q) if sparse is None else (self.gaps(q), sparse)
+
+    def taken_apart(self, q: Array, v: Array) -> tuple[SplitRows, Array | csr_array, Array]:
+        """Return G taken apart, G itself and G' v in a single state, shapes (nq,) and (nv,)."""
+        if (sparse := self._sparse(q[None])) is None:
+            state = self.state(q, v)
+            rows = self.rows(state)
+            return self.split(rows), rows, self.drift(state)
+        from pinarm.engine.constraints.nullspaces.sparse_nullspace import sparse_split
+
+        return sparse_split(sparse[0], self.reach), sparse[0], self.drifts(q[None], v[None])[0]
+
+    def _sparse(self, q: Array) -> list[csr_array] | None:
+        """Return G at configurations, shape (n, nq), as sparse matrices; ``None`` where they are not had as such."""
+        measured = self._measured(q) if self.model.nv > MANY else None
+        return measured.sparse_matrices if measured else None
+
+    def values(self, q: Array) -> Array:
+        """Return the singular values of G at configurations, shape (n, .., nq), as ``singular_values`` does."""
+        return self.values_of(self.matrices(q)[1])
 
     def singular_values(self, q: Array) -> Array:
         """Return the singular values of G at a configuration, descending, lengths in the unit of the mechanism.
@@ -253,22 +278,30 @@ class Closure:
         Of many joints only the largest and the last are computed. Rows are not brought to the length 1: where bars are
         in line a row itself may vanish.
         """
-        return self.values_of(self.rows(self.state(q)))
+        return self._values(q.tobytes())
 
-    def values_of(self, rows: Array) -> Array:
+    @cached_property
+    def _values(self) -> Callable[[bytes], Array]:
+        """Singular values at the configurations asked for last, such as the start of a motion, to be read only."""
+        return lru_cache(maxsize=4)(lambda content: np.asarray(self.values(np.frombuffer(content)[None])[0]))
+
+    def values_of(self, rows: Matrices) -> Array:
         """Return the singular values of given rows G, shape (.., m, nv), as ``singular_values`` does."""
+        if isinstance(rows, list):
+            return np.array([self._extreme_values(matrix) for matrix in rows])
         if rows.size and self.model.nv > MANY:
             from scipy.sparse import csr_array
 
-            from pinarm.engine.constraints.nullspaces.sparse_nullspace import extreme_values
-
-            scale, measure = self.scale[None], self.measure[:, None]
-            values = [
-                extreme_values(csr_array(csr_array(each).multiply(scale) / measure))
-                for each in rows.reshape(-1, *rows.shape[-2:])
-            ]
+            values = [self._extreme_values(csr_array(each)) for each in rows.reshape(-1, *rows.shape[-2:])]
             return np.reshape(values, (*rows.shape[:-2], -1))
         return np.asarray(np.linalg.svd(rows * self.scale / self.measure[:, None], compute_uv=False))
+
+    def _extreme_values(self, rows: csr_array) -> Array:
+        from scipy.sparse import diags_array
+
+        from pinarm.engine.constraints.nullspaces.sparse_nullspace import extreme_values
+
+        return np.asarray(extreme_values((diags_array(1.0 / self.measure) @ rows @ diags_array(self.scale)).tocsr()))
 
     def rank(self, values: Array) -> int:
         """Return the rank that singular values, shape (n, .., s), have at most; see ``values_of``."""
@@ -302,15 +335,16 @@ class Closure:
             q: Configurations, shape (n, nq).
             lam: Multipliers, shape (n, m).
         """
-        moved = LinkTree.of(self.model).supports
-        total = np.zeros((*np.broadcast_shapes(q.shape[:-1], lam.shape[:-1]), self.model.nv))
+        tree, states = LinkTree.of(self.model), np.broadcast_shapes(q.shape[:-1], lam.shape[:-1])
+        total, acting = np.zeros((*states, self.model.nv)), np.zeros((*states, self.model.njoints, 6))
         for constraint, part in zip(self.constraints, self.slices().values(), strict=True):
             wrenches = constraint.wrenches(links, lam[..., part])
             for joint, wrench in wrenches.items():
-                total += moved[joint] * np.vecmat(wrench, columns)
+                acting[..., joint, :] += wrench
             if not wrenches:
                 total += np.vecmat(lam[..., part], replace(self, constraints=(constraint,)).at(q)[1])
-        return total
+        held = np.vecdot(tree.carried(acting)[..., tree.moved, :], columns.swapaxes(-2, -1))
+        return np.asarray(total + held)
 
 
 class MeasuredRows(Record, frozen=True):
@@ -340,9 +374,24 @@ class MeasuredRows(Record, frozen=True):
         found.flags.writeable = False
         return found
 
+    def drifts(self, v: Array) -> Array:
+        """Return G' v for velocities v, shape (n, nv), as an array of shape (n, m), to be read only."""
+        return self._drifts(v.tobytes())
+
+    @cached_property
+    def _drifts(self) -> Callable[[bytes], Array]:
+        """Those of the velocities asked for last: all that looks at a table asks for them."""
+        n, m, nv = self.shape
+        return lru_cache(maxsize=1)(lambda content: self.rows.drifts(np.frombuffer(content).reshape(n, nv).T, m))
+
+    @cached_property
+    def sparse_matrices(self) -> list[csr_array]:
+        """G as n matrices of shape (m, nv), to be read only."""
+        return self.rows.sparse_matrices(self.shape)
+
     @cached_property
     def splits(self) -> RowDecompositions:
         """G taken apart."""
         if self.shape[2] > MANY:
-            return RowDecompositions.of_many_joints(self.rows.sparse_matrices(self.shape), self.reach)
+            return RowDecompositions.of_many_joints(self.sparse_matrices, self.reach)
         return RowDecompositions.of(self.matrices, self.reach)

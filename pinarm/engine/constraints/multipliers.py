@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,13 +10,13 @@ from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions
+from pinarm.records import Record
 
 BLOCK = 512
 """Number of rows whose G is held at once."""
 
 
-@dataclass(frozen=True, eq=False)
-class Multipliers:
+class Multipliers(Record, frozen=True):
     """Multipliers of the constraints, and the efforts of drives along task coordinates, at the n rows of a run.
 
     Like an array of shape (n, m + g): ``lam[row]`` is that of one row, those of the mechanism's constraints first, and
@@ -28,8 +27,8 @@ class Multipliers:
         along: Efforts of the drives along task coordinates [N or N*m], shape (n, g).
     """
 
-    own: Callable[[Indices], Array] = field(repr=False)
-    along: Array = field(repr=False)
+    own: Callable[[Indices], Array]
+    along: Array
 
     @classmethod
     def known(cls, lam: Array, m: int) -> Multipliers:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +24,9 @@ from pinarm.engine.constraints.nullspaces.orthogonal_rows import OrthogonalRows,
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.model_variants import ModelVariants, VariantsDiffer, placements_of
 
+if TYPE_CHECKING:
+    from pinarm.engine.constraints.sparse_matrices import Matrices
+
 WIDE = 24
 """Velocities up to which matrices of all variants are taken apart entry by entry."""
 
@@ -30,8 +34,7 @@ WEAK = 1e-3
 """Least length of what a row adds to those before it, relative to the length that it can have."""
 
 
-@dataclass(frozen=True, eq=False)
-class VariantClosure(Closure):
+class VariantClosure(Closure, frozen=True):
     """Constraints of variants of one mechanism, stacked; ``model`` are the variants."""
 
     model: ModelVariants
@@ -123,6 +126,13 @@ class VariantClosure(Closure):
         if order is None:
             raise VariantsDiffer("a motion that begins near a singular position")
         return sorted(order.rows)
+
+    def values_of(self, rows: Matrices) -> Array:
+        """Return the singular values of given rows G, shape (n, k, m, nv), without those of rows that are 0 in all."""
+        full = np.asarray(rows)
+        counts = full.any(axis=(0, 1, 3))
+        scaled = full[..., counts, :] * self.scale / self.measure[counts, None]
+        return np.asarray(np.linalg.svd(scaled, compute_uv=False))
 
     def stresses(self, q: Array) -> list[Array]:
         """Return multipliers of length 1 that do nothing, each of shape (n, k, m): see ``Reactions.stresses``."""

@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -21,9 +20,10 @@ from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, VariantsDiffer
 from pinarm.mechanics.geometry.pinocchio_data import WIDE, new_data
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.records import replace
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
+    from pinarm.engine.dynamics.mass_matrix import Masses
     from pinarm.engine.dynamics.side_by_side import SideBySide
     from pinarm.engine.integration.integrator import Acceleration, Accelerations, Energy, Manifold
 
@@ -33,8 +33,7 @@ KEPT = 16
 """Number of intervals of time whose loads are kept, since each is asked for several times in a run."""
 
 
-@dataclass(frozen=True, eq=False)
-class Dynamics:
+class Dynamics(Record, frozen=True):
     """The terms of the equation of motion of one tree, and the buffers of the integrators' kernels.
 
     Attributes:
@@ -46,7 +45,7 @@ class Dynamics:
 
     model: Model
     forces: Mapping[str, ForceElement]
-    data: pin.Data = field(repr=False)
+    data: pin.Data
 
     @classmethod
     def of(cls, model: pin.Model, forces: Mapping[str, ForceElement] = NO_FORCES) -> Dynamics:
@@ -90,6 +89,10 @@ class Dynamics:
     def mass_matrices(self, q: Array) -> Array:
         """Return M at configurations, shape (n, .., nq), as an array of shape (n, .., nv, nv)."""
         return self.recursions.mass_matrices(q)
+
+    def masses(self, q: Array) -> Masses:
+        """Return M at configurations, shape (n, .., nq): as ``mass_matrices``, or of many joints its products."""
+        return self.recursions.masses(q)
 
     def loads(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the generalised loads of the force elements [N*m or N], shape (..., nv)."""

@@ -35,26 +35,27 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions, SplitRows, solved
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.mass_matrix import Masses
 
 
-def solve(rows: SplitRows, mass: Array, force: Array, right: Array) -> Array:
+def solve(rows: SplitRows, mass: Masses, force: Array, right: Array) -> Array:
     """Return the a of (1) and (2): the one that minimises ``a^T M a / 2 - f . a`` while ``G a = b``, shape (.., nv).
 
     Args:
         rows: G, taken apart, at one or several configurations.
-        mass: M, shape (.., nv, nv).
+        mass: M, shape (.., nv, nv), or of many joints its products.
         force: f, shape (.., nv).
         right: b, shape (.., m).
     """
     a = rows.particular(right)
     if rows.free.shape[-1]:
         transposed = rows.free.swapaxes(-1, -2)
-        wanted = np.matvec(transposed, force - np.matvec(mass, a))
-        a = a + np.matvec(rows.free, solved(transposed @ mass @ rows.free, wanted))
+        wanted = np.matvec(transposed, force - (mass @ a[..., None])[..., 0])
+        a = a + np.matvec(rows.free, solved(transposed @ (mass @ rows.free), wanted))
     return a
 
 
-def solve_each(rows: RowDecompositions, mass: Array, force: Array, right: Array) -> Array:
+def solve_each(rows: RowDecompositions, mass: Masses, force: Array, right: Array) -> Array:
     """Return what ``solve`` does at n configurations, whose ranks may differ, shape (n, nv)."""
     return rows.each(rows.shape[2], solve, mass, force, right)
 
@@ -72,4 +73,4 @@ def accelerations(dynamics: Dynamics, closure: Closure, t: Array | float, q: Arr
     """
     rows = closure.splits(q)
     force = tau - dynamics.inverse(t, q, v, np.zeros_like(v))
-    return solve_each(rows, dynamics.mass_matrices(q), force, -closure.drifts(q, v))
+    return solve_each(rows, dynamics.masses(q), force, -closure.drifts(q, v))

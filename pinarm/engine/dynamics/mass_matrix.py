@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
+from pinarm.engine.constraints.nullspaces.nullspace import MANY
 from pinarm.mechanics.geometry.buffers import give_back, take
+from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.mechanics.geometry.pinocchio_data import with_masses
+from pinarm.mechanics.geometry.vectors import crossed
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
@@ -38,31 +42,141 @@ def _triangle(n: int) -> tuple[Array, Array]:
     return np.eye(n), np.triu(np.ones((n, n)), 1)
 
 
+class MassProducts(Record, frozen=True):
+    """M of many joints at n configurations, known by its products.
+
+    Attributes:
+        model: Pinocchio's model.
+        q: Configurations, shape (n, nq), or one, shape (nq,).
+    """
+
+    model: pin.Model
+    q: Array
+
+    def __getitem__(self, rows: Indices) -> MassProducts:
+        """Return M at some of the configurations."""
+        return MassProducts(self.model, self.q[rows])
+
+    def __matmul__(self, x: Array) -> Array:
+        """Return ``M x`` of columns, shape (n, nv, k), or (nv, k) of one configuration."""
+        if self.q.ndim == 1:
+            return mass_times(self.model, self.q, x)
+        return np.array([mass_times(self.model, *each) for each in zip(self.q, x, strict=True)])
+
+
+Masses = Array | MassProducts
+"""M, shape (.., nv, nv), or its products with columns."""
+
+
+def masses(model: pin.Model, q: Array) -> Masses:
+    """Return M at configurations, shape (n, nq), or at one, (nq,): a matrix, or of many joints its products."""
+    if model.nv > MANY:
+        return MassProducts(model, q)
+    return mass_matrices(model, q) if q.ndim > 1 else mass_matrix(model, q)
+
+
 def sparse_mass_matrix(model: pin.Model, q: Array) -> csc_array:
-    """Return M at a configuration, with entries for joints on one path from the world only, shape (nv, nv)."""
+    """Return M at a configuration, with entries for joints on one path from the world only, shape (nv, nv).
+
+    The composite rigid body algorithm in the axes of the links, all joints of one depth together: with the inertia I^c
+    of all that lies beyond a joint, ``M_ij = S_i^T F_j`` for the force ``F_j = I^c_j S_j`` passed on to the link i.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 6.2.
+    """
     from scipy.sparse import csc_array
 
-    data = take(model)
-    upper = pin.crba(model, with_masses(model, data), q).reshape(model.nv, model.nv)
-    give_back(model, data)
-    before, beyond = _paths(model)
-    values, apart = upper[before, beyond], before != beyond
-    rows, columns = np.append(before, beyond[apart]), np.append(beyond, before[apart])
-    return csc_array((np.append(values, values[apart]), (rows, columns)), shape=upper.shape)
+    pattern, tree = _pattern(model), LinkTree.of(model)
+    relative = tree.relative(model, q[None], np.zeros((1, model.nv)))
+    outwards = _forces_passed_on(relative.turns[..., 0].transpose(2, 0, 1), relative.arms[..., 0].T)
+    motions, composite = relative.subspaces[0].T, tree.inertias.copy()
+    for links in pattern.levels:
+        passed = outwards[links] @ composite[links] @ outwards[links].swapaxes(1, 2)
+        np.add.at(composite, tree.parents[links], passed)
+    forces, values = np.matvec(composite[tree.moved], motions), []
+    for step in pattern.steps:
+        values.append(np.vecdot(motions[step.before], forces[step.beyond]))
+        forces[step.passed] = np.matvec(outwards[step.links], forces[step.passed])
+    found = np.concatenate(values)
+    found[pattern.own] += model.armature
+    return csc_array((found[pattern.entries], pattern.rows, pattern.starts), shape=(model.nv, model.nv))
+
+
+def _forces_passed_on(turns: Array, arms: Array) -> Array:
+    """Return what gives a force [f; m] on every link at the parent's origin in its axes, shape (njoints, 6, 6)."""
+    found = np.zeros((len(turns), 6, 6))
+    found[:, :3, :3] = found[:, 3:, 3:] = turns
+    found[:, 3:, :3] = crossed(arms[:, None], turns.swapaxes(1, 2)).swapaxes(1, 2)  # r x its columns
+    return found
+
+
+class _Step(NamedTuple):
+    """Entries of M between joints that are a number of joints apart.
+
+    Attributes:
+        before: First velocity of every entry, shape (e,).
+        beyond: Second one, whose force has been passed on to the link of the first, shape (e,).
+        passed: Velocities whose force goes on to a further link, shape (p,).
+        links: Links that it leaves, shape (p,).
+    """
+
+    before: Indices
+    beyond: Indices
+    passed: Indices
+    links: Indices
+
+
+class _Pattern(NamedTuple):
+    """Where M has entries.
+
+    Attributes:
+        levels: Links of one depth, from the deepest, but the world.
+        steps: How the entries are computed.
+        own: Computed entry on the diagonal, of every velocity, shape (nv,).
+        entries: Computed entry of every entry of M in its columns, shape (z,).
+        rows: Their rows, shape (z,).
+        starts: First entry of every column, shape (nv + 1,).
+    """
+
+    levels: tuple[Indices, ...]
+    steps: tuple[_Step, ...]
+    own: Indices
+    entries: Indices
+    rows: Indices
+    starts: Indices
 
 
 @cached_by_model
-def _paths(model: pin.Model) -> tuple[Indices, Indices]:
-    """Return the pairs of velocities of which the first moves the second's joint, or is one of its own before it."""
-    starts, counts = model.idx_vs.tolist(), model.nvs.tolist()
-    pairs = [
-        (starts[joint] + i, starts[owner] + k)
-        for owner, path in enumerate(model.supports) if owner
-        for joint in path.tolist()[1:] for i in range(counts[joint]) for k in range(counts[owner])
-        if starts[joint] + i <= starts[owner] + k
-    ]  # fmt: skip
-    before, beyond = np.array(pairs, dtype=np.intp).T
-    return before, beyond
+def _pattern(model: pin.Model) -> _Pattern:
+    tree = LinkTree.of(model)
+    counts = np.bincount(tree.moved, minlength=len(tree.parents))
+    starts = np.searchsorted(tree.moved, np.arange(len(tree.parents)))
+    beyond, links, steps = np.arange(model.nv), tree.moved, list[_Step]()
+    while len(beyond):
+        many = counts[links]
+        pairs = np.repeat(np.arange(len(beyond)), many)
+        before = np.arange(len(pairs)) + np.repeat(starts[links] - np.cumsum(many) + many, many)
+        upper = before <= beyond[pairs]
+        going = tree.parents[links] > 0
+        steps.append(_Step(before[upper], beyond[pairs][upper], beyond[going], links[going]))
+        beyond, links = beyond[going], tree.parents[links[going]]
+    before, after = (np.concatenate([step[k] for step in steps]) for k in (0, 1))
+    apart = np.flatnonzero(before != after)
+    rows, columns = np.append(before, after[apart]), np.append(after, before[apart])
+    order = np.lexsort((rows, columns))
+    own = np.flatnonzero(before == after)
+    return _Pattern(
+        _levels(tree), tuple(steps), own[np.argsort(before[own])], np.append(np.arange(len(before)), apart)[order],
+        rows[order], np.searchsorted(columns[order], np.arange(model.nv + 1)),
+    )  # fmt: skip
+
+
+def _levels(tree: LinkTree) -> tuple[Indices, ...]:
+    """Return the links of every depth but the world, from the deepest."""
+    depth = np.zeros(len(tree.parents), dtype=np.intp)
+    for link, parent in enumerate(tree.parents[1:].tolist(), 1):
+        depth[link] = depth[parent] + 1
+    order = np.argsort(depth, kind="stable")
+    return tuple(np.split(order, np.searchsorted(depth[order], np.arange(1, depth.max() + 1)))[:0:-1])
 
 
 def mass_times(model: pin.Model, q: Array, x: Array) -> Array:

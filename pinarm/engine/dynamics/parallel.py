@@ -14,9 +14,10 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.dynamics.mass_matrix import mass_matrices
+from pinarm.engine.dynamics.mass_matrix import Masses, mass_matrices, masses
 from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.mechanics.geometry.pinocchio_data import WIDE, new_data
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.mechanics.geometry.link_placements import LinkPlacements
@@ -87,15 +88,14 @@ class ThreadTiming:
         self.spent[number] = min(spent, 0.5 * (known + min(spent, 2.0 * known)))
 
 
-@dataclass(frozen=True, eq=False)
-class Parallel:
+class Parallel(Record, frozen=True):
     """Inverse and forward dynamics of one tree, without loads.
 
     Attributes:
         model: Pinocchio's model.
     """
 
-    model: pin.Model = field(repr=False)
+    model: pin.Model
 
     def rnea(self, q: Array, v: Array, a: Array) -> Array:
         """Return efforts, shape (n, nv), at configurations, shape (n, nq), with velocities and accelerations."""
@@ -130,6 +130,10 @@ class Parallel:
     def mass_matrices(self, q: Array) -> Array:
         """Return M at configurations, shape (n, nq), as an array of shape (n, nv, nv); armatures are in it."""
         return mass_matrices(self.model, q)
+
+    def masses(self, q: Array) -> Masses:
+        """Return M at configurations, shape (n, nq): as ``mass_matrices``, or of many joints its products."""
+        return masses(self.model, q)
 
     def _rows(self, call: Callable[..., Array], single: Callable[..., Array], q: Array, *others: Array) -> Array:
         nv, size = self.model.nv, len(q) * self.model.nv

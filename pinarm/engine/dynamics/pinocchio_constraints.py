@@ -7,7 +7,7 @@ as the second one of a revolute in a planar loop, are left out; the joint's own 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
@@ -152,10 +152,19 @@ class PointConstraints:
             q: A closed configuration that is not close to a singular one, shape (nq,).
             rank: Rank of the rows there.
         """
+        return pin.ProximalSettings(MET, TOLERANT * self._least(q.tobytes(), rank), REPEATS)
+
+    @cached_property
+    def _least(self) -> Callable[[bytes, int], float]:
+        """Least eigenvalue of ``G M^-1 G^T``, of so many, at configurations: that of a start serves all its runs."""
         model, data = self.tied.model, self.data
-        rows, mass = _rows(model, data, list(self.tied.needed), q), mass_matrix(model, q)
-        least = float(np.linalg.eigvalsh(rows @ np.linalg.solve(mass, rows.T))[-rank])
-        return pin.ProximalSettings(MET, TOLERANT * least, REPEATS)
+
+        def least(content: bytes, rank: int) -> float:
+            q = np.frombuffer(content)
+            rows, mass = _rows(model, data, list(self.tied.needed), q), mass_matrix(model, q)
+            return float(np.linalg.eigvalsh(rows @ np.linalg.solve(mass, rows.T))[-rank])
+
+        return lru_cache(maxsize=4)(least)
 
     def acceleration(self, dynamics: Dynamics, targets: Targets, settings: pin.ProximalSettings) -> Acceleration:
         """Return the constrained motion's ``(t, q, v) -> a`` under the forces of ``dynamics`` and the given laws."""

@@ -2,6 +2,10 @@
 
 A call from Python costs more than what a small tree takes, so that one for many trees and all states saves most of it.
 What Pinocchio computes is the same as for each variant alone, as no joint of one tree is before a joint of another.
+
+Where masses and inertias vary only, and all variants move alike, efforts are ``Y(q, v, a) p``: Pinocchio computes Y
+once, and every variant has its p. (Atkeson, An, Hollerbach, *Estimation of inertial parameters of manipulator loads
+and links*, 1986.)
 """
 
 from __future__ import annotations
@@ -17,7 +21,7 @@ from pinarm.arrays import Array, Indices
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.model_cache import cached_by_model
-from pinarm.mechanics.geometry.model_variants import ModelVariants, VariantsDiffer
+from pinarm.mechanics.geometry.model_variants import PARAMETERS, ModelVariants, VariantsDiffer
 
 WIDTH = 48
 """Coordinates side by side: more take longer to build, since Pinocchio's buffers grow with their third power."""
@@ -38,6 +42,10 @@ class SideBySide:
 
     def rnea(self, q: Array, v: Array, a: Array) -> Array:
         """Return efforts, shape (n, k, nv); see ``Parallel.rnea``."""
+        if self._moving_alike(q, v, a):
+            first = self.variants.first
+            own, others = self._shares(first, q, v, a)
+            return self._weighed(own, others + first.armature * a)
         return self._called(_forest(self.variants.first), pin.rneaInParallel, q, v, a)
 
     def transmitted(self, links: LinkPlacements, q: Array, v: Array, a: Array, acting: Array) -> Array:
@@ -56,10 +64,44 @@ class SideBySide:
         places = np.concatenate([q[..., None] * slides, np.sin(half) * turns, cosine], axis=-1)
         moved = (x[..., None] * tree.subspace.T for x in (v, a))
         states = (x.reshape(*x.shape[:2], -1) for x in (places, *moved))
+        beyond = links.at_joints(tree.carried(acting))
+        if self._moving_alike(q, v, a):
+            own, others = self._shares(_free_tree(self.variants.first), *states)
+            return self._weighed(*(links.outwards(_wrenches(part)) for part in (own, others))) - beyond
         found = self._called(_free_forest(self.variants.first), pin.rneaInParallel, *states)
-        wrenches = np.zeros((*found.shape[:2], self.variants.njoints, 6))
-        wrenches[:, :, 1:] = found.reshape(*found.shape[:2], -1, 6)
-        return links.outwards(wrenches) - links.at_joints(tree.carried(acting))
+        return links.outwards(_wrenches(found)) - beyond
+
+    def _moving_alike(self, *states: Array) -> bool:
+        """Whether only the bodies of variants differ."""
+        return bool(self.variants.bodies) and not self.variants.moved and all(x.shape[1] == 1 for x in states)
+
+    def _shares(self, tree: pin.Model, *states: Array) -> tuple[Array, Array]:
+        """Return what each parameter of bodies that vary gives to efforts, shape (n, p, w), and all others, (n, 1, w).
+
+        Args:
+            tree: The tree of the first variant, which may have other joints.
+            states: q, v and a, each of shape (n, 1, ..).
+        """
+        data, bodies = tree.createData(), self.variants.bodies
+        rows = [
+            pin.computeJointTorqueRegressor(tree, data, *state).T
+            for state in zip(*(x[:, 0] for x in states), strict=True)
+        ]
+        shares = np.reshape(rows, (len(rows), tree.njoints - 1, PARAMETERS, tree.nv))
+        given = np.array([body.toDynamicParameters() for body in tree.inertias[1:]])
+        own = np.array(bodies) - 1
+        given[own] = 0.0
+        return shares[:, own].reshape(len(rows), -1, tree.nv), np.einsum("bp,nbpw->nw", given, shares)[:, None]
+
+    def _weighed(self, own: Array, others: Array) -> Array:
+        """Return what shares, shape (n, p, ..) and (n, 1, ..), give with the parameters of all variants, (n, k, ..)."""
+        weights = np.ascontiguousarray(self.variants.parameters.reshape(len(self.variants), -1).T)
+        shares = np.ascontiguousarray(np.moveaxis(own, (-1, 1), (0, 1)).swapaxes(2, -1))
+        given = np.zeros((len(shares), *shares.shape[2:], len(self.variants)))
+        for total, component in zip(given, shares, strict=True):  # each fits into the caches
+            for share, weight in zip(component, weights, strict=True):
+                total += share[..., None] * weight
+        return np.asarray(np.moveaxis(given, (-2, -1, 0), (0, 1, -1)) + others)
 
     def mass_matrices(self, q: Array) -> Array:
         """Return M, shape (n, k, nv, nv); armatures are in it."""
@@ -72,6 +114,10 @@ class SideBySide:
                 upper[row, some] = whole.reshape(forest.count, nv, forest.count, nv)[every, :, every][: len(some)]
         above = np.triu(np.ones((nv, nv)), 1)
         return np.asarray(upper * (np.eye(nv) + above) + (upper * above).swapaxes(-2, -1))
+
+    def masses(self, q: Array) -> Array:
+        """Return M: as ``mass_matrices``, variants have few joints."""
+        return self.mass_matrices(q)
 
     def _called(self, forest: Forest, call: Callable[..., Array], *arrays: Array) -> Array:
         """Return what Pinocchio computes of all rows of states, shape (n, k, w)."""
@@ -123,15 +169,8 @@ class Forest:
     @classmethod
     def of(cls, tree: pin.Model, joints: Callable[[int], pin.JointModel], width: int) -> Forest:
         """Return as many copies of a tree as fit, with other joints, of which each copy has so many velocities."""
-        count, model = max(1, WIDTH // width), pin.Model()
-        for copy in range(count):
-            first = model.njoints - 1
-            for joint in range(1, tree.njoints):
-                parent = tree.parents[joint]
-                place, name = tree.jointPlacements[joint], f"{copy}/{tree.names[joint]}"
-                model.addJoint(parent + first if parent else 0, joints(joint), place, name)
-                model.inertias[first + joint] = tree.inertias[joint]
-        model.gravity = tree.gravity
+        count = max(1, WIDTH // width)
+        model = _copied(tree, joints, count)
         if width == tree.nv:  # of free joints the armature is none of the links' wrenches
             model.armature[:] = np.tile(tree.armature, count)
         return cls(count, tree.njoints - 1, pin.ModelPool(model, 1))
@@ -146,6 +185,28 @@ class Forest:
             places[first + joint] = place
 
 
+def _copied(tree: pin.Model, joints: Callable[[int], pin.JointModel], count: int) -> pin.Model:
+    """Return a model of copies of a tree with other joints."""
+    model = pin.Model()
+    for copy in range(count):
+        first = model.njoints - 1
+        for joint in range(1, tree.njoints):
+            parent = tree.parents[joint]
+            place, name = tree.jointPlacements[joint], f"{copy}/{tree.names[joint]}"
+            model.addJoint(parent + first if parent else 0, joints(joint), place, name)
+            model.inertias[first + joint] = tree.inertias[joint]
+    model.gravity = tree.gravity
+    return model
+
+
+def _wrenches(found: Array) -> Array:
+    """Return efforts along all free joints, shape (n, k, 6 (njoints - 1)), as wrenches of links, (n, k, njoints, 6)."""
+    moved = np.moveaxis(found.reshape(*found.shape[:2], -1, 6), -1, 0)
+    wrenches = np.zeros((6, *found.shape[:2], moved.shape[-1] + 1))
+    wrenches[..., 1:] = moved
+    return np.moveaxis(wrenches, 0, -1)
+
+
 @cached_by_model
 def _forest(tree: pin.Model) -> Forest:
     return Forest.of(tree, lambda joint: tree.joints[joint], tree.nv)
@@ -155,3 +216,9 @@ def _forest(tree: pin.Model) -> Forest:
 def _free_forest(tree: pin.Model) -> Forest:
     """Return the copies with joints that leave everything free."""
     return Forest.of(tree, lambda joint: pin.JointModelFreeFlyer(), FREE * (tree.njoints - 1))
+
+
+@cached_by_model
+def _free_tree(tree: pin.Model) -> pin.Model:
+    """Return the tree with such joints."""
+    return _copied(tree, lambda joint: pin.JointModelFreeFlyer(), 1)

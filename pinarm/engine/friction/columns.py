@@ -43,10 +43,11 @@ def band_column(joints: Mapping[str, Joint], name: str, coordinate: Coordinate, 
         name: Of the coordinate that the drive acts along.
         coordinate: The coordinate.
         part: Of ``BANDS``.
-        values: [N*m or N], shape (n,).
+        values: [N*m or N], infinite where friction holds any effort, shape (n,).
     """
     kind = "joint" if name in joints else "coordinate"
-    return Series(f"{kind}.{name}.effort.{part}", unit("N" if coordinate.unit == METRE else "N*m"), values)
+    return Series(f"{kind}.{name}.effort.{part}", unit("N" if coordinate.unit == METRE else "N*m"), values,
+                  unbounded=True)  # fmt: skip
 
 
 def with_friction_columns(row: Trajectory, drives: Actuation) -> Trajectory:

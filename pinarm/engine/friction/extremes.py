@@ -5,7 +5,8 @@ these on f. A quantity that is linear in f is least and greatest at corners of t
 piece of a line: its ends are looked for from the friction of the rows, as far as no limit is exceeded; limits may grow
 with the friction, as of a worm that locks. Of more joints corners are where all but one are at their limits and that
 one has the rest, by the equation of slip with the law of rest. A quantity that is not linear, such as the length of a
-force, may be less within the set than at its corners.
+force, may be less within the set than at its corners. Where the set has no end in a direction, or its corners are not
+found, a friction in that direction stands for it, which tells what depends on it, and which way.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import one_sided
 from pinarm.engine.constraints.multipliers import Multipliers
@@ -53,13 +54,39 @@ class Corner(NamedTuple):
     rest: list[int]
 
 
+class Extremes(NamedTuple):
+    """Frictions that hold as well.
+
+    Attributes:
+        frictions: Shape (e, k).
+        endless: Which of them only tell a direction in which there is no end, or none that is known, shape (e,).
+    """
+
+    frictions: Array
+    endless: Flags
+
+
+class Shares(NamedTuple):
+    """What joints at rest share.
+
+    Attributes:
+        corners: Frictions at the corners, shape (e, k).
+        directions: What is added to the friction in directions without a known end, shape (k,) each.
+    """
+
+    corners: Array
+    directions: list[Array]
+
+
 def joints_of(balance: FrictionBalance, group: SlipGroup) -> list[str]:
     """Return the names of the joints of a group."""
     return list(dict.fromkeys(balance.contacts[i].name for i in group.members))
 
 
-def extreme_frictions(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], friction: Array) -> Array:
-    """Return the frictions at the corners, shape (e, k); none where nothing is open, or corners are not known.
+def extreme_frictions(
+    balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], friction: Array
+) -> Extremes:
+    """Return the frictions at the corners; none where nothing is open.
 
     Args:
         balance: The state.
@@ -68,57 +95,82 @@ def extreme_frictions(balance: FrictionBalance, direction: Array, stuck: Sequenc
         friction: Of the rows, shape (k,): joints that slip keep theirs.
     """
     shared = _shared(balance, direction, stuck, friction)
-    corners = shared if len(shared) else friction[None]
-    for i in _at_rest_on_laws(balance, direction, stuck):
-        corners = np.concatenate([_with_limit(balance, direction, stuck, corners, i, sign) for sign in (-1.0, 1.0)])
-    return corners if len(corners) > 1 else np.zeros((0, len(friction)))
+    corners, directions = shared.corners if len(shared.corners) else friction[None], shared.directions
+    on_laws = _at_rest_on_laws(balance, direction, stuck)
+    for i in on_laws:
+        limits = {sign: _limit(balance, direction, stuck, i, sign) if len(on_laws) <= ALONE else None
+                  for sign in (-1.0, 1.0)}  # fmt: skip
+        ends = [float(friction[i]) if f is None else f for f in limits.values()]
+        corners = np.concatenate([_with(corners, i, f) for f in dict.fromkeys(ends)])
+        size = max(1.0, float(balance.limits(friction)[i]))
+        directions = [*directions, *(sign * size * np.eye(len(friction))[i] for sign, f in limits.items() if f is None)]
+    known = corners if len(corners) > 1 else corners[:0]
+    frictions = np.concatenate([known, friction + np.array(directions).reshape(-1, len(friction))])
+    return Extremes(frictions, np.arange(len(frictions)) >= len(known))
 
 
 def _at_rest_on_laws(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup]) -> list[int]:
     """Return joints at rest where a law or a stop holds them: friction shares that load with it."""
     grouped = {i for group in stuck for i in group.members}
-    members = [i for i in np.flatnonzero((direction == 0.0) & balance.response.driven).tolist() if i not in grouped]
-    return members if len(members) <= ALONE else []
+    return [i for i in np.flatnonzero((direction == 0.0) & balance.response.driven).tolist() if i not in grouped]
 
 
-def _with_limit(
-    balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], corners: Array, i: int, sign: float
-) -> Array:
-    """Return frictions in which joint i has its limit at rest in a direction, shape (e, k)."""
+def _limit(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], i: int, sign: float) -> float | None:
+    """Return the friction of joint i at its limit at rest in a direction; ``None`` where it has none that is known."""
     forced, resting = direction.copy(), np.zeros(len(direction), dtype=bool)
     forced[i], resting[i] = -sign, True
     try:
         solution = balance.solve(forced, stuck, resting)
     except DynamicsError:
-        solution = None
-    limited = corners.copy()
-    limited[:, i] = 0.0 if solution is None else solution.f[i]
-    return limited
+        return None
+    return None if solution is None else float(solution.f[i])
 
 
-def _shared(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], friction: Array) -> Array:
-    """Return the frictions at the corners of what groups share, shape (e, k)."""
+def _with(corners: Array, i: int, f: float) -> Array:
+    """Return frictions with another one of joint i, shape (e, k)."""
+    changed = corners.copy()
+    changed[:, i] = f
+    return changed
+
+
+def _shared(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], friction: Array) -> Shares:
+    """Return what groups share."""
     counts = [len(joints_of(balance, group)) for group in stuck]
     if sorted(counts)[-2:] in ([2], [1, 2]):
         return _ends(balance, stuck, stuck[counts.index(2)], friction)
-    return _all_corners(balance, direction, stuck, friction)
+    corners = _all_corners(balance, direction, stuck, friction)
+    if len(corners) or max(counts, default=1) == 1:
+        return Shares(corners, [])
+    size = max(1.0, float(balance.limits(friction).max()))
+    ways = [
+        way for group in stuck for name in joints_of(balance, group)[1:] for way in [_exchange(balance, group, name)]
+    ]
+    return Shares(corners, [sign * size * way for way in ways for sign in (-1.0, 1.0)])
 
 
-def _ends(balance: FrictionBalance, stuck: Sequence[SlipGroup], group: SlipGroup, friction: Array) -> Array:
-    """Return the ends of what two joints may share, shape (2, k); none where one of them is nowhere."""
-    members, name = np.array(group.members), joints_of(balance, group)[0]
-    first = np.array([balance.contacts[i].name == name for i in group.members])
-    weights, exchange = group.ratios * group.units, np.zeros(len(friction))
-    exchange[members] = np.where(first, 1.0 / weights[first].sum(), -1.0 / weights[~first].sum()) * group.units
+def _exchange(balance: FrictionBalance, group: SlipGroup, name: str) -> Array:
+    """Return the friction that the first joint of a group takes over from another one, 1 in all, shape (k,)."""
+    of = np.array([balance.contacts[i].name for i in group.members])
+    weights, exchange = group.ratios * group.units, np.zeros(len(balance.contacts))
+    first, other = of == joints_of(balance, group)[0], of == name
+    exchange[list(group.members)] = (first / weights[first].sum() - other / weights[other].sum()) * group.units
+    return exchange
+
+
+def _ends(balance: FrictionBalance, stuck: Sequence[SlipGroup], group: SlipGroup, friction: Array) -> Shares:
+    """Return the ends of what two joints may share."""
+    members, exchange = list(group.members), _exchange(balance, group, joints_of(balance, group)[1])
     every = [i for each in stuck for i in each.members]
-    size = weights @ balance.limits(friction)[members] + abs(float(group.ratios @ friction[members]))
+    held = (group.ratios * group.units) @ balance.limits(friction)[members] + abs(group.ratios @ friction[members])
+    size = float(held) or 1.0
 
     def holds(s: float) -> bool:
         f = friction + s * exchange
         return bool((sizes(balance.contacts, f)[every] <= balance.limits(f)[every] * (1.0 + WITHIN)).all())
 
-    ends = [friction + _last(holds, sign * size) * exchange for sign in (-1.0, 1.0)]
-    return np.array(ends) if np.isfinite(ends).all() else np.zeros((0, len(friction)))
+    ends = {sign: _last(holds, sign * size) for sign in (-1.0, 1.0)}
+    corners = [friction + (end if np.isfinite(end) else 0.0) * exchange for end in ends.values()]
+    return Shares(np.array(corners), [sign * size * exchange for sign, end in ends.items() if not np.isfinite(end)])
 
 
 def _last(holds: Callable[[float], bool], size: float) -> float:
@@ -206,13 +258,14 @@ def pushing_part(push: Array, other: Array) -> Array:
     return np.divide(push, push - other, out=np.ones_like(push), where=gone)
 
 
-def filled(friction: Array, extremes: Sequence[Array]) -> list[Array]:
-    """Return other frictions of n rows, shape (n, k) each, by those of each row, shape (e, k).
+def filled(friction: Array, extremes: Sequence[Extremes]) -> list[tuple[Array, Flags]]:
+    """Return other frictions of n rows, shape (n, k) each, and in which rows they only tell a direction, shape (n,).
 
     Rows with fewer have the given friction, shape (n, k), in place of them.
     """
-    others = [friction.copy() for _ in range(max(map(len, extremes), default=0))]
-    for row, frictions in enumerate(extremes):
-        for other, each in zip(others, frictions, strict=False):
-            other[row] = each
+    count = max((len(each.frictions) for each in extremes), default=0)
+    others = [(friction.copy(), np.zeros(len(friction), dtype=bool)) for _ in range(count)]
+    for row, each in enumerate(extremes):
+        for (other, endless), f, far in zip(others, each.frictions, each.endless, strict=False):
+            other[row], endless[row] = f, far
     return others

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.balance import FrictionBalance
-from pinarm.engine.friction.extremes import extreme_frictions, filled
+from pinarm.engine.friction.extremes import Extremes, extreme_frictions, filled
 from pinarm.engine.friction.response import SlipEquation
 from pinarm.engine.friction.switching import decided
 from pinarm.errors import DynamicsError
@@ -22,10 +22,10 @@ NOTHING = np.zeros(0)
 
 def friction_under(
     contacts: Sequence[FrictionContact], dynamics: Dynamics, closure: Closure, t: float, q: Array, v: Array, tau: Array
-) -> tuple[Array, list[Array]]:
+) -> tuple[Array, list[tuple[Array, Flags]]]:
     """Return the friction of k joints under efforts, shape (n, k) [N*m or N], and others that hold as well.
 
-    These are the extremes of what several joints at rest share; see ``extreme_frictions``.
+    These are the extremes of what several joints at rest share; see ``extreme_frictions`` and ``filled``.
 
     Args:
         contacts: The joints.
@@ -39,7 +39,7 @@ def friction_under(
     Raises:
         DynamicsError: Rigid bodies with friction do not determine it.
     """
-    friction, extremes = np.zeros((len(q), len(contacts))), list[Array]()
+    friction, extremes = np.zeros((len(q), len(contacts))), list[Extremes]()
     slips = np.matvec(slip_rows(closure.model, contacts, q), v)
     speeds = sizes(contacts, slips)
     for i, moving in enumerate(unit_vectors(contacts, slips)):

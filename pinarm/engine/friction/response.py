@@ -26,7 +26,7 @@ from pinarm.errors import DynamicsError
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import left_open
 from pinarm.mechanics.friction.contact import FrictionContact, JointContact, slip_drifts, slip_rows
-from pinarm.mechanics.friction.coupling_contact import CouplingContact
+from pinarm.mechanics.friction.coupling_contact import ConstantSlip
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 DRIVEN = 1e-9
@@ -139,10 +139,10 @@ class BearingReactions:
         """
         model, data, slices = self.closure.model, self.dynamics.data, self.closure.slices()
         named = {name: lam[:, rows] for name, rows in slices.items()}
-        if all(isinstance(contact, CouplingContact) or not contact.law.loaded for contact in self.contacts):
+        if all(isinstance(contact, ConstantSlip) or not contact.law.loaded for contact in self.contacts):
             carried = np.zeros((len(a), len(self.contacts), 6))
             for i, contact in enumerate(self.contacts):
-                if isinstance(contact, CouplingContact):
+                if isinstance(contact, ConstantSlip):
                     carried[:, i] = contact.carried(named)
             return carried
         links = LinkPlacements.at(model, q[None]).some(np.zeros(len(a), dtype=np.intp))
@@ -196,20 +196,25 @@ class BearingReactions:
             DynamicsError: Says which joint's friction rigid bodies do not determine.
         """
         self._require_known()
+        for contact in self.undetermined(rows, q):
+            if not contact.shared:
+                raise DynamicsError(
+                    f"the friction of {contact.name} depends on a reaction that rigid bodies do not determine: the "
+                    "mechanism is hyperstatic",
+                    expected="a joint that is loosened until its reaction is determined, or friction without a "
+                    "load: constant",
+                    hint="no thrust_radius or span, or undetermined: minimum_norm, for the least multipliers",
+                )
+
+    def undetermined(self, rows: SplitRows, q: Array) -> list[FrictionContact]:
+        """Return the contacts whose bearings multipliers load that do nothing; see ``require_determined``."""
         free = rows.scale[:, None] * rows.redundant
         stresses = np.vstack([np.zeros(len(free)), (free / np.linalg.norm(free, axis=0)).T])
         still, none = np.zeros((len(stresses), self.closure.model.nv)), np.zeros((len(stresses), len(self.contacts)))
         wrenches = self.wrenches(0.0, q, still[0], still, stresses, none)
-        for added in wrenches[1:] - wrenches[0]:
-            for contact, wrench in zip(self.contacts, added, strict=True):
-                if contact.law.loaded and not contact.shared and contact.bearing.most(wrench) > OPEN:
-                    raise DynamicsError(
-                        f"the friction of {contact.name} depends on a reaction that rigid bodies do not determine: the "
-                        "mechanism is hyperstatic",
-                        expected="a joint that is loosened until its reaction is determined, or friction without a "
-                        "load: constant",
-                        hint="no thrust_radius or span, or undetermined: minimum_norm, for the least multipliers",
-                    )
+        added = (wrenches[1:] - wrenches[0]).swapaxes(0, 1)
+        return [contact for contact, wrench in zip(self.contacts, added, strict=True)
+                if contact.law.loaded and (contact.bearing.most(wrench) > OPEN).any()]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from pinarm.mechanics.friction.contact import FrictionContact, slip_rows
 from pinarm.mechanics.friction.slip_vectors import same_joint, several, sizes, unit_vectors
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.records import replace
+
+if TYPE_CHECKING:
+    from pinarm.engine.friction.extremes import Extremes
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +107,8 @@ class SlidingFriction(ForceElement):
             return [self.solution(float(t[0]), q[0], v[0])] * len(t)
         return [self.solution(*row) for row in zip(t, q, v, strict=True)]
 
-    def extremes(self, t: Array, q: Array, v: Array, solutions: Sequence[FrictionSolution]) -> list[Array]:
-        """Return the frictions at which what joints at rest share is least or greatest, by states, shape (e, k) each.
+    def extremes(self, t: Array, q: Array, v: Array, solutions: Sequence[FrictionSolution]) -> list[Extremes]:
+        """Return the frictions at which what joints at rest share is least or greatest, by states.
 
         Args:
             t: Instants [s], shape (n,).
@@ -114,7 +118,7 @@ class SlidingFriction(ForceElement):
         """
         from pinarm.engine.friction.extremes import extreme_frictions
 
-        extremes = list[Array]()
+        extremes: list[Extremes] = []
         for i, each in enumerate(solutions):
             if i and each is solutions[i - 1]:
                 extremes.append(extremes[-1])

@@ -13,7 +13,7 @@ Source: Banach's theorem; the paradox is Painleve's (Lecons sur le frottement, 1
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -88,14 +88,19 @@ class Slipping:
         """Return the spectral radius of C, its rows times |s|: below 1 there is exactly one root."""
         return float(np.abs(np.linalg.eigvals(self._most)).max(initial=0.0))
 
+    @property
+    def contracts(self) -> bool:
+        """Whether C tells that there is exactly one root."""
+        bound = float(self._most.sum(axis=1).max(initial=0.0))  # of the spectral radius, and much cheaper
+        return bound < CONTRACTING or self.contraction() < CONTRACTING
+
     def require_one_root(self) -> bool:
         """Return whether (1) has a root.
 
         Raises:
             DynamicsError: It has several, or that it has one is not known.
         """
-        bound = float(self._most.sum(axis=1).max(initial=0.0))  # of the spectral radius, and much cheaper
-        if bound < CONTRACTING or self.contraction() < CONTRACTING:
+        if self.contracts:
             return True
         some = self._rubbing
         coupled = [i for i in some if self.contacts[i].bearing.most(self.loads.response[i, some]).any()]
@@ -117,14 +122,7 @@ class Slipping:
             f[i] = -self.direction[i] * x
             return float(self.resistance(f)[i] - x)
 
-        high = h(0.0) + 1.0
-        while h(2.0 * high) < h(high):
-            high *= 2.0
-        low, high = 0.0, 2.0 * high
-        for _ in range(ITERATIONS):
-            one, two = low + (high - low) / 3.0, high - (high - low) / 3.0
-            low, high = (low, two) if h(one) < h(two) else (one, high)
-        return h(low) <= 0.0
+        return least_of(h) <= 0.0
 
     def resistance(self, f: Array) -> Array:
         """Return ``mu N(w0 + W f) + c`` [N*m or N], shape (k,)."""
@@ -161,3 +159,15 @@ class Slipping:
             if self.mu[i] and self.direction[i]:
                 slope[i] += self.direction[i] * self.mu[i] * self.loads.response[i] @ contact.bearing.slope(wrench[i])
         return slope
+
+
+def least_of(h: Callable[[float], float]) -> float:
+    """Return the least value of a convex function of ``x >= 0`` that grows at last, by bisection in three parts."""
+    high = h(0.0) + 1.0
+    while h(2.0 * high) < h(high):
+        high *= 2.0
+    low, high = 0.0, 2.0 * high
+    for _ in range(ITERATIONS):
+        one, two = low + (high - low) / 3.0, high - (high - low) / 3.0
+        low, high = (low, two) if h(one) < h(two) else (one, high)
+    return h(low)

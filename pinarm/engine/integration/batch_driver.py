@@ -6,17 +6,16 @@ unchanged. Arrays have one column for each motion, so that numpy's loops run alo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.integration.batch_solution import BatchStep, Ensemble
+from pinarm.engine.integration.batch_solution import ActiveMotions, BatchStep, Ensemble
 from pinarm.engine.integration.events import Watch, keeps_sign, locate_crossings, nodes
 from pinarm.engine.integration.first_step import first_step
-from pinarm.engine.integration.integrator import EmbeddedPair, Interval, Manifold, Solution, StepsOver, interpolated
-from pinarm.engine.integration.methods.explicit import HALVES, middle, terms_of
+from pinarm.engine.integration.integrator import EmbeddedPair, Interval, Manifold, Solution, StepsOver
+from pinarm.engine.integration.methods.explicit import HALVES, middle
 from pinarm.engine.integration.step_control import (
     FASTEST,
     HUGE,
@@ -28,10 +27,14 @@ from pinarm.engine.integration.step_control import (
     shrinkage,
 )
 
+Advance = Callable[[ActiveMotions], tuple[ActiveMotions, Flags]]
+"""Takes steps of motions: where these are then, and which of them an event ends."""
+
 
 def integrate_batch(
     intervals: Sequence[Interval], manifold: Manifold, q: Array, v: Array, method: EmbeddedPair, *,
     max_steps: int = 1_000_000, watches: Sequence[Watch] = (), steps_over: StepsOver | None = None,
+    threads: int = 1,
 ) -> Ensemble:  # fmt: skip
     """Integrate from many initial states, each with the steps that ``integrate`` takes from it.
 
@@ -44,50 +47,24 @@ def integrate_batch(
         max_steps: Largest number of steps of a motion, rejected ones included.
         watches: Values whose zero crossings are located; one that stops ends the motion at its crossing.
         steps_over: Whether a step may have stepped over a piece of a load; it is rejected then.
+        threads: Number of threads that may take steps in compiled code.
     """
     y, zero = np.vstack([manifold.project(q).T, v.T]), np.zeros(len(q), dtype=np.intp)
     ensemble = Ensemble(
         method, manifold, intervals, np.full(len(q), -np.inf), y.copy(), zero, zero.copy(), [[] for _ in q]
     )
-    _BatchDriver(ensemble, max_steps, watches, steps_over).run(y)
+    _BatchDriver(ensemble, max_steps, watches, steps_over, threads).run(y)
     return ensemble
-
-
-@dataclass(eq=False)
-class _ActiveMotions:
-    """The motions that are still within an interval; the last axis of every array runs over them.
-
-    Attributes:
-        number: Numbers of the motions, ascending, shape (m,).
-        t: Present times [s], shape (m,).
-        h: Next steps [s], shape (m,).
-        ceiling: Largest factors by which these may grow, shape (m,).
-        y: Present states [q, v], shape (nq + nv, m).
-        slope: Their slopes [q', v'], shape (nq + nv, m).
-    """
-
-    number: Indices
-    t: Array
-    h: Array
-    ceiling: Array
-    y: Array
-    slope: Array
-
-    def subset(self, which: Flags) -> _ActiveMotions:
-        """Return some of the motions."""
-        if which.all():
-            return self
-        return _ActiveMotions(*(getattr(self, each.name)[..., which] for each in fields(self)))
 
 
 class _BatchDriver:
     """The loop over intervals and steps of all motions."""
 
     def __init__(
-        self, ensemble: Ensemble, max_steps: int, watches: Sequence[Watch], steps_over: StepsOver | None
+        self, ensemble: Ensemble, max_steps: int, watches: Sequence[Watch], steps_over: StepsOver | None, threads: int
     ) -> None:
         self.ensemble, self.manifold, self.method = ensemble, ensemble.manifold, ensemble.method
-        self.max_steps, self.watches, self.steps_over = max_steps, watches, steps_over
+        self.max_steps, self.watches, self.steps_over, self.threads = max_steps, watches, steps_over, threads
         self.interval, self.index = Interval(0.0, 0.0, lambda t, q, v: 0.0 * v), -1
         self.tries = np.zeros_like(ensemble.rejected)
 
@@ -101,14 +78,14 @@ class _BatchDriver:
             t, slope = np.full(len(number), self.interval.start), np.empty_like(y)
             self.slope_at(t, t, y, slope)
             self.ensemble.evaluations[number] += 1
-            active = _ActiveMotions(number, t, h, np.full(len(number), FASTEST), y, slope)
+            active = ActiveMotions(number, t, h, np.full(len(number), FASTEST), y, slope)
             infinite = np.asarray(~np.isfinite(slope).all(axis=0))
             active = self.without(active, infinite, "the acceleration is not finite")
             if not h.any() and len(active.number):
                 active.h = self.first(active)
             number, h, y = self.run_interval(active)
 
-    def first(self, active: _ActiveMotions) -> Array:
+    def first(self, active: ActiveMotions) -> Array:
         """Return the first steps [s]."""
         start, end, method = self.interval.start, self.interval.end, self.method
 
@@ -135,31 +112,46 @@ class _BatchDriver:
         y[:nq] = q.T
         slope[:nq], slope[nq:] = self.manifold.velocity(q, v).T, self.interval.accelerations(start, t, q, v).T
 
-    def run_interval(self, active: _ActiveMotions) -> tuple[Indices, Array, Array]:
+    def run_interval(self, active: ActiveMotions) -> tuple[Indices, Array, Array]:
         """Integrate the interval; return the motions that reach its end, their next steps and their states."""
-        arrived, end = [active.subset(np.zeros(len(active.number), dtype=bool))], self.interval.end
+        arrived, advance = [active.subset(np.zeros(len(active.number), dtype=bool))], self.compiled() or self.step
         while len(active.number):
-            last = active.t + 1.01 * active.h >= end
-            h, until = np.where(last, end - active.t, active.h), np.where(last, end, active.t + active.h)
-            new, slopes = self.attempt(active, h)
-            error = self.error(h, active.y, new, slopes)
-            if self.steps_over:
-                error = np.where(self.stepped_over(self.steps_over, active, h, new, slopes), PASSED, error)
-            done = error <= 1.0  # False for NaN
-            stopped = self.record(active, done, h, until, new, slopes)
-            there = _ActiveMotions(
-                active.number, np.where(done, until, active.t), self.adapted(active, h, error, done & last),
-                np.where(done, FASTEST, 1.0), np.where(done, new, active.y), np.where(done, slopes[-1], active.slope),
-            )  # fmt: skip
-            if (ending := done & last | stopped).any():
-                arrived.append(there.subset(ending & ~stopped))
-                there = there.subset(~ending)
-            active = self.without_failed(there)
+            there, stopped = advance(active)
+            ending = there.t >= self.interval.end
+            arrived.append(there.subset(ending & ~stopped))
+            active = self.without_failed(there.subset(~(ending | stopped)))
         number, h, y = (np.concatenate([getattr(part, name) for part in arrived], -1) for name in ("number", "h", "y"))
         order = np.argsort(number)
         return number[order], h[order], y[:, order]
 
-    def attempt(self, active: _ActiveMotions, h: Array) -> tuple[Array, Array]:
+    def compiled(self) -> Advance | None:
+        """Return what takes many steps of each motion in compiled code; ``None`` where each has to be looked at."""
+        if self.watches or self.steps_over or self.interval.compiled is None:
+            return None
+        from pinarm.engine.integration.compiled_batch import CompiledRounds
+
+        rounds = CompiledRounds.of(self.ensemble, self.interval, self.index, self.max_steps, self.threads)
+        if rounds is None:
+            return None
+        return lambda active: (rounds.advance(active, self.tries), np.zeros(len(active.number), dtype=bool))
+
+    def step(self, active: ActiveMotions) -> tuple[ActiveMotions, Flags]:
+        """Try one step of each motion; return the motions behind it, and which of them an event ends."""
+        end = self.interval.end
+        last = active.t + 1.01 * active.h >= end
+        h, until = np.where(last, end - active.t, active.h), np.where(last, end, active.t + active.h)
+        new, slopes = self.attempt(active, h)
+        error = self.error(h, active.y, new, slopes)
+        if self.steps_over:
+            error = np.where(self.stepped_over(self.steps_over, active, h, new, slopes), PASSED, error)
+        done = error <= 1.0  # False for NaN
+        stopped = self.record(active, done, h, until, new, slopes)
+        return ActiveMotions(
+            active.number, np.where(done, until, active.t), self.adapted(active, h, error, done & last),
+            np.where(done, FASTEST, 1.0), np.where(done, new, active.y), np.where(done, slopes[-1], active.slope),
+        ), stopped  # fmt: skip
+
+    def attempt(self, active: ActiveMotions, h: Array) -> tuple[Array, Array]:
         """Return the states after one step of each motion, and the slopes at all stages, shape (s + 1, nq + nv, m).
 
         ``k_i = f(t + c_i h, y + h sum_j a_ij k_j)``, ``y_new = y + h sum_i b_i k_i``, ``k_s = f(t + h, y_new)``.
@@ -184,7 +176,7 @@ class _BatchDriver:
         usual = first / np.sqrt(np.maximum(denominator * len(y), TINY))
         return np.asarray(np.abs(h) * np.where(first == 0.0, np.sqrt([first, *lower][-1] / len(y)), usual))
 
-    def stepped_over(self, steps_over: StepsOver, active: _ActiveMotions, h: Array, new: Array, slopes: Array) -> Flags:
+    def stepped_over(self, steps_over: StepsOver, active: ActiveMotions, h: Array, new: Array, slopes: Array) -> Flags:
         """Return which steps may have stepped over a piece of a load, shape (m,)."""
         nq = self.manifold.nq
         states = np.stack([active.y, middle(h, active.y, new, slopes), new]).transpose(2, 0, 1)
@@ -193,7 +185,7 @@ class _BatchDriver:
             for t, step, along in zip(active.t, h, states, strict=True)
         ])  # fmt: skip
 
-    def adapted(self, active: _ActiveMotions, h: Array, error: Array, cut: Flags) -> Array:
+    def adapted(self, active: ActiveMotions, h: Array, error: Array, cut: Flags) -> Array:
         """Return the next steps [s], shape (m,).
 
         A step that the end of the interval shortened (``cut``) does not shorten the next one.
@@ -204,20 +196,20 @@ class _BatchDriver:
             shrunk = h * np.where(error < HUGE, shrinkage(error, order, np.maximum), LOST)
         return np.where(error <= 1.0, np.where(cut, np.maximum(active.h, grown), grown), shrunk)
 
-    def without_failed(self, active: _ActiveMotions) -> _ActiveMotions:
+    def without_failed(self, active: ActiveMotions) -> ActiveMotions:
         """Return the motions whose steps are neither too short nor too many; the others are recorded as failed."""
         interval = self.interval
         smallest = SHORTEST * np.spacing(np.maximum(np.abs(active.t), interval.end - interval.start))
         active = self.without(active, active.h < smallest, "the acceleration grows without bound or is not finite")
         return self.without(active, self.tries[active.number] >= self.max_steps, f"it has taken {self.max_steps} steps")
 
-    def without(self, active: _ActiveMotions, failed: Flags, why: str) -> _ActiveMotions:
+    def without(self, active: ActiveMotions, failed: Flags, why: str) -> ActiveMotions:
         """Return the motions that have not failed, and record why the others have."""
         for number, t in zip(active.number[failed], active.t[failed], strict=True):
             self.ensemble.failures[int(number)] = f"the integration cannot go on at t = {t:.9g} s: {why}"
         return active.subset(~failed)
 
-    def record(self, active: _ActiveMotions, done: Flags, h: Array, until: Array, new: Array, slopes: Array) -> Flags:
+    def record(self, active: ActiveMotions, done: Flags, h: Array, until: Array, new: Array, slopes: Array) -> Flags:
         """Record the steps, rejected ones with length 0; return which motions an event ends, shape (m,)."""
         ensemble, number = self.ensemble, active.number
         self.tries[number] += 1
@@ -236,9 +228,9 @@ class _BatchDriver:
         """Return in which steps a watched value may cross zero, shape (m,): bounds on its Chebyshev series decide."""
         m, x, nq = len(taken.h), nodes(self.method.subdivisions), self.manifold.nq
         base, known = taken.y.T, taken.slopes.transpose(2, 0, 1)
-        terms = terms_of(self.method.tableau, self.interval, self.manifold, taken.t, taken.h, base, known)
+        output = self.method.output_of(self.interval, self.manifold, taken.t, taken.h, base, known)
         rows, fraction = np.repeat(np.arange(m), len(x)), np.tile(x, m)
-        y = interpolated(base[rows], terms[rows], fraction)
+        y = output.states(rows, fraction)
         states = taken.t[rows] + taken.h[rows] * fraction, self.manifold.project(y[:, :nq]), y[:, nq:]
         values = [watch.value(*states).reshape(m, len(x)) for watch in self.watches]
         return np.asarray(~np.all([keeps_sign(each) for each in values], axis=0))

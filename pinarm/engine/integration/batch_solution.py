@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -16,9 +16,7 @@ from pinarm.engine.integration.integrator import (
     Manifold,
     Solution,
     Step,
-    interpolated,
 )
-from pinarm.engine.integration.methods.explicit import terms_of
 from pinarm.errors import IntegrationError
 
 ROWS = 16384
@@ -59,6 +57,33 @@ class BatchStep:
             return None
         t, h, until = (float(x[column]) for x in (self.t, self.h, self.until))
         return Step(t, h, until, self.y[:, column].copy(), self.slopes[..., column].copy(), self.interval)
+
+
+@dataclass(eq=False)
+class ActiveMotions:
+    """The motions that are still within an interval; the last axis of every array runs over them.
+
+    Attributes:
+        number: Numbers of the motions, ascending, shape (m,).
+        t: Present times [s], shape (m,).
+        h: Next steps [s], shape (m,).
+        ceiling: Largest factors by which these may grow, shape (m,).
+        y: Present states [q, v], shape (nq + nv, m).
+        slope: Their slopes [q', v'], shape (nq + nv, m).
+    """
+
+    number: Indices
+    t: Array
+    h: Array
+    ceiling: Array
+    y: Array
+    slope: Array
+
+    def subset(self, which: Flags) -> ActiveMotions:
+        """Return some of the motions."""
+        if which.all():
+            return self
+        return ActiveMotions(*(getattr(self, each.name)[..., which] for each in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,11 +172,10 @@ class Ensemble:
             return
         steps = taken.subset(needed)
         base, slopes, interval = steps.y.T, steps.slopes.transpose(2, 0, 1), self.intervals[taken.interval]
-        terms = terms_of(self.method.tableau, interval, self.manifold, steps.t, steps.h, base, slopes)
+        output = self.method.output_of(interval, self.manifold, steps.t, steps.h, base, slopes)
         for begin in range(0, len(row), ROWS):
             part = slice(begin, begin + ROWS)
-            here = where[part]
-            y[steps.number[here], instant[part]] = interpolated(base[here], terms[here], x[part])
+            y[steps.number[where[part]], instant[part]] = output.states(where[part], x[part])
 
 
 def _ranges(first: Indices, beyond: Indices) -> tuple[Indices, Indices]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -26,7 +27,7 @@ FEWEST, MOST = 16, 512
 the motion makes the steps after it useless, and memory is taken for all of them."""
 
 
-class _Coefficients(NamedTuple):
+class Coefficients(NamedTuple):
     """The coefficients of a pair for the library.
 
     Attributes:
@@ -37,12 +38,21 @@ class _Coefficients(NamedTuple):
     structure: PairStructure
     arrays: list[Array]
 
-    @classmethod
-    def of(cls, tableau: Tableau) -> _Coefficients:
-        names = ("a", "b", "c", "error", "dense_a", "dense_c", "dense_d")
-        arrays = [contiguous(getattr(tableau, name)) for name in names]
-        counts = tableau.stages, len(tableau.error), len(tableau.dense_c), len(tableau.dense_d)
-        return cls(PairStructure(*counts, tableau.error_order + 1, *map(pointer, arrays)), arrays)
+
+@cache
+def coefficients_of(tableau: Tableau) -> Coefficients:
+    """Return the coefficients of a pair, of which there are few."""
+    names = ("a", "b", "c", "error", "dense_a", "dense_c", "dense_d")
+    arrays = [contiguous(getattr(tableau, name)) for name in names]
+    counts = tableau.stages, len(tableau.error), len(tableau.dense_c), len(tableau.dense_d)
+    return Coefficients(PairStructure(*counts, tableau.error_order + 1, *map(pointer, arrays)), arrays)
+
+
+def control_of(pair: EmbeddedPair, interval: Interval) -> ControlStructure:
+    """Return the numbers of the step control for the library."""
+    return ControlStructure(
+        pair.tolerance, interval.size, SAFETY, GAIN, SLOWEST, FASTEST, LOST, HUGE, TINY, SHORTEST, NOISE
+    )
 
 
 class _Record(NamedTuple):
@@ -100,7 +110,7 @@ class CompiledSteps:
     _numbers: ControlStructure | None = None
 
     def __post_init__(self) -> None:
-        self._coefficients = _Coefficients.of(self.pair.tableau)
+        self._coefficients = coefficients_of(self.pair.tableau)
 
     def take(self, index: int, span: Interval, t: float, h: float, tries: int) -> tuple[float, float]:
         """Take as many steps in an interval as there is room for."""
@@ -146,9 +156,7 @@ class CompiledSteps:
     def _control(self, interval: Interval) -> ControlStructure:
         """Return the numbers of the step control; those of the last interval serve as long as its size is the same."""
         if self._numbers is None or self._numbers.size != interval.size:
-            self._numbers = ControlStructure(
-                self.pair.tolerance, interval.size, SAFETY, GAIN, SLOWEST, FASTEST, LOST, HUGE, TINY, SHORTEST, NOISE
-            )
+            self._numbers = control_of(self.pair, interval)
         return self._numbers
 
     def _add(self, index: int, course: CourseStructure, record: _Record) -> None:
@@ -180,7 +188,7 @@ class CompiledSteps:
 
 
 def terms(tableau: Tableau, flow: Flow, steps: Sequence[Step]) -> Array:
-    """Return the terms of the dense output of steps, see ``Method.interpolants``, shape (n, d, nq + nv)."""
+    """Return the terms of the dense output of steps, see ``DenseOutput``, shape (n, d, nq + nv)."""
     found = []
     for way, group in [(way, list(group)) for way, group in groupby(steps, lambda step: flow.way(step.t))]:
         flow.take(way)
@@ -190,7 +198,7 @@ def terms(tableau: Tableau, flow: Flow, steps: Sequence[Step]) -> Array:
 
 def _terms(tableau: Tableau, flow: Flow, steps: Sequence[Step]) -> Array:
     """Return the terms of steps whose further stages are taken in one way."""
-    coefficients, compiled = _Coefficients.of(tableau), library()
+    coefficients, compiled = coefficients_of(tableau), library()
     if compiled is None:
         raise ValueError("the compiled library has gone")
     times = contiguous(np.array([(step.t, step.h) for step in steps]).T)

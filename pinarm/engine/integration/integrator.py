@@ -5,7 +5,7 @@ No module of this package knows mechanisms.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple, Protocol
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from pinarm.arrays import Array, Indices
+from pinarm.engine.integration.dense_output import DenseOutput
 from pinarm.records import ValueRecord, replace
 
 if TYPE_CHECKING:
@@ -266,11 +267,8 @@ class Method(Protocol):
         """Return a stepper of this method on a manifold; it counts its work in ``count``."""
         ...
 
-    def interpolants(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
-        """Return the terms r of the dense output of steps in one interval, shape (n, d, nq + nv).
-
-        With ``x = (t - step.t) / h`` it is ``y + x (r_0 + (1 - x) (r_1 + x (r_2 + (1 - x) (...))))``.
-        """
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> DenseOutput:
+        """Return the dense output of steps in one interval."""
         ...
 
     def diagnose(self, solution: Solution) -> list[str]:
@@ -291,16 +289,18 @@ class EmbeddedPair(Method, Protocol):
         """Local error per step, relative to ``size + |y|``; see ``Interval.size``."""
         ...
 
-    def divided(
-        self, intervals: Sequence[Interval], manifold: Manifold, steps: Sequence[Step], terms: Array
-    ) -> Mapping[int, Solution]:
-        """Return shorter steps in place of those whose dense output does not follow the motion, by their number.
+    def output_of(
+        self, interval: Interval, manifold: Manifold, t: Array, h: Array, y: Array, slopes: Array
+    ) -> DenseOutput:
+        """Return the dense output of n steps in one interval, of one motion or of several.
 
         Args:
-            intervals: Those of the solution; the steps are of one of them.
+            interval: The interval.
             manifold: The configuration space.
-            steps: The steps.
-            terms: Of their dense output, see ``Method.interpolants``.
+            t: Starts of the steps [s], shape (n,).
+            h: Lengths [s], shape (n,).
+            y: States [q, v] at the starts, shape (n, nq + nv).
+            slopes: Slopes [q', v'] at the method's stages, shape (n, s + 1, nq + nv).
         """
         ...
 
@@ -341,8 +341,7 @@ class Solution:
     crossings: list[Crossing] = field(default_factory=list)
     count: Count = field(default_factory=Count)
     _starts: Array | None = field(default=None, repr=False)
-    _interpolants: dict[int, Array] = field(default_factory=dict, repr=False)
-    _divided: dict[int, Solution] = field(default_factory=dict, repr=False)
+    _outputs: dict[int, DenseOutput] = field(default_factory=dict, repr=False)
 
     @property
     def end(self) -> float:
@@ -379,13 +378,8 @@ class Solution:
         inside = np.flatnonzero(x)  # at the start of a step its state is known
         if len(inside):
             needed, where = self._places(index[inside])
-            self._interpolate([i for i in needed if i not in self._interpolants])
-            terms = np.array([self._interpolants[i] for i in needed])[where]
-            y[inside] = interpolated(y[inside], terms, x[inside])
-            for place, i in enumerate(needed):
-                if i in self._divided:
-                    here = inside[where == place]
-                    y[here] = np.concatenate(self._divided[i].states(t[here]), axis=1)
+            self._interpolate([i for i in needed if i not in self._outputs])
+            y[inside] = DenseOutput.joined([self._outputs[i] for i in needed]).states(where, x[inside])
         return self.manifold.project(y[:, : self.manifold.nq]), y[:, self.manifold.nq :]
 
     def _places(self, index: Indices) -> tuple[list[int], Indices]:
@@ -396,46 +390,17 @@ class Solution:
     def truncate(self, count: int) -> None:
         """Keep the first steps only."""
         del self.steps[count:]
-        self._interpolants = {index: terms for index, terms in self._interpolants.items() if index < count}
-        self._divided = {index: parts for index, parts in self._divided.items() if index < count}
+        self._outputs = {index: output for index, output in self._outputs.items() if index < count}
 
     @property
     def interpolated_steps(self) -> list[int]:
         """Indices of the steps whose dense output has been computed, ascending."""
-        return sorted(self._interpolants)
+        return sorted(self._outputs)
 
     def _interpolate(self, indices: list[int]) -> None:
         """Compute the dense output of steps, interval by interval."""
         for number, group in groupby(indices, lambda i: self.steps[i].interval):
             members = list(group)
-            steps, pair = [self.steps[i] for i in members], self.method.pair
-            terms = self.method.interpolants(self.intervals[number], self.manifold, steps)
-            self._interpolants.update(zip(members, terms, strict=True))
-            if pair is not None:
-                divided = pair.divided(self.intervals, self.manifold, steps, terms)
-                self._divided.update((members[k], parts) for k, parts in divided.items())
-
-
-def interpolated(base: Array, terms: Array, x: Array) -> Array:
-    """Return states within steps, shape (n, nq + nv): ``base + x (r_0 + (1 - x) (r_1 + x (r_2 + ...)))``.
-
-    Args:
-        base: States at the start of each step, shape (n, nq + nv).
-        terms: Terms r of its interpolant, see ``Method.interpolants``, shape (n, d, nq + nv).
-        x: ``(t - step.t) / step.h``, shape (n,).
-    """
-    x = x[:, None]
-    y = np.zeros_like(base)
-    for k in range(terms.shape[1] - 1, -1, -1):  # Horner's scheme
-        y = (y + terms[:, k]) * (1.0 - x if k % 2 else x)
-    return np.where(x == 0.0, base, base + y)  # the terms of a step that failed may be infinite
-
-
-def slopes_within(terms: Array, x: float) -> Array:
-    """Return the derivatives by x of what ``interpolated`` gives at one part x of n steps, shape (n, nq + nv)."""
-    y, slope = np.zeros((2, len(terms), terms.shape[2]))
-    for k in range(terms.shape[1] - 1, -1, -1):
-        factor, rate = (1.0 - x, -1.0) if k % 2 else (x, 1.0)
-        slope = slope * factor + (y + terms[:, k]) * rate
-        y = (y + terms[:, k]) * factor
-    return slope
+            steps = [self.steps[i] for i in members]
+            output = self.method.dense_output(self.intervals[number], self.manifold, steps)
+            self._outputs.update(zip(members, output.split(), strict=True))

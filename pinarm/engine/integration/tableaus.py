@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.records import ValueRecord
+from pinarm.records import Record, replace
 
 
-class Tableau(ValueRecord, frozen=True):
+class Tableau(Record, frozen=True):
     """The coefficients of an explicit Runge-Kutta method with dense output, and of its error estimate if it has one.
 
     Stage i is ``k_i = f(t + c_i h, y + h sum_j a_ij k_j)``; the step is ``y + h sum_i b_i k_i``, and ``k_s``, behind
@@ -58,6 +60,24 @@ class Tableau(ValueRecord, frozen=True):
     def stages(self) -> int:
         """Number of stages, without the slope at the end of the step."""
         return len(self.b)
+
+    @cached_property
+    def examined(self) -> Tableau:
+        """The same with a further stage and a last term: the defect ``h (f(u) - u')`` of the dense output u.
+
+        It is taken in the middle of the step, where ``u = y + h w @ k`` and ``u' = w' @ k``.
+        """
+        s, width = self.stages + 1, self.stages + 1 + len(self.dense_c)
+        unit = np.eye(width)
+        change, first, last = np.concatenate([self.b, np.zeros(width - s + 1)]), unit[0], unit[s - 1]
+        weights, slopes = np.zeros((2, width))
+        for k, row in reversed([*enumerate([change, first - change, 2.0 * change - first - last, *self.dense_d])]):
+            slopes = 0.5 * slopes + (weights + row) * (-1.0) ** k
+            weights = 0.5 * (weights + row)
+        stages = np.pad(np.vstack([self.dense_a, weights]), ((0, 0), (0, 1)))
+        terms = np.pad(np.vstack([self.dense_d, -slopes]), ((0, 0), (0, 1)))
+        terms[-1, -1] = 1.0
+        return replace(self, dense_a=stages, dense_c=np.append(self.dense_c, 0.5), dense_d=terms)
 
 
 def _matrix(rows: tuple[tuple[float, ...], ...], width: int) -> Array:

@@ -41,14 +41,29 @@ class Flow:
         """Whether accepted states are brought back onto constraints."""
         return bool(self.structure.settle)
 
+    def copied(self) -> Flow | None:
+        """Return the same motion with buffers of its own, for another thread; ``None`` where it has a state."""
+        return None
+
     def ready(self) -> None:
         """Bring the system to the present state of the motion."""
 
     def slope(self, y: Array) -> Array:
         """Return the slope of a state [q, v], shape (nq + nv,)."""
+        self.ready()
+        return self._slope(y)
+
+    def slopes(self, starts: Array, y: Array) -> Array:
+        """Return the slopes of states within steps, by the starts of these [s], shape (n, nq + nv)."""
+        found = np.empty_like(y)
+        for k, start in enumerate(starts.tolist()):
+            self.within(start)
+            found[k] = self._slope(y[k])
+        return found
+
+    def _slope(self, y: Array) -> Array:
         rates, state, slope, places = self._evaluation
         state[:] = y
-        self.ready()
         rates(self.structure.system, 0.0, *places)
         return slope.copy()
 
@@ -70,6 +85,10 @@ class Flow:
     def take(self, way: Any) -> None:
         """Let rates be those of such stages."""
 
+    def within(self, t: float) -> None:
+        """Let rates be those within the step that began at t [s]."""
+        self.take(self.way(t))
+
     def advanced(self, ends: Sequence[float]) -> None:
         """Note that steps have been taken to these instants [s], and the states there settled."""
 
@@ -78,7 +97,8 @@ class Flow:
 def library() -> ctypes.PyDLL | None:
     """Return the library; ``None`` where there is none, it does not fit, or ``PINARM_KERNEL=off`` switches it off.
 
-    It keeps Python's lock while it computes: the buffers of a mechanism serve one thread at a time.
+    It keeps Python's lock while it computes: the buffers of a mechanism serve one thread at a time. Where each thread
+    has buffers of its own, ``compiled_batch`` calls it without.
     """
     if os.environ.get(SWITCH) == "off" or not PATH.exists():
         return None

@@ -47,6 +47,9 @@ STATES = 3
 NO_FLOOR = np.zeros(1)
 """The smallest useful step of trees [s]."""
 
+BUFFERS = "link_state", "degree_state", "tau"
+"""What the library writes, at the end of the arrays of a loaded tree."""
+
 DEGREES = 1
 """Place of the velocities, with what acts along each, among the arrays of a loaded tree."""
 
@@ -63,6 +66,35 @@ class LoadedTree(NamedTuple):
 
     structure: TreeStructure
     arrays: tuple[NDArray[Any], ...]
+
+    def copied(self) -> LoadedTree:
+        """Return the same tree with buffers of its own."""
+        structure, count = TreeStructure.from_buffer_copy(self.structure), len(BUFFERS)
+        buffers = tuple(np.zeros_like(array) for array in self.arrays[-count:])
+        for name, buffer in zip(BUFFERS, buffers, strict=True):
+            setattr(structure, name, pointer(buffer))
+        return LoadedTree(structure, (*self.arrays[:-count], *buffers))
+
+
+@dataclass(frozen=True, eq=False)
+class TreeFlow(Flow):
+    """The free motion of a tree under steady loads, springs and dampers.
+
+    Attributes:
+        system: The tree.
+    """
+
+    system: LoadedTree = field(repr=False)
+
+    @classmethod
+    def of(cls, tree: LoadedTree, rates: int | None) -> TreeFlow:
+        """Return the motion of a tree whose rates a function of the library writes, by its address."""
+        n = tree.structure.nq + tree.structure.nv
+        return cls(FlowStructure(n, rates, None, pointer(NO_FLOOR), ctypes.addressof(tree.structure)), tree)
+
+    def copied(self) -> TreeFlow:
+        """Return the same motion with buffers of its own."""
+        return TreeFlow.of(self.system.copied(), self.structure.rates)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +129,10 @@ class HeldFlow(Flow):
         structure.rows = values  # kept as long as the structure
         return structure
 
+    def within(self, t: float) -> None:
+        """Bring in the loads that were in force in the step that began at t [s]."""
+        self._efforts[:] = self.steady + self.loads.load_of(np.array([self.loads.piece(t)]))[0]
+
 
 class CompiledTree(Record, frozen=True):
     """A tree as the library knows it.
@@ -130,10 +166,8 @@ class CompiledTree(Record, frozen=True):
         compiled, tree = library(), self.loaded(steady, [force for force in changing if force.held is None])
         if compiled is None or tree is None or len(held) > 1:
             return None
-        n = self.model.nq + self.model.nv
-        places = address(compiled.tree_rates), None, pointer(NO_FLOOR), ctypes.addressof(tree.structure)
-        structure = FlowStructure(n, *places)
-        return HeldFlow(structure, tree, held[0], steady, tree) if held else Flow(structure, tree)
+        free = TreeFlow.of(tree, address(compiled.tree_rates))
+        return HeldFlow(free.structure, tree, held[0], steady, tree) if held else free
 
     def loaded(self, steady: Array, changing: Sequence[ForceElement]) -> LoadedTree | None:
         """Return the tree with its loads; ``None`` where the library does not know one of them, or a number is none."""

@@ -159,7 +159,7 @@ class _Usual(Record, frozen=True):
             some = [steps[k] for k in distinct(np.linspace(0, len(steps) - 1, USUAL).astype(int))]
             t, y = np.array([step.t for step in some]), np.array([step.y for step in some])
             found.append(segment.system.whole(t, y[:, :nq], y[:, nq:])[0])
-        values = closure.values_of(closure.at(np.concatenate(found))[1])
+        values = closure.values(np.concatenate(found))
         rank = closure.rank(values)
         return cls(closure, rank, float(values[:, rank - 1].max()) if rank else 1.0)
 

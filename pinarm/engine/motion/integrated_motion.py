@@ -102,6 +102,7 @@ def states(mechanism: Mechanism, hybrid: HybridSystem, grid: Grid, motion: Compl
         hybrid.closed_system.closure, hybrid.dynamics,
         driven=driven_along(hybrid.prescribed.coordinates, mechanism.model.nv), drives=tuple(hybrid.prescribed.names),
         columns=friction_columns(mechanism.frictions, motion.friction), opened=motion.opened,
+        endless=motion.endless,
     )  # fmt: skip
 
 

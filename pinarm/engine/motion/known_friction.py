@@ -8,7 +8,7 @@ at rest. Whatever lies between the two holds.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import product
@@ -20,6 +20,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.batch_jacobians import rows_of
 from pinarm.engine.constraints.nullspaces.nullspace import split_rows
 from pinarm.engine.friction.columns import BANDS, band_column, friction_columns
+from pinarm.engine.friction.locking import ROUNDED, locks
 from pinarm.engine.friction.response import BearingReactions
 from pinarm.engine.friction.slipping import CarriedLoads, Slipping
 from pinarm.engine.motion.standstill import leading
@@ -152,14 +153,18 @@ class KnownFriction:
 
     def _friction(self, row: int, direction: Array, *, at_rest: bool) -> Array:
         """Return the friction in one row, shape (k,)."""
+        equation = self._equation(row, direction, at_rest=at_rest)
+        if not equation.require_one_root():
+            raise self._jammed(row, direction)
+        return equation.friction()
+
+    def _equation(self, row: int, direction: Array, *, at_rest: bool) -> Slipping:
+        """Return the equation of the friction in one row."""
         contacts = self.run.mechanism.frictions
         laws = [contact.law.resting if at_rest and still else contact.law.slipping(speed) for contact, still, speed
                 in zip(contacts, self.resting[row], sizes(contacts, self.slips[row]), strict=True)]  # fmt: skip
         mu, constant = np.array(laws).reshape(-1, 2).T * (direction != 0.0)
-        equation = Slipping(contacts, direction, mu, constant, self.loads[row])
-        if not equation.require_one_root():
-            raise self._jammed(row, direction)
-        return equation.friction()
+        return Slipping(contacts, direction, mu, constant, self.loads[row])
 
     def _jammed(self, row: int, direction: Array) -> DynamicsError:
         run = self.run
@@ -205,17 +210,31 @@ class KnownFriction:
         """Return the effort that begins to move a drive's coordinate up or down, shape (n,).
 
         Joints that do not move with it, as a piston at its dead centre, may rub either way: that counts which holds
-        best.
+        best. It is infinite where friction holds any effort; see ``locking``.
         """
         slips, contacts = np.matvec(self.rows, way), self.run.mechanism.frictions
         largest = np.abs(slips).max(axis=1, keepdims=True, initial=0.0)
         begun = sign * unit_vectors(contacts, np.where(np.abs(slips) > MOVES * largest, slips, 0.0))
         directions = np.where(self.resting, begun, self.directions)
-        bare, found = (way * self.demand).sum(axis=1), np.empty(len(way))
+        terms, found = way * self.demand, np.empty(len(way))
         for i, direction in enumerate(directions):
-            each = [bare[i] - slips[i] @ self._friction(i, one, at_rest=True) for one in self._possible(i, direction)]
-            found[i] = sign * max(sign * np.array(each))
+            size = float(np.abs(terms[i]).sum())
+            held = max(self._held(i, one, sign * slips[i], size) for one in self._possible(i, direction))
+            found[i] = terms[i].sum() + sign * held
         return found
+
+    def _held(self, row: int, direction: Array, slips: Array, size: float) -> float:
+        """Return by how much friction raises the effort that begins to move a coordinate; infinite where it locks.
+
+        Args:
+            row: Of the motion.
+            direction: Of the slips, shape (k,).
+            slips: Per unit by which the coordinate moves, shape (k,).
+            size: Of the terms of its effort without friction [N*m or N].
+        """
+        if self.resting[row].all() and locks(self._equation(row, direction, at_rest=True), slips, size):
+            return np.inf
+        return float(-slips @ self._friction(row, direction, at_rest=True))
 
     def _possible(self, row: int, direction: Array) -> list[Array]:
         """Return directions of friction: given ones, and both of joints that do not move but load those that do."""
@@ -247,16 +266,27 @@ def notes_of(run: Trajectory) -> list[str]:
         for name, column in run.columns.items()
         if name.endswith(".effort.lower")
     }
-    found = []
-    for name, low in lower.items():
-        high = run.columns[f"{name}.upper"].values
-        rest = high - low > 0.0
-        if not rest.any():
-            continue
-        found.append(f"{name}: friction holds any value from {name}.lower to {name}.upper in {rest.sum()} of "
-                     f"{len(run)} rows, at rest; the table has the value without friction there")  # fmt: skip
-        locked = rest & (low <= 0.0) & (high >= 0.0) & (0.5 * np.abs(high + low) > LOADED * (high - low))
-        if locked.any():
-            found.append(f"{name.removesuffix('.effort')} is self-locking in {locked.sum()} of {len(run)} rows: "
-                         "it holds without any effort")  # fmt: skip
-    return found
+    return [note for name, low in lower.items() for note in _band_notes(name, low, run.columns[f"{name}.upper"].values)]
+
+
+def _band_notes(name: str, low: Array, high: Array) -> Iterator[str]:
+    """Yield what is to be said of the band of one drive's effort, as ``joint.J.effort``."""
+    n, drive, endless = len(low), name.removesuffix(".effort"), {"lower": low == -np.inf, "upper": high == np.inf}
+    any_effort = endless["lower"] & endless["upper"]
+    if any_effort.any():
+        yield (
+            f"{drive} is self-locking in {any_effort.sum()} of {n} rows: friction grows with the effort and holds any: "
+            f"{name}.lower and .upper are -inf and inf; a drive along another coordinate moves the mechanism"
+        )
+    for (side, rows), way in zip(endless.items(), ("down", "up"), strict=True):
+        if (rows & ~any_effort).any():
+            yield (f"{drive}: no effort moves it {way} in {(rows & ~any_effort).sum()} of {n} rows, as friction grows "
+                   f"with the effort: {name}.{side} is infinite there")  # fmt: skip
+    rest = np.flatnonzero(high - low > ROUNDED * np.minimum(np.abs(low), np.abs(high)))
+    if len(rest):
+        yield (f"{name}: friction holds any value from {name}.lower to {name}.upper in {len(rest)} of {n} rows, at "
+               "rest; the table has the value without friction there")  # fmt: skip
+    low, high = low[rest], high[rest]
+    locked = (low <= 0.0) & (high >= 0.0) & (0.5 * np.abs(high + low) > LOADED * (high - low))
+    if locked.any():
+        yield f"{drive} is self-locking in {locked.sum()} of {n} rows: it holds without any effort"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -21,11 +21,11 @@ from pinarm.engine.motion.standstill import lossy
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation, DriveAtEveryJoint
 from pinarm.engine.statics.effort_distribution import UNIQUE
-from pinarm.engine.statics.selected_drives import SelectedDrives
-from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.engine.statics.selected_drives import WEAK, SelectedDrives
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, driven_along
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.records import replace
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -176,4 +176,35 @@ def _drives(drives: Actuation, closure: VariantClosure) -> Actuation:
         return DriveAtEveryJoint(closure)
     if not isinstance(drives, SelectedDrives) or drives.tasks or drives.distribution is not UNIQUE:
         raise VariantsDiffer("drives that share the load, act along task coordinates, or move joints that mimic others")
-    return replace(drives, own=closure, closure=closure)
+    return DrivesOfVariants(drives.joints, closure)
+
+
+class DrivesOfVariants(Record, frozen=True):
+    """Drives at joints of variants, as many as there are degrees of freedom; see ``SelectedDrives``.
+
+    Attributes:
+        joints: Coordinates of joints, and sums of them, that drives act along, by name.
+        closure: The constraints of the variants.
+    """
+
+    joints: Mapping[str, LinearCoordinate]
+    closure: VariantClosure
+
+    def coordinates(self, mechanism: Mechanism) -> Mapping[str, Coordinate]:
+        """Return what drives act along, by name."""
+        return self.joints
+
+    @property
+    def driven(self) -> Flags:
+        """Joints that drives act on, alone or with others, shape (nv,)."""
+        return driven_along(self.joints.values(), self.closure.model.nv)
+
+    def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
+        """Return the efforts and the multipliers, both from G taken apart once; NaN where they are not determined."""
+        split, weights = self.closure.splits(q), np.array([joint.weights for joint in self.joints.values()])
+        ways, load = np.einsum("nkjf,dj->nkfd", split.free, weights), np.einsum("nkjf,nkj->nkf", split.free, demand)
+        ways = np.broadcast_to(ways, (*load.shape, len(weights))).reshape(-1, load.shape[-1], len(weights))
+        least = np.full(len(ways), WEAK * np.linalg.norm(weights, axis=1).max())
+        effort, good = UNIQUE.efforts(ways, load.reshape(len(ways), -1), least)
+        tau = (np.where(good[:, None], effort, np.nan) @ weights).reshape(demand.shape)
+        return tau, Multipliers.known(split.multipliers(demand - tau), self.closure.size)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
+from msgspec import field
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
@@ -24,6 +24,7 @@ from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
+    from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
 
 ROW = "row"
 """Parameter of rows that are only numbered."""
@@ -47,8 +48,7 @@ class EventRecord(Record, frozen=True):
     before: Array | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Trajectory:
+class Trajectory(Record, frozen=True):
     """States of a mechanism, a row each: of one motion, of a path of positions, or each of its own.
 
     Of variants of a mechanism arrays have an axis after the first, of length k, or 1 where all are alike.
@@ -78,30 +78,33 @@ class Trajectory:
         remedy: What to try where they are not.
         others: The same motion with other efforts, multipliers and frictions that hold it as well: quantities that
             differ in them are not determined by rigid bodies, and lie between.
+        endless: Of such a motion, in which rows, shape (n,), it only tells the direction in which quantities have no
+            end, or none that is known; ``None`` for none.
     """
 
     mechanism: Mechanism
     parameter: str
     unit: Unit
     grid: Grid
-    q: Array = field(repr=False)
-    v: Array = field(repr=False)
-    a: Array = field(repr=False)
-    tau: Array = field(repr=False)
-    lam: Multipliers = field(repr=False)
-    closure: Closure = field(repr=False)
-    dynamics: Dynamics = field(repr=False)
+    q: Array
+    v: Array
+    a: Array
+    tau: Array
+    lam: Multipliers
+    closure: Closure
+    dynamics: Dynamics
     no_efforts: str = ""
     columns: Mapping[str, Series] = field(default_factory=dict)
     separate: bool = False
-    driven: Flags | None = field(default=None, repr=False)
+    driven: Flags | None = None
     drives: tuple[str, ...] = ()
-    directions: Array | None = field(default=None, repr=False)
+    directions: Array | None = None
     sampled: bool = False
-    opened: Flags | None = field(default=None, repr=False)
+    opened: Flags | None = None
     unknown: str = ""
     remedy: str = ""
-    others: tuple[Trajectory, ...] = field(default=(), repr=False)
+    others: tuple[Trajectory, ...] = ()
+    endless: Flags | None = None
 
     @classmethod
     def schema_row(
@@ -126,6 +129,10 @@ class Trajectory:
     def link_motion(self) -> tuple[LinkPlacements, Array, Array, Array]:
         """The motion of the links in all rows; see ``link_placements.moving``."""
         return moving(self.mechanism.model, self.q, self.v, self.a)
+
+    def __repr__(self) -> str:
+        """Return its rows and its mechanism."""
+        return f"<Trajectory of {self.mechanism.title or 'a mechanism'}: {len(self)} rows along {self.parameter}>"
 
     def __len__(self) -> int:
         return len(self.grid.t)
@@ -175,10 +182,11 @@ class Trajectory:
         q, v, a, tau = (array[rows] for array in (self.q, self.v, self.a, self.tau))
         columns = {name: replace(series, values=series.values[rows]) for name, series in self.columns.items()}
         directions = None if self.directions is None else self.directions[rows]
-        opened = None if self.opened is None else self.opened[rows]
+        opened, endless = (None if flags is None else flags[rows] for flags in (self.opened, self.endless))
         return replace(
             self, grid=self.grid.some(rows), q=q, v=v, a=a, tau=tau, lam=self.lam.some(rows), columns=columns,
-            directions=directions, opened=opened, others=tuple(other.some(rows) for other in self.others),
+            directions=directions, opened=opened, endless=endless,
+            others=tuple(other.some(rows) for other in self.others),
         )  # fmt: skip
 
     @cached_property
@@ -221,12 +229,13 @@ class Trajectory:
 
         That of its drive, with what accelerates its rotor; of a joint without one, what couplings do along it, with
         their friction: ``sum_k G_k lam_k + J_k f_k``. Where a motor acts on a rotor that is a joint of its own, its
-        effort less the losses of the gear; behind an elastic gear what the gear gives, ``tau - N^2 J a`` of the rotor.
+        effort less the losses of the gear; behind an elastic gear ``k w + c w'``, what the gear gives, and what drives
+        the joint itself beside it.
         """
+        if (gear := self._elastic_gear_at(joint)) is not None:
+            return self.tau[..., joint] - gear.efforts(self.grid.t, self.q, self.v)
         if (drive := self._motor_at(joint)) is not None:
             rotor, friction = self.mechanism.driven_joint(drive).v, self.columns.get(f"drive.{drive}.friction")
-            if self.mechanism.drives[drive].elasticity is not None:
-                return self.tau[..., rotor] - self.mechanism.drives[drive].armature * self.a[..., rotor]
             return self.tau[..., rotor] + (0.0 if friction is None else friction.values)
         if not (acting := self.couplings_at(joint)):
             return self.tau[..., joint]
@@ -247,6 +256,13 @@ class Trajectory:
         drive = self.mechanism.drives.get(self._rotor_of(joint) or "")
         own = drive.armature if drive is not None and drive.elasticity is None else 0.0
         return own + float(self.mechanism.model.armature[joint])
+
+    def _elastic_gear_at(self, joint: int) -> AlongCoordinate | None:
+        """Return the spring and damper of the elastic gear at a joint, by its index in v; ``None`` without one."""
+        drive = self._rotor_of(joint)
+        if drive is None or self.mechanism.drives[drive].elasticity is None:
+            return None
+        return cast("AlongCoordinate", self.mechanism.forces[f"elasticity of {drive}"])
 
     def _motor_at(self, joint: int) -> str | None:
         """Return the drive whose motor moves a joint in this run, by a rotor that is a joint of its own."""

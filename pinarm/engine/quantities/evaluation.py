@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -34,6 +35,15 @@ class Evaluation(Record, frozen=True):
         from pinarm.engine.quantities.reactions import SAMPLE, Reactions
 
         return Reactions(self.run, SAMPLE if self.judged else 0)
+
+    @cached_property
+    def friction_doubts(self) -> Mapping[str, str]:
+        """What is in doubt about frictions whose loads rest on a rule, by quantity; see ``friction_law``."""
+        if not any(contact.shared for contact in self.run.mechanism.frictions):
+            return {}
+        from pinarm.engine.quantities.friction_law import friction_doubts
+
+        return friction_doubts(self.run)
 
     @cached_property
     def kinematics(self) -> RowKinematics:

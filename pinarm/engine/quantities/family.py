@@ -135,7 +135,7 @@ class Family(ABC):
         if coordinate is None or rate not in RATES:
             raise asked.unknown
         order = RATES.index(rate)
-        values = self.evaluation.kinematics.coordinate(coordinate_name, coordinate)[..., order]
+        values = self.evaluation.kinematics.rate(coordinate_name, coordinate, order)
         return Series(asked.name, _rate_unit(coordinate.unit, order), values)
 
     def about(self, asked: Asked, otherwise: Array) -> Array:

@@ -1,10 +1,16 @@
-"""How well the friction of a run obeys its law, by the reactions of the run: a route that no solver takes."""
+"""How well the friction of a run obeys its law, by the reactions of the run: a route that no solver takes.
+
+And which friction rests on a rule, as rigid bodies do not determine the load that it depends on.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from pinarm.engine.checks.sample import sampled
+from pinarm.engine.constraints.nullspaces.nullspace import split_rows
+from pinarm.engine.friction.columns import BANDS
+from pinarm.engine.friction.response import BearingReactions
 from pinarm.engine.friction.watches import REST
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.reactions import Reactions
@@ -18,6 +24,26 @@ CONTRADICTED = 1e-6
 SLOW, SWITCHING = 1e-9, 1e-3
 """Slips, relative to the largest of the run, that are rest: anywhere, and where an interval of the run ends, as at
 switches, whose instants are known to the tolerance of the integration."""
+
+
+def friction_doubts(run: Trajectory) -> dict[str, str]:
+    """Return what is in doubt about frictions whose loads are those of the least multipliers, by their quantity.
+
+    The first row stands for all. What follows from such a friction, ``power.friction`` and the bands of efforts, is
+    among them.
+    """
+    contacts = run.mechanism.frictions
+    if not len(run) or not any(contact.shared and contact.law.loaded for contact in contacts):
+        return {}
+    own = run.mechanism.closure
+    split = split_rows(own.rows(own.state(run.q[0])))
+    some = BearingReactions(contacts, own, run.intervals()[0][1]).undetermined(split, run.q[0])
+    if not some:
+        return {}
+    names = ", ".join(dict.fromkeys(contact.name for contact in some))
+    doubt = f"least multipliers; rigid bodies do not determine the load of {names}"
+    bands = [name for name in run.columns if name.endswith(tuple(f".effort.{part}" for part in BANDS))]
+    return dict.fromkeys([*(contact.quantity for contact in some), "power.friction", *bands], doubt)
 
 
 def friction_figures(run: Trajectory) -> dict[str, float]:

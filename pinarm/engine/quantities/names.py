@@ -70,6 +70,11 @@ class Quantities:
         return Evaluation(self.trajectory, self.undetermined, judged=self.whole is None)
 
     @property
+    def _judged(self) -> Evaluation:
+        """That of the whole run, which tells what is determined."""
+        return (self.whole or self).evaluation
+
+    @property
     def reactions(self) -> Reactions:
         """What the joints transmit."""
         return self.evaluation.reactions
@@ -108,7 +113,8 @@ class Quantities:
                 found = self._extreme(name)
                 if found is None:
                     found = self._require_known(self._find(name))
-                    found = replace(found, doubt=found.doubt or self._left_open(name, found))
+                    doubt = found.doubt or self._judged.friction_doubts.get(name) or self._left_open(name, found)
+                    found = replace(found, doubt=doubt)
                 self._require_axes(found)
                 self._known[name] = found
         return self._known[name]
@@ -128,17 +134,31 @@ class Quantities:
             told = self[base]
         except InputError:  # the last word belongs to a name
             return None
-        return replace(told, name=name, values=EXTREMES[extreme](self._values(told, base), axis=0), doubt="")
+        values = EXTREMES[extreme](self._values(told, base), axis=0)
+        return replace(told, name=name, values=values, doubt="", unbounded=self._endless)
+
+    @property
+    def _endless(self) -> bool:
+        """Whether there are rows in which what friction leaves open has no end that is known."""
+        return any(other.trajectory.endless is not None for other in self.others)
 
     def _values(self, told: Series, name: str) -> Array:
-        return np.array([told.values, *(other[name].values for other in self.others)])
+        """Return the values of a quantity with each of ``others``, infinite where it has no end that is known."""
+        values = np.array([told.values, *(other[name].values for other in self.others)])
+        slack = OPEN * np.abs(values).max(initial=0.0)
+        for k, other in enumerate(self.others, 1):
+            if (endless := other.trajectory.endless) is not None:
+                beyond = values[k] - told.values
+                infinite = np.where(np.abs(beyond) > slack, np.copysign(np.inf, beyond), told.values)
+                values[k] = np.where(endless, infinite, values[k])
+        return values
 
     def open_rows(self, name: str) -> Flags:
         """Return in which rows joints at rest share a load in a way that leaves a quantity open, shape (n,)."""
         if not self.others or self._extreme(name) is not None:
             return np.zeros(len(self.trajectory), dtype=bool)
         values = self._values(self[name], name)
-        return np.asarray(np.ptp(values, axis=0) > OPEN * np.abs(values).max(initial=0.0))
+        return np.asarray(np.ptp(values, axis=0) > OPEN * np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
     def bounds(self, name: str) -> tuple[Series, Series]:
         """Return the least and greatest values of a quantity, row by row; both are its own where it is determined."""

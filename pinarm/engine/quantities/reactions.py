@@ -31,7 +31,6 @@ from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 if TYPE_CHECKING:
     from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
-    from pinarm.mechanics.friction.cam import CamFriction
     from pinarm.mechanics.friction.coupling_contact import CouplingContact
     from pinarm.mechanics.loops.relative import LoopCoordinate
 
@@ -123,9 +122,9 @@ class Reactions:
         """
         run, found = self.run, np.zeros((*self.run.q[rows].shape[:-1], self.model.njoints, 6))
         for force in dynamics.forces.values():
-            for k, i in enumerate(rows.tolist()):
-                for joint, wrench in force.wrenches(run.grid.t[i], run.q[i], run.v[i]).items():
-                    found[k, joint] += wrench
+            acting = force.wrenches_at(self.links(rows), run.grid.t[rows], run.q[rows], run.v[rows])
+            for joint, wrench in acting.items():
+                found[:, joint] += wrench
         if self.closure.size:
             found = found + self.closure.wrenches(self.links(rows), self.multipliers[rows])
         for contact, f in zip(run.mechanism.frictions, run.friction.T, strict=True):
@@ -255,15 +254,14 @@ class Reactions:
             wrench = wrench + _moved(contact.wrenches(links, f)[coupling.second], -points)
         return points, wrench, [stress - idle for stress in stressed]
 
-    def friction_of(self, name: str) -> list[tuple[CouplingContact | CamFriction, Array]]:
+    def friction_of(self, name: str) -> list[tuple[CouplingContact, Array]]:
         """Return where the members of a coupling rub, with the friction there [N], shape (n,)."""
         if not self.run.mechanism.frictions:
             return []
-        from pinarm.mechanics.friction.cam import CamFriction
         from pinarm.mechanics.friction.coupling_contact import CouplingContact
 
         return [(contact, f) for contact, f in zip(self.run.mechanism.frictions, self.run.friction.T, strict=True)
-                if isinstance(contact, CouplingContact | CamFriction) and contact.coupling.name == name]  # fmt: skip
+                if isinstance(contact, CouplingContact) and contact.coupling.name == name]  # fmt: skip
 
     @cached_property
     def stresses(self) -> list[Array]:

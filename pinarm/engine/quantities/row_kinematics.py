@@ -35,17 +35,19 @@ class RowKinematics:
         """Pinocchio's buffers; every pass over the rows fills them anew."""
         return new_data(self.model)
 
-    def coordinate(self, name: str, coordinate: Coordinate) -> Array:
-        """Return a coordinate with its two derivatives, shape (n, .., 3)."""
-        if name not in self._coordinates:
-            self._coordinates[name] = self._coordinate(coordinate)
-        return self._coordinates[name]
-
-    def _coordinate(self, coordinate: Coordinate) -> Array:
+    def rate(self, name: str, coordinate: Coordinate, order: int) -> Array:
+        """Return a coordinate, or its first or second derivative, shape (n, ..)."""
         run = self.run
         if isinstance(coordinate, LinearCoordinate):
-            weights = coordinate.weights
-            return np.stack([run.q[..., coordinate.places] @ weights, run.v @ weights, run.a @ weights], axis=-1)
+            joints = (run.q[..., coordinate.places], run.v, run.a)[order]
+            return np.asarray(joints @ coordinate.weights)
+        if name not in self._coordinates:
+            self._coordinates[name] = self._coordinate(coordinate)
+        return self._coordinates[name][:, order]
+
+    def _coordinate(self, coordinate: Coordinate) -> Array:
+        """Return a coordinate with its two derivatives, shape (n, 3)."""
+        run = self.run
         rows = np.empty((len(run), 3))
         for i in range(len(run)):
             state = Kinematics.at(self.model, run.q[i], run.v[i])

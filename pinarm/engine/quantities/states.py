@@ -142,8 +142,8 @@ def _quantities(
     q, still = given["q"], np.zeros((len(given["q"]), mechanism.model.nv))
     v, tau, after = given.get("v", still), given.get("tau"), float(np.nextafter(t, np.inf))
     dynamics, closure = mechanism.dynamics.on(t, after), mechanism.closure
-    frictions = _frictions(mechanism, dynamics, t, q, v, tau)
-    loads = _friction_loads(mechanism, q, frictions[0])
+    friction, others = _frictions(mechanism, dynamics, t, q, v, tau)
+    loads = _friction_loads(mechanism, q, friction)
     a = given.get("a", still) if tau is None else _forward(mechanism, dynamics, t, q, v, tau + loads)
     _check_closed(closure, leading, q, v, a)
     run = _rows(mechanism, t, q, v, a)
@@ -153,7 +153,7 @@ def _quantities(
         paces = row_paces(mechanism, v, terms)  # efforts that hold leave accelerations of their rounding
         run = replace(run, directions=directions(v, a, paces, np.ones(len(q)), still))
     if tau is not None:
-        return Quantities(_under(replace(run, tau=tau), demand - tau, frictions))
+        return Quantities(_under(replace(run, tau=tau), demand - tau, friction, others))
     acting = actuation(mechanism, drives, drives) if drives else everywhere(mechanism)
     if acting is None:
         return Quantities(replace(run, no_efforts=NO_DRIVES))
@@ -161,8 +161,8 @@ def _quantities(
     return Quantities(_driven(run, acting, demand))
 
 
-def _under(run: Trajectory, demand: Array, frictions: Sequence[Array]) -> Trajectory:
-    """Return states with their friction and multipliers; the first friction is that of the rows, see ``others``."""
+def _under(run: Trajectory, demand: Array, friction: Array, others: Sequence[tuple[Array, Flags]]) -> Trajectory:
+    """Return states with their friction and multipliers, and with others that hold as well; see ``filled``."""
     if not run.mechanism.frictions:
         return replace(run, lam=Multipliers.least(run.mechanism.closure, run.q, demand, np.zeros((len(run), 0))))
     from pinarm.engine.friction.columns import friction_columns
@@ -173,11 +173,13 @@ def _under(run: Trajectory, demand: Array, frictions: Sequence[Array]) -> Trajec
         lam = Multipliers.least(run.mechanism.closure, run.q, held, np.zeros((len(run), 0)))
         return replace(run, lam=lam, columns=friction_columns(run.mechanism.frictions, friction))
 
-    rows, others = under(frictions[0]), list[Trajectory]()
-    for friction in frictions[1:]:
-        part = held_part(run.mechanism.closure, rows.lam, under(friction).lam)[:, None]
-        others.append(under(frictions[0] + part * (friction - frictions[0])))
-    return replace(rows, others=tuple(others))
+    rows, found = under(friction), list[Trajectory]()
+    for other, endless in others:
+        part = held_part(run.mechanism.closure, rows.lam, under(other).lam)
+        far = endless & (part == 1.0)
+        within = under(friction + part[:, None] * (other - friction))
+        found.append(replace(within, endless=far if far.any() else None))
+    return replace(rows, others=tuple(found))
 
 
 def _driven(run: Trajectory, acting: Actuation, demand: Array) -> Trajectory:
@@ -193,15 +195,14 @@ def _driven(run: Trajectory, acting: Actuation, demand: Array) -> Trajectory:
 
 def _frictions(
     mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Array, tau: Array | None
-) -> list[Array]:
+) -> tuple[Array, list[tuple[Array, Flags]]]:
     """Return the friction under efforts, shape (n, k), and others that hold as well; 0 where efforts are not given."""
     contacts = mechanism.frictions
     if tau is None or not contacts:
-        return [np.zeros((len(q), len(contacts)))]
+        return np.zeros((len(q), len(contacts))), []
     from pinarm.engine.friction.given_efforts import friction_under
 
-    friction, others = friction_under(contacts, dynamics, mechanism.closure, t, q, v, tau)
-    return [friction, *others]
+    return friction_under(contacts, dynamics, mechanism.closure, t, q, v, tau)
 
 
 def _friction_loads(mechanism: Mechanism, q: Array, friction: Array) -> Array:

@@ -37,6 +37,10 @@ def current_folder() -> Path | None:
     return _folder.get()
 
 
+FARTHEST = 1e50
+"""Largest length [m], in files of all kinds: squares and products of it stay numbers."""
+
+
 class Measured(float):
     """A float in SI with the unit that it was written in.
 
@@ -47,6 +51,7 @@ class Measured(float):
         along: For fields of a law: power of the variable that the law runs along.
         least: Lower bound in SI.
         above: Strict lower bound in SI.
+        within: Bound of its size in SI, either way.
         forms: What may stand for it in a file, as JSON Schemas.
         examples: Values that a message shows where the unit is missing.
     """
@@ -57,6 +62,7 @@ class Measured(float):
     along: ClassVar[int | None] = None
     least: ClassVar[float | None] = None
     above: ClassVar[float | None] = None
+    within: ClassVar[float | None] = None
     forms: ClassVar[Sequence[Mapping[str, Any]]] = ({"type": "number"}, {"type": "string"})
     examples: ClassVar[str] = "30 deg; 50 % or 0.5 1 for one without"
 
@@ -97,6 +103,9 @@ class Measured(float):
         if (cls.least is not None and number < cls.least) or (cls.above is not None and number <= cls.above):
             bound = f"at least {cls.least:g}" if cls.above is None else f"more than {cls.above:g}"
             raise InputError(f"{number:g} is out of bounds", expected=bound)
+        if cls.within is not None and abs(number) > cls.within:
+            raise InputError(f"{number:g} is out of bounds", expected=f"a size of at most {cls.within:g}",
+                             hint="check the exponent and the unit")  # fmt: skip
         return measured
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -129,7 +138,7 @@ def quantity(text: str = "", **expected: float | str | None) -> Any:
 
     Args:
         text: Unit whose dimension it must have; any dimension if empty.
-        expected: ``least``, ``above``, ``order``, ``along`` or ``examples``; see ``Measured``.
+        expected: ``least``, ``above``, ``within``, ``order``, ``along`` or ``examples``; see ``Measured``.
     """
     return type("Measured", (Measured,), {"expected": unit(text) if text else None, **expected})
 
@@ -138,10 +147,11 @@ AnyQuantity, NotNegative, Positive = quantity(), quantity(least=0.0), quantity(a
 Level, Rate, SecondRate, ThirdRate = quantity(order=0), quantity(order=1), quantity(order=2), quantity(order=3)
 Time, Duration, Pause = quantity("s"), quantity("s", above=0.0), quantity("s", least=0.0)
 Abscissa, Extent, Pulsation = quantity(along=1), quantity(along=1, above=0.0), quantity(along=-1)
-Angle, Length = quantity("rad"), quantity("m", least=0.0)
+Angle, Length = quantity("rad"), quantity("m", least=0.0, within=FARTHEST)
 Force, Moment, Acceleration = quantity("N"), quantity("N*m"), quantity("m/s^2", least=0.0)
 Inertia, Mass = quantity("kg*m^2", least=0.0), quantity("kg", least=0.0)
-Span, Lead, Position, Tension = quantity("m", above=0.0), quantity("m"), quantity("m"), quantity("N", least=0.0)
+Span, Lead = quantity("m", above=0.0, within=FARTHEST), quantity("m", within=FARTHEST)
+Position, Tension = Lead, quantity("N", least=0.0)
 LoadRating, ServiceSpeed = quantity("N", above=0.0), quantity("rad/s", above=0.0)
 Stiffness, Damping = quantity("N/m", least=0.0), quantity("N*s/m", least=0.0)
 MotorSpeed, MotorTorque = quantity("rad/s", least=0.0), quantity("N*m", least=0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Container, Mapping, Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.records import ValueRecord
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 Edge = Callable[[Array, Array, Array], Array]
 """``(t, q, v) -> `` a value of n states, shape (n,), whose zeros are where a load stops being smooth."""
@@ -132,6 +135,14 @@ class ForceElement(ABC):
         Elements that act between the two links of a joint have none: their effort is part of what the joint transmits.
         """
         return {}
+
+    def wrenches_at(self, links: LinkPlacements, t: Array, q: Array, v: Array) -> dict[int, Array]:
+        """Return the same in n states, each wrench of shape (n, 6); ``links`` are placed as the states say."""
+        found: dict[int, Array] = {}
+        for k, state in enumerate(zip(t, q, v, strict=True)):
+            for joint, wrench in self.wrenches(*state).items():
+                found.setdefault(joint, np.zeros((len(q), *wrench.shape)))[k] = wrench
+        return found
 
     @property
     def points(self) -> tuple[int, ...]:

@@ -17,7 +17,7 @@ from pinarm.input.units import DIMENSIONLESS, unit
 from pinarm.input.yaml.schema import Damping, Force, InputStruct, Length, Moment, Stiffness
 from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
 from pinarm.mechanics.geometry.pinocchio_data import new_data
-from pinarm.mechanics.geometry.vectors import combined, cross, dot
+from pinarm.mechanics.geometry.vectors import combined, cross, crossed, dot, joined
 from pinarm.mechanics.joints import METRE, UNIVERSE, Joint, format_configuration, frame_of, frames_of
 from pinarm.mechanics.laws import Constant, Law
 from pinarm.mechanics.laws.motion_law import MotionLaw, Values
@@ -25,6 +25,7 @@ from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.geometry.chains import Chain
+    from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 Number = TypeVar("Number", float, Array)
 
@@ -116,6 +117,13 @@ class AppliedWrench(ForceElement):
         point = self.data.oMf[self.frame].translation
         moment = wrench[3:] + cross(point, wrench[:3])
         return {self.model.frames[self.frame].parentJoint: np.concatenate([wrench[:3], moment])}
+
+    def wrenches_at(self, links: LinkPlacements, t: Array, q: Array, v: Array) -> dict[int, Array]:
+        """Return the wrench on the link, moved to the world's origin."""
+        turns, points = links.frame(self.axes)[0], links.frame(self.frame)[1]
+        force, moment = (np.matvec(turns, part) for part in (self.wrench[:3], self.wrench[3:]))
+        whole = self._factor(t)[..., None] * joined(force, moment + crossed(points, force))
+        return {self.model.frames[self.frame].parentJoint: whole}
 
     def _in_world(self, t: float) -> Array:
         """Return the wrench at its point, world axes; the placements in the buffers are those of the state."""

@@ -20,14 +20,14 @@ from pinarm.input.units import unit
 from pinarm.mechanics.couplings.coupling import Coupling, outwards
 from pinarm.mechanics.couplings.transmissions import Strands
 from pinarm.mechanics.friction.bearing import Bearing
-from pinarm.mechanics.friction.coupling_contact import CouplingContact
+from pinarm.mechanics.friction.coupling_contact import ConstantSlip
 from pinarm.mechanics.friction.law import FrictionLaw
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.records import replace
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class BeltFriction(CouplingContact):
+class BeltFriction(ConstantSlip):
     """The slip of a belt; it takes the place of the coupling, which ties the wheels no more.
 
     Attributes:
@@ -71,4 +71,6 @@ def belt_friction(coupling: Coupling, law: FrictionLaw) -> BeltFriction:
     )  # fmt: skip
     radius = 1.0 / abs(known.difference)
     slip = radius * coupling.coordinate.weights
-    return BeltFriction(f"coupling.{coupling.name}", unit("N"), coupling, slip, pull, Bearing.none(), radius=radius)
+    return BeltFriction(
+        f"coupling.{coupling.name}", unit("N"), coupling, pull, Bearing.none(), slip=slip, radius=radius
+    )

@@ -14,12 +14,12 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
-from pinarm.input.units import Unit, unit
+from pinarm.input.units import unit
 from pinarm.mechanics.couplings.cams.cam_contact import Roller
 from pinarm.mechanics.couplings.cams.cam_coupling import CamContact, CamCoupling
 from pinarm.mechanics.couplings.coupling import outwards
 from pinarm.mechanics.friction.bearing import Bearing
-from pinarm.mechanics.friction.contact import quantity_of
+from pinarm.mechanics.friction.coupling_contact import CouplingContact
 from pinarm.mechanics.friction.law import FrictionLaw
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
@@ -27,31 +27,15 @@ from pinarm.mechanics.geometry.vectors import crossed
 
 
 @dataclass(frozen=True, eq=False)
-class CamFriction:
+class CamFriction(CouplingContact):
     """The slip of a follower on its cam, along the tangent of the contact [m/s].
 
     Attributes:
-        name: ``coupling.C``.
-        effort: Unit of the friction, N.
-        coupling: The cam.
         contact: Where they touch.
-        law: Of friction.
-        bearing: Of the normal force, as the first component of a wrench.
-        shared: See ``FrictionContact``.
     """
 
-    name: str
-    effort: Unit
     coupling: CamCoupling
-    contact: CamContact
-    law: FrictionLaw
-    bearing: Bearing = field(repr=False)
-    shared: bool = False
-
-    @property
-    def quantity(self) -> str:
-        """``coupling.C.friction``."""
-        return quantity_of(self.name)
+    contact: CamContact = field(kw_only=True)
 
     @property
     def row_is_constant(self) -> bool:
@@ -82,10 +66,6 @@ class CamFriction:
         point, force = plane.origin + plane.vectors(touch.point), plane.vectors(f * touch.tangent)
         wrench = outwards(links, plane.pair.carrier, np.concatenate([force, crossed(point, force)], axis=1))
         return {plane.pair.second.body: wrench, plane.pair.first.body: -wrench}
-
-    def part(self, name: str, f: Array) -> Array:
-        """Return what friction adds to the normal force, or to a measure of the contact, shape (n,): nothing."""
-        return np.zeros_like(f)
 
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
         """Return the normal force as the first component of a wrench, shape (n, 6)."""
@@ -120,4 +100,5 @@ def cam_friction(coupling: CamCoupling, pin: float, law: FrictionLaw, *, shared:
         with within("radius"):
             raise InputError(f"the follower of '{coupling.name}' has no roller, and no pin", expected="no radius")
     bearing = Bearing.thread(np.array([1.0, 0.0, 0.0]), part)
-    return CamFriction(f"coupling.{coupling.name}", unit("N"), coupling, coupling.contact, law, bearing, shared)
+    return CamFriction(f"coupling.{coupling.name}", unit("N"), coupling, law, bearing, shared,
+                       contact=coupling.contact)  # fmt: skip

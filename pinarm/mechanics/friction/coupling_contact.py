@@ -1,4 +1,4 @@
-"""Friction between the members of a coupling: what threads and teeth have in common."""
+"""Friction between the members of a coupling: what threads, teeth, belts and cams have in common."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.coupling import Coupling, JointRelation
 from pinarm.mechanics.friction.bearing import Bearing
 from pinarm.mechanics.friction.contact import quantity_of
 from pinarm.mechanics.friction.law import FrictionLaw
@@ -21,22 +21,20 @@ from pinarm.records import replace
 
 @dataclass(frozen=True, eq=False)
 class CouplingContact(ABC):
-    """A slip between the members of a coupling, whose row is constant.
+    """A slip between the members of a coupling; see ``FrictionContact``.
 
     Attributes:
         name: ``coupling.C``.
         effort: Unit of the friction, N.
-        coupling: The screw, or the gear.
-        slip: J, shape (nv,).
+        coupling: What couples them.
         law: Of friction.
-        bearing: Of the multiplier, as the first component of a wrench.
+        bearing: Of what it carries, as the first component of a wrench.
         shared: See ``FrictionContact``.
     """
 
     name: str
     effort: Unit
-    coupling: Coupling
-    slip: Array = field(repr=False)
+    coupling: JointRelation
     law: FrictionLaw
     bearing: Bearing = field(repr=False)
     shared: bool = False
@@ -45,6 +43,43 @@ class CouplingContact(ABC):
     def quantity(self) -> str:
         """``coupling.C.friction``."""
         return quantity_of(self.name)
+
+    @property
+    @abstractmethod
+    def row_is_constant(self) -> bool:
+        """Whether J is the same in all configurations."""
+
+    @abstractmethod
+    def row(self, state: Kinematics) -> Array:
+        """Return J, shape (nv,)."""
+
+    @abstractmethod
+    def drift(self, state: Kinematics) -> float:
+        """Return J' v."""
+
+    @abstractmethod
+    def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
+        """Return what the friction, shape (n,), does to the members; see ``FrictionContact``."""
+
+    def part(self, name: str, f: Array) -> Array:
+        """Return what friction adds to a single force or moment of the coupling [N or N*m], shape (n,): nothing."""
+        return np.zeros_like(f)
+
+    @abstractmethod
+    def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
+        """Return what the bearing carries as the first component of a wrench, shape (n, 6)."""
+
+
+@dataclass(frozen=True, eq=False)
+class ConstantSlip(CouplingContact):
+    """A slip whose row is constant, as of threads, teeth and belts, under the multiplier of the coupling.
+
+    Attributes:
+        slip: J, shape (nv,).
+    """
+
+    coupling: Coupling
+    slip: Array = field(repr=False, kw_only=True)
 
     @property
     def coordinate(self) -> LinearCoordinate:
@@ -63,14 +98,6 @@ class CouplingContact(ABC):
     def drift(self, state: Kinematics) -> float:
         """Return 0: the row is constant."""
         return 0.0
-
-    @abstractmethod
-    def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
-        """Return what the friction, shape (n,), does to the members; see ``FrictionContact``."""
-
-    def part(self, name: str, f: Array) -> Array:
-        """Return what friction adds to a single force or moment of the coupling [N or N*m], shape (n,): nothing."""
-        return np.zeros_like(f)
 
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
         """Return the multiplier as the first component of a wrench, shape (n, 6)."""

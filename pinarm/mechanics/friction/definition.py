@@ -196,7 +196,7 @@ class Friction(InputStruct, frozen=True):
         bearing = Bearing.thread(np.array([1.0, 0.0, 0.0]), thread.lever / wheel)
         law = self._law(Joint(coupling.name, 0, 0, 0, METRE))
         return ThreadFriction(
-            f"coupling.{coupling.name}", unit("N"), coupling, slip, law, bearing, self._shared, along=thread.along
+            f"coupling.{coupling.name}", unit("N"), coupling, law, bearing, self._shared, slip=slip, along=thread.along
         )
 
     def _of_cam(self, cam: JointRelation) -> FrictionContact:

@@ -20,7 +20,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.mechanics.couplings.coupling import outwards
 from pinarm.mechanics.couplings.transmissions import ThreadContact
-from pinarm.mechanics.friction.coupling_contact import CouplingContact
+from pinarm.mechanics.friction.coupling_contact import ConstantSlip
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class ThreadGeometry:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ThreadFriction(CouplingContact):
+class ThreadFriction(ConstantSlip):
     """The slip along the thread of a screw, or of a worm and its wheel, that couple two joints.
 
     Attributes:

@@ -38,7 +38,7 @@ from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling, outwards
 from pinarm.mechanics.couplings.transmissions import PitchSurfaces, ToothContact
 from pinarm.mechanics.friction.bearing import Bearing
-from pinarm.mechanics.friction.coupling_contact import CouplingContact
+from pinarm.mechanics.friction.coupling_contact import ConstantSlip
 from pinarm.mechanics.friction.law import FrictionLaw
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import RADIAN
@@ -129,7 +129,7 @@ def _integral(begins: Array, ends: Array) -> float:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ToothFriction(CouplingContact):
+class ToothFriction(ConstantSlip):
     """The mean slip of the teeth in a coupling.
 
     Attributes:
@@ -175,4 +175,6 @@ def tooth_friction(coupling: Coupling, teeth: int, law: FrictionLaw, *, shared: 
         slip[joint.v] = mesh.mean_distance * rate
     normal = Bearing.thread(np.array([1.0, 0.0, 0.0]), float(np.linalg.norm(known.along + known.apart)))
     couple = mesh.mean_distance * known.surfaces.line
-    return ToothFriction(f"coupling.{coupling.name}", unit("N"), coupling, slip, law, normal, shared, couple=couple)
+    return ToothFriction(
+        f"coupling.{coupling.name}", unit("N"), coupling, law, normal, shared, slip=slip, couple=couple
+    )

@@ -13,7 +13,6 @@ row by row and variant by variant within each; what differs between variants is 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -124,8 +123,7 @@ class Chain(Record, frozen=True):
         return Placed(self, place, axes, screws, [place - origin for origin in origins])
 
 
-@dataclass(frozen=True, eq=False)
-class Placed:
+class Placed(Record, frozen=True):
     """A chain at n configurations; all vectors are in the axes of frame 1.
 
     Attributes:
@@ -139,8 +137,8 @@ class Placed:
     chain: Chain
     p: Array
     axes: Axes
-    screws: list[Array] = field(repr=False)
-    arms: list[Array] = field(repr=False)
+    screws: list[Array]
+    arms: list[Array]
 
     @cached_property
     def travels(self) -> list[Array]:

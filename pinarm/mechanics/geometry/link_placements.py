@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from pinarm.arrays import Array, Indices
 from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, states_first, turned
 from pinarm.mechanics.geometry.model_variants import Model
-from pinarm.mechanics.geometry.vectors import cross, crossed, joined
+from pinarm.mechanics.geometry.vectors import cross, crossed, joined, rotated
+from pinarm.records import Record
 
 
-@dataclass(frozen=True, eq=False)
-class LinkPlacements:
+class LinkPlacements(Record, frozen=True):
     """World placements of the joint frames, one for each link, at n configurations.
 
     Attributes:
@@ -24,10 +22,10 @@ class LinkPlacements:
         q: The configurations, shape (n, nq): they tell whole turns of a joint, too.
     """
 
-    model: Model = field(repr=False)
+    model: Model
     turns: Array
     places: Array
-    q: Array = field(repr=False)
+    q: Array
 
     @classmethod
     def at(cls, model: Model, q: Array) -> LinkPlacements:
@@ -46,7 +44,7 @@ class LinkPlacements:
         """Return the rotation matrices, shape (n, 3, 3), and the origins [m], shape (n, 3), of a frame of the model."""
         frame = self.model.frames[index]
         turn, place = self.turns[..., frame.parentJoint, :, :], self.places[..., frame.parentJoint, :]
-        rotation, along = frame.placement.rotation, np.matvec(turn, frame.placement.translation)
+        rotation, along = frame.placement.rotation, rotated(turn, frame.placement.translation)
         return turn if (rotation == np.eye(3)).all() else turn @ rotation, place + along
 
     def inwards(self, wrenches: Array) -> Array:
@@ -71,11 +69,11 @@ class LinkPlacements:
 
         Shape (.., n, njoints, 6).
         """
-        forces, moments = np.matvec(self.turns, wrenches[..., :3]), np.matvec(self.turns, wrenches[..., 3:])
+        forces, moments = rotated(self.turns, wrenches[..., :3]), rotated(self.turns, wrenches[..., 3:])
         return joined(forces, moments + crossed(self.places, forces))
 
     def _turned(self, forces: Array, moments: Array, turns: Array) -> Array:
-        return joined(np.matvec(turns, forces), np.matvec(turns, moments))
+        return joined(rotated(turns, forces), rotated(turns, moments))
 
 
 def moving(model: Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, Array, Array, Array]:
@@ -128,7 +126,8 @@ def _turned(turns: Array, motions: Array) -> tuple[Array, Array]:
 
 def _columns(tree: LinkTree, turns: Array, places: Array, subspaces: Array) -> Array:
     """Return the columns S of all velocities as twists in the world frame, shape (n, 6, nv)."""
-    columns = np.moveaxis(subspaces, (-2, -1), (0, 1))
+    states = range(subspaces.ndim - 2)
+    columns = subspaces.transpose(-2, -1, *states)
     d, w = _turned(turns[:, :, tree.moved], columns)
     found = np.concatenate([d + cross(places[:, tree.moved], w), w])
-    return np.ascontiguousarray(np.moveaxis(found, (0, 1), (-2, -1)))
+    return np.ascontiguousarray(found.transpose(*(2 + k for k in states), 0, 1))

@@ -13,7 +13,6 @@ long rows of numbers some ten times as fast as vectors of three.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -23,7 +22,8 @@ import pinocchio as pin
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.mechanics.geometry.model_variants import Model, bodies_of, placements_of
-from pinarm.mechanics.geometry.vectors import crossed
+from pinarm.mechanics.geometry.vectors import crossed, joined, rotated
+from pinarm.records import Record
 
 
 class SingleJoints(NamedTuple):
@@ -65,8 +65,7 @@ class RelativeMotion(NamedTuple):
     biases: Array
 
 
-@dataclass(frozen=True, eq=False)
-class LinkTree:
+class LinkTree(Record, frozen=True):
     """What is the same of a tree of links at all configurations.
 
     Attributes:
@@ -89,9 +88,9 @@ class LinkTree:
     single: SingleJoints
     others: tuple[int, ...]
     subspace: Array
-    masses: Array = field(repr=False)
-    levers: Array = field(repr=False)
-    inertias: Array = field(repr=False)
+    masses: Array
+    levers: Array
+    inertias: Array
 
     @classmethod
     def of(cls, model: Model) -> LinkTree:
@@ -101,11 +100,21 @@ class LinkTree:
     @cached_property
     def supports(self) -> Flags:
         """Which velocities move which links, shape (njoints, nv): row j is true for all joints up to joint j."""
-        moves = np.zeros((len(self.parents), len(self.moved)), dtype=bool)
-        moves[self.moved, np.arange(len(self.moved))] = True
+        return self.moves(np.arange(len(self.moved)))
+
+    def moves(self, velocities: Indices) -> Flags:
+        """Return which of k velocities move which links, shape (njoints, k)."""
+        moves = np.zeros((len(self.parents), len(velocities)), dtype=bool)
+        moves[self.moved[velocities], np.arange(len(velocities))] = True
         for jump in self.jumps:
             moves |= moves[jump]
         return moves
+
+    def momenta(self, v: Array, omega: Array) -> Array:
+        """Return ``[m v - m c x omega; m c x v + I omega]`` in link axes, of vectors of shape (n, .., njoints, 3)."""
+        first, turning = self.masses[..., None] * self.levers, self.inertias[..., 3:, 3:]
+        linear = self.masses[..., None] * v + crossed(omega, first)
+        return joined(linear, crossed(first, v) + rotated(turning, omega))
 
     def summed(self, x: Array) -> Array:
         """Return the sums over the paths from the world to every link, whose own term is 0; shape (3, njoints, ..)."""
@@ -124,8 +133,7 @@ class LinkTree:
     def multiplied(self, turns: Array) -> Array:
         """Return the products of rotations along these paths; that of the world is 1; shape (3, 3, njoints, ..)."""
         for jump in self.jumps:
-            before = turns[:, :, jump]
-            turns = np.stack([turned(before, turns[:, column]) for column in range(3)], axis=1)
+            turns = np.einsum("ab...,bc...->ac...", turns[:, :, jump], turns)
         return turns
 
     def gathered(self, columns: Array) -> Array:
@@ -138,7 +146,7 @@ class LinkTree:
     def relative(self, model: Model, q: Array, v: Array) -> RelativeMotion:
         """Return how every link is placed and moves with respect to its parent, in states, (.., nq) and (.., nv)."""
         n, count, one, rank = len(q), len(self.parents), self.single, q.ndim - 1
-        along = np.ascontiguousarray(np.moveaxis(q, -1, 0)[one.q])
+        along = np.ascontiguousarray(components_first(q, 1)[one.q])
         constant, cosine, sine = (states_last(x, rank, 3) for x in (one.constant, one.cosine, one.sine))
         shift, slide = (states_last(x, rank, 2) for x in (one.shift, one.slide))
         turned = constant + np.cos(along) * cosine + np.sin(along) * sine
@@ -162,7 +170,7 @@ class LinkTree:
             return components_first(self.gathered(relative.subspaces * x[..., None, :]))
         rank = x.ndim - 1
         found = np.zeros((6, len(self.parents), *x.shape[:-1]))
-        found[:, self.moved] = states_last(self.subspace.T, rank, 2) * np.moveaxis(x, -1, 0)
+        found[:, self.moved] = states_last(self.subspace.T, rank, 2) * components_first(x, 1)
         return found
 
 
@@ -184,14 +192,17 @@ def states_last(x: Array, rank: int, tail: int) -> Array:
 
 
 def components_first(x: Array, tail: int = 2) -> Array:
-    """Return an array of shape (.., links, w) or (.., links, w, w) as (w, links, ..) or (w, w, links, ..)."""
+    """Return an array of shape (.., links, w) or (.., links, w, w) as (w, links, ..) or (w, w, links, ..).
+
+    With a tail of 1 states, shape (.., nv), become (nv, ..).
+    """
     lead = x.ndim - tail
     return x.transpose(*range(lead + 1, x.ndim), lead, *range(lead))
 
 
 def states_first(x: Array, tail: int = 2) -> Array:
     """Return an array of shape (w, links, ..) or (w, w, links, ..) as (.., links, w) or (.., links, w, w)."""
-    return np.ascontiguousarray(x.transpose(*range(tail, x.ndim), tail - 1, *range(tail - 1)))
+    return x.transpose(*range(tail, x.ndim), tail - 1, *range(tail - 1))
 
 
 @cached_by_model

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -66,8 +65,7 @@ class VariantPlacement(Record, frozen=True):
         return VariantPlacement(back, -np.matvec(back, self.translation))
 
 
-@dataclass(frozen=True, eq=False)
-class VariantFrame:
+class VariantFrame(Record, frozen=True):
     """A frame of variants of a model.
 
     Attributes:
@@ -80,7 +78,7 @@ class VariantFrame:
     name: str
     type: pin.FrameType
     parentJoint: int
-    placed: VariantPlacement | None = field(repr=False)
+    placed: VariantPlacement | None
 
     def some(self, places: Indices) -> VariantFrame:
         """Return the frame of some of the variants."""
@@ -98,8 +96,7 @@ class VariantFrame:
         return self.placed
 
 
-@dataclass(frozen=True, eq=False)
-class ModelVariants:
+class ModelVariants(Record, frozen=True):
     """Variants of one model, in the place of a ``pin.Model``.
 
     It has what all variants have in common, such as ``nv`` and ``joints``. It is no ``pin.Model``, and anything else
@@ -115,13 +112,13 @@ class ModelVariants:
         shifts: Their places in the axes of their parents' joints [m], shape (k, len(moved), 3).
     """
 
-    first: pin.Model = field(repr=False)
-    frames: Sequence[VariantFrame] = field(repr=False)
+    first: pin.Model
+    frames: Sequence[VariantFrame]
     bodies: Sequence[int]
-    parameters: Array = field(repr=False)
+    parameters: Array
     moved: Sequence[int]
-    turns: Array = field(repr=False)
-    shifts: Array = field(repr=False)
+    turns: Array
+    shifts: Array
 
     @classmethod
     def alike(cls, model: pin.Model, count: int) -> ModelVariants:

@@ -43,18 +43,37 @@ def cross(a: Array, b: Array) -> Array:
 def crossed(a: Array, b: Array) -> Array:
     """Return ``a x b`` of vectors along the last axis, shape (.., 3)."""
     x = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
-    product = np.empty((*x.shape, 3))
+    product = components_apart(x, 3)
     product[..., 0] = x
     product[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
     product[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
     return product
 
 
+def rotated(turns: Array, vectors: Array) -> Array:
+    """Return ``R x`` of matrices along the last two axes and vectors along the last, shapes (.., 3, 3) and (.., 3)."""
+    x, y, z = (turns[..., k] * vectors[..., k, None] for k in range(3))
+    x += y
+    x += z
+    return np.asarray(x)
+
+
 def joined(linear: Array, angular: Array) -> Array:
     """Return ``[linear; angular]`` along the last axis, shape (.., 6); other axes of length 1 are spread."""
-    pair = np.empty((*np.broadcast_shapes(linear.shape[:-1], angular.shape[:-1]), 6))
+    states = np.broadcast_shapes(linear.shape[:-1], angular.shape[:-1])
+    pair = components_apart(np.broadcast_to((linear if linear.size >= angular.size else angular)[..., 0], states), 6)
     pair[..., :3], pair[..., 3:] = linear, angular
     return pair
+
+
+def components_apart(like: Array, width: int) -> Array:
+    """Return an array for vectors, shape (.., width), which lies in memory component by component.
+
+    Its states have the order of another array's, shape (..): numpy then works on long rows.
+    """
+    order = sorted(range(like.ndim), key=lambda axis: -like.strides[axis])
+    made = np.empty((width, *(like.shape[axis] for axis in order)))
+    return made.transpose(*(1 + order.index(axis) for axis in range(like.ndim)), 0)
 
 
 def direction(p: Array) -> Array:

@@ -19,6 +19,7 @@ from msgspec import field
 
 from pinarm.arrays import Array
 from pinarm.errors import ModelError
+from pinarm.input.yaml.schema import FARTHEST
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.forces.joint_definitions import CREEP
 from pinarm.mechanics.loading.model_tree import Bounds, Mimic, Tree, TreeJoint, from_z, listed
@@ -105,12 +106,32 @@ def build_model(
 
 def _read(xml: str) -> Tree:
     try:
-        return _tree(ElementTree.fromstring(xml))
+        return _within_reach(_tree(ElementTree.fromstring(xml)))
     except ElementTree.ParseError as error:
         raise ModelError(f"the model is not XML: {error}") from None
     except ArithmeticError as error:
         problem = f"a number that follows from the model is beyond all numbers ({error})"
         raise ModelError(problem, hint="sizes and masses below 1e50") from None
+
+
+def _within_reach(tree: Tree) -> Tree:
+    """Return the tree, whose frames and centres of mass are not farther away than ``FARTHEST``.
+
+    Raises:
+        ModelError: One is.
+    """
+    for joint in tree.joints:
+        _require_within_reach(f"joint '{joint.name}'", joint.placement.translation, joint.offset.translation)
+    for name, body in tree.links.items():
+        _require_within_reach(f"link '{name}': its centre of mass", body.lever)
+    return tree
+
+
+def _require_within_reach(name: str, *places: Array) -> None:
+    farthest = max(float(np.abs(place).max()) for place in places)
+    if farthest > FARTHEST:
+        raise ModelError(f"{name} is {farthest:g} m away", expected=f"at most {FARTHEST:g} m",
+                         hint="check the exponent and the unit")  # fmt: skip
 
 
 def _tree(root: ElementTree.Element) -> Tree:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Annotated
 
 import msgspec
@@ -16,6 +15,7 @@ from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.paths import PathLength
+from pinarm.records import Record
 
 
 class Cable(InputStruct, frozen=True, tag_field="kind", tag="cable"):
@@ -46,8 +46,7 @@ class Cable(InputStruct, frozen=True, tag_field="kind", tag="cable"):
         return CableLoop(name, PathLength.through(model, self.through), float(self.length))
 
 
-@dataclass(frozen=True, eq=False)
-class CableLoop:
+class CableLoop(Record, frozen=True):
     """A cable of one mechanism: the constraint ``w(q) = length`` of its path, which can only be shorter.
 
     The multiplier lam pushes the points apart: the tension is ``-lam``.
@@ -63,7 +62,7 @@ class CableLoop:
     length: float
     kind: str = "cable"
     size: int = 1
-    side: float = field(default=-1.0, repr=False)
+    side: float = -1.0
 
     def unit(self, row: int) -> Unit:
         """Return metre."""

@@ -6,7 +6,6 @@ the origin of frame 2 and a moment ``lam w``, of the first link on the second: t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,8 +18,9 @@ from pinarm.input.yaml.schema import InputStruct
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree
-from pinarm.mechanics.geometry.vectors import cross, crossed, joined
+from pinarm.mechanics.geometry.vectors import cross, crossed, joined, rotated
 from pinarm.mechanics.joints import METRE, RADIAN, frame_of
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.mechanics.loops.pair import Pair
@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 LOCAL = pin.ReferenceFrame.LOCAL
 
 
-@dataclass(frozen=True, eq=False)
-class LoopJoint:
+class LoopJoint(Record, frozen=True):
     """A loop joint of one mechanism, ready for evaluation.
 
     Attributes:
@@ -44,7 +43,7 @@ class LoopJoint:
     kind: str
     first: int
     second: int
-    pair: Pair = field(repr=False)
+    pair: Pair
 
     @property
     def side(self) -> float:
@@ -116,7 +115,7 @@ class LoopJoint:
         """
         if self.pair.constant is not None:
             turn = links.frame(self.first)[0]
-            return joined(*(np.matvec(turn, lam @ direction) for direction in self.pair.constant))
+            return joined(*(rotated(turn, lam @ direction) for direction in self.pair.constant))
         (turn, origin), (other, place) = links.frame(self.first), links.frame(self.second)
         axes, p = turn.swapaxes(-1, -2) @ other, np.vecmat(place - origin, turn)
         states = np.broadcast_shapes(axes.shape[:-2], p.shape[:-1], lam.shape[:-1])
@@ -126,7 +125,7 @@ class LoopJoint:
         )
         directions = self.pair.directions(p.T, axes.transpose(2, 1, 0))
         inner = (np.einsum("nk,kcn->nc", lam, _spread(direction, len(lam))) for direction in directions)
-        return joined(*(np.matvec(turn, one.reshape(*states, 3)) for one in inner))
+        return joined(*(rotated(turn, one.reshape(*states, 3)) for one in inner))
 
 
 def _spread(directions: Array, n: int) -> Array:

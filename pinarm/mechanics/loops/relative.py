@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
@@ -59,8 +58,7 @@ class SlidOut(Record, frozen=True):
         return self.way.wrenches(links, effort[:, None])
 
 
-@dataclass(frozen=True, eq=False)
-class TurnedAbout:
+class TurnedAbout(Record, frozen=True):
     """Angle of frame 2 against frame 1 about the axis of a loop joint, ``atan2(v . R u - u . R v, u . R u + v . R v)``.
 
     Turns are counted where something says how many there are: the place along a screw, or, where all joints between the
@@ -79,7 +77,7 @@ class TurnedAbout:
     way: LoopJoint
     turns: LinearCoordinate | None = None
     offset: float = 0.0
-    thread: Thread | None = field(default=None, repr=False)
+    thread: Thread | None = None
     unit: Unit = RADIAN
 
     def value(self, state: Kinematics) -> float:

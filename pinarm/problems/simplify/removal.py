@@ -7,7 +7,6 @@ looks at; and all of them, where drives are named that act along other coordinat
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -65,8 +64,7 @@ class Removed(Record, frozen=True):
         return {**self.locked, **self.dropped}
 
 
-@dataclass(frozen=True, eq=False)
-class KnownMotion:
+class KnownMotion(Record, frozen=True):
     """What is known of the motion of a mechanism before anything is solved.
 
     Attributes:
@@ -76,7 +74,7 @@ class KnownMotion:
     """
 
     declared: Declaration
-    mechanism: Mechanism = field(repr=False)
+    mechanism: Mechanism
     laws: Mapping[str, MotionLaw]
 
     @cached_property

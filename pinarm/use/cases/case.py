@@ -173,7 +173,7 @@ class Wanted:
             least, greatest = quantities.bounds(self.quantity)
             numbers = [(float(least.values.min()), 0.0), (float(greatest.values.max()), 0.0)]
         if not np.isfinite(numbers).all():
-            raise DynamicsError(f"{self.labels()[0]} is not finite")
+            raise DynamicsError(f"{self.labels()[0]} is {'infinite' if np.isinf(numbers).any() else 'not finite'}")
         return [(number + 0.0, error) for number, error in numbers]  # -0 becomes 0
 
 

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 MotionT = TypeVar("MotionT")
 
-NUMBERS = 400_000
+NUMBERS = 800_000
 """Numbers of one array over the cases of a stack, at most: larger ones leave the caches of processors."""
 
 EXPANDED = 1000

@@ -40,7 +40,9 @@ PATIENCE = 60.0
 
 
 @contextmanager
-def whole_folder(folder: Path, kind: str, *, beside: Collection[str] = ()) -> Iterator[Path]:
+def whole_folder(
+    folder: Path, kind: str, *, source: Path | None = None, beside: Collection[str] = ()
+) -> Iterator[Path]:
     """Yield an empty draft folder; at the end of the block its files replace those of an older one.
 
     An exception in the block leaves the folder as it was.
@@ -48,6 +50,7 @@ def whole_folder(folder: Path, kind: str, *, beside: Collection[str] = ()) -> It
     Args:
         folder: The folder, which need not exist.
         kind: What is written, as in ``Manifest``.
+        source: The scenario file that it came of.
         beside: Files in the folder that are left as they are.
 
     Raises:
@@ -58,7 +61,7 @@ def whole_folder(folder: Path, kind: str, *, beside: Collection[str] = ()) -> It
         check_replaceable(folder, kind, beside=beside)
         draft = _draft(folder)
         yield draft
-        _publish(draft, folder, kind, beside)
+        _publish(draft, folder, Manifest(kind, {}, source=_from(folder, source) if source else ""), beside)
     except OSError as error:
         raise InputError(f"the {kind} cannot be written to {folder}: {error.strerror or error}") from None
     finally:
@@ -79,21 +82,27 @@ def check_replaceable(folder: Path, kind: str, *, beside: Collection[str] = ()) 
         raise InputError(f"the {kind} cannot be written to {folder}: {error.strerror or error}") from None
 
 
-def write_file(path: Path, parts: Iterable[bytes]) -> None:
+def write_file(path: Path, parts: Iterable[bytes], *, home: Path | None = None) -> None:
     """Write a file that appears whole or not at all; in a folder with a manifest, which then lists it.
+
+    Args:
+        path: The file.
+        parts: Its content.
+        home: The folder that may have a manifest, where it is not the one that the file is in but one above it.
 
     Raises:
         InputError: It cannot be written, or something stands there that is no file, or none of the manifest's.
     """
-    draft = path.with_name(f"{DRAFT}{os.urandom(4).hex()}.part")
+    home = home or path.parent
+    draft = home / f"{DRAFT}{os.urandom(4).hex()}.part"
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        home.mkdir(parents=True, exist_ok=True)
         if path.is_symlink() or (path.exists() and not path.is_file()):
             raise InputError(f"{path} is not a regular file", hint="another name: -o FILE")
         try:
             with open(draft, "xb") as stream:
                 stream.writelines(parts)
-            _add(draft, path)
+            _add(draft, home, path)
         finally:
             draft.unlink(missing_ok=True)
     except OSError as error:
@@ -148,12 +157,17 @@ def _draft(folder: Path) -> Path:
     return draft
 
 
-def _publish(draft: Path, folder: Path, kind: str, beside: Collection[str]) -> None:
+def _from(folder: Path, source: Path) -> str:
+    """Return the path of a file from a folder, which need not exist, with no links on the way."""
+    return os.path.relpath(os.path.realpath(source), os.path.realpath(folder))
+
+
+def _publish(draft: Path, folder: Path, empty: Manifest, beside: Collection[str]) -> None:
     """Put a draft in its place: by renaming it where there is none yet, else file by file under a lock."""
     new = {name: str(digest(draft / name)) for name in file_names(draft)}
     if not os.path.lexists(folder):
         with _locked(draft, fcntl.LOCK_EX) as home:
-            write_manifest(home, Manifest(kind, new))
+            write_manifest(home, replace(empty, files=new))
         try:
             draft.rename(folder)
             return
@@ -162,13 +176,13 @@ def _publish(draft: Path, folder: Path, kind: str, beside: Collection[str]) -> N
                 raise
         (draft / MANIFEST).unlink()
     with _locked(folder, fcntl.LOCK_EX) as home:
-        own = own_files(folder, kind, beside)
-        _exchange(draft, home, Manifest(kind, own, new), set(own) - set(new))
+        own = own_files(folder, empty.kind, beside)
+        _exchange(draft, home, replace(empty, files=own, arriving=new), set(own) - set(new))
 
 
-def _add(draft: Path, path: Path) -> None:
-    """Put a draft of one file in its place."""
-    folder, name = path.parent, path.name
+def _add(draft: Path, folder: Path, path: Path) -> None:
+    """Put a draft of one file in its place in a folder or below it."""
+    name = path.relative_to(folder).as_posix()
     if (folder / MANIFEST).is_symlink() or not (folder / MANIFEST).is_file():
         draft.replace(path)
         return
@@ -179,7 +193,7 @@ def _add(draft: Path, path: Path) -> None:
         if os.path.lexists(path) and digest(path) != known.files.get(name, ""):
             raise InputError(f"{path} was not written by pinarm, or was changed since", hint="another name: -o FILE")
         box = folder / f"{draft.name}.d"
-        box.mkdir()
+        (box / name).parent.mkdir(parents=True)
         try:
             new = {name: str(digest(draft))}
             draft.rename(box / name)
@@ -211,7 +225,7 @@ def _exchange(draft: Path, home: int, both: Manifest, stale: set[str]) -> None:
             with suppress(OSError):  # it holds other files
                 os.rmdir(inner, dir_fd=home)
         left = {name: known for name, known in both.files.items() if name not in stale}
-        write_manifest(home, Manifest(both.kind, left | both.arriving))
+        write_manifest(home, replace(both, files=left | both.arriving, arriving={}))
 
 
 @contextmanager

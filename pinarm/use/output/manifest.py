@@ -35,11 +35,13 @@ class Manifest(msgspec.Struct, frozen=True):
         kind: What it holds: ``result``, ``sweep``, ``batch`` or ``trade-off``.
         files: Path in the folder -> SHA-256 digest of its content.
         arriving: The same of files that are being put there; empty where the folder is complete.
+        source: Path from the folder of the scenario file that it came of; empty where there is none.
     """
 
     kind: str
     files: dict[str, str]
     arriving: dict[str, str] = {}
+    source: str = ""
 
 
 def own_files(folder: Path, kind: str, beside: Collection[str]) -> dict[str, str]:
@@ -155,4 +157,5 @@ def write_manifest(home: int, manifest: Manifest) -> None:
 def _sorted(manifest: Manifest) -> dict[str, str | Mapping[str, str]]:
     """Return a manifest as plain data, without what is empty."""
     data: dict[str, str | Mapping[str, str]] = {"kind": manifest.kind, "files": dict(sorted(manifest.files.items()))}
-    return data | ({"arriving": dict(sorted(manifest.arriving.items()))} if manifest.arriving else {})
+    data |= {"arriving": dict(sorted(manifest.arriving.items()))} if manifest.arriving else {}
+    return data | ({"source": manifest.source} if manifest.source else {})

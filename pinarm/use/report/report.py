@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import datetime
 import tempfile
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from pinarm.errors import InputError, choices, printable
+from pinarm.records import replace
 from pinarm.use.output.folder import write_file
 from pinarm.use.report.chapter import Chapter, chapter
 from pinarm.use.report.origin import Origin, host_kind
@@ -76,7 +78,7 @@ def report(
     if not chapters:
         raise InputError("there is no result to report on", expected="at least one")
     heading = title or chapters[0].title
-    made = Report(heading, _rendered(template, heading, chapters))
+    made = Report(heading, _rendered(template, heading, _told_apart(chapters, given)))
     if path is not None:
         made.save(path)
     return made
@@ -99,6 +101,16 @@ def _chapter(given: Result | str | Path, moving: bool) -> Chapter:
         return chapter(given, Origin.of(given, None), moving=moving)
     result = restore(given)
     return chapter(result, Origin.of(result, Path(given)), moving=moving)
+
+
+def _told_apart(chapters: Sequence[Chapter], given: Sequence[Result | str | Path]) -> list[Chapter]:
+    """Return the chapters; of those with one title, with the folder of each result after it, or the scenario's name."""
+    titles = Counter(each.title for each in chapters)
+    names = [each.name if isinstance(each, Result) else str(each) for each in given]
+    return [
+        replace(each, title=f"{each.title} ({name})") if titles[each.title] > 1 else each
+        for each, name in zip(chapters, names, strict=True)
+    ]
 
 
 def _template() -> Any:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 import numpy as np
+from msgspec import field
 from msgspec.structs import asdict
 
 from pinarm.arrays import Array
@@ -25,7 +25,7 @@ from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplification import Removal
-from pinarm.records import replace
+from pinarm.records import Record, replace
 from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED
 from pinarm.use.result.row_lookup import PLATEAU, Lookup, unreached
 
@@ -44,8 +44,7 @@ if TYPE_CHECKING:
     from pinarm.use.show.replay.page import Replay
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Result:
+class Result(Record, frozen=True):
     """The answer to a scenario.
 
     Attributes:
@@ -355,7 +354,7 @@ class Result:
         Raises:
             DynamicsError: Says where; ``partial`` holds the result.
         """
-        bad = np.flatnonzero(~np.isfinite(self[name].values))
+        bad = np.flatnonzero(~self[name].known)
         if len(bad):
             run = self.trajectory
             where = f"{run.parameter} = {run.grid.t[bad[0]]:.9g} {run.unit}"
@@ -440,9 +439,11 @@ class Result:
         """
         t, least, greatest = self.trajectory.grid.t, *self._bounds(series)
         values = np.where(self.quantities.open_rows(series.name), np.nan, series.values) + 0.0  # -0 becomes 0
-        finite = np.concatenate([x[np.isfinite(x)] for x in (least, greatest)] if np.isfinite(least).any() else [[0.0]])
-        slack = PLATEAU * float(np.abs(finite).max())
-        low, high = int((least <= finite.min() + slack).argmax()), int((greatest >= finite.max() - slack).argmax())
+        slack = PLATEAU * max(float(np.abs(x[np.isfinite(x)]).max(initial=0.0)) for x in (least, greatest))
+        low, high = (
+            int((least <= np.nanmin(least) + slack).argmax()),
+            int((greatest >= np.nanmax(greatest) - slack).argmax()),
+        )
         return {
             "unit": str(series.unit or "?"), "min": least[low], "at_min": t[low], "max": greatest[high],
             "at_max": t[high], "start": values[0], "end": values[-1],
@@ -463,6 +464,11 @@ class Result:
         """
         run = self.trajectory
         doubts = [f"{series.name}: {series.doubt}" for series in self.columns() if series.doubt]
+        rules = dict.fromkeys(self.quantities.evaluation.friction_doubts.values())
+        doubts += [
+            f"{rule}: what follows from its friction, such as efforts and motions, rests on this choice"
+            for rule in rules
+        ]
         coarse = coarse_angles(run.mechanism.joints, run.q)
         missed = unreached(self.quantities, self.content.expect)
         said = [*run.mechanism.notes, *doubts, *self.outcome.notes, *missed, *coarse, *self._periods()]

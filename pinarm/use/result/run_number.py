@@ -130,9 +130,11 @@ class RunNumber:
             replace(self, quantity=f"{self.quantity}.{extreme}", of=f"{self.of}.{extreme}" if place else self.of)
             for extreme in EXTREMES
         ]
-        values = [each.told(result.lookup)[0] for each in ends]
-        low, high = min(values), max(values)
-        if high - low > OPEN * max(abs(low), abs(high), abs(told)):
+        bounds = [series.values for series in result.quantities.bounds(self.quantity)]
+        endless = place and np.isinf(bounds).any()
+        values = np.ravel(bounds if endless else [each.told(result.lookup)[0] for each in ends])
+        low, high, finite = values.min(), values.max(), values[np.isfinite(values)]
+        if high - low > OPEN * max(np.abs(finite).max(initial=0.0), abs(told)):
             unit = result[self.quantity].unit
             raise InputError(
                 f"'{self.label}' is not determined: several frictions hold one motion, and it lies between {low:.6g} "

@@ -45,14 +45,18 @@ def states(run: Trajectory) -> dict[str, Any]:
 def _of_efforts(run: Trajectory) -> dict[str, Array]:
     """Return what may differ where rigid bodies with friction do not determine the efforts of a motion."""
     further = np.array([series.values for series in run.columns.values()])
-    return {"tau": run.tau, "lam": np.asarray(run.lam), "further": further}
+    endless = {} if run.endless is None else {"endless": run.endless.astype(float)}
+    return {"tau": run.tau, "lam": np.asarray(run.lam), "further": further, **endless}
 
 
 def _with_efforts(run: Trajectory, arrays: Mapping[str, Array], prefix: str = "") -> Trajectory:
     further = zip(run.columns.items(), arrays[f"{prefix}further"], strict=False)
     columns = {name: replace(series, values=row) for (name, series), row in further}
     lam = Multipliers.known(arrays[f"{prefix}lam"], run.mechanism.closure.size)
-    return replace(run, tau=arrays[f"{prefix}tau"], lam=lam, columns=columns)
+    endless = arrays.get(f"{prefix}endless", NOTHING).astype(bool)
+    if len(endless) not in (0, len(run)):
+        raise InputError("the frictions of this result are not those of its model", hint=AGAIN)
+    return replace(run, tau=arrays[f"{prefix}tau"], lam=lam, columns=columns, endless=endless if len(endless) else None)
 
 
 class SolvedAnew(Record, frozen=True):

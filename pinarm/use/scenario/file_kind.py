@@ -1,13 +1,16 @@
-"""What is given in place of a scenario: a mechanism file, or a model."""
+"""What is given in place of a scenario: a mechanism file, a model, a folder, or the name of a robot."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from pinarm.engine.model_source import FILES
-from pinarm.errors import InputError, Location
+from pinarm.errors import InputError, Location, ModelError
+from pinarm.input.yaml.values import Values
+from pinarm.mechanics.description import MechanismDescription
+from pinarm.use.scenario.scenario_file import ScenarioFile
 
 MOST = 12
 """Number of files of a folder that a message lists."""
@@ -21,25 +24,63 @@ def is_mechanism(data: Any) -> bool:
 
 
 def refuse_folder(path: Path) -> None:
-    """Refuse a folder, unless it has the name of a robot.
+    """Refuse a folder, one with the name of a robot too.
 
     Raises:
         InputError: It is one; the message names the files in it that can be given.
     """
-    if not path.is_dir() or (str(path) == path.name and path.name in _robots()):
+    if not path.is_dir():
         return
     files = sorted(file for file in path.iterdir() if file.name.endswith((".yaml", ".yml", *FILES)))
     shown = [str(file) for file in files[:MOST]] + (["..."] if len(files) > MOST else [])
+    none = "a scenario, a mechanism file or a model; there is none of them in it"
+    robot = _is_robot(path)
     raise InputError(
-        "this is a folder", expected=f"one of the files in it: {', '.join(shown)}" if shown else
-        "a scenario, a mechanism file or a model; there is none of them in it",
+        "this is a folder" + (", and the name of a robot" if robot else ""),
+        expected=f"one of the files in it: {', '.join(shown)}" if shown else none, hint=_OF_ROBOT if robot else "",
     ).at(Location(str(path)))  # fmt: skip
 
 
-def _robots() -> Collection[str]:
+_OF_ROBOT = "for the robot, the command in another folder, or a mechanism file with 'robot: NAME'"
+
+
+def refuse_ambiguous(path: Path) -> None:
+    """Refuse a folder, and the name of a robot where a file here has it too.
+
+    Raises:
+        InputError: It is one of both.
+    """
+    refuse_folder(path)
+    if path.exists() and _is_robot(path):
+        raise InputError("this is a file, and the name of a robot",
+                         expected="a scenario or a mechanism file (.yaml), or a model", hint=_OF_ROBOT,
+                         ).at(Location(str(path)))  # fmt: skip
+
+
+def refuse_robot(path: Path) -> None:
+    """Refuse the name of a robot where there is no file of that name.
+
+    Raises:
+        InputError: It is one; the message says what to do with it.
+    """
+    if not path.exists() and _is_robot(path):
+        raise InputError(
+            f"'{path}' is the name of a robot, not a scenario",
+            expected="a scenario (.yaml): a question about a mechanism",
+            hint=f"python -m pinarm new {path}, which writes a scenario for it; or python -m pinarm explain {path}",
+        )
+
+
+def _is_robot(path: Path) -> bool:
+    """Tell whether a path is the name of a robot of example-robot-data."""
+    if str(path) != path.name or path.suffix in (".yaml", ".yml"):
+        return False
     from pinarm.input.robots import robots
 
-    return robots()
+    try:
+        return path.name in robots()
+    except ModelError:  # the package is not installed
+        return False
 
 
 def refuse_model(path: Path) -> None:
@@ -67,6 +108,29 @@ def refuse_mechanism(path: Path, data: Any) -> None:
             expected=f"a scenario, with 'mechanism: {path.name}' and a 'problem:'",
             hint=f"python -m pinarm explain {path}; or python -m pinarm new four_bar, for a scenario to begin with",
         ).at(Location(str(path)))  # fmt: skip
+
+
+def refuse_keys_of_mechanism(values: Values) -> None:
+    """Refuse other values at keys that mechanism files have, and no scenario.
+
+    Raises:
+        InputError: Says by which path a scenario changes them.
+    """
+    for text in values:
+        path = str(text).partition("=")[0].strip()
+        first = path.partition(".")[0]
+        if first not in ScenarioFile.__struct_fields__ and (place := _in_mechanism_file(first)) is not None:
+            raise InputError(f"'{first}' is a key of mechanism files", expected="a path in the scenario",
+                             hint=f"changes.{place}{path}").at(Location(path))  # fmt: skip
+
+
+def _in_mechanism_file(key: str) -> str | None:
+    """Return the path to the map of a mechanism file that has a key; ``None`` where none has."""
+    if key in MechanismDescription.__struct_fields__:
+        return ""
+    from pinarm.mechanics.planar.drawing import PlanarDrawing
+
+    return "planar." if key in PlanarDrawing.__struct_fields__ else None
 
 
 GIVEN = "mechanism.yaml"

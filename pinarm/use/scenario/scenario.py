@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
+
+import pinocchio as pin
 
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.figures import plain
@@ -28,10 +29,18 @@ from pinarm.input.yaml.values import Values, value_at, varied, written_unit
 from pinarm.problems import KINDS, PRESCRIBING, Problem, problem_class
 from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
-from pinarm.records import replace
+from pinarm.records import Record, replace
 from pinarm.use.result.failures import failures_in_words, overflow
 from pinarm.use.result.result import Result
-from pinarm.use.scenario.file_kind import GIVEN, refuse_changes, refuse_folder, refuse_mechanism, refuse_model
+from pinarm.use.scenario.file_kind import (
+    GIVEN,
+    refuse_changes,
+    refuse_folder,
+    refuse_keys_of_mechanism,
+    refuse_mechanism,
+    refuse_model,
+    refuse_robot,
+)
 from pinarm.use.scenario.scenario_file import ScenarioFile
 from pinarm.use.workers.runners import HERE, Runners
 
@@ -44,8 +53,7 @@ if TYPE_CHECKING:
     from pinarm.use.result.section_number import Numbered
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Scenario:
+class Scenario(Record, frozen=True):
     """A scenario, read and checked; nothing is computed before ``run``.
 
     Attributes:
@@ -78,6 +86,7 @@ class Scenario:
         """
         refuse_folder(Path(path))
         refuse_model(Path(path))
+        refuse_robot(Path(path))
         document, folder = Document.read(Path(path), source=str(path)), Path(path).parent
         refuse_mechanism(Path(path), document.data)
         return cls.of(_varied(document, folder, values) if values else document, folder)
@@ -100,6 +109,12 @@ class Scenario:
             InputError: It has a mistake.
         """
         given = data.get("mechanism")
+        if isinstance(given, pin.Model):
+            raise InputError(
+                "scenario: the mechanism is a model of Pinocchio",
+                expected="a Mechanism, the path of a file, or the name of a robot",
+                hint="pinarm.Mechanism.of(model)",
+            )
         if not isinstance(given, Mechanism):
             return cls.of(Document.of_data(data, "scenario"), Path())
         refuse_changes(data)
@@ -157,8 +172,13 @@ class Scenario:
         """
         content = document.validate(ScenarioFile)
         other = replace(self, document=document, content=content, problem=_problem(document, content.problem))
-        if self.loaded and self._mechanism_data == other._mechanism_data:
-            vars(other)["mechanism"] = self.mechanism
+        same = self.loaded and self._mechanism_data == other._mechanism_data
+        return other.with_mechanism(self.mechanism) if same else other
+
+    def with_mechanism(self, mechanism: Mechanism) -> Scenario:
+        """Return the scenario with its mechanism as it has been loaded already."""
+        other = replace(self)
+        vars(other)["mechanism"] = mechanism
         return other
 
     @property
@@ -171,7 +191,7 @@ class Scenario:
         """What the document says of the mechanism."""
         return [self.document.data.get(key) for key in ("mechanism", "arguments", "gravity", "payloads", "changes")]
 
-    @property
+    @cached_property
     def name(self) -> str:
         """Name of the file without its ending; of ``scenario.yaml``, as ``new`` writes it, that of its folder."""
         path = self.document.path
@@ -491,8 +511,7 @@ class Scenario:
         return self.document.locating("problem", *path)
 
 
-@dataclass(frozen=True, eq=False)
-class ScenarioSource:
+class ScenarioSource(Record, frozen=True):
     """What another process reads a scenario from.
 
     Attributes:
@@ -521,6 +540,7 @@ class ScenarioSource:
 
 def _varied(document: Document, folder: Path, values: Values) -> Document:
     """Return the scenario in a document with other values; what it does not say itself, its mechanism file may."""
+    refuse_keys_of_mechanism(values)
     return varied(document, values, partial(declared_unit, document.data, folder))
 
 

@@ -93,7 +93,7 @@ def without_rounding(least: float, largest: float) -> tuple[float, float]:
 
     A range that is as small as a whole is left: what it is the rounding of is not known here.
     """
-    level = SOLVED * max(abs(least), abs(largest))
+    level = SOLVED * max((abs(end) for end in (least, largest) if isfinite(end)), default=0.0)
     return (0.0 if abs(least) <= level else least), (0.0 if abs(largest) <= level else largest)
 
 

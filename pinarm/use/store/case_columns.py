@@ -53,9 +53,12 @@ def arrays(columns: Sequence[Series], errors: Mapping[int, str]) -> dict[str, An
     """Return the same as arrays by name, with the units of all; of many lines what failed is cut to ``TEXTS``."""
     n = len(columns[0].values)
     width = max(SHORTEST, TEXTS // max(n, 1))
-    texts = np.array([_shortened(errors.get(number, ""), width) for number in range(n)], dtype=str)
+    shown = {number: _shortened(error, width) for number, error in errors.items()}
+    texts = np.zeros(n, f"U{max((len(text) for text in shown.values()), default=1) or 1}")
+    for number, text in shown.items():
+        texts[number] = text
     units = np.array([[series.name, str(series.unit or "?")] for series in columns])
-    return {**{series.name: np.ascontiguousarray(series.values) for series in columns}, "error": texts, "units": units}
+    return {**{series.name: series.values for series in columns}, "error": texts, "units": units}
 
 
 def _shortened(text: str, width: int) -> str:

@@ -152,13 +152,14 @@ def _scenario(mechanism: Mechanism, q: Array, names: Sequence[str], part: float,
         f"  time: {{end: {duration:g} s, samples: 201}}", *([f"  start: {{{rough}}}"] if start else []), "  motion:",
     ]  # fmt: skip
     for name, (first, last, unit) in ways.items():
-        law = f"law: polynomial, from: {first:.9g} {unit}, to: {last:.9g} {unit}, duration: {duration:g} s"
+        begin, end = (f"{round(value, 12) + 0.0:.9g} {unit}" for value in (first, last))
+        law = f"law: polynomial, from: {begin}, to: {end}, duration: {duration:g} s"
         lines.append(f"    {_name(name)}: {{{law}}}")
     state = mechanism.closure.state(q)
     for name, unit in held.items():
         value = mechanism.coordinate(name).value(state) * (1.0 if unit == "m" else math.degrees(1.0))
         lines.append(f"    {_name(name)}: {{law: constant, value: {value + 0.0:.9g} {unit}}}")
-    turns = (f"{ball}.effort.{axis}" for ball in mechanism.balls for axis in "xyz" if f"{ball}.rotation.{axis}" in held)
+    turns = (f"{ball}.moment.{axis}" for ball in mechanism.balls for axis in "xyz" if f"{ball}.rotation.{axis}" in held)
     outputs = [*(f"joint.{name}.effort" for name in ways), *(f"joint.{turn}" for turn in turns)]
     return "\n".join([*lines, "outputs:", *(f"  - {_name(output)}" for output in outputs)]) + "\n"
 

@@ -35,7 +35,7 @@ from pinarm.use.store.section_files import SECTIONS, read_sections
 if TYPE_CHECKING:
     from pinarm.use.show.replay.page import Replay
 
-FURTHER = re.compile(r"state\.(directions|other\.[0-9]{1,4}\.(?:tau|lam|further))\.npy")
+FURTHER = re.compile(r"state\.(directions|other\.[0-9]{1,4}\.(?:tau|lam|further|endless))\.npy")
 """Files that only some results have: directions of drives with losses, other frictions that hold the motion."""
 
 NEEDED = ("scenario.yaml", "mechanism.yaml", "trajectory.npz", "summary.json", "manifest.json")
@@ -66,6 +66,7 @@ def restore(folder: str | Path) -> Result:
         summary, arrays = _summary(folder / "summary.json"), _arrays(folder / "trajectory.npz")
         scenario, known = Scenario.load(folder / "scenario.yaml"), read_sections(folder / SECTIONS)
         mechanism = replace(_mechanism(folder, scenario), notes=tuple(summary["notes"]))
+    scenario = scenario.with_mechanism(mechanism)
     rows = trajectory_of(scenario, mechanism, arrays)
     outcome = Outcome(rows, None if rows.isolated else SolvedAnew(scenario, mechanism, rows.grid.cuts))
     measured = {key: summary[key] for key in ("figures", "errors", "setting", "removals")}

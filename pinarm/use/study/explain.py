@@ -26,7 +26,7 @@ from pinarm.mechanics.rotors import GearedRotor
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.records import replace
 from pinarm.use.result.failures import failures_in_words
-from pinarm.use.scenario.file_kind import refuse_folder
+from pinarm.use.scenario.file_kind import refuse_ambiguous
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run
 
@@ -220,7 +220,7 @@ def explain(path: str | Path | Mechanism, values: Values | None = None) -> Expla
     if isinstance(path, Mechanism):
         return _structure(path)
     file = Path(path)
-    refuse_folder(file)
+    refuse_ambiguous(file)
     if file.suffix in (".yaml", ".yml") and "problem" in (Document.read(file).data or {}):
         scenario = Scenario.load(file, values)
         whole = scenario.mechanism

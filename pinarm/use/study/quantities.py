@@ -8,7 +8,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.catalogue import QuantityCatalogue, catalogue
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import Values
-from pinarm.use.scenario.file_kind import refuse_folder
+from pinarm.use.scenario.file_kind import refuse_ambiguous
 from pinarm.use.scenario.scenario import Scenario
 
 
@@ -24,7 +24,7 @@ def quantities(path: str | Path, values: Values | None = None, *, like: str = ""
         PinarmError: The file has a mistake, or the loops cannot be closed.
     """
     file = Path(path)
-    refuse_folder(file)
+    refuse_ambiguous(file)
     if file.suffix in (".yaml", ".yml") and "problem" in (Document.read(file).data or {}):
         scenario = Scenario.load(file, values)
         return catalogue(scenario.quantities(), scenario.content.title or scenario.name, like)

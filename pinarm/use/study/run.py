@@ -86,7 +86,15 @@ def scenario_files(*paths: Path) -> Iterator[Path]:
                 yield file
     if none:
         places = ", ".join(map(str, paths))
-        raise InputError(f"there are no scenarios in {places}", expected="files ending in .yaml, with a 'problem:'")
+        below = sorted({str(file.parent) for path in paths if path.is_dir() for file in path.glob("*/*.yaml")})
+        raise InputError(
+            f"there are no scenarios in {places}", expected="files ending in .yaml, with a 'problem:'",
+            hint=f"the folders below: {' '.join(below[:MOST])}" if below else "",
+        )  # fmt: skip
+
+
+MOST = 12
+"""Number of folders that a message lists."""
 
 
 def input_files(path: Path) -> tuple[list[Path], int]:

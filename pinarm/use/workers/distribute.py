@@ -110,6 +110,11 @@ class Chunk(Generic[JobT]):
     deaths: int = 0
     contents: frozenset[str] = frozenset()
 
+    @property
+    def is_suspect(self) -> bool:
+        """Whether it is one job that is given up with the next death."""
+        return len(self.jobs) == 1 and self.deaths >= DEATHS - 1
+
 
 @dataclass(eq=False)
 class Pace:
@@ -204,11 +209,17 @@ class Dispatch(Generic[JobT, AnswerT]):
 
     def hand_out(self) -> None:
         """Give every worker a chunk, and the next, so that none waits."""
-        while len(self.given) < 2 * self.workers.count() and (chunk := self._next()):
+        while len(self.given) < self._room() and (chunk := self._next()):
             self.orders += 1
             future = self.workers.submit(work, versions(), pickle.dumps(self._order(chunk)))
             self.given[future] = chunk
             future.add_done_callback(self.over.put)
+
+    def _room(self) -> int:
+        """Return how many chunks workers may have; beside a suspect none, as executors blame all that a worker had."""
+        first = [*islice(self.returned, 1)]
+        alone = [*self.given.values()] if len(self.given) == 1 else []
+        return 1 if any(chunk.is_suspect for chunk in first + alone) else 2 * self.workers.count()
 
     def _next(self) -> Chunk[JobT] | None:
         if self.returned:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from functools import partial
 from typing import Any
 
 from pinarm.engine.dynamics.parallel import cores
 from pinarm.errors import InputError, NumericsError
+from pinarm.use.workers.dask_calls import submit
 from pinarm.use.workers.distribute import Outcome, WorkerDeath
 from pinarm.use.workers.travelling_files import Parcel
 
@@ -38,6 +40,10 @@ class ExecutorWorkers:
         self._executor, self._number = executor, number
         self._counted, self._count, self._seen = -RECOUNT, 1, time.monotonic()
         self._pending = set[Future[Any]]()
+        self._client: Any = getattr(executor, "_client", None)  # of Dask's executor, which has no public way to it
+        self._submit: Callable[..., Future[Any]] = (
+            executor.submit if self._client is None else partial(submit, self._client, getattr(executor, "_kwargs", {}))
+        )
 
     def count(self) -> int:
         """Return how many workers there are now, 1 where there are none yet."""
@@ -51,10 +57,9 @@ class ExecutorWorkers:
         return self._count
 
     def _present(self) -> int:
-        client = getattr(self._executor, "_client", None)  # of Dask's executor, which has no public way to it
         try:
-            if client is not None:
-                return int(sum(client.nthreads().values()))
+            if self._client is not None:
+                return int(sum(self._client.nthreads().values()))
         except Exception:  # the connection is lost, as the chunks are going to say
             return 0
         return int(getattr(self._executor, "_max_workers", 0)) or cores()
@@ -62,7 +67,7 @@ class ExecutorWorkers:
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Let a worker call a function."""
         try:
-            future = self._executor.submit(function, *arguments)
+            future = self._submit(function, *arguments)
         except Exception as error:
             raise _lost(error) from None
         self._pending.add(future)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pinarm.errors import InputError
+from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -36,8 +36,7 @@ def check_number(workers: int | None) -> None:
         raise InputError(f"{workers} workers solve nothing", expected="at least 1")
 
 
-@dataclass(frozen=True)
-class Runners:
+class Runners(ValueRecord, frozen=True):
     """Who answers jobs; nobody works before ``applying``, nor after it.
 
     Attributes:

@@ -3,6 +3,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
+import pinarm
 from pinarm.engine.checks.limits import excesses
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
@@ -52,6 +53,40 @@ def test_words_say_which_bound_by_how_much_and_since_when(swung):
         "joint arm: position -0.899974 rad is below its limit -0.5 rad, first at t = 1.87 s (98 of 301 rows)"
     )
     assert above.startswith("joint arm: position 0.899962 rad exceeds its limit 0.6 rad, first at t = 0.37 s (")
+
+
+BELTED = """pinarm: 1
+planar:
+  points: {A: [0, 0], B: [0.4 m, 0]}
+  ground: [A, B]
+  links: {one: {points: [A], mass: 1 kg, inertia: 1e-3 kg*m^2}, two: {points: [B], mass: 1 kg, inertia: 1e-3 kg*m^2}}
+couplings: {belt: {kind: belt, joints: [A, B], radii: [50 mm, 100 mm], pretension: 300 N}}
+gravity: none
+"""
+LOADED = """pinarm: 1
+mechanism: belt.yaml
+problem:
+  kind: inverse
+  time: {end: 4 s, samples: 5}
+  motion: {A: {law: constant, value: 0 rad}}
+  drives: [A]
+  loads: {load: {kind: joint_effort, joint: B, effort: {law: constant_speed, speed: 25 N*m/s}}}
+outputs: [coupling.belt.tight, coupling.belt.slack]
+"""
+
+
+def test_a_belt_that_carries_more_than_its_pretension_is_told(tmp_path):
+    """25 N*m/s on a radius of 0.1 m: 600 N, twice the pretension, are passed after 2.4 s, at 3 s and 4 s."""
+    (tmp_path / "belt.yaml").write_text(BELTED)
+    (tmp_path / "scenario.yaml").write_text(LOADED)
+    result = pinarm.run(tmp_path / "scenario.yaml")
+    [excess] = result.excesses()
+    assert (excess.joint, excess.limit, excess.at, excess.rows) == ("belt", 600.0, 3.0, 2)
+    assert excess.words(result.trajectory) == (
+        "belt belt: a strand is slack, as the tensions differ by 1000 N, more than twice the pretension of 300 N, "
+        "first at t = 3 s (2 of 5 rows); the other strand carries all of it"
+    )
+    assert result["coupling.belt.tight"].values[3:] == pytest.approx([750.0, 1000.0], rel=1e-13)
 
 
 def test_a_motion_that_ends_at_its_limits_is_within_them(swung):

@@ -7,7 +7,7 @@ import pytest
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.side_by_side import WIDTH, SideBySide
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.geometry.model_variants import VariantsDiffer
+from pinarm.mechanics.geometry.model_variants import ModelVariants, VariantsDiffer
 from pinarm.records import replace
 from tests.mechanics.geometry.random_variants import random_variants
 
@@ -15,13 +15,22 @@ ROUNDING = 1e-11
 """Of trees of up to seven joints with masses of any size: inertias go through dynamic parameters and back."""
 
 
+def with_bodies_only(variants: ModelVariants) -> ModelVariants:
+    return replace(variants, moved=(), turns=variants.turns[:, :0], shifts=variants.shifts[:, :0])
+
+
+@pytest.mark.parametrize("bodies", [False, True])
 @pytest.mark.parametrize("seed", range(4))
-def test_the_recursions_are_those_of_each_tree_alone(seed: int) -> None:
+def test_the_recursions_are_those_of_each_tree_alone(seed: int, bodies: bool) -> None:
     rng = np.random.default_rng(seed)
     pin.seed(seed)
     joints, n = int(rng.integers(1, 8)), 3
     count = WIDTH // joints + 2  # more than stand side by side, and not a multiple of it
     variants, models = random_variants(rng, joints, count)
+    if bodies:
+        variants.first.armature[:] = rng.random(joints)
+        variants = with_bodies_only(variants)
+        models = [variants.tree(k) for k in range(count)]
     q, v, a = rng.normal(size=(3, n, 1, joints))
     outside = rng.normal(size=(n, count, joints + 1, 6)) * (rng.random(joints + 1) < 0.5)[:, None]
     together = SideBySide(variants)
@@ -36,9 +45,11 @@ def test_the_recursions_are_those_of_each_tree_alone(seed: int) -> None:
         np.testing.assert_allclose(inner[:, k], own, atol=ROUNDING, rtol=ROUNDING)
 
 
-def test_the_numbers_of_a_variant_do_not_depend_on_its_neighbours() -> None:
+@pytest.mark.parametrize("bodies", [False, True])
+def test_the_numbers_of_a_variant_do_not_depend_on_its_neighbours(bodies: bool) -> None:
     rng = np.random.default_rng(5)
     variants, _ = random_variants(rng, 3, 40)
+    variants = with_bodies_only(variants) if bodies else variants
     q, v, a = rng.normal(size=(3, 2, 1, 3))
     every = SideBySide(variants).rnea(q, v, a)
     for some in (slice(0, 1), slice(7, 9), slice(20, 40)):

@@ -34,7 +34,8 @@ def held(slips, pull, limits, mu=None, weight=0.0, coupling=0.0):
 
 def extremes(*given, **further):
     balance, groups, told = held(*given, **further)
-    found = extreme_frictions(balance, np.zeros(len(told)), groups, told)
+    found, endless = extreme_frictions(balance, np.zeros(len(told)), groups, told)
+    assert not endless.any()
     slips = np.array(given[0])
     assert found @ slips == pytest.approx(np.full(len(found), told @ slips), rel=1e-12)  # the load is held
     return found
@@ -70,6 +71,27 @@ def test_three_joints_have_the_corners_of_a_polygon():
     found = extremes([1.0, 1.0, 1.0], 2.0, [3.0, 4.0, 10.0])
     assert found.min(axis=0) == pytest.approx([-3.0, -4.0, -9.0], rel=1e-12)
     assert found.max(axis=0) == pytest.approx([3.0, 4.0, 5.0], rel=1e-12)
+
+
+def test_a_share_without_an_end():
+    """``|f_1| <= |20 - 3 f_0|`` holds for all ``f_0 < 0``; the friction of the other joint has the same law."""
+    balance, groups, told = held([1.0, 1.0], 5.0, [0.0, 0.0], mu=1.0, weight=20.0, coupling=-3.0)
+    balance.contacts[0].law, balance.contacts[0].bearing = (getattr(balance.contacts[1], x) for x in ("law", "bearing"))
+    balance.response.loads.wrench[0, 0], balance.response.loads.response[0, 0, 0] = 20.0, -3.0
+    told = np.array([-2.5, -2.5])
+    found, endless = extreme_frictions(balance, np.zeros(2), groups, told)
+    ends, [far] = found[~endless], found[endless]
+    assert ends[:, 0].max() == pytest.approx(15.0 / 4.0, rel=1e-10)  # f_0 + 5 = 20 - 3 f_0
+    assert far[0] < -2.5 and far.sum() == pytest.approx(-5.0, rel=1e-12)
+
+
+def test_ends_that_are_not_known_are_directions():
+    """Three joints, the last of which raises its own load 1.5 times: it has no limit that could be solved for."""
+    balance, groups, told = held([1.0, 1.0, 1.0], 5.0, [10.0, 3.0, 0.0], mu=1.5)
+    balance.response.loads.wrench[2, 0], balance.response.loads.response[2, 2, 0] = 20.0, 1.0
+    found, endless = extreme_frictions(balance, np.zeros(3), groups, told)
+    assert endless.all() and len(found) == 4
+    assert found.sum(axis=1) == pytest.approx(np.full(4, -5.0), rel=1e-12)
 
 
 def test_one_joint_leaves_nothing_open():

@@ -3,6 +3,9 @@ import pytest
 from scipy.integrate import RK45
 from scipy.integrate._ivp import dop853_coefficients as scipy_coefficients
 
+from pinarm.engine.integration.dense_output import DenseOutput
+from pinarm.engine.integration.divided_steps import terms_of
+from pinarm.engine.integration.integrator import Flat, Interval
 from pinarm.engine.integration.tableaus import DOP853, DOPRI5, RK4
 from pinarm.records import replace
 
@@ -82,3 +85,20 @@ def test_the_classical_method_meets_the_eight_conditions_of_order_four():
     a, b, c = RK4.a, RK4.b, RK4.c
     found = [b.sum(), b @ c, b @ c**2, b @ a @ c, b @ c**3, (b * c) @ a @ c, b @ a @ c**2, b @ a @ a @ c]
     assert found == pytest.approx([1, 1 / 2, 1 / 3, 1 / 6, 1 / 4, 1 / 8, 1 / 12, 1 / 24], abs=1e-15)
+
+
+@pytest.mark.parametrize("tableau", [DOP853, DOPRI5], ids=lambda one: one.name)
+def test_the_last_term_is_the_defect_of_the_dense_output_in_the_middle_of_a_step(tableau):
+    """``h (f(u) - u')`` with u' by differences, of ``y' = A y``, in a step that is much too long."""
+    matrix, y, h = np.array([[0.0, 1.0], [-1.0, -2.5]]), np.array([[1.0, 0.5]]), 2.0
+    slopes = []
+    for row in [*tableau.a, tableau.b]:
+        slopes.append((y[0] + h * sum(w * k for w, k in zip(row, slopes, strict=False))) @ matrix.T)
+    here = np.zeros(1), np.zeros(1), np.array([h]), y, np.array([slopes])
+    interval = Interval(0.0, 2.0, lambda t, q, v: q @ matrix[1, :1] + v @ matrix[1, 1:])
+    terms = terms_of(tableau.examined, interval, Flat(1, 1), *here)
+    output, apart = DenseOutput.whole(y, terms[:, :-1]), 1e-5
+    before, middle, after = output.states(np.zeros(3, np.intp), 0.5 + apart * np.array([-1.0, 0.0, 1.0]))
+    defect = h * middle @ matrix.T - (after - before) / (2.0 * apart)
+    assert np.abs(defect).max() > 1e-4
+    assert terms[0, -1] == pytest.approx(defect, abs=1e-8)  # of differences

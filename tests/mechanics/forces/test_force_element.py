@@ -13,6 +13,7 @@ from pinarm.mechanics.forces.cable import ElasticCable
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring, RegularisedFriction, TorqueSpeed
 from pinarm.mechanics.forces.kinds import Force, bound
 from pinarm.mechanics.forces.point import PointSpring, Wrench
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.laws import Constant, Harmonic, SpeedPoints, Spline, Trapezoid
 
 MEMBERS = typing.get_args(Force)
@@ -184,6 +185,19 @@ def test_wrenches_on_the_links_make_up_the_load(force, model, joints):
     names = {model.names[joint] for joint in wrenches}
     ends = (force.point,) if isinstance(force, Wrench) else force.between
     assert names == {"universe" if end == "post" else end.removesuffix("_link") for end in ends}
+
+
+@at_points
+def test_wrenches_in_many_states_are_those_of_each(force, model, joints):
+    """Placed together by link placements, and one by one by Pinocchio."""
+    element, t = made(force, model, joints), np.array([0.2, 0.8, 1.1])
+    q, v = (np.array(each) for each in zip(*map(motion, t), strict=True))
+    found = element.wrenches_at(LinkPlacements.at(model, q), t, q, v)
+    for k, state in enumerate(zip(t, q, v, strict=True)):
+        expected = element.wrenches(*state)
+        assert found.keys() == expected.keys()
+        for joint, wrench in expected.items():
+            assert found[joint][k] == pytest.approx(wrench, abs=1e-13)
 
 
 def test_a_spring_along_a_distance_is_a_spring_between_the_points(model, joints):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import pinarm
 
@@ -155,3 +156,86 @@ def test_a_pendulum_under_pd_control_comes_to_rest_in_its_gear(servo, period):
     weight = -10.0 * 0.1 * np.cos(x)
     assert ETA <= torque * N / weight <= 1.0 / ETA
     assert result.figures["equilibrium"] < 1e-12
+
+
+WHEEL, STIFFNESS, DAMPING = 2e-3, 8.0, 0.05
+SHAFT = """<robot name="shaft"><link name="base"/>
+<link name="wheel"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="load"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="x" type="continuous"><parent link="base"/><child link="wheel"/><axis xyz="0 0 1"/></joint>
+<joint name="twist" type="continuous"><parent link="wheel"/><child link="load"/><axis xyz="0 0 1"/></joint></robot>"""
+"""A lossy gear whose wheel turns a load through an elastic shaft: efficiency and elasticity of one drive."""
+
+
+@pytest.fixture
+def shaft(tmp_path):
+    (tmp_path / "shaft.urdf").write_text(SHAFT)
+    spring = {"kind": "joint_spring", "joint": "twist", "stiffness": f"{STIFFNESS} N*m/rad",
+              "damping": f"{DAMPING} N*m*s/rad"}  # fmt: skip
+    values = {"drives": {"servo": {**DRIVE, "motor": {"kind": "ideal"}}}, "forces": {"shaft": spring}}
+    return pinarm.Mechanism.load(tmp_path / "shaft.urdf", values=values)
+
+
+def test_through_an_elastic_shaft_a_lossy_gear_drives_with_constant_acceleration(shaft):
+    """``T = J alpha N + (tau + I alpha) / (N eta)``, tau the torque of the shaft, which is twisted from the start."""
+    alpha = 12.0
+    tau = LOAD * alpha
+    torque = N * ROTOR * alpha + (tau + WHEEL * alpha) / (N * ETA)
+    start = {"position": {"twist": f"{-tau / STIFFNESS} rad"}, "velocity": {"x": "1 rad/s", "twist": "0 rad/s"}}
+    names = "x", "force.shaft.effort"
+    result = pinarm.run(forward(shaft, [constant(torque)], end="50 ms", outputs=names, start=start))
+    t = result["t"].values
+    assert np.abs(result["x"].values - t - 0.5 * alpha * t**2).max() < 1e-9
+    assert np.abs(result["force.shaft.effort"].values - tau).max() < 1e-9
+
+
+@pytest.mark.slow
+def test_an_elastic_shaft_drives_a_lossy_gear_back(shaft):
+    """A load that swings on its shaft turns the motor back, the motor it, and it the motor back again."""
+    torque, spin = 0.05, -15.0
+    start = {"velocity": {"x": "0 rad/s", "twist": f"{spin} rad/s"}}
+    result = pinarm.run(forward(shaft, [constant(torque)], end="0.3 s", outputs=("x", "twist"), start=start))
+    t, rows = np.unique(result["t"].values, return_index=True)
+    x, twist = (result[name].values[rows] for name in ("x", "twist"))
+    found = _lossy_shaft(N * torque, [0.0, 0.0, 0.0, spin], t)
+    assert set(np.sign(np.round(found[:, 1], 6))) == {-1.0, 0.0, 1.0}
+    assert np.abs(x - found[:, 0]).max() < 1e-7  # tolerance 1e-9 a step
+    assert np.abs(twist - found[:, 2] + found[:, 0]).max() < 1e-7
+
+
+def _lossy_shaft(tau, state, instants):
+    """Positions and velocities of wheel and load, integrated from one reversal of the wheel to the next."""
+    inertia = N * N * ROTOR
+
+    def pull(y):
+        return STIFFNESS * (y[0] - y[2]) + DAMPING * (y[1] - y[3])
+
+    def acceleration(way, y):
+        """``I a + S = eta (tau - A a)`` while the motor drives, ``(tau - A a) / eta`` while it is driven."""
+        drives = (ETA * tau - pull(y)) / (WHEEL + ETA * inertia)
+        return drives if (tau - inertia * drives) * way >= 0.0 else (tau / ETA - pull(y)) / (WHEEL + inertia / ETA)
+
+    def free(way):
+        return lambda t, y: [y[1], acceleration(way, y), y[3], pull(y) / LOAD]
+
+    def held(t, y):
+        return [0.0, 0.0, y[3], pull(y) / LOAD]
+
+    rows, t, y = [], 0.0, np.array(state)
+    while len(rows) < len(instants):
+        if acceleration(1.0, y) > 1e-9:
+            rate, end = free(1.0), lambda t, y: y[1]
+        elif acceleration(-1.0, y) < -1e-9:
+            rate, end = free(-1.0), lambda t, y: -y[1]
+        else:
+            rate, end = held, lambda t, y: max(acceleration(1.0, y), -acceleration(-1.0, y)) * -1.0
+        end.terminal, end.direction = True, -1.0
+        left = instants[len(rows) :]
+        solved = solve_ivp(rate, (t, instants[-1] + 1e-3), y, "DOP853", left, events=end, rtol=1e-11, atol=1e-12)
+        rows += [*solved.y.T]
+        if solved.status != 1:
+            break
+        t, y = solved.t_events[0][0], solved.y_events[0][0] * [1.0, 0.0, 1.0, 1.0]
+    return np.array(rows)

@@ -148,6 +148,13 @@ def test_several_results_are_chapters(scenario: Callable[..., Any]) -> None:
     assert re.findall(r'<a href="#(chapter-\d)">', page) == re.findall(r'<article id="(chapter-\d)">', page)
 
 
+def test_chapters_of_one_title_are_told_apart_by_their_folders(scenario: Callable[..., Any], tmp_path: Path) -> None:
+    result = scenario("statics").run()
+    folders = [result.save(tmp_path / name, plots=False) for name in ("x", "b-x")]
+    page = report(folders, title="Both").html
+    assert re.findall("<h2>([^<]*)</h2>", body(page)) == [f"{result.content.title} ({folder})" for folder in folders]
+
+
 def test_what_cannot_be_made_is_said(scenario: Callable[..., Any], tmp_path: Path, monkeypatch: Any) -> None:
     result = scenario("state").run()
     with pytest.raises(InputError, match=r"not written as '\.docx'"):

@@ -3,9 +3,11 @@
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import pinarm
+from pinarm.errors import InputError
 from tests.use.conftest import KINDS
 
 SCENARIOS = Path(pinarm.__file__).parents[1] / "scenarios"
@@ -78,3 +80,9 @@ def test_a_mechanism_with_other_last_digits_is_another_one(scenario):
     assert perturbed.varied({"problem.time.end": "3 s"}).mechanism is perturbed.mechanism
     masses = [each.model.inertias[1].mass for each in (one.mechanism, perturbed.mechanism)]
     assert masses[0] != masses[1] == pytest.approx(masses[0], rel=1e-14)
+
+
+def test_a_model_of_pinocchio_in_place_of_a_mechanism_is_answered_with_what_makes_one():
+    data = {"pinarm": 1, "mechanism": pin.buildSampleModelManipulator(), "outputs": ["t"], "problem": {"kind": "state"}}
+    with pytest.raises(InputError, match=r"a model of Pinocchio\n.*\n  try: pinarm\.Mechanism\.of\(model\)"):
+        pinarm.run(data)

@@ -73,7 +73,7 @@ def test_a_model_moves_every_joint_within_its_limits(tmp_path: Path) -> None:
     (tmp_path / "cart.urdf").write_text(CART)
     assert pinarm.new(tmp_path / "cart.urdf") == tmp_path
     result = pinarm.run(tmp_path / "scenario.yaml")
-    outputs = {"joint.rail-1.effort", "joint.on.effort", *(f"joint.free.effort.{axis}" for axis in "xyz")}
+    outputs = {"joint.rail-1.effort", "joint.on.effort", *(f"joint.free.moment.{axis}" for axis in "xyz")}
     assert {*result.content.outputs} == outputs
     way, angle = result["rail-1"].values, result["on"].values
     np.testing.assert_allclose(way[[0, -1]], [0.02, 0.05], atol=1e-15)
@@ -102,6 +102,18 @@ def test_a_loop_is_driven_at_one_joint(tmp_path: Path, coupler: str) -> None:
     assert moved(tmp_path) == ["a"]
     assert np.abs(gap).max() < 1e-13
     assert np.ptp(a) > 0.01
+
+
+def test_what_floats_and_has_a_loop_is_held_by_efforts_that_can_be_asked(tmp_path: Path) -> None:
+    """As a robot with closed legs: its base is held in place and direction."""
+    floats = '<link name="world"/><joint name="free" type="floating"><parent link="world"/><child link="base"/></joint>'
+    text = "\n".join([*BARS, LOOP.format("0.5 0 0.1"), "</robot>"])
+    (tmp_path / "bars.urdf").write_text(text.replace('<link name="base"/>', LINK.format("base") + floats))
+    pinarm.new(tmp_path / "bars.urdf")
+    result = pinarm.run(tmp_path / "scenario.yaml")
+    assert "This does not run" not in (tmp_path / "scenario.yaml").read_text()
+    assert result["joint.free.moment.y"].values[0] != 0.0
+    assert result["joint.a.effort"].values.shape == (201,)
 
 
 def test_a_screw_is_driven_by_turning_it(tmp_path: Path) -> None:
@@ -216,5 +228,5 @@ def test_results_of_files_of_one_name_go_to_folders_of_their_own(
         assert main(["run", f"{name}/scenario.yaml", "--no-plots"]) == 0
         assert f"written to results/{name}\n" in capsys.readouterr().out
     assert {finding.scenario for name in ("four_bar", "arm") for finding in pinarm.check(name)} == {"four_bar", "arm"}
-    assert main(["run", "results/arm/scenario.yaml", "--no-plots"]) == 2
+    assert main(["run", "results/arm/scenario.yaml", "--no-plots", "-o", "results/arm"]) == 2
     assert "would overwrite its own input" in capsys.readouterr().err

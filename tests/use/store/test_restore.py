@@ -46,13 +46,14 @@ def test_estimates_of_the_error_come_back(tmp_path: Path) -> None:
 
 
 def test_it_needs_nothing_outside_of_the_folder(scenario: Callable[..., Any], folder: Path, tmp_path: Path) -> None:
-    result = scenario("inverse").run()
+    result = scenario("inverse", "numbers: [drive.motor.torque @ rms]\n").run()
     saved = result.save(folder / "out", plots=False)
     for file in ("pendulum.urdf", "pendulum.yaml", "inverse.yaml"):
         (folder / file).unlink()
     again = restore(saved)
     assert np.array_equal(again["drive.motor.torque"].values, result["drive.motor.torque"].values)
     assert np.array_equal(again["M"].values, result["M"].values)
+    assert again.notes() == result.notes()
 
 
 def test_other_instants_are_solved_anew(scenario: Callable[..., Any], folder: Path) -> None:

@@ -4,6 +4,7 @@ import pickle
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
+from functools import partial
 from itertools import islice
 from typing import Any
 
@@ -139,6 +140,32 @@ def test_only_the_job_that_kills_is_lost() -> None:
     assert {n: answers[n] for n in answers if n not in lost} == {n: n * n for n in range(1000) if n not in lost}
     for n in poison:
         assert sum(n in chunk for chunk in workers.chunks) >= DEATHS
+
+
+def test_what_waits_with_a_worker_that_dies_is_not_lost_with_the_job_that_kills(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Dask counts a death for every chunk that the worker had, be it in hand or waiting."""
+
+    class Beside(Here):
+        """One worker, with which all chunks die that it has."""
+
+        waiting = list[tuple[Future[Any], Callable[[], Any], list[Any]]]()
+
+        def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+            jobs = list(pickle.loads(pickle.loads(arguments[1]).jobs))
+            self.waiting.append((Future(), partial(function, *arguments), jobs))
+            return self.waiting[-1][0]
+
+        def require(self) -> None:
+            dead = any(2 in jobs for _, _, jobs in self.waiting)
+            for future, answer, _ in self.waiting:
+                future.set_result(WorkerDeath("KilledWorker") if dead else answer())
+            self.waiting.clear()
+
+    monkeypatch.setattr("pinarm.use.workers.distribute.PATIENCE", 0.001)
+    answers = dict(distribute(square, iter(range(6)), Beside(1)))
+    assert answers == {n: LostJob("its process died by KilledWorker") if n == 2 else n * n for n in range(6)}
 
 
 def test_a_job_whose_worker_was_killed_from_outside_is_done_again() -> None:

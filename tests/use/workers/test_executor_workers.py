@@ -3,6 +3,7 @@
 import os
 from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -82,14 +83,16 @@ def test_a_missing_module_is_named_whatever_it_is_wrapped_in() -> None:
 
 def test_the_work_is_given_up_where_there_are_no_workers_for_long(monkeypatch: pytest.MonkeyPatch) -> None:
     class Client:
+        loop = SimpleNamespace(add_callback=lambda call: None)
+
         def nthreads(self) -> dict[str, int]:
             return {}
 
-    class Empty(Executor):
-        _client = Client()
-
         def submit(self, *_: Any, **__: Any) -> Future[Any]:
             return Future[Any]()
+
+    class Empty(Executor):
+        _client = Client()
 
     monkeypatch.setattr(executor_workers, "ABSENCE", 0.05)
     monkeypatch.setattr("pinarm.use.workers.distribute.PATIENCE", 0.1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,9 +33,11 @@ MANY = 100
 def split_rows(rows: Array, reach: Array | float = 1.0) -> SplitRows:
     """Return the parts of the rows G, shape (m, nv); ``reach`` as in ``RowDecompositions.of``."""
     if len(rows) and rows.shape[1] > MANY:
+        from scipy.sparse import csr_array
+
         from pinarm.engine.constraints.nullspaces.sparse_nullspace import sparse_split
 
-        return sparse_split(rows, reach)
+        return sparse_split(csr_array(rows), reach)
     return RowDecomposition.of(rows, reach)
 
 
@@ -71,7 +73,7 @@ class RowDecompositions(Record, frozen=True):
         """Return what ``RowDecomposition.multipliers`` does, shape (n, m)."""
         return self.each(self.shape[1], lambda split, some: split.multipliers(some), force)
 
-    def each(self, width: int, function: Callable[..., Array], *given: Array) -> Array:
+    def each(self, width: int, function: Callable[..., Array], *given: Any) -> Array:
         """Return a function of the decomposition and of rows of arrays at all configurations, shape (n, width)."""
         values = np.empty((self.shape[0], width))
         for rows, split in self.parts:

@@ -104,10 +104,12 @@ class SparseRowDecomposition:
         return found.reshape(*given.shape[:-1], found.shape[-1])
 
 
-def sparse_split(rows: Array, reach: Array | float) -> SplitRows:
+def sparse_split(rows: csr_array, reach: Array | float) -> SplitRows:
     """Return the parts of G at a single configuration, shape (m, nv)."""
-    part = _part(csr_array(rows), reach)
-    return SparseRowDecomposition([part[0]], [part[1]], [part[2]], ()) if part else RowDecomposition.of(rows, reach)
+    part = _part(rows, reach)
+    if part is None:
+        return RowDecomposition.of(rows.toarray(), reach)
+    return SparseRowDecomposition([part[0]], [part[1]], [part[2]], ())
 
 
 def sparse_parts(rows: Sequence[csr_array], reach: Array | float) -> list[tuple[Indices, SplitRows]]:
@@ -169,6 +171,6 @@ def extreme_values(rows: csr_array) -> Array:
 def damped(rows: Array, right: Array, damping: float) -> Array:
     """Return the x that minimises ``|G x - right|^2 + damping^2 |x|^2``, shape (nv,); the shortest without damping."""
     if not damping:
-        return sparse_split(rows, 0.0).particular(right)
+        return sparse_split(csr_array(rows), 0.0).particular(right)
     matrix = csr_array(rows)
     return np.asarray(spsolve(csc_array(matrix.T @ matrix + damping**2 * eye_array(rows.shape[1])), matrix.T @ right))

@@ -178,7 +178,7 @@ def _eliminated(rows: csr_array, order: Indices, first: Indices, last: Indices, 
         end = max(stop, end, int(last[new].max(initial=0)) + 1)
         front = np.zeros((len(carried) + len(new), end - start))
         front[: len(carried), : carried.shape[1]] = carried
-        front[len(carried) :] = rows[new][:, start:end].toarray() if len(new) else 0.0
+        _fill(front[len(carried) :], rows, new, start)
         u, s, vt = np.linalg.svd(front[:, : stop - start], full_matrices=True)
         r, beyond = int((s > least).sum()), front[:, stop - start :]
         left, rest = u[:, r:], u[:, r:].T @ beyond
@@ -189,6 +189,14 @@ def _eliminated(rows: csr_array, order: Indices, first: Indices, last: Indices, 
             slice(start, stop), slice(stop, end), new, len(carried), u[:, :r], left, s[:r], vt, u[:, :r].T @ beyond
         )
         carried = rest
+
+
+def _fill(block: Array, rows: csr_array, some: Indices, start: int) -> None:
+    """Write some rows, from a column on, into a block of zeros."""
+    starts, counts = rows.indptr[some], np.diff(rows.indptr)[some]
+    which = np.repeat(np.arange(len(some)), counts)
+    entries = np.arange(len(which)) + np.repeat(starts - np.cumsum(counts) + counts, counts)
+    block[which, rows.indices[entries] - start] = rows.data[entries]
 
 
 def largest_eigenvalue(size: int, product: Callable[[Array], Array]) -> float:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.integration.dense_output import DenseOutput
 from pinarm.engine.integration.first_step import first_step
 from pinarm.engine.integration.integrator import BATCH_ROUNDING, Count, Interval, Manifold, Solution, Step
 from pinarm.engine.integration.methods import for_all_motions
@@ -102,11 +103,12 @@ class Collocation:
         """Return a stepper of this method."""
         return CollocationStepper(self, manifold, count)
 
-    def interpolants(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> DenseOutput:
         """Return the terms of the collocation polynomial: ``h terms @ (series @ k)``."""
         table = gauss(self.nodes)
         slopes, h = np.array([step.slopes for step in steps]), np.array([step.h for step in steps])
-        return np.asarray(h[:, None, None] * (table.terms @ (table.series @ slopes)))
+        terms = h[:, None, None] * (table.terms @ (table.series @ slopes))
+        return DenseOutput.whole(np.array([step.y for step in steps]), terms)
 
     def diagnose(self, solution: Solution) -> list[str]:
         """Return a note where the convergence of the sweeps, not the error, keeps windows short."""

@@ -12,6 +12,7 @@ from pinarm.errors import MethodError
 from pinarm.records import replace
 
 if TYPE_CHECKING:
+    from pinarm.engine.integration.dense_output import DenseOutput
     from pinarm.engine.integration.integrator import Count, Energy, Interval, Manifold, Projection, Solution, Step
 
 SLOW = 1e-2
@@ -85,9 +86,9 @@ class Conserving:
         """Return a stepper of this method."""
         return self.steps.stepper(manifold, count)
 
-    def interpolants(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> DenseOutput:
         """Return the terms of the dense output."""
-        return self.steps.interpolants(interval, manifold, steps)
+        return self.steps.dense_output(interval, manifold, steps)
 
     def diagnose(self, solution: Solution) -> list[str]:
         """Return a note where the stability limit, not the error, keeps steps short."""

@@ -12,8 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from pinarm.arrays import Array, distinct
+from pinarm.engine.integration.dense_output import DenseOutput
+from pinarm.engine.integration.divided_steps import divided, terms_of
 from pinarm.engine.integration.first_step import first_step
-from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution, Step, interpolated, slopes_within
+from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution, Step
 from pinarm.engine.integration.step_control import FASTEST, HUGE, LOST, NOISE, TINY, growth, shrinkage
 from pinarm.engine.integration.tableaus import DOP853, DOPRI5, RK4, Tableau
 from pinarm.errors import MethodError
@@ -33,10 +35,6 @@ SAMPLE = 40
 
 MOST_STEPS = 1e8
 """Largest number of fixed steps of an interval; that many take half a day."""
-
-DEFECT, PARTS = 30.0, 8
-"""Defect of the dense output in the middle of a step, over the tolerance, from which on steps of its eighth take its
-place: it is about 0.1, seldom above 3, and 1e4 beyond the limit of stability."""
 
 COARSE = 1e-3
 """Error of a fixed step, relative to ``size + |y|``, from which it is reported as too large."""
@@ -88,39 +86,25 @@ class Adaptive(ValueRecord, frozen=True):
         """Return a stepper of this method."""
         return AdaptiveStepper(self, manifold, count)
 
-    def interpolants(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
-        """Return the terms of the dense output."""
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> DenseOutput:
+        """Return the dense output."""
+        arrays = _arrays(steps)
         if interval.compiled is None:
-            return _terms(self.tableau, interval, manifold, steps)
+            return self.output_of(interval, manifold, *arrays)
         from pinarm.engine.integration.compiled_steps import terms
 
-        found = terms(self.tableau, interval.compiled, steps)
+        found = terms(self.tableau.examined, interval.compiled, steps)
+        if np.isfinite(found).all():
+            return divided(self.tableau, self.tolerance, interval, manifold, *arrays[:3], found)
         # Rows that the library cannot solve for in a further stage are solved for by singular values.
-        return found if np.isfinite(found).all() else _terms(self.tableau, interval, manifold, steps)
+        return self.output_of(replace(interval, compiled=None), manifold, *arrays)
 
-    def divided(
-        self, intervals: Sequence[Interval], manifold: Manifold, steps: Sequence[Step], terms: Array
-    ) -> dict[int, Solution]:
-        """Return shorter steps in place of those whose dense output u does not follow the motion, by their number.
-
-        Once the fast part of a motion has died away a step may go far beyond the limit of stability before its end
-        shows it: within, the stages blow up what is left of that part. It is seen in the defect ``h (f(u) - u')`` in
-        the middle of the step. Compiled motions are not looked at: these have no states of controllers or motors.
-        """
-        interval = intervals[steps[0].interval]
-        if interval.compiled is not None:
-            return {}
-        t, h, y = np.array([step.t for step in steps]), np.array([step.h for step in steps]), [step.y for step in steps]
-        u = interpolated(np.array(y), terms, np.full(len(h), 0.5))
-        q, v = manifold.project(u[:, : manifold.nq]), u[:, manifold.nq :]
-        slopes = np.concatenate([manifold.velocity(q, v), interval.accelerations(t, t + 0.5 * h, q, v)], axis=1)
-        defects = np.abs(h[:, None] * slopes - slopes_within(terms, 0.5)).max(axis=1)
-        poor = np.flatnonzero(defects > DEFECT * self.tolerance * (interval.size + np.abs(y).max(axis=1)))
-        return {
-            k: Solution(FixedStep(steps[k].h / PARTS, self.tableau), manifold, intervals,
-                        _parts(self.tableau, interval, manifold, steps[k]))
-            for k in poor.tolist()
-        }  # fmt: skip
+    def output_of(
+        self, interval: Interval, manifold: Manifold, t: Array, h: Array, y: Array, slopes: Array
+    ) -> DenseOutput:
+        """Return the dense output of steps."""
+        terms = terms_of(self.tableau.examined, interval, manifold, t, t, h, y, slopes)
+        return divided(self.tableau, self.tolerance, interval, manifold, t, h, y, terms)
 
     def diagnose(self, solution: Solution) -> list[str]:
         """Return a note where the stability limit, not the error, keeps steps short.
@@ -189,9 +173,10 @@ class FixedStep(ValueRecord, frozen=True):
         """Return a stepper of this method."""
         return FixedStepper(self, manifold, count)
 
-    def interpolants(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
-        """Return the terms of the dense output."""
-        return _terms(self.tableau, interval, manifold, steps)
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> DenseOutput:
+        """Return the dense output."""
+        t, h, y, slopes = _arrays(steps)
+        return DenseOutput.whole(y, terms_of(self.tableau, interval, manifold, t, t, h, y, slopes))
 
     def diagnose(self, solution: Solution) -> list[str]:
         """Return notes where a step and its two halves differ, or where steps may have stepped over a load."""
@@ -449,53 +434,7 @@ def middle(h: Array | float, y: Array, new: Array, slopes: Array) -> Array:
     return np.asarray(0.5 * (y + new) + 0.125 * h * (slopes[0] - slopes[-1]))
 
 
-def _parts(tableau: Tableau, interval: Interval, manifold: Manifold, step: Step) -> list[Step]:
-    """Return steps of one length from the start of a step to its end."""
-    stages, h, parts = Stages(tableau, manifold), step.h / PARTS, list[Step]()
-    stages.start(step.t, step.y, replace(interval, acceleration=interval.of_step(step.t)))
-    for k in range(PARTS):
-        t = step.t + k * h
-        stages.advance(t, h)
-        parts.append(Step(t, h, t + h, stages.y.copy(), stages.slopes.copy(), step.interval))
-        stages.move()
-    return parts
-
-
-def _terms(tableau: Tableau, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
-    """Return the terms of the dense output of steps."""
-    t, h = np.array([step.t for step in steps]), np.array([step.h for step in steps])
-    y, slopes = np.array([step.y for step in steps]), np.array([step.slopes for step in steps])
-    return terms_of(tableau, interval, manifold, t, h, y, slopes)
-
-
-def terms_of(
-    tableau: Tableau, interval: Interval, manifold: Manifold, t: Array, h: Array, base: Array, known: Array
-) -> Array:
-    """Return the terms r of the dense output, see ``Method.interpolants``; Hairer, Norsett, Wanner, section II.6.
-
-    ``r_0 = y_new - y``, ``r_1 = h k_0 - r_0``, ``r_2 = 2 r_0 - h (k_0 + k_s)``; the higher ones are ``h dense_d @ k``
-    over all stages, those of ``dense_a`` included.
-
-    Args:
-        tableau: The coefficients.
-        interval: The interval of the steps.
-        manifold: The configuration space.
-        t: Starts of the steps [s], shape (n,).
-        h: Lengths [s], shape (n,).
-        base: States at the starts, shape (n, nq + nv).
-        known: Slopes at the stages, shape (n, s + 1, nq + nv).
-
-    Returns:
-        Shape (n, d, nq + nv).
-    """
-    nq, s = manifold.nq, tableau.stages + 1
-    slopes = np.empty((len(h), s + len(tableau.dense_c), base.shape[1]))
-    slopes[:, :s] = known
-    for k, (weights, c) in enumerate(zip(tableau.dense_a, tableau.dense_c, strict=True), s):
-        y = base + h[:, None] * (weights[:k] @ slopes[:, :k])
-        q, v = manifold.project(y[:, :nq]), y[:, nq:]
-        slopes[:, k, :nq], slopes[:, k, nq:] = manifold.velocity(q, v), interval.accelerations(t, t + c * h, q, v)
-    slopes *= h[:, None, None]
-    change, first, last = tableau.b @ slopes[:, : s - 1], slopes[:, 0], slopes[:, s - 1]
-    lowest = np.stack([change, first - change, 2 * change - first - last], axis=1)
-    return np.concatenate([lowest, tableau.dense_d @ slopes], axis=1)
+def _arrays(steps: Sequence[Step]) -> tuple[Array, Array, Array, Array]:
+    """Return starts and lengths of n steps [s], states at the starts, and slopes at the stages, each of n rows."""
+    t, h = np.array([(step.t, step.h) for step in steps]).T
+    return t, h, np.array([step.y for step in steps]), np.array([step.slopes for step in steps])

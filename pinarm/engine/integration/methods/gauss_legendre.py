@@ -24,7 +24,7 @@ class Gauss:
         a: ``sum_j a_ij f_j`` is the integral from 0 to c_i, shape (s, s).
         series: Values at the nodes to coefficients of Legendre's polynomials on [0, 1], shape (s, s).
         powers: Legendre coefficients to coefficients of powers of ``z = 2x - 1``, shape (s, s).
-        terms: Legendre coefficients to terms of the integral from 0 to x, see ``Method.interpolants``; shape (s, s).
+        terms: Legendre coefficients to terms of the integral from 0 to x, see ``DenseOutput``; shape (s, s).
     """
 
     c: Array

@@ -31,7 +31,7 @@ class RadauTableau:
         back: Eigenvectors, those of complex pairs doubled, shape (s, m).
         error: Weights of ``Z_i = Y_i - y`` in the error estimate, shape (s,).
         powers: Values at the stages to coefficients of x, x^2 ... x^s, shape (s, s).
-        terms: Values at the stages to the terms of ``Method.interpolants``, shape (s, s).
+        terms: Values at the stages to the terms of ``DenseOutput``, shape (s, s).
     """
 
     c: Array

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.integration.dense_output import DenseOutput
 from pinarm.engine.integration.first_step import first_step
 from pinarm.engine.integration.methods.radau_coefficients import Complex, radau
 
@@ -75,9 +76,10 @@ class Radau:
         """Return a stepper of this method."""
         return RadauStepper(self, manifold, count)
 
-    def interpolants(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> DenseOutput:
         """Return the terms of the collocation polynomial: ``terms @ Z``."""
-        return np.asarray(radau(self.stages).terms @ np.array([step.slopes for step in steps]))
+        terms = radau(self.stages).terms @ np.array([step.slopes for step in steps])
+        return DenseOutput.whole(np.array([step.y for step in steps]), terms)
 
     def diagnose(self, solution: Solution) -> list[str]:
         """Return nothing: its steps are neither limited by stability nor unchecked."""

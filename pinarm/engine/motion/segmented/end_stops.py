@@ -9,10 +9,9 @@ freedom dynamics, 1988). A restitution of 1 keeps the energy. Stops push only: t
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
@@ -24,8 +23,14 @@ from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.records import Record, ValueRecord
 
+if TYPE_CHECKING:
+    from pinarm.mechanics.friction.contact import FrictionContact
+
 RESTING = 1e-6
 """Velocity after an impact that is taken for rest [rad/s or m/s]: what is left to rise is 1e-13 m under gravity."""
+
+WORKLESS = 1e-9
+"""Work of drives in impacts, relative to the energy that these take, that rounding leaves."""
 
 SLACK = 1e-13
 """Gap that counts as contact, relative to ``1 + |limit|``: where loops are closed, positions are right to 1e-14."""
@@ -163,6 +168,29 @@ class Contacts(Record, frozen=True):
             back[k] = rebound if abs(rebound) > RESTING else 0.0
         return self._nearest(t, q, v, back)
 
+    def energies(self, hits: Iterable[EventRecord]) -> tuple[float, float]:
+        """Return the energy that impacts took, and the work that drives of coordinates on laws did in them [J].
+
+        With the multipliers p of the laws' rows in ``M (v+ - v-) = G^T lam + P^T p + N^T Lam`` the work is ``p . w'``,
+        as w' stays, and ``T(v-) - T(v+) + p . w'`` is taken: the impulses of the stops times their mean velocities.
+        """
+        taken = given = 0.0
+        for hit in hits:
+            assert hit.before is not None
+            model, rows = (
+                self.closure.model,
+                self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates),
+            )
+            mass, own = mass_matrix(model, hit.q), rows.rows(rows.state(hit.q))
+            touched = [stop for k, stop in enumerate(self.bounds) if stop.name == hit.name or k in self.near(hit.q)]
+            normals = np.array([stop.row(hit.q) for stop in touched]).reshape(-1, model.nv)
+            split = split_rows(np.vstack([own, normals]), np.append(rows.reach, [stop.reach for stop in touched]))
+            impulses = split.multipliers(mass @ (hit.v - hit.before))[self.closure.size : len(own)]
+            work = float(impulses @ self.prescribed.on(hit.t, hit.t)(hit.t)[1])
+            taken += 0.5 * float(hit.before @ mass @ hit.before - hit.v @ mass @ hit.v) + work
+            given += work
+        return taken, given
+
     def _nearest(self, t: float, q: Array, v: Array, back: dict[int, float]) -> Array:
         """Return the velocity nearest to v with the given ones at stops, without those that would pull."""
         rows = self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
@@ -183,25 +211,36 @@ class Contacts(Record, frozen=True):
             del back[min(pulling, key=pushes.__getitem__)]
 
 
-def impact_remarks(model: pin.Model, stops: Sequence[Stop], events: Iterable[EventRecord]) -> list[str]:
-    """Return for each stop how often it was hit, when first, and the kinetic energy that its impacts took.
+def impact_remarks(contacts: Contacts, events: Iterable[EventRecord]) -> list[str]:
+    """Return for each stop how often it was hit, when first, and the energy that its impacts took.
 
-    Impacts are impulses, without a duration: no force of theirs is among the reactions, which has to be said.
+    Impacts are impulses, without a duration: no force of theirs is among the reactions, which has to be said. What
+    keeps a coordinate on its law does work in them where it moves.
     """
-    impacts, titles = dict[str, list[EventRecord]](), {stop.name: stop.title for stop in stops}
+    impacts, titles = dict[str, list[EventRecord]](), {stop.name: stop.title for stop in contacts.bounds}
     for event in events:
         if event.before is not None:
             impacts.setdefault(event.name, []).append(event)
-    return [
-        f"{titles[name]}: {len(hits)} impact{'s' if len(hits) > 1 else ''}, the first at t = {hits[0].t:.6g} s, "
-        f"take{'' if len(hits) > 1 else 's'} {sum(_lost(model, hit) for hit in hits):.3g} J; "
-        "they are impulses, whose forces are in no reaction"
-        for name, hits in impacts.items()
-    ]
+    return [_impact_remark(titles[name], hits, *contacts.energies(hits)) for name, hits in impacts.items()]
 
 
-def _lost(model: pin.Model, hit: EventRecord) -> float:
-    """Return the kinetic energy that an impact took [J]."""
-    mass = mass_matrix(model, hit.q)
-    assert hit.before is not None
-    return float(hit.before @ mass @ hit.before - hit.v @ mass @ hit.v) / 2.0
+def frictionless_remarks(frictions: Sequence[FrictionContact], events: Iterable[EventRecord]) -> list[str]:
+    """Return that impacts have no impulse of friction, where there are any and friction depends on loads.
+
+    In an impact mu times the impulses of reactions would be of its size. Where a slip reverses meanwhile it depends on
+    the course of the impact, of which a restitution tells nothing.
+    """
+    names = dict.fromkeys(friction.name for friction in frictions if friction.law.loaded)
+    if not names or all(event.before is None for event in events):
+        return []
+    return [f"impacts are without the impulses of friction that their reactions would cause in {', '.join(names)}"]
+
+
+def _impact_remark(title: str, hits: Sequence[EventRecord], taken: float, given: float) -> str:
+    several = len(hits) > 1
+    done = abs(given) > WORKLESS * taken
+    work = f"; the drives of coordinates that follow laws do {given:.3g} J of work in them" if done else ""
+    return (
+        f"{title}: {len(hits)} impact{'s' if several else ''}, the first at t = {hits[0].t:.6g} s, "
+        f"take{'' if several else 's'} {taken:.3g} J{work}; they are impulses, whose forces are in no reaction"
+    )

@@ -20,6 +20,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import require_masses
+from pinarm.engine.dynamics.parallel import threads
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.events import Watch, resolving_parts
@@ -303,6 +304,7 @@ class HybridSystem:
             max_steps=self.max_steps,
             watches=watches,
             steps_over=self._steps_over(system),
+            threads=threads(),
         )
 
     def event_records(self, crossings: Sequence[Crossing]) -> list[EventRecord]:

@@ -31,7 +31,7 @@ from pinarm.errors import DynamicsError
 from pinarm.mechanics.ball_joints import coordinate_at
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.friction.contact import FrictionContact, JointContact, slip_rows
-from pinarm.mechanics.friction.coupling_contact import CouplingContact
+from pinarm.mechanics.friction.coupling_contact import ConstantSlip
 from pinarm.mechanics.friction.slip_vectors import same_joint, several, sizes, unit_vectors
 from pinarm.mechanics.laws import Constant
 
@@ -201,7 +201,7 @@ class StickSlip:
         if cosines[best] >= 1.0 - ALIKE:
             return coordinate_at(self.closure.model, best)
         for contact in (self.contacts[i] for i in group.members):
-            if isinstance(contact, CouplingContact):
+            if isinstance(contact, ConstantSlip):
                 return contact.coordinate
         raise DynamicsError(
             f"no joint of the tree stands still where {self.contacts[group.first].name} sticks",

@@ -13,6 +13,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.batch_jacobians import BatchJacobians, EvaluatedJacobians
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspaces.elimination import dense
+from pinarm.engine.constraints.nullspaces.nullspace import MANY
 from pinarm.engine.constraints.nullspaces.nullspace_batch import BatchNullspace, regular_order
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.records import Record
@@ -69,7 +70,7 @@ class BatchRows(Record, frozen=True):
         Returns:
             The rows that the order of elimination serves that suits the first one; ``None`` where it has none.
         """
-        if len(q) * self.measures.size < FEWEST:
+        if len(q) * self.measures.size < FEWEST or q.shape[1] > MANY:  # an order would take the cube of the time
             return None
         every, measured, still = range(self.measures.size), self.measures.at(q.T), np.zeros_like(v)
         rows = measured.rows(every)

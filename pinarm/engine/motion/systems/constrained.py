@@ -7,8 +7,9 @@ change, measured by the masses: positions by Newton's method, velocities in one 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,14 +22,14 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspaces.nullspace import RANK, VANISHED, RowDecompositions, split_rows
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.dynamics.equation import solve, solve_each
-from pinarm.engine.dynamics.mass_matrix import mass_matrices, mass_matrix
+from pinarm.engine.dynamics.mass_matrix import masses
 from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.integration.integrator import Energy, Interval, Manifold
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems.batch_rows import CLOSED, ITERATIONS, ROUNDED, TURNED, BatchRows, Solved
 from pinarm.engine.motion.systems.row_motion import RowMotion
-from pinarm.engine.motion.systems.system import CompletedStates, Initial
+from pinarm.engine.motion.systems.system import KEPT, CompletedStates, Initial
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.ball_joints import coordinate_at, coordinate_name
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -152,7 +153,7 @@ class ConstrainedSystem:
         Where it cannot have that, it has what comes closest.
         """
         model = self.rows.model
-        nv, mass = model.nv, mass_matrix(model, q)
+        nv, mass = model.nv, masses(model, q)
         rows, right = self.rows.rows(self.rows.state(q)), self.rates(dw)
         given = np.eye(nv)[list(initial.velocities)]
         split = self.rows.split(rows)
@@ -170,21 +171,31 @@ class ConstrainedSystem:
 
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         """Return the motion on an interval without jumps."""
-        here = dynamics.on(start, end)
-        motion = RowMotion(self.rows, self.settled, here, self.prescribed.on(start, end))
-        compiled, remark = self._compiled(here, motion)
+        motion = self._motion(dynamics, start, end)
+        compiled, remark = self._judged(dynamics, start, end)
         return Interval(
             start, end, motion.acceleration, motion.settle, energy=self.energy(dynamics), compiled=compiled,
             remark=remark,
         )  # fmt: skip
 
-    def _compiled(self, dynamics: Dynamics, motion: RowMotion) -> tuple[Flow | None, str]:
-        """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not."""
-        if self.prescribed.names:
-            return None, ""
-        from pinarm.engine.motion.systems.compiled.compiled_rows import compiled_rows
+    def _motion(self, dynamics: Dynamics, start: float, end: float) -> RowMotion:
+        return RowMotion(self.rows, self.settled, dynamics.on(start, end), self.prescribed.on(start, end))
 
-        return compiled_rows(motion, dynamics, self.near)
+    @cached_property
+    def _judged(self) -> Callable[[Dynamics, float, float], tuple[Flow | None, str]]:
+        """The motion in compiled code where Pinocchio agrees, and what is to be said where not; kept for the next run.
+
+        What the library writes are buffers of one evaluation: no run changes it.
+        """
+
+        def judged(dynamics: Dynamics, start: float, end: float) -> tuple[Flow | None, str]:
+            if self.prescribed.names:
+                return None, ""
+            from pinarm.engine.motion.systems.compiled.compiled_rows import compiled_rows
+
+            return compiled_rows(self._motion(dynamics, start, end), dynamics.on(start, end), self.near)
+
+        return lru_cache(maxsize=KEPT)(judged)
 
     def energy(self, dynamics: Dynamics) -> Energy | None:
         """Return the energy of a state, as far as it is conserved."""
@@ -204,14 +215,14 @@ class ConstrainedSystem:
             AssemblyError: Newton's method does not close one.
         """
         model, rows, values, polished = self.rows.model, self.rows, self.rates(w), False
-        mass, still, size = mass_matrices(model, q), np.zeros_like(v), max(1.0, rows.extent)
+        mass, still, size = masses(model, q), np.zeros_like(v), max(1.0, rows.extent)
         whole = size + np.abs(values).max(axis=1)
         for _ in range(ITERATIONS):
             gaps, splits = rows.apart(q)
             gaps = self._closable(values - gaps, splits, whole)
             torn = np.abs(gaps).max(axis=1)
             if polished or (torn <= ROUNDED * whole).all():
-                return q, solve_each(splits, mass, np.matvec(mass, v), self.rates(dw)), splits
+                return q, solve_each(splits, mass, (mass @ v[..., None])[..., 0], self.rates(dw)), splits
             q = _moved(model, q, solve_each(splits, mass, still, gaps))
             excess = torn - CLOSED * whole - TURNED * size * np.abs(q).max(axis=1)
             polished = bool((excess <= 0.0).all())
@@ -267,9 +278,9 @@ class ConstrainedSystem:
         some = np.arange(len(t)) < max(1, min(FEW, LARGE // (self.rows.size * self.rows.model.nv)))
         w, t = w[:, :, some].transpose(0, 2, 1), t[some]
         q, v, splits = self.settled(q[some], v[some], w[0], w[1], t)
-        mass, force = dynamics.mass_matrices(q), -dynamics.inverse(t, q, v, np.zeros_like(v))
+        mass, force = dynamics.masses(q), -dynamics.inverse(t, q, v, np.zeros_like(v))
         a = solve_each(splits, mass, force, self.rates(w[2]) - self.rows.drifts(q, v))
-        efforts = splits.multipliers(np.matvec(mass, a) - force)[:, self.own.size :] if w.size else w[0]
+        efforts = splits.multipliers((mass @ a[..., None])[..., 0] - force)[:, self.own.size :] if w.size else w[0]
         return some, (q, v, a, efforts)
 
     def _with_efforts(

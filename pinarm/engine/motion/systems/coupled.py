@@ -18,11 +18,8 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.integrator import Accelerations, Energy, Interval, Manifold
 from pinarm.engine.kernel.library import Flow
 from pinarm.engine.motion.systems.partitioned import PartitionedSystem
-from pinarm.engine.motion.systems.system import CompletedStates, Initial
+from pinarm.engine.motion.systems.system import KEPT, CompletedStates, Initial
 from pinarm.mechanics.laws.motion_law import Grid
-
-KEPT = 16
-"""Number of intervals kept for the next run, as of ``free``."""
 
 
 @dataclass(frozen=True)

@@ -14,15 +14,12 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.integration.integrator import Interval, Manifold
-from pinarm.engine.motion.systems.system import CompletedStates, Initial
+from pinarm.engine.motion.systems.system import KEPT, CompletedStates, Initial
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
     from pinarm.engine.kernel.library import Flow
     from pinarm.engine.kernel.tree import CompiledTree
-
-KEPT = 16
-"""Number of intervals kept for the next run: a motion mostly has one, and one more for every jump of a load."""
 
 
 @dataclass(frozen=True)

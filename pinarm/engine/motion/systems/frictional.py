@@ -17,7 +17,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.friction.balance import FrictionSolution
-from pinarm.engine.friction.extremes import filled, held_part, pushing_part
+from pinarm.engine.friction.extremes import Extremes, filled, held_part, pushing_part
 from pinarm.engine.friction.sliding import SlidingFriction
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
@@ -117,21 +117,21 @@ class FrictionalSystem:
             IntegrationError: What holds a joint exceeds its bound.
         """
         inner, solved = self._solved(dynamics, grid, q, v)
-        extremes = list[Array]()
+        extremes = list[Extremes]()
         for rows, local, solutions in solved:
             for solution, t in zip(solutions, grid.t[rows].tolist(), strict=True):
                 self._require_within_bounds(solution, t)
             extremes += local.extremes(grid.t[rows], inner.q[rows], inner.v[rows], solutions) if self._open else []
         demand = _demand(dynamics, grid, inner)
         states, others = self._under(inner, grid.t, demand, self._friction(solved)), []
-        for friction in filled(states.friction, extremes):
+        for friction, endless in filled(states.friction, extremes):
             other = self._under(inner, grid.t, demand, friction)
             part = held_part(self.closure, states.lam, other.lam)
             for stop in self.friction.stops:
                 part = np.minimum(part, pushing_part(*(stop.side * x.tau[:, stop.joint] for x in (states, other))))
-            part = part[:, None]
-            within = states.friction + part * (friction - states.friction)
-            others.append(self._under(inner, grid.t, demand, within))
+            within = states.friction + part[:, None] * (friction - states.friction)
+            far = endless & (part == 1.0)  # a cable that goes slack there is an end
+            others.append(replace(self._under(inner, grid.t, demand, within), endless=far if far.any() else None))
         return replace(states, others=tuple(others))
 
     def tried(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 from pinarm.arrays import Array
@@ -11,13 +13,14 @@ from pinarm.engine.dynamics.pinocchio_constraints import PointConstraints
 from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.motion.systems.constrained import ConstrainedSystem
 from pinarm.engine.motion.systems.point_motion import PointMotion
-from pinarm.engine.motion.systems.system import CompletedStates, Initial
+from pinarm.engine.motion.systems.system import KEPT, CompletedStates, Initial
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.dynamics.many_points import ManyPointConstraints
     from pinarm.engine.kernel.library import Flow
+    from pinarm.engine.kernel.loops import LoadedLoops
 
 
 class PointSystem(Record, frozen=True):
@@ -47,20 +50,35 @@ class PointSystem(Record, frozen=True):
 
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         """Return the motion on an interval without jumps."""
-        general = self.general
-        here = dynamics.on(start, end)
-        motion = PointMotion(self.points, general.rows, here, general.prescribed.on(start, end))
-        compiled, remark = self._compiled(here, motion)
+        motion = self._motion(dynamics, start, end)
+        compiled, remark = self._compiled(dynamics, start, end, motion)
         return Interval(
-            start, end, motion.acceleration, motion.settle, motion.floor, general.energy(dynamics), motion.since,
+            start, end, motion.acceleration, motion.settle, motion.floor, self.general.energy(dynamics), motion.since,
             compiled=compiled, remark=remark,
         )  # fmt: skip
 
-    def _compiled(self, dynamics: Dynamics, motion: PointMotion) -> tuple[Flow | None, str]:
-        """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not."""
-        from pinarm.engine.motion.systems.compiled.compiled_points import compiled_points
+    def _motion(self, dynamics: Dynamics, start: float, end: float) -> PointMotion:
+        general = self.general
+        return PointMotion(self.points, general.rows, dynamics.on(start, end), general.prescribed.on(start, end))
 
-        return compiled_points(dynamics, motion, self.general.near)
+    def _compiled(
+        self, dynamics: Dynamics, start: float, end: float, motion: PointMotion
+    ) -> tuple[Flow | None, str]:  # fmt: skip
+        """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not."""
+        from pinarm.engine.motion.systems.compiled.compiled_points import PointFlow
+
+        loops, remark = self._judged(dynamics, start, end)
+        return PointFlow.of(loops, motion) if loops else None, remark
+
+    @cached_property
+    def _judged(self) -> Callable[[Dynamics, float, float], tuple[LoadedLoops | None, str]]:
+        """Pinocchio's judgement of the loops in compiled code, kept for the next run: no run changes it."""
+        from pinarm.engine.motion.systems.compiled.compiled_points import judged_loops
+
+        def judged(dynamics: Dynamics, start: float, end: float) -> tuple[LoadedLoops | None, str]:
+            return judged_loops(dynamics.on(start, end), self._motion(dynamics, start, end), self.general.near)
+
+        return lru_cache(maxsize=KEPT)(judged)
 
     def part(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the state itself."""

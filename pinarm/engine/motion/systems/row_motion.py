@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -13,9 +14,12 @@ from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
-from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.dynamics.mass_matrix import masses
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.joints import format_configuration
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 Settled = Callable[[Array, Array, Array, Array, Array], tuple[Array, Array, RowDecompositions]]
 """``(q, v, w, dw, t) -> q, v`` closed, of many states, and the rows there; see ``ConstrainedSystem.settled``."""
@@ -48,11 +52,11 @@ class RowMotion:
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration."""
         closure, dynamics, ddw = self.rows, self.dynamics, self.targets(t)[2]
-        state = closure.state(q, v)
-        rows, right = closure.rows(state), -closure.drift(state)
+        split, rows, drift = closure.taken_apart(q, v)
+        right = -drift
         right[len(right) - len(ddw) :] += ddw
         force = dynamics.loads(t, q, v) - pin.nonLinearEffects(dynamics.model, dynamics.data, q, v)
-        a = solve(closure.split(rows), mass_matrix(dynamics.model, q), force, right)
+        a = solve(split, masses(dynamics.model, q), force, right)
         if t == self.unchecked:  # stages of steps that end there are not closed
             self.unchecked = np.nan
             require_closed_accelerations(rows, a, right, t, q)
@@ -63,7 +67,7 @@ class RowMotion:
         w, dw, _ = self.targets(t)
         closed, rates, splits = self.settled(q[None], v[None], w[None], dw[None], np.array([t]))
         ((_, split),) = splits.parts
-        self._require_apart(t, closed[0], self.rows.values_of(split.rows[0])[: split.rank])
+        self._require_apart(t, closed[0], self.rows.values(closed)[0, : split.rank])
         self.unchecked = t
         return closed[0], rates[0]
 
@@ -85,7 +89,7 @@ class RowMotion:
         self.begun, self.close = self.begun or regular, self.begun and not regular
 
 
-def require_closed_accelerations(rows: Array, a: Array, right: Array, t: float, q: Array) -> None:
+def require_closed_accelerations(rows: Array | csr_array, a: Array, right: Array, t: float, q: Array) -> None:
     """Raise where the acceleration at an accepted state leaves the constraints: ``G a + G' v`` is not 0.
 
     Args:
@@ -101,7 +105,7 @@ def require_closed_accelerations(rows: Array, a: Array, right: Array, t: float, 
     off = rows @ a - right
     if off.dot(off) <= (MET * LEAST) ** 2:  # nearly always
         return
-    left, size = np.abs(off).max(), (np.abs(rows) @ np.abs(a) + np.abs(right)).max()
+    left, size = np.abs(off).max(), (abs(rows) @ np.abs(a) + np.abs(right)).max()
     if not left <= MET * max(size, LEAST):
         raise DynamicsError(
             f"at t = {t:.9g} s the accelerations tear the loops: G a + G' v is {left:.3g}, its terms reach {size:.3g} "

@@ -21,6 +21,11 @@ if TYPE_CHECKING:
     from pinarm.mechanics.joints import Joint
 
 
+KEPT = 16
+"""Number of intervals of a system kept for the next run: a motion mostly has one, and one more for every jump of a
+load."""
+
+
 class Initial(Record, frozen=True):
     """The state that a motion begins with, as far as it is given.
 
@@ -70,6 +75,7 @@ class CompletedStates(Record, frozen=True):
         opened: Whether a one-sided constraint is open, shape (n,); ``None`` where none ever is.
         others: The same motion with other efforts, multipliers and frictions that hold it as well: the extremes of what
             rigid bodies leave open where several joints at rest share a load.
+        endless: Of such a motion, in which rows it only tells a direction without a known end; ``None`` for none, (n,).
     """
 
     q: Array
@@ -80,6 +86,7 @@ class CompletedStates(Record, frozen=True):
     friction: Array = field(default_factory=lambda: np.zeros((0, 0)))
     opened: Flags | None = None
     others: tuple[CompletedStates, ...] = ()
+    endless: Flags | None = None
 
     @classmethod
     def joined(cls, motions: Sequence[CompletedStates]) -> CompletedStates:
@@ -91,7 +98,11 @@ class CompletedStates(Record, frozen=True):
                   for k in range(count)]  # fmt: skip
         lam = Multipliers.joined([one.lam for one in motions])
         opened = np.concatenate([np.full(len(one.q), one.opened is not None) for one in motions])
-        return cls(q, v, a, tau, lam, friction, opened if opened.any() else None, tuple(others))
+        endless = np.concatenate(
+            [np.zeros(len(one.q), bool) if one.endless is None else one.endless for one in motions]
+        )
+        return cls(q, v, a, tau, lam, friction, opened if opened.any() else None, tuple(others),
+                   endless if endless.any() else None)  # fmt: skip
 
 
 class System(Protocol):

@@ -15,6 +15,7 @@ n [rad/s] is its turning, s' [m/s] its sliding along the axis.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Annotated, ClassVar, Literal
 
 import msgspec
@@ -204,18 +205,12 @@ def lives(run: Lookup, asked: Sequence[tuple[LoadedJoint, RollingBearing | Plain
         raise InputError(
             "lives and speeds of bearings are those of a motion over time", hint="kind: inverse or forward"
         )
-    worst = []
+    length = float(run.run.grid.cuts[-1] - run.run.grid.cuts[0])
     for joint, bearing in asked:
         with within("joints", joint.name, bearing.key):
-            worst.append(bearing.worst(run, joint))
-
-    def integrands(rows: Quantities) -> Array:
-        each = zip(asked, worst, strict=True)
-        return np.concatenate([bearing.integrands(rows, joint, most) for (joint, bearing), most in each], axis=1)
-
-    totals, errors = (part.reshape(-1, 2) for part in integrals(run, integrands))
-    length = float(run.run.grid.cuts[-1] - run.run.grid.cuts[0])
-    for (joint, bearing), most, total, error in zip(asked, worst, totals, errors, strict=True):
+            most = bearing.worst(run, joint)
+        # each by panels of its own: its numbers are the same whichever others are asked
+        total, error = integrals(run, partial(bearing.integrands, joint=joint, worst=most))
         found, said = bearing.evaluated(most, total / length, error / length)
         numbers |= {f"{joint.name}.{name}": number for name, number in found.items()}
         remarks += [f"{joint.name}: {text}" for text in said]

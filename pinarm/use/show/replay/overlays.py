@@ -254,6 +254,20 @@ def _reactions(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
         added = [stressed[:, :3] for stressed in found.stressed_loop(name)]
         added += [(other.loop(name) - found.loop(name))[:, :3] / size for other in others]
         yield _reaction(point_of(model, loop.second), found.loop(name)[:, :3], added)
+    for name in found.cables:
+        yield from _tensions(run, found, name)
+
+
+def _tensions(run: Trajectory, found: Reactions, name: str) -> Iterator[Arrow]:
+    """Yield what a cable that does not stretch does to every point of its path: its tension along both parts."""
+    (lam, stresses), frames = found.multiplier(name), found.cables[name].path.frames
+    points = [_positions(run, frame) for frame in frames]
+    parts = [(after - before) / np.linalg.norm(after - before, axis=1)[:, None] for before, after in pairwise(points)]
+    ends = np.zeros_like(points[0])
+    for frame, before, after in zip(frames, [ends, *parts], [*parts, ends], strict=True):
+        pull = after - before
+        added = [stress[:, None] * pull for stress in stresses]
+        yield _reaction(point_of(run.mechanism.model, frame), -lam[:, None] * pull, added)
 
 
 def _reaction(at: BodyPoint, forces: Array, added: Sequence[Array]) -> Arrow:

@@ -223,11 +223,13 @@ def _parameter(run: Trajectory, measured: Unit | None, how: Presentation) -> Pla
 
 
 def _with_bounds(quantities: Quantities, names: Sequence[str]) -> Iterator[Series]:
-    """Yield quantities, each followed by its bounds where it depends on how frictions at rest share a load."""
+    """Yield quantities, each followed by its bounds where it depends on how frictions at rest share a load.
+
+    Ends of bands that are infinite are left out.
+    """
     for name in names:
-        yield quantities[name]
-        if quantities.open_rows(name).any():
-            yield from quantities.bounds(name)
+        bounds = quantities.bounds(name) if quantities.open_rows(name).any() else ()
+        yield from (one for one in (quantities[name], *bounds) if not (one.unbounded and np.isinf(one.values).any()))
 
 
 def _curve(series: Series, how: Presentation, rows: Indices, colour: str, packing: Packing) -> Plain:

@@ -79,7 +79,7 @@ class Tradeoff:
         Raises:
             InputError: The folder cannot be written, or holds files that are not an earlier trade-off's.
         """
-        with whole_folder(folder, "trade-off") as draft:
+        with whole_folder(folder, "trade-off", source=self.scenario.document.path) as draft:
             write(draft / "tradeoff.json", json_text(self.summary()) + "\n")
             if plots:
                 from pinarm.use.show.figure import UNDATED

@@ -9,8 +9,10 @@ is within 2 %. Anything else that differs is a miss.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -49,7 +51,7 @@ class Finding:
     """What came out of one expectation.
 
     Attributes:
-        scenario: Name of the scenario.
+        scenario: Name of the scenario; its path where several of one name are checked.
         expectation: The entry of the answer key.
         unit: Unit of the numbers; ``None`` where unknown.
         computed: The computed number; of many rows, the one that is farthest off.
@@ -110,6 +112,15 @@ def check(scenario: Given, values: Values | None = None, *, result: Result | Non
             with one.document.locating("expect", index):
                 findings.append(finding_of(solved, expectation))
     return Findings(findings)
+
+
+def told_apart(checked: Mapping[Path, Findings]) -> Findings:
+    """Return the findings of several files; where scenarios have one name, under the paths of their files."""
+    names = Counter(name for findings in checked.values() for name in {finding.scenario for finding in findings})
+    return Findings(
+        replace(finding, scenario=str(path)) if names[finding.scenario] > 1 else finding
+        for path, findings in checked.items() for finding in findings
+    )  # fmt: skip
 
 
 def finding_of(result: Result, expectation: Expectation) -> Finding:

@@ -30,6 +30,8 @@ def verdicts(findings: Sequence[Finding], *, coloured: bool = False) -> str:
         findings: What came out.
         coloured: For a terminal, whose width is kept.
     """
+    if not findings:
+        return remarks(findings)[0]
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -19,8 +21,6 @@ from pinarm.use.cases.case import Value
 MOST = 10_000_000
 """Cases of one sweep."""
 
-Number = int | float
-
 
 @dataclass(frozen=True)
 class Column:
@@ -28,7 +28,7 @@ class Column:
 
     Attributes:
         path: Where in the scenario they go.
-        values: Numbers, or words.
+        values: Numbers, or words; many numbers take 8 bytes each in an ``array``.
         unit: Of the numbers; empty for none.
     """
 
@@ -44,7 +44,12 @@ class Column:
     @property
     def is_numeric(self) -> bool:
         """Whether the values are numbers."""
-        return not any(isinstance(value, str | bool) for value in self.values)
+        return isinstance(self.values, array) or not any(isinstance(value, str | bool) for value in self.values)
+
+    @cached_property
+    def as_array(self) -> Array:
+        """The values as numbers, or as words, shape (values,)."""
+        return np.array(self.values, float if self.is_numeric else str)
 
 
 @dataclass(frozen=True)
@@ -80,8 +85,11 @@ class Cases:
         paths = [column.path for column in cases.columns()]
         if twice := [path for path, times in Counter(paths).items() if times > 1]:
             raise InputError(f"'{min(twice)}' is varied twice", expected="each path once")
-        if not paths or not 0 < len(cases) <= MOST:
-            raise InputError(f"the sweep has {len(cases) if paths else 0} cases", expected=f"1 to {MOST}")
+        if not paths:
+            raise InputError("nothing is varied", expected="paths of numbers with their values, or a file of cases",
+                             hint="--over problem.time.end='1, 2, 3 s', or --cases FILE.csv")  # fmt: skip
+        if not 0 < len(cases) <= MOST:
+            raise InputError(f"the sweep has {len(cases)} cases", expected=f"1 to {MOST}")
         return cases
 
     def __len__(self) -> int:
@@ -101,15 +109,14 @@ class Cases:
             column.path: column.at(row) for axis, row in zip(self.axes, rows, strict=True) for column in axis.columns
         }
 
-    def table(self) -> list[Series]:
-        """Return the values of every path over all cases, in the units they were given in."""
+    def table(self, cases: range | None = None) -> list[Series]:
+        """Return the values of every path over some cases, or all, in the units they were given in."""
+        cases = range(len(self)) if cases is None else cases
         found, inner = [], len(self)
         for axis in self.axes:
             inner //= len(axis)
-            for column in axis.columns:
-                values = np.array(column.values, float if column.is_numeric else str)
-                rows = np.tile(np.repeat(values, inner), len(self) // (inner * len(axis)))
-                found.append(Series(column.path, unit(column.unit or "1"), rows))
+            rows = np.arange(cases.start, cases.stop) // inner % len(axis)
+            found += [Series(column.path, unit(column.unit or "1"), column.as_array[rows]) for column in axis.columns]
         return found
 
 
@@ -167,7 +174,7 @@ def draw(distributions: Sequence[Distribution], samples: int, seed: int, how: Sa
         shares = generator.random((samples, len(distributions)))
     return Axis(
         tuple(
-            Column(each.path, each.quantile(shares[:, index]).tolist(), each.unit)
+            Column(each.path, array("d", each.quantile(shares[:, index]).tobytes()), each.unit)
             for index, each in enumerate(distributions)
         ),
         drawn=True,

@@ -18,6 +18,8 @@ from pinarm.use.cases.together import CaseSolver, Job
 from pinarm.use.output.folder import check_replaceable
 from pinarm.use.study.sweep.axes import Cases
 from pinarm.use.study.sweep.journal import JOURNAL, Journal, Sources, task_digest
+from pinarm.use.study.sweep.parquet_parts import Parts
+from pinarm.use.study.sweep.table_on_disk import table_on_disk
 from pinarm.use.workers.chunk_order import LostJob
 from pinarm.use.workers.distribute import Workers, distribute
 
@@ -34,23 +36,28 @@ class Solving:
     Attributes:
         task: What is the same in all of them.
         cases: Their values.
-        numbers: Their rows, NaN where there is none, shape (cases, columns).
+        named: The columns of their rows, still empty.
         progress: Called after every case.
+        streams: Whether parts of the table are written as Parquet as soon as their cases are done.
         sources: The files that cases refer to.
         errors: Case -> why it failed.
+        numbers: Their rows, NaN where there is none, shape (cases, columns).
         solved: Which cases are done, shape (cases,).
     """
 
     task: Task
     cases: Cases
-    numbers: Array
+    named: Sequence[Series]
     progress: Progress
+    streams: bool = False
     sources: Sources = field(default_factory=Sources)
     errors: dict[int, str] = field(default_factory=dict)
     done: int = 0
 
     def __post_init__(self) -> None:
         self.solved = np.zeros(len(self.cases), bool)
+        self.numbers: Array = np.broadcast_to(np.nan, (len(self.cases), len(self.named)))
+        self.parts: Parts | None = None
 
     def run(self, workers: Workers, folder: Path | None) -> None:
         """Solve all cases.
@@ -63,9 +70,13 @@ class Solving:
             InputError: The folder cannot be written, or a file changes on the way.
         """
         if folder is None:
+            self.numbers = self.numbers.copy()
             self._solve(workers, None)
             return
-        with closing(open_journal(folder, self.task, self.numbers.shape[1])) as journal:
+        with closing(open_journal(folder, self.task, len(self.named))) as journal:
+            self.numbers = table_on_disk(len(self.cases), len(self.named), folder)
+            if self.streams:
+                self.parts = Parts(folder, self.cases, self._filled(), self.errors)
             self._solve(workers, journal)
 
     def _solve(self, workers: Workers, journal: Journal | None) -> None:
@@ -97,12 +108,16 @@ class Solving:
             self.numbers[case] = row.numbers
         self.solved[case] = True
         self.done += 1
+        if self.parts:
+            self.parts.note(case)
         self.progress(self.done, len(self.errors), len(self.cases))
 
-    def columns(self, named: Sequence[Series]) -> list[Series]:
-        """Return columns with their numbers; measures that no case has are left out."""
-        filled = [replace(series, values=self.numbers[:, k]) for k, series in enumerate(named)]
-        return [series for series in filled if series.name not in WORTH or not np.isnan(series.values).all()]
+    def columns(self) -> list[Series]:
+        """Return the columns with their numbers; measures that no case has are left out."""
+        return [series for series in self._filled() if series.name not in WORTH or not np.isnan(series.values).all()]
+
+    def _filled(self) -> list[Series]:
+        return [replace(series, values=self.numbers[:, k]) for k, series in enumerate(self.named)]
 
     def failures(self) -> dict[int, str]:
         """Return why cases failed, in order, those that were not solved included."""

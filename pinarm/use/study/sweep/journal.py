@@ -14,7 +14,7 @@ import json
 import os
 import stat
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from urllib.parse import quote, unquote_to_bytes
@@ -22,8 +22,9 @@ from urllib.parse import quote, unquote_to_bytes
 import msgspec
 import numpy as np
 
-from pinarm.errors import InputError
+from pinarm.errors import InputError, PinarmError
 from pinarm.input.roots import Stamp, stamp_of
+from pinarm.problems.forward import Forward
 from pinarm.records import replace
 from pinarm.use.cases.case import Row, Task, Value
 from pinarm.use.workers.versions import versions
@@ -52,10 +53,21 @@ def digest(data: object) -> str:
 def task_digest(task: Task) -> str:
     """Return a digest of all that determines the numbers of a sweep, but for its files and the values of its cases.
 
-    The code of this program is part of it.
+    The code of this program is part of it, and where loops may be closed from the anchors of the task, these too.
     """
     relevant = {key: value for key, value in task.source.document.data.items() if key not in ("expect", "title")}
-    return digest([relevant, str(task.source.folder.resolve()), [repr(entry) for entry in task.wanted], versions()])
+    anchors = [dict(anchor) for anchor in task.anchors] if _depends_on_anchors(task) else []
+    wanted = [repr(entry) for entry in task.wanted]
+    return digest([relevant, str(task.source.folder.resolve()), wanted, anchors, versions()])
+
+
+def _depends_on_anchors(task: Task) -> bool:
+    """Tell whether the last digits of a case may depend on the anchors: see ``Task``."""
+    try:
+        scenario = task.source.scenario()
+        return bool(scenario.mechanism.closure.size) and not isinstance(scenario.problem, Forward)
+    except PinarmError:  # cases change what is wrong with it
+        return True
 
 
 class Sources:
@@ -127,6 +139,28 @@ class JournalEntry(msgspec.Struct, frozen=True, omit_defaults=True):
         return replace(self, seal=digest(msgspec.to_builtins(replace(self, seal=""))))
 
 
+class _Positions:
+    """Where cases stand in a journal; of a case that stands twice, the last one.
+
+    Args:
+        places: Short digest of a case -> position, as often as one stands there.
+    """
+
+    def __init__(self, places: Iterable[tuple[int, int]]) -> None:
+        both = np.fromiter(places, np.dtype((np.uint64, 2)))
+        order = np.argsort(both[:, 0], kind="stable")
+        self._digests, self._positions = both[order].T
+
+    def of(self, key: str) -> int | None:
+        """Return the position of a case, or of another one of the same short digest."""
+        place = int(np.searchsorted(self._digests, np.uint64(_short(key)), side="right")) - 1
+        return int(self._positions[place]) if place >= 0 and self._digests[place] == _short(key) else None
+
+
+def _short(key: str) -> int:
+    return int.from_bytes(hashlib.blake2b(key.encode(), digest_size=8).digest(), "big")
+
+
 class Journal:
     """An open journal.
 
@@ -150,7 +184,7 @@ class Journal:
             raise InputError(f"the journal {path} cannot be written ({said})") from None
         try:
             self._lock()
-            self.offsets = self._read()
+            self.positions = _Positions(self._read())
         except BaseException:
             self.file.close()
             raise
@@ -177,9 +211,9 @@ class Journal:
         elif first != HEAD:
             raise InputError(f"{self.path} is no journal of a sweep", hint="another folder: -o DIR, or move it away")
 
-    def _read(self) -> dict[str, int]:
-        """Return where the cases stand that are known and whose files are as they were."""
-        sources, sets, offsets, position = Sources(), dict[str, bool](), dict[str, int](), len(HEAD)
+    def _read(self) -> Iterator[tuple[int, int]]:
+        """Yield where the cases stand that are known and whose files are as they were."""
+        sources, sets, position = Sources(), dict[str, bool](), len(HEAD)
         self._begin()
         line = HEAD
         with open(self.file.fileno(), "rb", closefd=False) as lines:
@@ -190,12 +224,11 @@ class Journal:
                     names = tuple(os.fsdecode(unquote_to_bytes(name)) for name in entry.files)
                     sets[entry.set] = _quoted(sources.content(names)) == entry.files
                 elif entry and sets.get(entry.set) and len(entry.numbers) == (0 if entry.error else self.width):
-                    offsets[entry.case] = position
+                    yield _short(entry.case), position
                 position += len(line)
         self.file.seek(-1, os.SEEK_END)
         if self.file.read(1) != b"\n":
             self._append(b"\n")
-        return offsets
 
     def key(self, values: Mapping[str, Value]) -> str:
         """Return the digest of a case."""
@@ -203,10 +236,11 @@ class Journal:
 
     def row(self, key: str) -> Row | None:
         """Return the row of a case that is known."""
-        if key not in self.offsets:
+        position = self.positions.of(key)
+        if position is None:
             return None
         with open(self.file.fileno(), "rb", closefd=False) as lines:
-            lines.seek(self.offsets[key])
+            lines.seek(position)
             entry = _entry(lines.readline(MOST_LINE))
         if entry is None or entry.case != key:
             return None

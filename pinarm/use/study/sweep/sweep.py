@@ -23,6 +23,7 @@ from pinarm.use.result.presentation import Presentation
 from pinarm.use.scenario.scenario import Given, Scenario, declared_unit, load
 from pinarm.use.study.sweep.axes import MOST, Axis, Cases, Distribution, Sampling, draw
 from pinarm.use.study.sweep.case_solver import Solving
+from pinarm.use.study.sweep.parquet_parts import require_parquet
 from pinarm.use.study.sweep.value_syntax import read_axis, read_cases
 from pinarm.use.workers.choice import chosen_workers
 from pinarm.use.workers.runners import check_number
@@ -114,7 +115,7 @@ class Sweep:
             folder: The folder; see ``sweep_files.save``.
             plots: Format of the pictures, ``svg`` (the default), ``png`` or ``pdf``; ``False`` for none.
             dpi: Pixels per inch of PNG.
-            parquet: Whether the table is written as Parquet too, in parts of 100,000 cases, by pyarrow.
+            parquet: Whether the table is written as Parquet too, in parts of 10,000 cases, by pyarrow.
         """
         from pinarm.use.study.sweep.sweep_files import save
 
@@ -142,6 +143,7 @@ def sweep(
     workers: int | None = None,
     executor: Executor | None = None,
     folder: str | Path | None = None,
+    parquet: bool = False,
     progress: Callable[[int, int, int], None] = lambda done, failed, total: None,
 ) -> Sweep:
     """Solve a scenario for many values of numbers in it or in its model.
@@ -163,6 +165,8 @@ def sweep(
         executor: Who solves the cases in place of processes of this machine: any of ``concurrent.futures``, such as
             ``dask.distributed.Client(...).get_executor()``. Files travel to it; it is not shut down.
         folder: Where to keep what is finished; a sweep that finds its cases there does not solve them again.
+        parquet: Whether the table appears as Parquet in ``folder/partial/cases.parquet`` while cases are solved, each
+            part of 10,000 cases as soon as all of them are, by pyarrow; ``save`` removes it.
         progress: Called after every case: ``progress(done, failed, total)``, numbers of cases.
 
     Raises:
@@ -170,24 +174,20 @@ def sweep(
         Interrupted: By the user; ``partial`` holds the sweep so far.
     """
     check_number(workers)
+    if parquet:
+        require_parquet()
     scenario = load(scenario, values)
     given = {path: x.tolist() if isinstance(x, np.ndarray) else x for path, x in (over or {}).items()}
     with noting_files() as files:
         chosen = Cases.of(_axes(scenario, given, cases, samples, seed, sampling))
-        quantities, sections = _end(scenario, chosen).quantities(), scenario.numbered
-        read = [Wanted.read(text, sections) for text in results or scenario.content.outputs]
-        found = [entry.measured(quantities, sections) for entry in read]
-    anchors = np.unique(np.linspace(0, len(chosen) - 1, ANCHORS).astype(int)).tolist()
-    task = Task.of(scenario, (entry for entry, _ in found), *map(chosen.values, anchors))
-    named = [column for _, columns in found for column in columns]
-    named += [Series(name, DIMENSIONLESS, np.zeros(0)) for name in WORTH]
-    solving = Solving(task, chosen, np.full((len(chosen), len(named)), np.nan), progress)
+        wanted, columns = _measured(scenario, chosen, results or scenario.content.outputs)
+    worth = [Series(name, DIMENSIONLESS, np.zeros(0)) for name in WORTH]
+    solving = Solving(_task(scenario, chosen, wanted), chosen, columns + worth, progress, parquet)
     solving.sources.check(tuple(map(str, files)))
     definition = {
         "scenario": str(scenario.document.path or ""), "over": given, "cases": None if cases is None else str(cases),
         "units": {column.path: column.unit for column in chosen.columns() if column.unit},
-        "samples": samples, "seed": seed, "sampling": sampling,
-        "results": [series.name for series in named if series.name not in WORTH],
+        "samples": samples, "seed": seed, "sampling": sampling, "results": [series.name for series in columns],
         "base": {key: value for key, value in scenario.document.data.items() if key != "expect"},
     }  # fmt: skip
     interrupted = False
@@ -195,14 +195,27 @@ def sweep(
         solving.run(chosen_workers(workers, executor), Path(folder) if folder is not None else None)
     except KeyboardInterrupt:
         interrupted = True
-    notes = _period_notes(scenario, chosen, [entry for entry, _ in found])
-    swept = Sweep(scenario.name, scenario.content.title, definition, chosen, solving.columns(named), solving.failures(),
+    notes = _period_notes(scenario, chosen, wanted)
+    swept = Sweep(scenario.name, scenario.content.title, definition, chosen, solving.columns(), solving.failures(),
                   scenario.content.presentation, notes)  # fmt: skip
     if interrupted:
         said = f"interrupted with {solving.done} of {len(chosen)} cases solved"
         hint = "the same command again: it goes on from there" if folder is not None else ""
         raise Interrupted(said, partial=swept, hint=hint)
     return swept
+
+
+def _measured(scenario: Scenario, cases: Cases, results: Sequence[str]) -> tuple[list[Wanted], list[Series]]:
+    """Return what is taken from each case, checked at an end of the sweep, and the columns of it, still empty."""
+    quantities, sections = _end(scenario, cases).quantities(), scenario.numbered
+    measured = [Wanted.read(text, sections).measured(quantities, sections) for text in results]
+    return [wanted for wanted, _ in measured], [column for _, columns in measured for column in columns]
+
+
+def _task(scenario: Scenario, cases: Cases, wanted: Sequence[Wanted]) -> Task:
+    """Return what workers do: closed loops are continued from cases spread over the sweep."""
+    anchors = np.unique(np.linspace(0, len(cases) - 1, ANCHORS).astype(int)).tolist()
+    return Task.of(scenario, wanted, *map(cases.values, anchors))
 
 
 def _period_notes(scenario: Scenario, cases: Cases, wanted: Sequence[Wanted]) -> list[str]:

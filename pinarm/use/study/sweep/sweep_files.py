@@ -42,7 +42,8 @@ def save(
         InputError: The folder cannot be written, or holds files that are not an earlier sweep's, or pyarrow is not
             installed.
     """
-    with whole_folder(folder, "sweep", beside=(JOURNAL,)) as draft:
+    source = Path(given) if (given := sweep.definition.get("scenario")) else None
+    with whole_folder(folder, "sweep", source=source, beside=(JOURNAL,)) as draft:
         write(draft / "sweep.yaml", yaml_text(_definition(sweep, folder)))
         lines = columns.csv_lines("case", list(sweep.table.values()), sweep.errors)
         write_parts(draft / "cases.csv", (line.encode() for line in lines))

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 import re
+from array import array
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -26,7 +27,7 @@ from pinarm.errors import InputError, Location
 from pinarm.input.csv_rows import rows, split_heading
 from pinarm.input.numbers import DECIMAL, is_whole, leading_number
 from pinarm.input.units import MAX_QUANTITY, unit
-from pinarm.use.study.sweep.axes import MOST, Axis, Column, Distribution, Number
+from pinarm.use.study.sweep.axes import MOST, Axis, Column, Distribution
 
 UnitOf = Callable[[str], str]
 """The unit of bare numbers at a path, empty for none."""
@@ -90,11 +91,11 @@ def _grid(path: str, found: re.Match[str], unit_of: UnitOf) -> Column:
     start, end, count = float(found[1]), float(found[2]), int(found[3])
     if not 2 <= count <= MOST or start == end:
         raise InputError(f"'{found[0].strip()}' is no grid", expected="two different ends and at least 2 values")
-    values: list[Number] = np.linspace(start, end, count).tolist()
+    values = np.linspace(start, end, count)
     measured = _unit(path, found[4], unit_of)
-    if not measured and is_whole(found[1]) and is_whole(found[2]) and all(value == round(value) for value in values):
-        values = [round(value) for value in values]
-    return Column(path, values, measured)
+    if not measured and is_whole(found[1]) and is_whole(found[2]) and (values == values.round()).all():
+        return Column(path, [round(value) for value in values.tolist()])
+    return Column(path, array("d", values.tobytes()), measured)
 
 
 def _column(path: str, items: Sequence[str], unit_of: UnitOf, *, last: bool = False) -> Column:
@@ -116,7 +117,7 @@ def _column(path: str, items: Sequence[str], unit_of: UnitOf, *, last: bool = Fa
         units = [units[-1]] * len(units)
     if len(set(units)) == 1:
         measured = _unit(path, units[0], unit_of)
-        return Column(path, [float(number) for number in numbers] if measured else numbers, measured)
+        return Column(path, array("d", numbers) if measured else numbers, measured)
     if not all(units):
         raise InputError("some of the values have a unit and some have none", expected="20, 40, 60 kg")
     factors = [unit(text).factor / unit(units[0]).factor for text in units]

@@ -123,7 +123,7 @@ class TestArm:
         assert energy_balance(EnergyAccount(solution, [arm.dynamics]))["energy"] < 1e-11
         ripple = 1e-5 * np.sin(8.0 * np.pi * gauss(16).c)[:, None]
         solution.steps[:] = [step._replace(slopes=step.slopes + ripple) for step in solution.steps]
-        solution._interpolants.clear()
+        solution._outputs.clear()
         assert energy_balance(EnergyAccount(solution, [arm.dynamics]))["energy"] > 1e-9
 
     def test_loads_that_depend_on_state_and_time_are_those_of_each_node(self, arm):

@@ -149,3 +149,21 @@ def test_bearings_of_a_rotor_carry_its_rotating_unbalance() -> None:
     assert found["B.load.mean"] == pytest.approx(np.hypot(345.5833, 24.6740), rel=1e-6)  # printed digits
     assert found["phi.load.mean"] == pytest.approx(np.hypot(246.5930, 24.6740), rel=1e-6)
     assert found["B.life.turns"] == pytest.approx(1e6 * (20e3 / found["B.load.mean"]) ** 3, rel=ROUNDING)
+
+
+def test_a_mean_load_is_the_same_whichever_other_joints_are_asked(tmp_path: Path) -> None:
+    """To the last bit, with the error of its quadrature; the rate of the other shaft has kinks, where it turns back."""
+    factor = "{law: harmonic, amplitude: 1 1, pulsation: 5 rad/s, mean: 2 1}"
+    second = SHAFT.partition('<link name="base"/>')[2].replace('"shaft"', '"other"').replace('"spin"', '"rock"')
+    (tmp_path / "shaft.urdf").write_text(SHAFT.replace("</robot>", second))
+    scenario = LOADED.replace("60 s", "1 s").replace("{law: constant, value: 1 1}", factor)
+    scenario = scenario.replace("600 rpm}}", "60 rpm}, rock: {law: harmonic, amplitude: 1 rad, pulsation: 7 rad/s}}")
+    scenario = scenario.replace("[spin]", "[spin, rock]")
+    push = "{kind: wrench, point: other, force: [1 N, 0 N, 0 N]}"
+    scenario = scenario.replace("loads: {radial:", f"loads: {{push: {push}, radial:")
+    found = []
+    for more in ("", ", rock: {bearing: {C: 1 kN}}"):
+        (tmp_path / "shaft.yaml").write_text(scenario.replace("5590 N}}}", f"5590 N}}}}{more}}}"))
+        section = pinarm.run(tmp_path / "shaft.yaml").sections["loads"]
+        found.append((float(section.numbers["spin.load.mean"].values[0]), section.errors["spin.load.mean"]))
+    assert found[0] == found[1]

@@ -87,6 +87,23 @@ def test_a_cable_goes_through_all_its_points(picture: Callable[..., Any], chain:
     assert sorted(arrow["node"] for arrow in scene["arrows"] if "vectors" in arrow) == [0, 2, 3]
 
 
+def test_a_cable_that_does_not_stretch_pulls_at_all_its_points(
+    solved: Callable[..., Any], read: Callable[..., Any]
+) -> None:
+    """Atwood's machine: ``S = 2 m1 m2 g / (m1 + m2)`` at both weights, along both parts at pulleys; then slack."""
+    result = solved("counterweighted_door_falling")
+    page = read(result.replay(arrows=["reactions"], plots=[]).html)
+    cable = [arrow for arrow in page.scene["arrows"] if arrow["of"] == "reactions"][-4:]
+    tension, t = 2.0 * 40.0 * 35.0 / 75.0 * 9.81, result["t"].values
+    falling = t < 1.23  # until sqrt(2 0.5 m / 0.654 m/s^2)
+    up, right = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
+    for arrow, pull in zip(cable, [up, right - up, -right - up, up], strict=True):
+        vectors = page.array(arrow["vectors"]).reshape(-1, 3)
+        assert vectors[falling] == pytest.approx(np.tile(tension * pull, (falling.sum(), 1)), rel=1e-6, abs=1e-5)
+        assert np.abs(vectors[np.abs(t - 1.3) < 0.05]).max() < 1e-9
+    assert [arrow["node"] == 0 for arrow in cable] == [False, True, True, False]
+
+
 def test_a_bushing_is_drawn_between_its_frames_with_force_and_moment_on_both(
     picture: Callable[..., Any], chain: Callable[..., str]
 ) -> None:

@@ -92,7 +92,7 @@ def test_a_path_is_varied_once_and_cases_are_bounded() -> None:
     assert isinstance(axis, Axis)
     with pytest.raises(PinarmError, match="'x' is varied twice"):
         Cases.of([axis, axis])
-    with pytest.raises(PinarmError, match="the sweep has 0 cases"):
+    with pytest.raises(PinarmError, match="nothing is varied"):
         Cases.of([])
     with pytest.raises(PinarmError, match=r"100000000 cases\n  expected: 1 to 10000000"):
         Cases.of([Axis((Column(name, range(10_000)),)) for name in "ab"])

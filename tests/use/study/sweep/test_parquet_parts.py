@@ -1,6 +1,9 @@
 """The table as Parquet, in parts."""
 
+import os
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +12,7 @@ import pytest
 import pinarm
 from pinarm import PinarmError
 from pinarm.cli.main import BAD_INPUT, main
+from pinarm.errors import Interrupted
 from pinarm.use.study.sweep import parquet_parts
 
 
@@ -33,6 +37,78 @@ def test_the_parts_together_are_the_table(sweep: pinarm.Sweep, tmp_path: Path, m
     assert sweep.errors
     sweep.save(tmp_path / "out", plots=False)
     assert not (tmp_path / "out" / "cases.parquet").exists(), "it is no older table's"
+
+
+def parts(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted((folder / "cases.parquet").glob("*"))}
+
+
+@pytest.mark.slow
+def test_parts_appear_while_cases_are_solved_and_have_the_bytes_of_those_at_the_end(
+    held: pinarm.Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Interrupted after 9 of 10 cases and gone on with, in another order of answers."""
+    pytest.importorskip("pyarrow")
+    monkeypatch.setattr(parquet_parts, "PART", 4)
+    out, begun, over = tmp_path / "out", list[int](), {"arguments.m": "-1:1:10 kg"}
+
+    def interrupt(done: int, failed: int, total: int) -> None:
+        begun.append(len(parts(out / "partial")))
+        if done == 9:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted):
+        pinarm.sweep(held, over, workers=1, folder=out, parquet=True, progress=interrupt)
+    assert begun == [0, 0, 0, 1, 1, 1, 1, 2, 2]
+    first = parts(out / "partial")
+    pinarm.sweep(held, over, workers=2, folder=out, parquet=True)
+    streamed = parts(out / "partial")
+    assert first == {name: streamed[name] for name in first}
+    pinarm.sweep(held, over, workers=1, folder=out).save(out, plots=False, parquet=True)
+    assert parts(out) == streamed
+    assert not (out / "partial").exists()
+
+
+@pytest.mark.slow
+def test_a_killed_sweep_goes_on_and_has_the_bytes_of_one_that_was_not(path: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+
+    def start(out: Path, workers: int) -> "subprocess.Popen[bytes]":
+        command = [
+            sys.executable,
+            "-m",
+            "pinarm",
+            "sweep",
+            str(path),
+            "--over",
+            "arguments.m=1:3:15000 kg",
+            "--no-plots",
+        ]
+        command += ["--parquet", "-j", str(workers), "-o", str(out)]
+        known = {**os.environ, "PYTHONPATH": str(Path(pinarm.__file__).parents[1])}
+        return subprocess.Popen(command, env=known, stdout=subprocess.DEVNULL)
+
+    out, whole, deadline = tmp_path / "out", tmp_path / "whole", time.monotonic() + 300
+    begun = start(out, 2)
+    while not parts(out / "partial"):
+        assert begun.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    begun.kill()
+    begun.wait()
+    kept = parts(out / "partial")
+    for folder, workers in ((out, 2), (whole, 1)):
+        start(folder, workers).wait(600)
+    assert len(parts(whole)) == 2
+    assert kept == {name: parts(whole)[name] for name in kept}
+    names = (
+        "cases.csv",
+        "cases.npz",
+        "summary.json",
+        "manifest.json",
+        *(f"cases.parquet/{name}" for name in parts(whole)),
+    )
+    assert [(out / name).read_bytes() for name in names] == [(whole / name).read_bytes() for name in names]
 
 
 def test_without_pyarrow_it_is_said_before_the_work(

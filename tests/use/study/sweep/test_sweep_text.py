@@ -60,7 +60,7 @@ def test_json_is_for_machines(capsys: pytest.CaptureFixture[str]) -> None:
         (["--over", "arguments.m=normal(1, 2)"], "to be drawn"),
         (["--over", MASSES, "-j", "0"], "0 workers solve nothing"),
         (["--cases", "none.csv"], "there is no file none.csv"),
-        ([], "the sweep has 0 cases"),
+        ([], "try: --over problem.time.end='1, 2, 3 s', or --cases FILE.csv"),
     ],
 )
 def test_a_mistake_in_the_sweep_itself_exits_with_2(

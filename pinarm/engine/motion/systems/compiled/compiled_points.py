@@ -48,16 +48,12 @@ class PointFlow(Flow):
     motion: PointMotion
 
     @classmethod
-    def of(cls, dynamics: Dynamics, motion: PointMotion) -> PointFlow | None:
-        """Return the motion of loops under their loads; ``None`` where the library does not know one of them."""
-        compiled, loops = library(), _loops(motion.points.tied)
-        loaded = loops.tree.loaded(dynamics.steady, dynamics.changing) if loops else None
-        if compiled is None or loops is None or loaded is None:
+    def of(cls, loops: LoadedLoops, motion: PointMotion) -> PointFlow | None:
+        """Return the motion of loops under their loads; ``None`` where a number is none."""
+        compiled, system = library(), _system(loops, motion)
+        if compiled is None or system is None:
             return None
-        there = loops.loaded(loaded)
-        system = _system(there, motion) if there else None
-        functions = compiled.closing_rates, compiled.closing_settle
-        return cls(system.flow(functions), system, motion) if system else None
+        return cls(system.flow((compiled.closing_rates, compiled.closing_settle)), system, motion)
 
     def ready(self) -> None:
         """Bring the system to the present state of the motion."""
@@ -89,15 +85,16 @@ class PointFlow(Flow):
         motion.require_known_way(motion.t)
 
 
-def compiled_points(dynamics: Dynamics, motion: PointMotion, near: Array) -> tuple[Flow | None, str]:
-    """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not.
+def judged_loops(dynamics: Dynamics, motion: PointMotion, near: Array) -> tuple[LoadedLoops | None, str]:
+    """Return the loops in compiled code where Pinocchio agrees, and what is to be said where it does not.
 
     Args:
         dynamics: The forces.
         motion: The motion in Python.
         near: A configuration near closed ones, shape (nq,).
     """
-    points, flow = motion.points, PointFlow.of(dynamics, motion)
+    points, loops = motion.points, _loaded(motion.points.tied, dynamics)
+    flow = PointFlow.of(loops, motion) if loops else None
     if flow is None:
         return None, ""
 
@@ -110,7 +107,14 @@ def compiled_points(dynamics: Dynamics, motion: PointMotion, near: Array) -> tup
     states = closed_states(near, motion.scale, lambda q, x: pin.integrate(points.tied.model, q, x), _closed(motion))
     flow.choose(False, points.tied.rank)
     apart = disagreement(flow, points.tied.model, dynamics, rows, states)
-    return (flow, "") if apart <= AGREEMENT else (None, DISAGREES.format(apart))
+    return (loops, "") if apart <= AGREEMENT else (None, DISAGREES.format(apart))
+
+
+def _loaded(tied: CoincidentPoints | ManyCoincidentPoints, dynamics: Dynamics) -> LoadedLoops | None:
+    """Return the loops under their loads; ``None`` where the library does not know one of them."""
+    loops = _loops(tied)
+    loaded = loops.tree.loaded(dynamics.steady, dynamics.changing) if loops else None
+    return loops.loaded(loaded) if loops and loaded else None
 
 
 def _closed(motion: PointMotion) -> Any:

@@ -1,0 +1,117 @@
+"""States within steps are as good as at their ends, where the dense output of a step does not follow the motion."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.linalg import expm
+
+import pinarm
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.integration.batch_driver import integrate_batch
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.integrator import Flat, Interval
+from pinarm.engine.integration.methods.explicit import Adaptive
+from pinarm.engine.integration.tableaus import DOP853, DOPRI5
+from pinarm.engine.kernel.library import library
+from pinarm.engine.motion.systems.free import FreeSystem
+from pinarm.mechanics.forces.joint_springs import SpringDamper
+from pinarm.records import replace
+
+SLOW, FAST = 1.0, 300.0
+"""Decays of a slide of 1 kg on a spring ``SLOW FAST`` with the damper ``SLOW + FAST``."""
+
+SLIDE = """<robot name="slide"><link name="base"/><link name="door"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="x" type="prismatic">
+<parent link="base"/><child link="door"/><axis xyz="1 0 0"/><limit lower="-9" upper="9" effort="1" velocity="1"/>
+</joint></robot>"""
+
+
+def slide():
+    """Return the slide's manifold, and its motion of 1 s."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "x")
+    model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    here = np.array([0])
+    damper = SpringDamper(here, here, np.array([SLOW * FAST]), np.array([SLOW + FAST]), np.zeros(1))
+    dynamics = Dynamics.of(model, {"damper": damper})
+    return dynamics.manifold, FreeSystem(dynamics.manifold, Closure.of(model, ())).interval(dynamics, 0.0, 1.0)
+
+
+def decay(t):
+    """Return x and x' from 1 m at rest."""
+    slow, fast = np.exp(-SLOW * t), np.exp(-FAST * t)
+    x, v = (FAST * slow - SLOW * fast) / (FAST - SLOW), SLOW * FAST * (fast - slow) / (FAST - SLOW)
+    return np.stack([x, v], axis=1)
+
+
+def states(route, method):
+    """Return the states of the slide at some times, and at the ends of its steps."""
+    manifold, interval = slide()
+    q, v, t = np.ones((1, 1)), np.zeros((1, 1)), np.linspace(0.0, 1.0, 601)
+    if route == "together":
+        ensemble = integrate_batch([interval], manifold, q, v, method)
+        solution, found = ensemble.solution(0), np.concatenate(ensemble.states(t), axis=2)[0]
+    else:
+        given = interval if route == "compiled" else replace(interval, compiled=None)
+        solution = integrate([given], manifold, q[0], v[0], method)
+        found = np.concatenate(solution.states(t), axis=1)
+    return t, found, np.array([step.t for step in solution.steps]), np.array([step.y for step in solution.steps])
+
+
+@pytest.mark.parametrize("route", ["compiled", "in Python", "together"])
+@pytest.mark.parametrize("method", [Adaptive(1e-6), Adaptive(1e-9), Adaptive(1e-6, DOPRI5)])
+def test_beyond_the_limit_of_stability_states_within_steps_are_as_good_as_ends(route, method):
+    """When the fast part has died away, dense outputs of whole steps erred 30 to 1000 times as much."""
+    if route == "compiled" and library() is None:
+        pytest.skip("the compiled kernel is not there")
+    t, found, ends, y = states(route, method)
+    least = np.abs(y - decay(ends)).max()
+    assert least < 10.0 * method.tolerance  # of steps that the stability shortens
+    assert np.abs(found - decay(t)).max() < 10.0 * least
+
+
+def test_loads_between_samples_are_those_of_the_divided_step(tmp_path):
+    """``x'' = -a b x - (a + b) x' + u`` with ``u = 600 - 200 x`` sampled every 0.3 s."""
+    (tmp_path / "slide.urdf").write_text(SLIDE)
+    result = pinarm.run({
+        "pinarm": 1, "mechanism": pinarm.Mechanism.load(tmp_path / "slide.urdf"), "outputs": ["x"],
+        "problem": {"kind": "forward", "time": {"end": "0.6 s", "samples": 61},
+                    "initial": {"position": {"x": "1 m"}, "velocity": {"x": "0 m/s"}},
+                    "loads": {"damper": {"kind": "joint_spring", "joint": "x", "stiffness": f"{SLOW * FAST} N/m",
+                                         "damping": f"{SLOW + FAST} N*s/m"}},
+                    "control": [{"kind": "state_feedback", "drive": "x", "states": ["x"], "bias": ["600 N"],
+                                 "gains": [["200 N/m", "0 N*s/m"]], "period": "0.3 s"}]},
+        "accuracy": {"tolerance": 1e-6},
+    })  # fmt: skip
+    free = np.array([[0.0, 1.0, 0.0], [-SLOW * FAST, -SLOW - FAST, 1.0], [0.0, 0.0, 0.0]])
+    first = np.array([1.0, 0.0, 400.0])
+    x, v, _ = expm(0.3 * free) @ first
+    second, t = np.array([x, v, 600.0 - 200.0 * x]), result["t"].values
+    expected = [expm(at * free) @ first if at < 0.3 else expm((at - 0.3) * free) @ second for at in t]
+    found = np.stack([result["x"].values, result["joint.x.velocity"].values], axis=1)
+    assert np.abs(found - np.array(expected)[:, :2]).max() < 1e-5  # ends err by 3e-6
+
+
+@pytest.mark.parametrize(("pulse", "parts"), [(0.0, 8), (1e5, 1)])
+def test_shorter_steps_that_miss_the_end_are_not_taken(pulse, parts):
+    """Beside singular positions rounding blows shorter steps up: velocities erred by 0.01 m/s at a tolerance of 1e-12.
+
+    Here an acceleration is off in the middle of the step, which makes a defect, and in a span that only its parts meet.
+    """
+    clean, method = Interval(0.0, 1.0, lambda t, q, v: -q), Adaptive(1e-9)
+    solution = integrate([clean], Flat(1, 1), np.ones(1), np.zeros(1), method)
+    step = max(solution.steps, key=lambda one: one.h)
+    stages = np.append(DOP853.c, DOP853.dense_c)
+
+    def disturbed(t, q, v):
+        x = (t - step.t) / step.h
+        apart = np.abs(stages - x).min() > 1e-9
+        return -q + (1e-4 if abs(x - 0.5) < 1e-9 else pulse * apart)
+
+    output = method.dense_output(replace(clean, acceleration=disturbed), Flat(1, 1), [step])
+    x = np.linspace(0.0, 1.0, 9)
+    t = step.t + x * step.h
+    assert output.counts.tolist() == [parts]
+    exact = np.stack([np.cos(t), -np.sin(t)], axis=1)
+    assert output.states(np.zeros(9, np.intp), x) == pytest.approx(exact, abs=1e-4 if parts > 1 else 1e-7)
