@@ -11,7 +11,7 @@ from pinarm.engine.quantities.family import Family
 
 PAGE = Path(__file__).with_name("quantities.md")
 
-HEAD = """# What can be asked by name
+HEAD = """# Quantities
 
 `outputs`, `expect`, `find`, sweeps and `result[...]` take these names, symbols of the mechanism, coordinates, arguments
 of the model, and formulas of them such as `Cr*theta21d` or `(2e4 N/m)*y`. `python -m pinarm quantities SCENARIO` lists

@@ -31,4 +31,5 @@ def _cells(file: Path, entry: Expectation) -> list[str]:
     printed = entry.published or f"`{entry.published_formula}`"
     right = f"`{entry.formula}`" if entry.formula else str(entry.value)
     known = ": ".join(filter(None, (entry.source, entry.note))) + (" (model)" if entry.verdict == "model_error" else "")
-    return [f"[{file.stem}](../scenarios/{file.name})", f"`{entry.quantity}`", printed, right, known]
+    title = file.stem.replace("_", "_<wbr>")  # the line may be divided there
+    return [f"[{title}](../scenarios/{file.name})", f"`{entry.quantity}`", printed, right, known]

@@ -73,11 +73,11 @@ under
 `motion:` (of a coordinate), `effort:` (of a load), `follows:` (of a controller). The examples move one slide; pictures
 show position, velocity and acceleration. Where a derivative jumps, the table of a run has a row for either side."""
 CONTROLLERS = """A controller turns what it measures into the effort of a drive, in `forward` runs: `control: [{kind:
-..., drive: ...}]` of the problem, or of the mechanism file. Sampling, delay, limits and what is integrated are told in
+..., drive: ...}]` of the problem, or of the mechanism file. Sampling, delay, limits and integrals are described in
 [Control](../../control.md)."""
 COORDINATES = """Every joint of one degree of freedom is a coordinate. A mechanism file defines others: `coordinates:
-{NAME: {kind: ...}}`. A coordinate may follow a law, be driven, and be asked: `coordinate.NAME.position`, `.velocity`,
-`.acceleration`."""
+{NAME: {kind: ...}}`. A coordinate may follow a law, be driven, and be an output:
+`coordinate.NAME.position`, `.velocity`, `.acceleration`."""
 
 ASSESSED = """An assessment is a key of a scenario: what is concluded from the run. Its section of the result has
 tables, numbers and remarks, which terminal, result folder, notebook and report show. More is in
@@ -86,12 +86,12 @@ DRIVES = """A drive stands in the mechanism file: `drives: {NAME: {joint: J, rat
 in every problem; its motor and the losses of the gear act in the motion where a controller commands it. More is in
 [Control](../../control.md)."""
 FRICTION = """A mechanism file gives joints, loop joints and couplings dry friction that sticks: `friction: {NAME:
-{...}}`. Its load is the reaction itself. What every problem makes of it is told in [Friction](../../friction.md)."""
+{...}}`. Its load is the reaction itself. How every problem treats it is described in [Friction](../../friction.md)."""
 EVENTS = """What a motion from an initial state may meet on its way, keys of a `forward` problem: `events: {NAME:
 {...}}` and `end_stops: {JOINT: {...}}`. The motion is integrated to the instant, and goes on from there. More is in
 [End stops, events, cams](../../events.md)."""
 INTEGRATORS = """`accuracy: {method: ..., tolerance: ...}` of a scenario says how a motion is integrated over time;
-`accuracy: {target: 1e-6}` looks for the cheapest tolerance that keeps the error. What each is worth is told in
+`accuracy: {target: 1e-6}` looks for the cheapest tolerance that keeps the error. Their accuracy is described in
 [How accuracy is known](../../theory.md), and `tradeoff` draws it."""
 
 RUBBING = {

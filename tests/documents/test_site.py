@@ -11,7 +11,7 @@ from html.parser import HTMLParser
 import markdown
 import pytest
 import yaml
-from code_blocks import ROOT
+from code_blocks import ROOT, blocks_of
 from site_generator.api_page import page as api_page
 from site_generator.code_breaks import with_breaks
 from site_generator.errata import PLACE, with_errata
@@ -213,3 +213,11 @@ def test_a_body_on_a_cable_is_drawn_with_it():
     picture = solids(pinarm.run(EXAMPLES / "loop_joints" / "cable.yaml"))
     lines = re.findall(r'<path d="M [^"]*L [^"LMCQz]*"[^>]*style="fill: none; stroke: (#\w+)', picture)
     assert [lines.count(colour) for colour in ("#0072b2", "#d55e00")] == [1, 1]
+
+
+def test_the_drawing_of_the_first_steps_is_of_their_mechanism(tmp_path):
+    (block,) = (block for block in blocks_of(ROOT / "docs/start/designer.md") if block.title == "flap/mechanism.yaml")
+    (tmp_path / "mechanism.yaml").write_text(block.text)
+    pinarm.explain(tmp_path / "mechanism.yaml").draw(tmp_path / "flap.svg")
+    fresh, shown = ((folder / "flap.svg").read_text(encoding="utf-8") for folder in (tmp_path, ROOT / "docs/start"))
+    assert re.findall(r"<text.*?</text>", fresh) == re.findall(r"<text.*?</text>", shown) != []
