@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.records import replace
 
 DIFFERENCE = 1e-4
 """Half width of a difference, of the scaled unknowns: slopes err by its square, and by the error of runs over it."""
@@ -47,6 +47,7 @@ class Landscape:
         run: Values in SI of several points -> what a run with each says.
         equations: For every condition, whether it is an equation.
         sizes: What margins are relative to, one for every condition.
+        size: Size of the objective.
         squared: Whether the square of the objective is searched, which is smooth where an rms value or a peak vanishes.
     """
 
@@ -57,6 +58,7 @@ class Landscape:
     equations: Sequence[bool] = ()
     sizes: Sequence[float] = ()
     squared: bool = False
+    size: float = 1.0
     trials: dict[bytes, tuple[Array, Trial]] = field(default_factory=dict)
 
     def values(self, x: Array) -> Array:
@@ -76,11 +78,10 @@ class Landscape:
             self.trials.update(zip(new, zip(new.values(), trials, strict=True), strict=True))
         return [self.trials[x.tobytes()][1] for x in clipped]
 
-    @cached_property
-    def size(self) -> float:
-        """Size of the objective, the median of what has been run when it is first asked for."""
+    def scaled(self) -> Landscape:
+        """Return the same, its objective relative to the median of what has been run."""
         sizes = [abs(trial.objective) for _, trial in self.trials.values() if not trial.refusal]
-        return float(np.median(sizes)) if sizes and np.median(sizes) > 0.0 else 1.0
+        return replace(self, size=float(np.median(sizes)) if sizes and np.median(sizes) > 0.0 else 1.0)
 
     def height(self, x: Array) -> float:
         """Return the scaled objective at a point; above all others where the run is refused."""

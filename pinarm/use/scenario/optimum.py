@@ -1,7 +1,7 @@
 """The best values between bounds: an objective least, conditions kept, from several starts.
 
 With the unknowns scaled to [0, 1] between their bounds, every start is followed down by sequential quadratic
-programming (SLSQP; Kraft, DFVLR-FB 88-28, 1988) along central differences. Where the best of the ends
+programming (SLSQP; Kraft, DFVLR-FB 88-28, 1988) along central differences, all side by side. Where the best of the ends
 lies in a kink, as peaks of curves have them, it is searched once more without slopes (COBYQA; Ragonneau, 2022).
 Global searches begin with differential evolution (Storn and Price, J. Global Optim. 11, 1997) in place of the starts.
 """
@@ -11,12 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import IntegrationError
+from pinarm.records import replace
 from pinarm.use.scenario.landscape import KEPT, Landscape, Trial
+from pinarm.use.scenario.lockstep import Run, side_by_side
 
 ACTIVE = 1e-4
 """Margin of a condition, relative to its size, up to which it holds the optimum where it is."""
@@ -117,9 +120,10 @@ def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = 
     points = spread(len(landscape.low), starts, seed)
     points[0] = (landscape.start - landscape.low) / (landscape.high - landscape.low)
     landscape.look(points)
+    landscape = landscape.scaled()
     if everywhere:
         points = [_evolved(landscape, seed)]
-    descents = [_descent(landscape, point, _slsqp) for point in points]
+    descents = _descents(landscape, points)
     best = min(descents, key=lambda one: (not one.valid, one.violation if not one.valid else 0.0, one.trial.objective))
     if not best.trial.refusal and (best.status != SETTLED or landscape.kink(_scaled(landscape, best.end)) > KINK):
         descents.append(_descent(landscape, _scaled(landscape, best.end), _cobyqa))
@@ -140,6 +144,19 @@ def spread(k: int, count: int, seed: int) -> list[Array]:
     rng = np.random.default_rng(seed)
     columns = [(rng.permutation(count) + 0.5) / count for _ in range(k)]
     return list(np.array(columns).T)
+
+
+def _descents(landscape: Landscape, points: Sequence[Array]) -> list[Descent]:
+    """Return where points lead; none of them knows of the runs of the others, which are done side by side."""
+    apart = [replace(landscape, trials=dict(landscape.trials)) for _ in points]
+
+    def follow(number: int, run: Run) -> Descent:
+        return _descent(replace(apart[number], run=run), points[number], _slsqp)
+
+    descents = side_by_side([partial(follow, number) for number in range(len(points))], landscape.run)
+    for each in apart:
+        landscape.trials.update(each.trials)
+    return descents
 
 
 def _descent(landscape: Landscape, start: Array, search: Callable[[Landscape, Array], str]) -> Descent:
