@@ -81,9 +81,7 @@ class _Session:
                 break
             lacking = self.files.unknown(files)
             if lacking.paths:
-                self.function = unpacked(
-                    self._packed, self.files.prefix
-                )  # the one that was without it has learnt of that
+                self.function = unpacked(self._packed, self.files.prefix)  # without what it has learnt of its lack
                 if not answers:
                     return lacking
                 break

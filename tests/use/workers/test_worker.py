@@ -19,7 +19,6 @@ from pinarm.use.workers.chunk_order import ChunkOrder, packed, read_answer
 from pinarm.use.workers.versions import versions
 from pinarm.use.workers.worker import work
 
-
 SCENARIOS = Path(__file__).parents[3] / "scenarios"
 
 
