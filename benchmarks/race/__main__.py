@@ -9,7 +9,7 @@ import argparse
 import os
 from pathlib import Path
 
-from benchmarks.race import plot, report
+from benchmarks.race import plot, report, variants
 from benchmarks.race.problems import problems
 from benchmarks.race.race import FULL, QUICK, run
 
@@ -35,7 +35,7 @@ def main() -> None:
     results, folder = report.load(kept), kept if arguments.quick else ROOT / "docs"
     command = f"python -m benchmarks.race{' --quick' if arguments.quick else ''}"
     page = report.page(results, command, plot.save(results, folder))
-    (folder / "race.md").write_text(page)
+    (folder / "race.md").write_text(page + variants.section(kept))
     print(f"written to {os.path.relpath(folder / 'race.md')}")
 
 

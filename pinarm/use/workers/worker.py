@@ -58,7 +58,8 @@ class _Session:
 
     def __init__(self, order: ChunkOrder) -> None:
         self.files: Mirror | SharedFiles = SharedFiles() if order.files is None else Mirror()
-        self.function = unpacked(order.function, self.files.prefix)
+        self._packed = order.function
+        self.function = unpacked(self._packed, self.files.prefix)
 
     def answer(self, order: ChunkOrder) -> Answers | FilesLacking:
         """Answer the jobs of an order until the time is up, or a file is wanted."""
@@ -80,6 +81,7 @@ class _Session:
                 break
             lacking = self.files.unknown(files)
             if lacking.paths:
+                self.function = unpacked(self._packed, self.files.prefix)  # without what it has learnt of its lack
                 if not answers:
                     return lacking
                 break

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 import pinarm
+from pinarm.engine.constraints.variant_closure import VariantClosure
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.mechanism_variants import mechanism_variants
+from pinarm.engine.mechanism_variants import alike_variants, mechanism_variants
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion
-from pinarm.engine.motion.prescribed_variants import PrescribedVariants, follows_alike
+from pinarm.engine.motion.prescribed_variants import DrivesOfVariants, PrescribedVariants, follows_alike
 from pinarm.engine.statics.actuation import actuation
+from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.records import replace
 
@@ -82,3 +84,15 @@ def test_tables_are_alike_where_they_have_as_many_rows_of_the_same_coordinates()
         tables.append(scenario.prescribed_table(scenario))
     first, *others = (table for table in tables if table is not None)
     assert [follows_alike(other, first) for other in others] == [True, False]
+
+
+def test_efforts_that_are_not_determined_are_no_numbers() -> None:
+    """A drive at O alone holds the arm where nothing turns the second rod."""
+    mechanism = pinarm.load(SCENARIOS / "gen411_arm_static.yaml").mechanism
+    variants = alike_variants(mechanism, 3)
+    held = mechanism.coordinates["O"]
+    assert isinstance(held, LinearCoordinate) and isinstance(variants.closure, VariantClosure)
+    demand = np.array([[[1.0, 0.0], [1.0, 1.0], [2.0, 0.0]]])
+    tau, _ = DrivesOfVariants({"O": held}, variants.closure).efforts(np.zeros(1), np.zeros((1, 1, 2)), demand)
+    np.testing.assert_allclose(tau[0, [0, 2]], demand[0, [0, 2]], rtol=1e-15)
+    assert np.isnan(tau[0, 1]).any()
