@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 NEWTON, CLOSED = 20, 1e-14
 """Most steps of Newton's method to close a state, and gap from which one more leaves rounding, relative to the extent:
-multipliers of 1 N at points that are a gap apart are off by the gap in the moments of the bodies, 1e-12 of wide ones."""
+forces of 1 N at points that are a gap apart put the moments of the bodies off by the gap, of wide linkages 1e-12."""
 
 PROJECTIONS = 3
 """Projections of its velocities: each leaves ``PROJECTION`` of what is left."""
