@@ -172,6 +172,29 @@ def four_bars(count: int) -> Linkage:
     return Linkage(tuple(bodies), (0.0, -9.81, 0.0), tuple(loops))
 
 
+def scissor(count: int) -> Linkage:
+    """Return a row of crosses of two equal bars, a square of 1 m each, on one hinge; all of them move alike.
+
+    The falling bar of a cross carries the rising bar of the next at its lower end, and is carried at its middle by its
+    own rising bar, whose upper end a loop ties to the falling bar of the next.
+    """
+    bodies, loops = [], []
+    for k in range(count):
+        place = (0.5, -0.5, 0.0) if k else ORIGIN
+        rising = rod(f"rising_{k}", 2 * k - 1, place, Z, (1.0, 1.0, 0.0))
+        bodies += [rising, Body(f"falling_{k}", 2 * k, rising.com, Z, rising.mass, ORIGIN, rising.inertia)]
+        if k:
+            loops.append(Loop((2 * k - 2, 2 * k + 1), ((1.0, 1.0, 0.0), (-0.5, 0.5, 0.0))))
+    return Linkage(tuple(bodies), (0.0, -9.81, 0.0), tuple(loops))
+
+
+def chain(count: int) -> Linkage:
+    """Return rods of 1 m and 1 kg in a row, let go in a straight line that is 0.5 rad from hanging."""
+    down = (0.0, -1.0, 0.0)
+    bodies = (rod(f"link_{k}", k - 1, down if k else ORIGIN, Z, down, q=0.0 if k else 0.5) for k in range(count))
+    return Linkage(tuple(bodies), (0.0, -9.81, 0.0))
+
+
 def andrews() -> Linkage:
     """Andrews' squeezing mechanism, IVP Test Set."""
 

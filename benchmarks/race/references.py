@@ -100,6 +100,96 @@ def equal_bars(problem: Motion) -> Array:
     return angle[:, None] * problem.linkage.v
 
 
+def crosses(problem: Motion) -> Array:
+    """Return the answer of a scissor by Lagrange's equations of two angles, in closed form.
+
+    All rising bars stand at alpha, all falling ones at beta. With u, of length sqrt(2), along a rising bar and w, of
+    length sqrt(1/2), along half a falling one, the two centres of cross k are both at ``(k + 1) u / 2 + k w``.
+    """
+    count, mass, moment = len(problem.linkage.bodies) // 2, 2.0, 1.0 / 6.0
+    k = np.arange(count)
+    along, across = 0.5 * (k + 1.0), 1.0 * k
+    a = 2.0 * mass * (along**2).sum() + count * moment
+    b = 0.5 * mass * (across**2).sum() + count * moment
+    c = mass * (along * across).sum()  # times u . w = -sin(alpha - beta)
+    lift = 9.81 * mass * np.array([2.0**0.5 * along.sum(), 0.5**0.5 * across.sum()])
+
+    def rate(t: float, y: Array) -> list[float]:
+        alpha, beta, da, db = y
+        s, cosine = np.sin(alpha - beta), np.cos(alpha - beta)
+        pull = lift * np.cos([alpha + np.pi / 4, beta - np.pi / 4])
+        force = c * cosine * np.array([-(db**2), da**2]) - pull
+        return [da, db, *np.linalg.solve([[a, -c * s], [-c * s, b]], force)]
+
+    found = solve_ivp(rate, (0.0, problem.end), np.zeros(4), "DOP853", t_eval=problem.times, rtol=TOLERANCE, atol=1e-14)
+    return found.y[:2].T @ bars(count).T
+
+
+def bars(count: int) -> Array:
+    """Return the angles of a scissor's joints by those of its rising and falling bars, shape (2 count, 2)."""
+    alike = np.tile([[1.0, -1.0], [-1.0, 1.0]], (count, 1))
+    alike[0] = 1.0, 0.0
+    return alike
+
+
+def crosses_by_pinocchio(problem: Motion) -> Array:
+    """Return the same with masses and forces by ``crba`` and ``nonLinearEffects`` along the two freedoms."""
+    import pinocchio as pin
+
+    from benchmarks.race.engines.pinocchio import model_of
+
+    model = model_of(problem.linkage)
+    data, ways = model.createData(), bars(len(problem.linkage.bodies) // 2)
+
+    def rate(t: float, y: Array) -> Array:
+        q, v = ways @ y[:2], ways @ y[2:]
+        upper = np.triu(pin.crba(model, data, q))
+        mass = ways.T @ (upper + np.triu(upper, 1).T) @ ways
+        return np.append(y[2:], np.linalg.solve(mass, -ways.T @ pin.nonLinearEffects(model, data, q, v)))
+
+    found = solve_ivp(rate, (0.0, problem.end), np.zeros(4), "DOP853", t_eval=problem.times, rtol=TOLERANCE, atol=1e-14)
+    return found.y[:2].T @ ways.T
+
+
+def rods(problem: Motion) -> Array:
+    """Return the answer of a chain of rods by Lagrange's equations of their angles to the vertical.
+
+    With the mass ``c_j`` of half a rod j and of all beyond it, ``sum_j M_ij cos(phi_i - phi_j) phi_j''
+    + M_ij sin(phi_i - phi_j) phi_j'^2 + g c_i sin phi_i = 0``, ``M_ij = c_max(i, j)``, and ``1/3`` for ``1/2`` in M_ii.
+    """
+    n = len(problem.linkage.bodies)
+    beyond = n - 1.0 - np.arange(n)
+    carried = np.minimum.outer(beyond, beyond) + 0.5
+    np.fill_diagonal(carried, beyond + 1.0 / 3.0)
+
+    def rate(t: float, y: Array) -> Array:
+        angle, v = y.reshape(2, n)
+        s, c = np.sin(angle), np.cos(angle)
+        apart = carried * (np.outer(s, c) - np.outer(c, s))
+        mass = carried * (np.outer(c, c) + np.outer(s, s))
+        return np.concatenate([v, np.linalg.solve(mass, -apart @ v**2 - 9.81 * (beyond + 0.5) * s)])
+
+    start = np.concatenate([np.cumsum(problem.linkage.q), np.zeros(n)])
+    found = solve_ivp(rate, (0.0, problem.end), start, "DOP853", t_eval=problem.times, rtol=1e-12, atol=1e-12)
+    return np.diff(found.y[:n].T, axis=1, prepend=0.0)
+
+
+def rods_by_pinocchio(problem: Motion) -> Array:
+    """Return the same by ``aba``, in buffers of the model's size: ``pin.Data(model)`` would take 50 GB."""
+    import pinocchio as pin
+
+    from benchmarks.race.engines.pinocchio import integration, model_of
+    from pinarm.mechanics.geometry.pinocchio_data import new_data
+
+    model = model_of(problem.linkage)
+    data, still = new_data(model), np.zeros(model.nv)
+    return integration(problem, lambda q, v: pin.aba(model, data, q, v, still), "DOP853", 1e-12)()
+
+
+OWN = {"scissor_50": (crosses, crosses_by_pinocchio), "chain_1000": (rods, rods_by_pinocchio)}
+"""The two routes of linkages that have their own equations."""
+
+
 def batch(problem: Batch) -> Array:
     """Return the last angles by Hamilton's equations, one step for all."""
     equations, n = Equations(problem.linkage), len(problem.linkage.q)
@@ -120,6 +210,8 @@ def first(problem: Problem) -> Array:
     if isinstance(problem, Batch):
         return batch(problem)
     assert isinstance(problem, Motion)
+    if problem.name in OWN:
+        return OWN[problem.name][0](problem)
     if problem.alike:
         return equal_bars(problem)
     if not problem.linkage.loops:
@@ -134,6 +226,8 @@ def second(problem: Problem) -> Array:
     if isinstance(problem, Batch):
         return pinocchio.together(problem, 1, "DOP853", TOLERANCE)()
     assert isinstance(problem, Motion)
+    if problem.name in OWN:
+        return OWN[problem.name][1](problem)
     if problem.alike:
         count = len(problem.linkage.loops)
         k = ((count + 1) / 2 + count) * 9.81 / ((count + 1) / 3 + count)

@@ -1,6 +1,7 @@
 """Loops in compiled code against the same in Python, which shares none of it."""
 
 import ctypes
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -30,6 +31,7 @@ from pinarm.problems.time_grid import TimeGrid
 
 pytestmark = pytest.mark.skipif(bool(absence()), reason=f"compiled kernel: {absence()}")
 
+ROOT = Path(__file__).parents[2]
 FREE = PrescribedCoordinates((), (), ())
 KINDS = ("spherical", "rod", "point_on_line", "point_on_plane", "universal", "cylindrical", "revolute", "planar",
          "prismatic", "fixed")  # fmt: skip
@@ -82,6 +84,17 @@ def test_accelerations_of_every_kind_are_those_of_the_singular_values(kind, seed
         flow = system.interval(dynamics, 0.0, 1.0).compiled
         flow.take((False, system.points.tied.rank))
         compare(flow, closure, closed_states(general))
+
+
+def test_a_wide_linkage_is_judged_in_states_that_are_closed_to_rounding():
+    """Forty four-bars are 41 m wide, their joints 860 m from the origin taken together."""
+    mechanism = pinarm.Mechanism.load(ROOT / "models" / "forty_four_bars" / "mechanism.yaml")
+    still = np.zeros(mechanism.model.nv)
+    dynamics = Dynamics.of(mechanism.model)
+    system = system_of(mechanism.closure, dynamics, FREE, Initial(pin.neutral(mechanism.model), still))
+    interval = system.interval(dynamics, 0.0, 1.0)
+    assert isinstance(system, PointSystem)
+    assert interval.compiled, interval.remark
 
 
 def test_accelerations_of_a_screw_are_those_of_the_singular_values(tmp_path):

@@ -27,6 +27,9 @@ RHO = 0.9
 SMALL = 20
 """Bodies up to which dense matrices are faster."""
 
+MANY = 200
+"""Bodies of planar trees from which on they are also tried as planar bodies and their joints."""
+
 
 def prepare(problem: Problem) -> list[Setting]:
     if isinstance(problem, Inverse):
@@ -41,7 +44,10 @@ def prepare(problem: Problem) -> list[Setting]:
     else:
         names = ["TrapezoidalIndex2", "GeneralizedAlpha", "RK67"] if linkage.damping.any() else ["RK44", "RK67"]
         models = [Tree]
-    return [_setting(problem, model, name, n) for model, name, n in product(models, names, halvings(1, 8192))]
+    ways = list(product(models, names))
+    if not linkage.loops and len(linkage.bodies) > MANY:  # a tree has a full mass matrix, bodies have sparse equations
+        ways = [*product([Planar], ["TrapezoidalIndex2", "GeneralizedAlpha"]), *ways]
+    return [_setting(problem, model, name, n) for (model, name), n in product(ways, halvings(1, 8192))]
 
 
 def _setting(problem: Motion, kind: type[Tree] | type[Planar], name: str, steps: int) -> Setting:

@@ -17,6 +17,10 @@ from pinocchio import Quaternion
 from benchmarks.race.engines import WORKERS, Run, Setting, Unable, halvings
 from benchmarks.race.mechanisms import Body, Linkage
 from benchmarks.race.problems import SAMPLES, STARTS, Batch, Inverse, Motion, Problem
+from pinarm.records import replace
+
+DEEP = 400
+"""Bodies from which on a model is not written as nested elements, of which MuJoCo reads 500."""
 
 STIFFNESS = (1.0, 2.0, 4.0)
 """k dt^2 of the loops' constraints."""
@@ -49,7 +53,7 @@ def prepare(problem: Problem) -> list[Setting]:
 
 def _motion(problem: Motion, method: str, stiffness: float, steps: int) -> Run:
     linkage, dt = problem.linkage, problem.end / (SAMPLES * steps)
-    model = mujoco.MjModel.from_xml_string(mjcf(linkage, method, dt, stiffness))
+    model = model_of(linkage, method, dt, stiffness)
     data = mujoco.MjData(model)
     angles, dofs = _places(model, linkage)
 
@@ -82,7 +86,7 @@ def _batch(problem: Batch, steps: int) -> Run:
     """Return the motions of many starts by MuJoCo's own pool of threads."""
     linkage, n = problem.linkage, len(problem.linkage.q)
     states = np.hstack([np.zeros((STARTS, 1)), *problem.starts()])
-    model = mujoco.MjModel.from_xml_string(mjcf(linkage, "RK4", problem.end / steps, 1.0))
+    model = model_of(linkage, "RK4", problem.end / steps, 1.0)
     data = [mujoco.MjData(model) for _ in range(WORKERS)]
     applied = np.broadcast_to(linkage.torque, (STARTS, steps, n)).copy()
     force = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
@@ -95,7 +99,7 @@ def _batch(problem: Batch, steps: int) -> Run:
 
 
 def _inverse(problem: Inverse) -> Run:
-    model = mujoco.MjModel.from_xml_string(mjcf(problem.linkage, "RK4", 1e-3, 1.0))
+    model = model_of(problem.linkage, "RK4", 1e-3, 1.0)
     data, states = mujoco.MjData(model), problem.states()
 
     def run() -> np.ndarray:
@@ -107,6 +111,25 @@ def _inverse(problem: Inverse) -> Run:
         return found
 
     return run
+
+
+def model_of(linkage: Linkage, method: str, dt: float, stiffness: float) -> mujoco.MjModel:
+    """Return the model; of long chains, which elements of XML are not nested deeply enough for, body by body."""
+    if len(linkage.bodies) < DEEP:
+        return mujoco.MjModel.from_xml_string(mjcf(linkage, method, dt, stiffness))
+    assert not linkage.loops and not linkage.flight and not linkage.spring
+    spec = mujoco.MjSpec.from_string(mjcf(replace(linkage, bodies=()), method, dt, stiffness))
+    own: list[mujoco.MjsBody] = []
+    for body in linkage.bodies:
+        ((xx, xy, xz), (_, yy, yz), (_, _, zz)) = body.inertia
+        quat = [float(x) for x in _quaternion(body).split()]
+        added = (own[body.parent] if body.parent >= 0 else spec.worldbody).add_body(pos=body.place, quat=quat)
+        added.explicitinertial, added.mass, added.ipos = True, body.mass, body.com
+        added.fullinertia = [xx, yy, zz, xy, xz, yz]
+        added.add_joint(name=body.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=body.axis, stiffness=body.stiffness,
+                        damping=body.damping)  # fmt: skip
+        own.append(added)
+    return spec.compile()
 
 
 def mjcf(linkage: Linkage, method: str, dt: float, stiffness: float) -> str:
@@ -131,7 +154,7 @@ def mjcf(linkage: Linkage, method: str, dt: float, stiffness: float) -> str:
         if name.endswith("a"):
             loops += (f"<connect site1='{name}' site2='{name[:-1]}b' solref='{-k!r} {-b!r}' "
                       f"solimp='0.9999 0.9999 0.001 0.5 2'/>")  # fmt: skip
-    bodies = "".join(element(index) for index in children[-1])
+    bodies = "".join(element(index) for index in children.get(-1, []))
     return (
         f"<mujoco><compiler angle='radian' autolimits='false'/>"
         f"<option timestep='{dt!r}' integrator='{method}' gravity='{_numbers(linkage.gravity)}' tolerance='1e-15' "

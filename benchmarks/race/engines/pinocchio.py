@@ -14,11 +14,13 @@ import numpy as np
 import pinocchio as pin
 from scipy.integrate import odeint, solve_ivp
 
-from benchmarks.race.engines import WORKERS, Run, Setting, decades
+from benchmarks.race.engines import WORKERS, Run, Setting, Unable, decades
 from benchmarks.race.mechanisms import Body, Linkage
 from benchmarks.race.problems import STARTS, Batch, Inverse, Motion, Problem
 
 Array = np.ndarray
+MOST = 8.0
+"""Memory of Pinocchio's buffers, 46 to 65 bytes for each cube of joints, beyond which it is not tried [GB]."""
 Acceleration = Callable[[Array, Array], Array]
 
 
@@ -28,6 +30,8 @@ def prepare(problem: Problem) -> list[Setting]:
     if isinstance(problem, Batch):
         return _batch(problem)
     assert isinstance(problem, Motion)
+    if (gigabytes := 50e-9 * len(problem.linkage.q) ** 3) > MOST:
+        raise Unable(f"pin.Data(model) takes {gigabytes:.0f} GB")
     if problem.linkage.loops:
         return _closed(problem)
     acceleration = tree(problem.linkage)

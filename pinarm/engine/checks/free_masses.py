@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.dynamics.mass_matrix import mass_diagonal, mass_solved, mass_times
+from pinarm.engine.dynamics.mass_matrix import mass_diagonals, mass_solved, mass_times
 from pinarm.engine.dynamics.masses import MASSLESS, NOTHING
 from pinarm.records import Record
 
@@ -88,7 +88,7 @@ class _RecursiveMasses(Record, frozen=True):
     @cached_property
     def diagonal(self) -> Array:
         """Diagonal of M."""
-        return np.array([mass_diagonal(self.model, q) for q in self.q])
+        return mass_diagonals(self.model, self.q)
 
     def times(self, x: Array) -> Array:
         """Return ``M x``."""

@@ -86,12 +86,7 @@ def sparse_mass_matrix(model: pin.Model, q: Array) -> csc_array:
     from scipy.sparse import csc_array
 
     pattern, tree = _pattern(model), LinkTree.of(model)
-    relative = tree.relative(model, q[None], np.zeros((1, model.nv)))
-    outwards = _forces_passed_on(relative.turns[..., 0].transpose(2, 0, 1), relative.arms[..., 0].T)
-    motions, composite = relative.subspaces[0].T, tree.inertias.copy()
-    for links in pattern.levels:
-        passed = outwards[links] @ composite[links] @ outwards[links].swapaxes(1, 2)
-        np.add.at(composite, tree.parents[links], passed)
+    ((outwards,), (motions,), (composite,)) = _carried(model, q[None])
     forces, values = np.matvec(composite[tree.moved], motions), []
     for step in pattern.steps:
         values.append(np.vecdot(motions[step.before], forces[step.beyond]))
@@ -101,12 +96,25 @@ def sparse_mass_matrix(model: pin.Model, q: Array) -> csc_array:
     return csc_array((found[pattern.entries], pattern.rows, pattern.starts), shape=(model.nv, model.nv))
 
 
-def _forces_passed_on(turns: Array, arms: Array) -> Array:
-    """Return what gives a force [f; m] on every link at the parent's origin in its axes, shape (njoints, 6, 6)."""
-    found = np.zeros((len(turns), 6, 6))
-    found[:, :3, :3] = found[:, 3:, 3:] = turns
-    found[:, 3:, :3] = crossed(arms[:, None], turns.swapaxes(1, 2)).swapaxes(1, 2)  # r x its columns
-    return found
+def _carried(model: pin.Model, q: Array) -> tuple[Array, Array, Array]:
+    """Return what the composite rigid body algorithm begins with, at configurations, shape (n, nq).
+
+    Returns:
+        What gives a force [f; m] on every link at the origin of its parent, shape (n, njoints, 6, 6); the motions S of
+        the joints in the axes of their links, shape (n, nv, 6); and the inertia of every link with all that lies
+        beyond it, shape (n, njoints, 6, 6).
+    """
+    tree = LinkTree.of(model)
+    relative = tree.relative(model, q, np.zeros((len(q), model.nv)))
+    turns, arms = relative.turns.transpose(3, 2, 0, 1), relative.arms.transpose(2, 1, 0)
+    outwards, motions = np.zeros((*turns.shape[:2], 6, 6)), relative.subspaces.swapaxes(1, 2)
+    outwards[..., :3, :3] = outwards[..., 3:, 3:] = turns
+    outwards[..., 3:, :3] = crossed(arms[..., None, :], turns.swapaxes(-2, -1)).swapaxes(-2, -1)  # r x its columns
+    composite = np.tile(tree.inertias, (len(q), 1, 1, 1))
+    for links in _levels(model):
+        passed = outwards[:, links] @ composite[:, links] @ outwards[:, links].swapaxes(-2, -1)
+        np.add.at(composite.swapaxes(0, 1), tree.parents[links], passed.swapaxes(0, 1))
+    return outwards, np.broadcast_to(motions, (len(q), *motions.shape[1:])), composite
 
 
 class _Step(NamedTuple):
@@ -129,7 +137,6 @@ class _Pattern(NamedTuple):
     """Where M has entries.
 
     Attributes:
-        levels: Links of one depth, from the deepest, but the world.
         steps: How the entries are computed.
         own: Computed entry on the diagonal, of every velocity, shape (nv,).
         entries: Computed entry of every entry of M in its columns, shape (z,).
@@ -137,7 +144,6 @@ class _Pattern(NamedTuple):
         starts: First entry of every column, shape (nv + 1,).
     """
 
-    levels: tuple[Indices, ...]
     steps: tuple[_Step, ...]
     own: Indices
     entries: Indices
@@ -165,13 +171,15 @@ def _pattern(model: pin.Model) -> _Pattern:
     order = np.lexsort((rows, columns))
     own = np.flatnonzero(before == after)
     return _Pattern(
-        _levels(tree), tuple(steps), own[np.argsort(before[own])], np.append(np.arange(len(before)), apart)[order],
+        tuple(steps), own[np.argsort(before[own])], np.append(np.arange(len(before)), apart)[order],
         rows[order], np.searchsorted(columns[order], np.arange(model.nv + 1)),
     )  # fmt: skip
 
 
-def _levels(tree: LinkTree) -> tuple[Indices, ...]:
+@cached_by_model
+def _levels(model: pin.Model) -> tuple[Indices, ...]:
     """Return the links of every depth but the world, from the deepest."""
+    tree = LinkTree.of(model)
     depth = np.zeros(len(tree.parents), dtype=np.intp)
     for link, parent in enumerate(tree.parents[1:].tolist(), 1):
         depth[link] = depth[parent] + 1
@@ -203,16 +211,11 @@ def _weightless(model: pin.Model) -> pin.Model:
     return weightless
 
 
-def mass_diagonal(model: pin.Model, q: Array) -> Array:
-    """Return the diagonal of M, shape (nv,): that of the inertia of all that lies beyond each joint."""
-    data = take(model)
-    pin.forwardKinematics(model, data, q)
-    composite, parents = [body.copy() for body in model.inertias], model.parents.tolist()
-    diagonal = model.armature.copy()
-    for k in range(model.njoints - 1, 0, -1):
-        joint = model.joints[k]
-        motions = np.reshape(data.joints[k].S, (6, -1))
-        diagonal[joint.idx_v : joint.idx_v + joint.nv] += np.vecdot(motions.T, (composite[k].matrix() @ motions).T)
-        composite[parents[k]] += data.liMi[k].act(composite[k])
-    give_back(model, data)
-    return np.asarray(diagonal)
+def mass_diagonals(model: pin.Model, q: Array) -> Array:
+    """Return the diagonal of M at configurations, shape (n, nq), as an array of shape (n, nv).
+
+    It is that of the inertia of all that lies beyond each joint.
+    """
+    _, motions, composite = _carried(model, q)
+    forces = np.matvec(composite[:, LinkTree.of(model).moved], motions)
+    return np.asarray(model.armature + np.vecdot(motions, forces))

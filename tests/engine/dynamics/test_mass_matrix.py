@@ -7,7 +7,14 @@ import pinocchio as pin
 import pytest
 
 from pinarm.engine.constraints.nullspaces.nullspace import MANY
-from pinarm.engine.dynamics.mass_matrix import MassProducts, mass_matrices, mass_matrix, masses, sparse_mass_matrix
+from pinarm.engine.dynamics.mass_matrix import (
+    MassProducts,
+    mass_diagonals,
+    mass_matrices,
+    mass_matrix,
+    masses,
+    sparse_mass_matrix,
+)
 
 ROUNDING = 1e-14
 """Relative to the largest entry: sums of a few dozen terms."""
@@ -31,6 +38,7 @@ def test_the_sparse_mass_matrix_is_that_of_crba(count: int) -> None:
     q = pin.integrate(model, pin.neutral(model), np.sin(np.arange(model.nv)))
     sparse, mass = sparse_mass_matrix(model, q), mass_matrix(model, q)
     assert np.abs(sparse.toarray() - mass).max() <= ROUNDING * np.abs(mass).max()
+    np.testing.assert_allclose(mass_diagonals(model, np.array([q, q]))[1], np.diag(mass), rtol=ROUNDING)
     unrelated = sum(1 for j in range(1, model.njoints) for i in range(1, j) if i not in model.supports[j].tolist())
     assert not unrelated or sparse.nnz < model.nv**2
 

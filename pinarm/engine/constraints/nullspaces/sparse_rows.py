@@ -137,8 +137,8 @@ class BlockDecomposition:
         """Return the largest and the smallest singular value of G that is not 0."""
         if not self.rank:
             return 0.0, 0.0
-        nv = self.shape[1]
-        largest = largest_eigenvalue(nv, lambda x: rows.T @ (rows @ x))
+        nv, transposed = self.shape[1], rows.T.tocsr()
+        largest = largest_eigenvalue(nv, lambda x: transposed @ (rows @ x))
         inverse = largest_eigenvalue(nv, lambda x: self.solve(self.solve_transposed(x)))
         return largest**0.5, inverse**-0.5
 
