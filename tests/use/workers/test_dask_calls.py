@@ -10,6 +10,7 @@ import pytest
 from pinarm.use.workers.dask_calls import submit
 
 distributed = pytest.importorskip("distributed")
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
