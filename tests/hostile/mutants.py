@@ -246,8 +246,8 @@ def _replayed(scenario: str) -> Attempt:
 
 def _journal(folder: Path) -> None:
     journal = Journal(folder / "journal.jsonl", "task", width=2)
-    for key in journal.offsets:
-        journal.row(key)
+    for case in range(3):
+        journal.row(str(case))
     journal.close()
 
 
