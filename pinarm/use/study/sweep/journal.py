@@ -75,19 +75,13 @@ class Sources:
 
     def __init__(self) -> None:
         self.stamps: dict[str, Stamp | None] = {}
-        self._looked_at: tuple[str, ...] = ()
 
     def check(self, files: tuple[str, ...]) -> None:
         """Raise where a file has changed since a case first referred to it.
 
-        Cases that were solved together hold one tuple of their files, and come together: these are looked at once.
-
         Raises:
             InputError: One has.
         """
-        if files is self._looked_at:
-            return
-        self._looked_at = files
         for file in files:
             stamp = _stamp(file)
             if self.stamps.setdefault(file, stamp) != stamp:
