@@ -16,6 +16,9 @@ WATER = 1000.0
 """Density where none is given [kg/m^3]."""
 
 SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}
+MOST_SIZES = 3
+"""Numbers of ``size`` that MJCF allows; a shape takes the first ones it needs, as MuJoCo does."""
+
 FLAT = ("plane", "hfield")
 """Shapes without mass."""
 
@@ -59,6 +62,9 @@ def geom_inertia(given: Attributes, settings: Settings, where: str) -> pin.Inert
 def _shape(given: Attributes, kind: str, settings: Settings, where: str) -> tuple[pin.SE3, Array]:
     """Return placement and size; with ``fromto`` the centre lies between the two points, z along their line."""
     size = numbers(given, "size", where, len(given.get("size", "").split()), ())
+    if len(size) > MOST_SIZES:
+        raise ModelError(f"{where}: size='{given['size'][:60]}' has {len(size)} numbers",
+                         expected=f"{SIZES[kind]} positive numbers, {MOST_SIZES} at most")  # fmt: skip
     if "fromto" in given and kind != "sphere":
         ends = numbers(given, "fromto", where, 6)
         along = ends[3:] - ends[:3]
@@ -71,7 +77,7 @@ def _shape(given: Attributes, kind: str, settings: Settings, where: str) -> tupl
         place = settings.placement(given, where)
     if len(size) < SIZES[kind] or not (size[: SIZES[kind]] > 0.0).all():
         raise ModelError(f"{where}: size='{given.get('size', '')}'", expected=f"{SIZES[kind]} positive numbers")
-    return place, size
+    return place, size[: SIZES[kind]]
 
 
 def _solid(kind: str, size: Array) -> tuple[float, Array]:

@@ -294,6 +294,8 @@ def test_a_base_of_a_file_may_be_set_free():
         (HINGE + '<geom size="nan"/>', "body 'b': geom '': size='nan' is not what is read here"),
         (HINGE + '<geom size="1" mass="-2"/>', "body 'b': geom '': its mass or density is negative"),
         (HINGE + '<geom type="box" size="1 1"/>', "body 'b': geom '': size='1 1'"),
+        (HINGE + '<geom type="box" size="1 1 1 1"/>', "body 'b': geom '': size='1 1 1 1' has 4 numbers"),
+        (HINGE + '<geom size="1 1 1 1"/>', "body 'b': geom '': size='1 1 1 1' has 4 numbers"),
         (HINGE + '<geom type="mesh" mesh="m"/>', "body 'b': geom '': the mass of a mesh is not computed here"),
         (HINGE + '<inertial pos="0 0 0" mass="-1"/>', "body 'b': the mass is negative (-1 kg)"),
         (HINGE + '<inertial pos="0 0 0" mass="1" diaginertia="1 1 9"/>',
