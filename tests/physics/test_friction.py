@@ -327,6 +327,42 @@ friction: {{shaft: {{mu: 0.2, radius: 100 mm}}}}
             assert (p - 500.0) * 0.2 == pytest.approx(sign * 0.2 * 0.1 * np.hypot(p, 500.0), rel=1e-11)
 
 
+WEDGE = f"""
+<link name="a">{BODY.format(mass=1)}</link><link name="b">{BODY.format(mass=1)}</link><link name="rail"/>
+<joint name="push" type="prismatic"><parent link="base"/><child link="a"/><axis xyz="1 0 0"/>{SIZES}</joint>
+<joint name="face" type="prismatic"><parent link="a"/><child link="b"/><origin rpy="0 0 {{face!r}}"/>
+<axis xyz="0 1 0"/>{SIZES}</joint><link name="slide"/>
+<joint name="s" type="fixed"><parent link="b"/><child link="slide"/><origin rpy="0 0 {{turned!r}}"/></joint>
+<joint name="r" type="fixed"><parent link="base"/><child link="rail"/><origin rpy="0 0 {np.pi / 3!r}"/></joint>"""
+WEDGED = """gravity: none
+loops: {guide: {kind: prismatic, between: [rail, slide], axis: x}}
+forces: {load: {kind: wrench, point: slide, axes: rail, force: [-100 N, 0 N, 0 N]}}
+friction:
+  face: {mu: 0.15, undetermined: minimum_norm}
+  push: {mu: 0.1, undetermined: minimum_norm}
+  guide: {mu: 0.1, undetermined: minimum_norm}
+"""
+
+
+@pytest.mark.parametrize(("turned", "best"), [(0.0, True), (0.02, False), (-0.02, False)])
+def test_the_best_inclined_face_between_two_guided_blocks(write, turned, best):
+    """Bevan, The Theory of Machines, chapter 6, example 1 (page 185): guides at 60 deg, mu = 0.15 between the blocks
+    and 0.10 in the guides: at most 74.90 % of the work arrives, with the face's normal at 37.12 deg to the first guide.
+    """
+    lost = np.arctan(0.15) + np.arctan(0.10)
+    normal = 0.5 * (np.pi / 3.0 + lost)
+    assert round(np.degrees(normal), 2) == 37.12
+    angle = float(normal + turned)
+    urdf = WEDGE.format(face=angle, turned=np.pi / 3.0 - angle)
+    problem = "{kind: inverse, time: {end: 1 s, samples: 2}, motion: {push: {law: constant_speed, speed: 1 mm/s}}}"
+    moved = pinarm.run(write(urdf, WEDGED, problem, "-power.load/joint.push.power"))
+    other = np.pi / 3.0 - angle
+    efficiency = np.cos(other + lost) * np.cos(angle) / (np.cos(angle - lost) * np.cos(other))
+    assert moved["-power.load/joint.push.power"].values == pytest.approx(efficiency, rel=1e-12)
+    assert (round(100.0 * efficiency, 4) == 74.9013) == best
+    assert efficiency < 0.7491
+
+
 SHAFTS = """
 <link name="first"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial>
 </link><link name="second"><inertial><mass value="4"/><inertia ixx="1" iyy="1" izz="0.02" ixy="0" ixz="0" iyz="0"/>
@@ -504,6 +540,24 @@ def test_the_crank_of_a_loaded_slider_crank(write):
         moment = pin[0] * push[1] - pin[1] * push[0]
         expected.append(-(moment - sign * 0.1 * 0.02 * force))
     assert found == pytest.approx(sorted(expected), rel=1e-9)
+
+
+def test_the_eccentric_rod_of_the_textbook(write):
+    """Bevan, The Theory of Machines, chapter 6, example 7 (page 198): journals of 7, 15 and 4.4 in, mu = 0.05.
+
+    6 tons at the end of an 80 in rod turn an eccentric of 8 in throw, at 60 deg, with 3.64 ton ft without friction and
+    3.06 ton ft with it: 84.17 %. Here in inches and tons, taken for m and N.
+    """
+    urdf = CRANK.replace('xyz="0.1 0 0"', 'xyz="8 0 0"').replace('xyz="0.3 0 0"', 'xyz="80 0 0"')
+    loads = "forces: {rod: {kind: joint_effort, joint: way, effort: {law: constant, value: 6 N}}}\n"
+    sizes = {"turn": 7.0, "swing": 15.0, "pin": 4.4}
+    rubs = ", ".join(f"{joint}: {{mu: 0.05, radius: {radius} m, undetermined: minimum_norm}}"
+                     for joint, radius in sizes.items())  # fmt: skip
+    held = pinarm.run(write(urdf, f"{CLOSED}{loads}friction: {{{rubs}}}\n", "{kind: statics, hold: {turn: 60 deg}}",
+                            "joint.turn.effort, joint.turn.effort.lower, joint.turn.effort.upper"))  # fmt: skip
+    smooth, *ends = (abs(float(held[f"joint.turn.effort{side}"].values[0])) / 12.0 for side in ("", ".lower", ".upper"))
+    rubbing = min(ends)
+    assert (round(smooth, 2), round(rubbing, 2), round(100.0 * rubbing / smooth, 2)) == (3.64, 3.06, 84.17)
 
 
 def test_friction_of_a_thread_loads_its_bearings(write):

@@ -74,6 +74,16 @@ def test_tensions_of_the_worked_example(belt):
     assert round(difference * 500.0 / 60.0 / 1000.0, 2) == 5.27
 
 
+def test_power_of_the_belt_of_the_textbook(belt):
+    """Bevan, The Theory of Machines, chapter 7, example 1 (page 228): 500 lb initial tension, 165 deg, mu = 0.3 and
+    3600 ft/min: 44.40 horse-power (of 550 ft lb/s).
+    """
+    larger = R1 + APART * float(np.sin(np.radians(0.5 * (180.0 - 165.0))))
+    found = held(belt(friction={"mu": 0.3}, radii=(R1, larger)))
+    pulled = found["joint.one.effort.upper"].values[0] / R1 / PRETENSION
+    assert round(pulled * 500.0 * 60.0 / 550.0, 2) == 44.40
+
+
 @pytest.mark.parametrize(("course", "sense"), [("open", 1.0), ("crossed", 1.0), ("open", -1.0)])
 def test_the_band_is_that_of_the_lap_on_the_wheel_that_has_less_of_it(belt, course, sense):
     lap = LAP if course == "open" else np.pi + 2.0 * np.arcsin((R1 + R2) / APART)
