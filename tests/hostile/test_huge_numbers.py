@@ -4,12 +4,13 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+import numpy as np
 import pytest
 
 import pinarm
 from pinarm.cli.main import main
 from pinarm.engine.kinematics import newton
-from pinarm.errors import InputError, PinarmError, choices
+from pinarm.errors import DynamicsError, InputError, PinarmError, choices
 
 SCENARIOS = Path(pinarm.__file__).parents[1] / "scenarios"
 
@@ -63,6 +64,26 @@ def test_what_is_kept_of_numbers_that_are_not_finite_is_kept_without_a_warning(
     said = capsys.readouterr().err
     assert "C_B is not finite" in said
     assert "kept: 241 rows" in said
+
+
+@pytest.mark.parametrize(
+    ("scenario", "path", "value", "advice"),
+    [
+        ("gen411_arm_static", "arguments.m_A", "1e308 kg", "a smaller mass: B moves 1e+308 kg, whose products"),
+        ("magic_arms_kinematics", "problem.motion.alpha", {"law": "constant_speed", "speed": "1e308 rad/s"},
+         "smaller numbers in the laws of motion: coordinates or velocities are beyond 1e+150 there"),
+    ],
+)  # fmt: skip
+@pytest.mark.filterwarnings("error")
+def test_what_is_too_large_is_named(scenario: str, path: str, value: Any, advice: str) -> None:
+    """Rows without any number are kept, with their headlines, without a word of Python's."""
+    with pytest.raises(PinarmError, match="is not finite at") as caught:
+        pinarm.run(SCENARIOS / f"{scenario}.yaml", {path: value})
+    assert caught.value.hint.startswith(advice)
+    assert isinstance(caught.value, DynamicsError)
+    kept = caught.value.partial
+    with np.errstate(all="ignore"):  # as where rows are saved
+        assert all(kept.headline(column) for column in kept.columns())
 
 
 def test_fixed_steps_that_are_too_short_are_named_as_such() -> None:

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from pinarm.engine.motion.outcome import Outcome
+from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
@@ -39,6 +40,24 @@ CHECKABLE = 1e150
 """Size of numbers whose squares, and so energies and powers, are still finite."""
 
 
+def too_large(run: Trajectory, row: int) -> str:
+    """Return advice on masses, coordinates or velocities whose products overflow; empty where there are none.
+
+    Args:
+        run: The rows.
+        row: Number of the row whose coordinates and velocities are looked at.
+    """
+    model = run.mechanism.model
+    masses = {name: body.mass for name, body in zip(model.names, model.inertias, strict=True)}
+    heaviest = max(masses, key=lambda name: masses[name])
+    if masses[heaviest] >= CHECKABLE:
+        return f"a smaller mass: {heaviest} moves {masses[heaviest]:g} kg, whose products with other numbers overflow"
+    rates = 0.0 if run.unknown else run.v[row]
+    if not (np.abs(run.q[row]) < CHECKABLE).all() or not (np.abs(rates) < CHECKABLE).all():
+        return f"smaller numbers in the laws of motion: coordinates or velocities are beyond {CHECKABLE:g} there"
+    return ""
+
+
 def overflow(outcome: Outcome) -> DynamicsError:
     """Return the error of a run whose numbers are too large to be checked: says from where on."""
     run = outcome.rows
@@ -48,4 +67,4 @@ def overflow(outcome: Outcome) -> DynamicsError:
     where = f"{run.parameter} = {run.grid.t[row]:.9g} {run.unit} on, where {at}"
     reasons = refusals(run.dynamics.forces, run.q[row])
     said = f"the numbers of this run are too large to be checked, from {where}{reasons}"
-    return DynamicsError(said, partial=outcome)
+    return DynamicsError(said, hint=too_large(run, row), partial=outcome)

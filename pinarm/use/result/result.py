@@ -26,6 +26,7 @@ from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.records import Record, replace
+from pinarm.use.result.failures import too_large
 from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED
 from pinarm.use.result.row_lookup import PLATEAU, Lookup, unreached
 
@@ -363,7 +364,8 @@ class Result(Record, frozen=True):
             hint = (
                 f"{never[0].removesuffix('.time')} does not take place; its count is 0"
                 if never
-                else "a body without mass that is free to move, or a formula that divides by zero there"
+                else too_large(run, bad[0])
+                or "a body without mass that is free to move, or a formula that divides by zero there"
             )
             reasons = refusals(run.dynamics.forces, run.q[bad[0]])
             at = format_configuration(run.mechanism.model, run.q[bad[0]])
@@ -441,8 +443,8 @@ class Result(Record, frozen=True):
         values = np.where(self.quantities.open_rows(series.name), np.nan, series.values) + 0.0  # -0 becomes 0
         slack = PLATEAU * max(float(np.abs(x[np.isfinite(x)]).max(initial=0.0)) for x in (least, greatest))
         low, high = (
-            int((least <= np.nanmin(least) + slack).argmax()),
-            int((greatest >= np.nanmax(greatest) - slack).argmax()),
+            int((least <= np.fmin.reduce(least) + slack).argmax()),  # of NaN alone it is NaN: the first row
+            int((greatest >= np.fmax.reduce(greatest) - slack).argmax()),
         )
         return {
             "unit": str(series.unit or "?"), "min": least[low], "at_min": t[low], "max": greatest[high],
