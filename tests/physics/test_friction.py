@@ -240,8 +240,9 @@ def test_a_torque_on_a_screw_that_locks_itself_is_held_by_its_bearing_or_turns_i
     twist = "twist: {kind: joint_effort, joint: turn, effort: {law: constant, value: 2 N*m}}}\n"
     twisted = LOAD.replace("}}}\n", "}}, ") + twist + COUPLED
     rubs = "friction: {thread: {mu: 0.09, radius: 15 mm}%s}\n"
-    with pytest.raises(PinarmError, match="more than one motion is possible, or none"):
+    with pytest.raises(PinarmError, match="more than one motion is possible, or none") as caught:
         pinarm.run(write(SCREW, twisted + rubs % "", HELD_AT_NUT, NUT))
+    assert "a drive, or friction, at the joint of the worm or the screw" in caught.value.hint
     held = pinarm.run(write(SCREW, twisted + rubs % ", turn: {constant: 3 N*m}", HELD_AT_NUT, NUT))
     assert [float(held[name].values[0]) for name in NUT.split(", ")[1:]] == [-np.inf, np.inf]
 
@@ -491,6 +492,54 @@ def test_friction_of_a_hyperstatic_joint_is_refused_without_a_rule(write):
     forward = "{kind: forward, time: {end: 1 s, samples: 3}, initial: {position: {turn: 40 deg}}}"
     with pytest.raises(PinarmError, match="hyperstatic"):
         pinarm.run(write(CRANK, CLOSED + bare, forward, "turn"))
+
+
+def test_a_rod_that_no_acceleration_lets_slide_on_is_refused_by_the_name_of_its_guide(write):
+    """Painleve's rod, 60 deg steep, foot ahead: nothing is at rest that could stick or begin to slip."""
+    urdf = f"""<link name="foot"/><link name="rod">{BODY.format(mass=2).replace("<mass", '<origin xyz="1 0 0"/><mass')}
+</link><joint name="slide" type="prismatic"><parent link="base"/><child link="foot"/><axis xyz="1 0 0"/>{SIZES}</joint>
+<joint name="pivot" type="continuous"><parent link="foot"/><child link="rod"/><axis xyz="0 0 1"/></joint>"""
+    urdf = urdf.replace('ixx="1" iyy="1" izz="1"', 'ixx="0.6" iyy="0.6" izz="0.6"')
+    mechanism = "gravity: {direction: -y}\nfriction: {slide: {mu: 2, undetermined: minimum_norm}}\n"
+    start = "initial: {position: {pivot: 60 deg}, velocity: {slide: -1 m/s}}"
+    with pytest.raises(PinarmError, match=r"no motion with slip of joint\.slide is possible"):
+        pinarm.run(write(urdf, mechanism, f"{{kind: forward, time: {{end: 1 ms, samples: 2}}, {start}}}", "slide"))
+
+
+def bars(*pins):
+    """Bars one after the other, each drawn by its pin and the place of that pin on the bar before, or on the base."""
+    return "".join(
+        f'<link name="{pin}_bar">{BODY.format(mass=1)}</link><joint name="{pin}" type="continuous">'
+        f'<parent link="{on}"/><child link="{pin}_bar"/><origin xyz="{x} {y} 0"/><axis xyz="0 0 1"/></joint>'
+        for (pin, x, y), on in zip(pins, ("base", *(f"{pin}_bar" for pin, _, _ in pins)), strict=False)
+    )
+
+
+@pytest.mark.parametrize("closing", ["P", "C"])
+def test_a_pin_that_sticks_with_several_motions_is_one_of_the_tree(write, closing):
+    """A five-bar falls with a stuck pin; the refusal of one that closes the loop says to let it close elsewhere."""
+    near, far = [("O", 0, 0), ("A", 0, 0.2)], [("C", 0.3, 0), ("B", 0, 0.2)]
+    if closing == "P":
+        urdf, ends = bars(*near) + bars(*far), "A_bar: [150 mm, 250 mm], B_bar: [-150 mm, 250 mm]"
+    else:
+        urdf = bars(*near, ("P", 0.15, 0.25), ("B", 0.15, -0.25))
+        ends = "B_bar: [0 mm, -200 mm], base: [300 mm, 0 mm]"
+    (one, first), (other, second) = (end.split(": [") for end in ends.split("], "))
+    mechanism = f"""gravity: {{direction: -y}}
+points: {{m: {{link: {one}, at: [{first}, 0 m]}}, n: {{link: {other}, at: [{second.rstrip("]")}, 0 m]}}}}
+loops: {{{closing}: {{kind: revolute, between: [m, n], axis: z}}}}
+friction: {{P: {{constant: 300 N*m}}}}
+"""
+    path = write(urdf, mechanism, "{kind: forward, time: {end: 0.1 s, samples: 2}, loads: {push: {kind: joint_effort, "
+                 "joint: O, effort: {law: constant, value: 1 N*m}}}}", "O, A")  # fmt: skip
+    if closing == "P":
+        with pytest.raises(PinarmError, match=r"no joint of the tree stands still where loop\.P sticks") as caught:
+            pinarm.run(path)
+        assert "loops: that close at another joint" in caught.value.hint
+    else:
+        moved = pinarm.run(path)
+        assert abs(moved["O"].values[-1]) > 1e-3
+        assert np.ptp(moved["joint.P.position"].values) < 1e-14  # by rounding of the closure
 
 
 SHAFT = f"""<link name="shaft">{BODY.format(mass=5)}</link><joint name="spin" type="continuous"><parent link="base"/>

@@ -111,7 +111,8 @@ class Slipping:
             f"the friction of {names} and the reactions that it depends on do not determine each other: "
             f"friction raises its own load {self.contraction():.3g} times; more than one motion is possible, or none",
             expected="friction that raises its load less than once",
-            hint="a smaller mu, a longer span of a guide; what locks itself, as worms do, is driven from the screw",
+            hint="a smaller mu, a longer span of a guide; of a worm or screw that locks itself: a drive, or friction, "
+            "at the joint of the worm or the screw, above all where loads act there",
         )  # fmt: skip
 
     def _dips(self, i: int) -> bool:

@@ -175,9 +175,11 @@ class _Decision:
                 raise self._refusal("several", "possible")
 
     def _refusal(self, count: str, possible: str) -> DynamicsError:
-        names = ", ".join(dict.fromkeys(self.balance.contacts[i].name for group in self.groups for i in group.members))
+        names = [contact.name for contact in self.balance.contacts]
+        resting = ", ".join(dict.fromkeys(names[i] for group in self.groups for i in group.members))
+        sliding = " and ".join(dict.fromkeys(names[int(i)] for i in np.flatnonzero(self.given)))
+        ways = f"ways in which {resting} stick or begin to slip are" if resting else f"motion with slip of {sliding} is"
         return DynamicsError(
-            f"{count} ways in which {names} stick or begin to slip are {possible}: rigid bodies with friction do not "
-            "determine the motion",
+            f"{count} {ways} {possible}: rigid bodies with friction do not determine the motion",
             expected="exactly one", hint="a smaller mu, a longer span of a guide, or friction without a load: constant",
         )  # fmt: skip

@@ -206,6 +206,7 @@ class StickSlip:
         raise DynamicsError(
             f"no joint of the tree stands still where {self.contacts[group.first].name} sticks",
             expected="friction at joints of the tree, where the mechanism has several motions",
+            hint="a model file in which it is a joint of the tree, and loops: that close at another joint",
         )
 
     def watches(self, slip: Slip, system: FrictionalSystem) -> list[tuple[int, Watch]]:
