@@ -28,6 +28,9 @@ ONE_THREAD = dict.fromkeys(
 SAFE_PATH = {"PYTHONSAFEPATH": "1"}
 """No module is imported from the folder in which the user is, which may hold files of strangers."""
 
+UNTRACKED = {"PYTHONWARNINGS": "ignore:resource_tracker"}
+"""No list of the semaphores that ``loky`` removes when a signal has ended this process."""
+
 WATCH = 0.5
 """Time between two looks of a worker at whether its parent lives [s]."""
 
@@ -47,7 +50,8 @@ class _Process:
         path = os.pathsep.join(folder or os.getcwd() for folder in sys.path)
         quiet = {"PYTHONFAULTHANDLER": ""}  # how a worker died is told by its exit code
         environment = {**ONE_THREAD, **SAFE_PATH, **quiet, "PYTHONPATH": path}
-        return cls(ProcessPoolExecutor(1, env=environment, initializer=_end_with, initargs=(os.getpid(),)))
+        with _starting():
+            return cls(ProcessPoolExecutor(1, env=environment, initializer=_end_with, initargs=(os.getpid(),)))
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         with _starting():
@@ -129,8 +133,11 @@ def _how(said: str) -> str:
 
 @contextmanager
 def _starting() -> Iterator[None]:
-    """Let processes that start in the block leave Ctrl-C to this one, and import nothing from the user's folder."""
-    added = {name: value for name, value in SAFE_PATH.items() if name not in os.environ}
+    """Let processes that start in the block leave Ctrl-C to this one, and import nothing from the user's folder.
+
+    The one that removes what ``loky`` leaves behind starts here too.
+    """
+    added = {name: value for name, value in (SAFE_PATH | UNTRACKED).items() if name not in os.environ}
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     os.environ.update(added)
     try:

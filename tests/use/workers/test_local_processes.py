@@ -72,6 +72,15 @@ def test_the_call_in_hand_is_blamed_and_the_next_is_not_begun() -> None:
 
 
 @pytest.mark.slow
+def test_a_signal_that_ends_the_program_leaves_no_warning_of_semaphores() -> None:
+    """They are removed, by a process of ``loky`` that listed them on the terminal."""
+    program = ("import os, signal; from pinarm.use.workers.local_processes import LocalProcesses; "
+               "LocalProcesses(1).submit(os.getpid).result(); os.kill(os.getpid(), signal.SIGTERM)")  # fmt: skip
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert (ended.returncode, ended.stderr) == (-signal.SIGTERM, "")
+
+
+@pytest.mark.slow
 def test_processes_that_all_die_end_the_work_and_say_how(module: Make) -> None:
     with pytest.raises(PinarmError, match=f"{HOPELESS} workers died one after the other, the last by exit code 7"):
         list(distribute(module(ENDING).job, iter(range(1000)), LocalProcesses(2)))
