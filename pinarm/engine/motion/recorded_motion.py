@@ -110,7 +110,7 @@ class Recording:
         """Return rows as a table, with the efforts that belong to them as far as these are known.
 
         Efforts and forces in loops are those of the closed positions nearest to the rows, since constraints that repeat
-        others do so only there: by rows with six digits a linkage with one would be a rigid truss that carries any load.
+        others do so only there: by rows with six digits a linkage with one would be a truss that carries any load.
 
         Raises:
             AssemblyError: The loops do not close near a row.
