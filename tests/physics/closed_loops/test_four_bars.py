@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import pinarm
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
@@ -255,3 +256,12 @@ def test_a_motor_at_the_rocker_carries_nothing_at_a_dead_point(solve):
     dead = np.arccos((0.40**2 + 0.45**2 - 0.25**2) / (2 * 0.40 * 0.45))
     with pytest.raises(PinarmError, match="not determined"):
         solve("crank_rocker", "statics", hold={"theta2": dead}, drives=["theta4"], start={"theta2": dead, **OPEN})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("samples", [3001, 8001])
+def test_all_rows_of_forty_four_bars_keep_the_energy(samples):
+    """Near flat positions one order of elimination does not serve many rows, as rounding grows along the linkage."""
+    scenario = MODELS.parent / "scenarios" / "forty_four_bars_equal_rods.yaml"
+    energy = pinarm.run(scenario, {"problem.time.samples": samples})["energy.total"].values
+    assert energy == pytest.approx(energy[0], rel=1e-6)
