@@ -176,7 +176,7 @@ def test_a_top_next_to_the_end_is_found_beside_an_equal_row_at_the_start(scenari
 
 
 def test_places_of_smooth_curves_take_few_states(scenario: Callable[..., Any], monkeypatch: Any) -> None:
-    """Two samples are as high, 3.9 deg beside the top: two calls each, five for the parts between few rows, one more."""
+    """Two samples are as high, 3.9 deg beside the top: two calls each, five for the parts of the run, one more."""
     lookup, calls = scenario("statics").varied({"problem.over.pivot.samples": 24}).run().lookup, []
     plain = type(lookup).quantities_at
     monkeypatch.setattr(type(lookup), "quantities_at", lambda *asked: calls.append(asked) or plain(*asked))
