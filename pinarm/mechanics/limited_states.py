@@ -35,11 +35,14 @@ class Switch(NamedTuple, Generic[Inputs]):
         value: Of the inputs at many instants, shape (n,).
         direction: 1 for rising crossings, -1 for falling ones, 0 for both.
         mode: Mode afterwards; ``None`` for the same.
+        jumps: Whether the value may also change its sign at once, where a sampled controller acts. As long as the mode
+            lasts ``-direction * value`` is not negative.
     """
 
     value: Callable[[Inputs], Array]
     direction: int = 0
     mode: int | None = None
+    jumps: bool = False
 
 
 def mode_of(modes: Modes, k: int) -> Modes:
@@ -96,7 +99,7 @@ class StateLimits(NamedTuple):
             rate: Its rate if it were free.
         """
         if mode != FREE:
-            return [Switch(rate, -1 if mode == HIGHEST else 1, FREE)]
+            return [Switch(rate, -1 if mode == HIGHEST else 1, FREE, jumps=True)]
         lower, upper = self
         reached: list[Switch[Inputs]] = []
         if np.isfinite(upper):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import pinarm
 from pinarm.mechanics.limited_states import FREE, HIGHEST, LOWEST, StateLimits, mode_of, number_of
@@ -91,3 +92,61 @@ def test_an_integral_waits_at_its_limit_and_returns(tmp_path, most):
     t = result["t"].values
     exact = np.where(t < 0.2, np.minimum(3.0 * t, most), most - 3.0 * (t - 0.2))
     assert result["control.x.effort"].values == pytest.approx(np.maximum(exact, -most), abs=1e-7)
+
+
+def sampled_motor(limit, samples, period):
+    """Return position and current at the samples of a PD controller: free, linear stretches and held ones in turn.
+
+    ``J w' = n k i``, ``L i' = u - R i - n k w``; at its limit the current stays until ``L i'`` would take it back.
+    """
+    ratio, resistance, inductance, constant, inertia = 20.0, 1.0, 2e-3, 0.03, 0.02 + 20.0**2 * 1e-5
+    state, held, found = np.zeros(3), 0.0, []
+    for _ in range(samples):
+        found.append(state[[0, 2]])
+        u = float(np.clip(24.0 * (1.0 - state[0]) - 0.6 * state[1], -24.0, 24.0))
+
+        def rate(y, u=u):
+            return (u - resistance * y[2] - ratio * constant * y[1]) / inductance
+
+        def free(t, y, rate=rate):
+            return [y[1], ratio * constant * y[2] / inertia, rate(y)]
+
+        def fixed(t, y):
+            return [y[1], ratio * constant * y[2] / inertia, 0.0]
+
+        def reached(t, y):
+            return limit - abs(y[2])
+
+        def released(t, y, rate=rate):
+            return rate(y) * np.sign(y[2])
+
+        reached.terminal = released.terminal = True
+        reached.direction = released.direction = -1
+        t = 0.0
+        if held and rate(state) * held < 0.0:
+            held = 0.0
+        while t < period:
+            event = released if held else reached
+            part = solve_ivp(fixed if held else free, (t, period), state, events=event, rtol=1e-11, atol=1e-12)
+            t, state = part.t[-1], part.y[:, -1]
+            if part.status == 1:
+                held = 0.0 if held else float(np.sign(state[2]))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("limit", [2.0, 6.0])
+def test_a_current_at_its_limit_is_let_go_at_a_sample(tmp_path, limit):
+    """A voltage that jumps does not pass through the value at which the current leaves its limit."""
+    motor = {"kind": "dc", "resistance": "1 ohm", "inductance": "2 mH", "constant": "0.03 N*m/A",
+             "current_limit": f"{limit} A"}  # fmt: skip
+    drive = {"joint": "x", "ratio": 20, "rotor_inertia": "1e-5 kg*m^2", "motor": motor}
+    control = [{"kind": "pid", "drive": "servo", "follows": {"law": "constant", "value": "1 rad"}, "kp": "24 V/rad",
+                "kd": "0.6 V*s/rad", "limits": ["-24 V", "24 V"], "period": "10 ms"}]  # fmt: skip
+    outputs = ["joint.x.position", "control.servo.current"]
+    result = solved(tmp_path, {"servo": drive}, control, outputs)
+    exact = sampled_motor(limit, 30, 0.01)
+    assert exact[:, 1].max() == pytest.approx(limit)
+    assert exact[:, 1].min() < 0.0
+    rows = np.searchsorted(result["t"].values, np.arange(30) * 0.01 - 1e-9)
+    for name, values in zip(outputs, exact.T, strict=True):
+        assert result[name].values[rows] == pytest.approx(values, abs=1e-7)

@@ -109,7 +109,7 @@ class Controls:
         for number, controller in enumerate(self.memory.continuous):
             for switch in controller.switches(self.memory.modes[number]):
                 self._switches.append((number, switch.mode))
-                found.append(Watch(_value(load, number, switch), switch.direction, stops=True))
+                found.append(_watch(load, number, switch))
         return list(enumerate(found))
 
     def switch(self, index: int) -> None:
@@ -150,8 +150,12 @@ class _SampledStates:
         return self.memory.next(t)
 
 
-def _value(load: PresentEfforts, number: int, switch: Switch[Given]) -> Callable[[Array, Array, Array], Array]:
-    return lambda t, q, v: switch.value(load.given(number, t, q, v))
+def _watch(load: PresentEfforts, number: int, switch: Switch[Given]) -> Watch:
+    """Return where the way of a controller changes; what a sample may change at once falls through 0."""
+    if not switch.jumps:
+        return Watch(lambda t, q, v: switch.value(load.given(number, t, q, v)), switch.direction, stops=True)
+    sign = -switch.direction
+    return Watch(lambda t, q, v: sign * switch.value(load.given(number, t, q, v)), -1, stops=True, loaded=True)
 
 
 def with_control(dynamics: Dynamics, efforts: PresentEfforts | RecordedEfforts) -> Dynamics:

@@ -22,6 +22,7 @@ from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.loops.lower_pairs import LowerPair
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.constraint import Constraint
@@ -39,6 +40,9 @@ MET = 1e-12
 TOLERANT, REPEATS = 1e-3, 8
 """The same where redundant points are not quite closed, relative to the least eigenvalue of the Delassus matrix that
 is not 0: what contradicts itself by the gap is not magnified, and the iterations find what the rest determines."""
+
+LEVEL = 1e-12
+"""Distance along the axis of a pin, relative to how far the frames are apart, at which a mechanism lies in a plane."""
 
 NOISE = 1e-11
 """Singular value of redundant rows, relative to the largest, that rounding of the file may leave: the proximal term
@@ -229,11 +233,30 @@ def joint_at(model: pin.Model, index: int) -> pin.JointModel:
 
 def tied_points(model: pin.Model, constraint: Constraint) -> list[TiedPoint] | None:
     """Return the pairs of points that tie the links of a loop joint; ``None`` where it is not one of points."""
-    if not isinstance(constraint, LoopJoint) or constraint.pair.points is None:
+    if not isinstance(constraint, LoopJoint) or constraint.pair.points is None or not _meet(model, constraint):
         return None
     one, two = model.frames[constraint.first], model.frames[constraint.second]
     shifts = [pin.SE3(np.eye(3), np.asarray(point, float)) for point in constraint.pair.points]
     return [(one.parentJoint, one.placement * shift, two.parentJoint, two.placement * shift) for shift in shifts]
+
+
+def _meet(model: pin.Model, joint: LoopJoint) -> bool:
+    """Return whether the origins of a loop joint's frames coincide where its rows are closed.
+
+    A ``pin`` holds them in its plane only: along its axis they have to be together already, whatever the tree does.
+    """
+    if not isinstance(joint.pair, LowerPair):
+        return True
+    along, held = joint.pair.axis, joint.pair.e
+    if np.linalg.norm(along - along @ held.T @ held) < LEVEL:
+        return True
+    data = model.createData()
+    for q in places_of(model):
+        pin.framesForwardKinematics(model, data, q)
+        apart = data.oMf[joint.first].actInv(data.oMf[joint.second]).translation
+        if abs(float(along @ apart)) > LEVEL * float(np.abs(apart).max()):
+            return False
+    return True
 
 
 def _points_of(model: pin.Model, constraint: Constraint) -> list[pin.RigidConstraintModel] | None:

@@ -20,6 +20,8 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.kinematics.newton import assembled
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.standstill import row_paces
 from pinarm.engine.motion.trajectory import Trajectory
@@ -105,7 +107,26 @@ class Recording:
         return self.table(row, Grid(row.t, (0.0, 0.0), (0, 1)))
 
     def table(self, rows: RecordedRows, grid: Grid) -> Trajectory:
-        """Return rows as a table, with the efforts that belong to them as far as these are known."""
+        """Return rows as a table, with the efforts that belong to them as far as these are known.
+
+        Efforts and forces in loops are those of the closed positions nearest to the rows, since constraints that repeat
+        others do so only there: by rows with six digits a linkage with one would be a truss that carries any load.
+
+        Raises:
+            AssemblyError: The loops do not close near a row.
+        """
+        return replace(self._table(replace(rows, q=self._closed(rows)), grid), q=rows.q)
+
+    def _closed(self, rows: RecordedRows) -> Array:
+        """Return closed configurations next to rows that are open by more than changes no rank, shape (n, nq)."""
+        closure, q = self.mechanism.closure, rows.q.copy()
+        if not closure.size or rows.a is None:
+            return q
+        for k in np.flatnonzero((np.abs(closure.gaps(q)) > closure.slack).any(axis=1)).tolist():
+            q[k] = assembled(closure, PrescribedCoordinates((), (), ()), q[k], np.zeros(0), float(rows.t[k]))
+        return q
+
+    def _table(self, rows: RecordedRows, grid: Grid) -> Trajectory:
         mechanism = self.mechanism
         nothing = np.full((len(rows.t), mechanism.model.nv), np.nan)
         v, a = (nothing if x is None else x for x in (rows.v, rows.a))

@@ -141,7 +141,8 @@ class MotorController(Controller):
         for k, motor in enumerate(self.actuators):
             for switch in motor.switches(motors[k]):
                 modes = motors if switch.mode is None else [*motors[:k], switch.mode, *motors[k + 1 :]]
-                own.append(Switch(self._value_of(k, switch), switch.direction, number_of(modes, source)))
+                value, mode = self._value_of(k, switch), number_of(modes, source)
+                own.append(Switch(value, switch.direction, mode, switch.jumps))
         return own
 
     def _value_of(self, k: int, switch: Switch[MotorInput]) -> Callable[[Given], Array]:

@@ -37,6 +37,9 @@ MOST = 10_000
 """Largest number of degrees of freedom: Pinocchio's model keeps the joints before and beyond every joint, of a chain
 8 nv^2 bytes, here 0.8 GB."""
 
+LIGHTEST = 1e-14
+"""Least mass of what a joint carries that is not 0 [kg]; a hundredth of it is the rounding of 1."""
+
 ALIGNED = 1e-15
 """Deviation from a coordinate axis that is rounding."""
 
@@ -94,6 +97,7 @@ def build_model(
     if tree.defects and defects == "refused":
         raise ModelError(tree.defects[0], hint="mend the model, or say 'defects: noted' in the mechanism file")
     model = _assembled(tree)
+    _require_weighable(model)
     forces = _passive(model, tree, creep)
     notes = [
         *(f"{defect}; taken as written" for defect in tree.defects), *tree.notes, *_massless(model),
@@ -320,6 +324,21 @@ def _passive(model: pin.Model, tree: Tree, creep: float | None) -> dict[str, For
     balls = [(joint, made) for joint, made in of if joint.stiffness and made.nv == 3]
     return {**forces, **{f"spring of {joint.name}": BallSpring(made.idx_q, made.idx_v, joint.stiffness)
                          for joint, made in balls}}  # fmt: skip
+
+
+def _require_weighable(model: pin.Model) -> None:
+    """Raise where a body beyond a joint is so light that sums of inertias lose its centre of mass.
+
+    Pinocchio divides by the mass or by the rounding of 1, 2.2e-16, whichever is larger.
+
+    Raises:
+        ModelError: One is.
+    """
+    for name, body in zip(model.names, model.inertias, strict=True):
+        if 0.0 < body.mass < LIGHTEST:
+            raise ModelError(f"what joint '{name}' carries has a mass of {body.mass:.3g} kg",
+                             expected=f"0, or at least {LIGHTEST:g} kg",
+                             hint="check the exponent and the unit")  # fmt: skip
 
 
 def _massless(model: pin.Model) -> Iterator[str]:

@@ -236,7 +236,7 @@ class Pin(AxisDefinition, frozen=True, tag_field="kind", tag="pin"):
     @staticmethod
     def around(axis: Array) -> LowerPair:
         """Return the pair."""
-        return holding(normals(axis), NOTHING, axis)
+        return holding(normals(axis), NOTHING, axis, np.zeros((1, 3)))
 
 
 class PointOnPlane(AxisDefinition, frozen=True, tag_field="kind", tag="point_on_plane"):

@@ -39,8 +39,11 @@ SAME = 1e-9
 MOST_RIVALS = 20
 """Rows beside the highest one that are refined at most: those that may rise most."""
 
-FEW, PARTS = 16, 4
+FEW, PARTS = 200, 4
 """Rows of an interval below which it is looked into by itself, and in how many parts, of 17 states each."""
+
+HALVINGS = 6
+"""How often a part is halved where 17 states do not resolve the curve: it goes up and down in it, or has a kink."""
 
 MOST_INTERVALS = 100
 """Intervals with few rows up to which they are; thousands, as between samples of controllers, are rows enough."""
@@ -229,9 +232,10 @@ class Lookup:
                 bracket = float(max(low, min(start, end))), float(min(high, max(start, end)))
                 if bracket[0] <= bracket[1]:
                     brackets.append((interval, bracket))
-        brackets += self._between_few_rows()
-        self.announce([(interval, BracketFit.places(*bracket)) for interval, bracket in brackets])
+        parts = self._between_few_rows()
+        self.announce([(interval, BracketFit.places(*bracket)) for interval, bracket in (*brackets, *parts)])
         spots = [self._refined(interval, height, bracket) for interval, bracket in brackets]
+        spots += [self._refined(interval, height, bracket, HALVINGS) for interval, bracket in parts]
         top, interval, t = max(spots, key=lambda spot: spot[0])
         if top <= values[best] + slack:
             interval = next(k for k, (_, _, rows) in enumerate(self.intervals) if rows.start <= best < rows.stop)
@@ -248,9 +252,16 @@ class Lookup:
         return brackets
 
     def _refined(
-        self, interval: int, height: Callable[[Quantities], Array], bracket: tuple[float, float]
+        self, interval: int, height: Callable[[Quantities], Array], bracket: tuple[float, float], halvings: int = 0
     ) -> tuple[float, int, float]:
-        """Return the largest height in a bracket of one interval, the interval, and where it is."""
+        """Return the largest height in a bracket of one interval, the interval, and where it is.
+
+        Args:
+            interval: Number of the interval.
+            height: As in ``highest``.
+            bracket: Where it begins and ends.
+            halvings: How often it may be halved where the curve is not resolved.
+        """
         t = BracketFit.places(*bracket)
         heights = height(self.quantities_at(interval, t))
         peak = int(heights.argmax())
@@ -259,7 +270,7 @@ class Lookup:
             return top, interval, spot
         fit = self._fit(bracket, heights)
         if not fit.is_resolved:
-            return self._narrowed(interval, height, bracket)
+            return self._halved(interval, height, bracket, halvings)
         places = fit.extremes
         if len(places):
             place = float(places[fit.at(places).argmax()])
@@ -267,6 +278,16 @@ class Lookup:
             if risen > top:
                 spot, top = place, risen
         return top, interval, spot
+
+    def _halved(
+        self, interval: int, height: Callable[[Quantities], Array], bracket: tuple[float, float], halvings: int
+    ) -> tuple[float, int, float]:
+        """Return what ``_refined`` does, of a curve that a polynomial through 17 states does not follow."""
+        if not halvings:
+            return self._narrowed(interval, height, bracket)
+        low, high = bracket
+        halves = (low, 0.5 * (low + high)), (0.5 * (low + high), high)
+        return max((self._refined(interval, height, half, halvings - 1) for half in halves), key=lambda spot: spot[0])
 
     def _fit(self, bracket: tuple[float, float], heights: Array) -> BracketFit:
         """Return the polynomial through heights at the nodes of a bracket; the last ones are kept."""

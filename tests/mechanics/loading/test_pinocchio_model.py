@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 
@@ -125,3 +127,11 @@ def test_what_is_not_modelled_is_noted(chain):
     sticking = build_model(xml)
     assert (sticking.notes, sticking.friction, sticking.forces.keys()) == ((), {"arm": 0.2}, set())
     assert build_model(chain(PENDULUM)).notes == ()
+
+
+@pytest.mark.parametrize("mass", ["1e-15", "1e-16", "1e-30"])
+def test_bodies_whose_centres_pinocchio_would_lose_are_refused(chain, mass):
+    """The sum of an inertia with nothing keeps its centre of mass down to a mass of 2.2e-16 only."""
+    found = refusal(re.sub('mass value="[^"]*"', f'mass value="{mass}"', chain(PENDULUM)))
+    assert found.message == f"what joint 'arm' carries has a mass of {float(mass):.3g} kg"
+    assert build_model(re.sub('mass value="[^"]*"', 'mass value="1e-14"', chain(PENDULUM)), defects="noted")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import pinarm
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
@@ -255,3 +256,38 @@ def test_a_motor_at_the_rocker_carries_nothing_at_a_dead_point(solve):
     dead = np.arccos((0.40**2 + 0.45**2 - 0.25**2) / (2 * 0.40 * 0.45))
     with pytest.raises(PinarmError, match="not determined"):
         solve("crank_rocker", "statics", hold={"theta2": dead}, drives=["theta4"], start={"theta2": dead, **OPEN})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("samples", [3001, 8001])
+def test_all_rows_of_forty_four_bars_keep_the_energy(samples):
+    """Near flat positions one order of elimination does not serve many rows, as rounding grows along the linkage."""
+    scenario = MODELS.parent / "scenarios" / "forty_four_bars_equal_rods.yaml"
+    energy = pinarm.run(scenario, {"problem.time.samples": samples})["energy.total"].values
+    assert energy == pytest.approx(energy[0], rel=1e-6)
+
+
+RECTANGLE = """
+pinarm: 1
+title: Rectangle
+gravity: none
+planar:
+  points: {O: [0, 0], A: [0, 0.5 m], B: [0.9 m, 0.5 m], C: [0.9 m, 0]}
+  ground: [O, C]
+  links: {l: {points: [O, A], mass: 1 kg}, k: {points: [A, B], mass: 3 kg}, r: {points: [B, C], mass: 2 kg}}
+"""
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9, 1e-10, 3e-11, 1e-11, 3e-12, 1e-12, 1e-13])
+def test_pins_of_a_drawing_pass_flat_positions_at_any_tolerance(tmp_path, tolerance):
+    """Without loads the uprights turn evenly, past two positions in which the rectangle is flat."""
+    (tmp_path / "mechanism.yaml").write_text(RECTANGLE)
+    result = pinarm.run({
+        "pinarm": 1, "mechanism": Mechanism.load(tmp_path / "mechanism.yaml"), "outputs": ["O", "joint.O.velocity"],
+        "problem": {"kind": "forward", "time": {"end": "5 s", "samples": 51},
+                    "initial": {"velocity": {"O": "1 rad/s"}}},
+        "accuracy": {"tolerance": tolerance},
+    })  # fmt: skip
+    near = max(1e3 * tolerance, 1e-9)
+    assert result["joint.O.velocity"].values == pytest.approx(1.0, abs=near)
+    assert result["O"].values == pytest.approx(np.linspace(0.0, 5.0, 51), abs=near)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import pinarm
@@ -175,12 +176,12 @@ def test_a_top_next_to_the_end_is_found_beside_an_equal_row_at_the_start(scenari
 
 
 def test_places_of_smooth_curves_take_few_states(scenario: Callable[..., Any], monkeypatch: Any) -> None:
-    """Two samples are as high, 3.9 deg beside the top: two calls each and one for the row that is told."""
+    """Two samples are as high, 3.9 deg beside the top: two calls each, five for the parts of the run, one more."""
     lookup, calls = scenario("statics").varied({"problem.over.pivot.samples": 24}).run().lookup, []
     plain = type(lookup).quantities_at
     monkeypatch.setattr(type(lookup), "quantities_at", lambda *asked: calls.append(asked) or plain(*asked))
     assert lookup.at("max", "M")["alpha"].values == pytest.approx([math.pi / 2], abs=1e-9)
-    assert len(calls) == 5  # by narrowing 15
+    assert len(calls) == 10  # by narrowing 30
     calls.clear()
     assert lookup.at({"pivot": "30 deg"}, "M")["M"].values == pytest.approx([10.0], rel=1e-15)
     assert len(calls) <= 5
@@ -210,3 +211,28 @@ def test_crossings_between_few_rows_are_found(scenario: Callable[..., Any], samp
         assert found["t"].values == pytest.approx([t], rel=1e-13)
     with pytest.raises(InputError, match="2 times only"):
         lookup.at({"alpha": "0.9 rad", "occurrence": 3}, "t")
+
+
+SLIDE = """<robot name="slide"><link name="base"/><link name="block"><inertial><mass value="2"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="a" type="prismatic"><parent link="base"/><child link="block"/><axis xyz="1 0 0"/>
+<limit effort="1e9" velocity="1e9" lower="-9" upper="9"/></joint></robot>"""
+
+
+@pytest.mark.parametrize("samples", [4, 17, 60, 150])
+def test_extremes_of_an_oscillation_do_not_depend_on_the_rows(tmp_path: Path, samples: int) -> None:
+    """At resonance the amplitude grows: x = F / (2 m w) (sin(w t) / w - t cos(w t)), 16 periods long."""
+    (tmp_path / "slide.urdf").write_text(SLIDE)
+    mechanism = pinarm.Mechanism.load(tmp_path / "slide.urdf", values={
+        "gravity": "none", "forces": {"s": {"kind": "joint_spring", "joint": "a", "stiffness": "20000 N/m"}},
+    })  # fmt: skip
+    force = {"kind": "joint_effort", "joint": "a",
+             "effort": {"law": "harmonic", "amplitude": "50 N", "pulsation": "100 rad/s"}}  # fmt: skip
+    lookup = pinarm.run({
+        "pinarm": 1, "mechanism": mechanism, "outputs": ["a"],
+        "problem": {"kind": "forward", "time": {"end": "1 s", "samples": samples}, "loads": {"push": force}},
+    }).lookup  # fmt: skip
+    t = np.linspace(0.0, 1.0, 1_000_001)
+    x = 50.0 / 400.0 * (np.sin(100.0 * t) / 100.0 - t * np.cos(100.0 * t))
+    for which, extreme in (("max", x.max()), ("min", x.min())):
+        assert lookup.at(which, "a")["a"].values == pytest.approx(extreme, rel=1e-6)

@@ -18,8 +18,13 @@ VANISHED = 4e-9
 """Length of a row of G, relative to the length that it can have, below which it is 0: axes or hinges that are off by
 ``UNCLOSED`` leave as much of the rows that hold a plane linkage in its plane, or a shaft in its second bearing."""
 
+SHORT = 1e-2
+"""Length of a row of G, relative to the length that it can have, below which it is not brought to the length 1, but
+multiplied by 100 over that length: the rounding of a row that repeats others and passes through 0 would be blown up,
+until it told those others what to do. A row that stands alone is 40 times above ``RANK`` where it is ``VANISHED``."""
+
 RANK = 1e-7
-"""Singular value of G, its rows of length 1, relative to the largest, below which rows count as dependent. What
+"""Singular value of G, its rows of length 1 or less, relative to the largest, below which rows count as dependent. What
 ``UNCLOSED`` makes of redundant rows stays well below it, so that it changes no rank and is not divided by."""
 
 ACTS = 1e-7
@@ -144,7 +149,7 @@ def dense_parts(rows: Array, reach: Array | float) -> list[tuple[Indices, RowDec
         return [(np.arange(len(rows)), RowDecomposition(*nothing, free, rows))]
     length = np.sqrt((rows * rows).sum(axis=2))
     counts = length > VANISHED * reach
-    scale = 1.0 / np.where(counts, length, 1.0)
+    scale = 1.0 / np.where(counts, np.maximum(length, SHORT * reach), 1.0)
     left, s, vt = np.linalg.svd(rows * (counts * scale)[:, :, None], full_matrices=m < nv)
     ranks = (s > RANK * s[:, :1]).sum(axis=1)
     found = []

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
 REGULAR = 1e-4
 """Smallest ratio of singular values of G, its rows of length 1, at which other configurations are eliminated alike."""
 
+ELIMINATED = 1e-12
+"""What the rows that were eliminated may leave of motions of length 1, relative to the length that they can have. Along
+a chain of loops rounding grows from one to the next, where the order of the pivots is that of another position."""
+
 
 def free_motions(closure: Closure, q: Array) -> Iterator[tuple[Indices, Array]]:
     """Yield the free motions at configurations, shape (n, nq): of those together that one order of pivots serves.
@@ -99,9 +103,10 @@ class BatchNullspace(Record, frozen=True):
                     motion[:, j] = x
             served = elimination.sound() & np.isfinite(motions).all(axis=(0, 2))
             motions = _orthonormal(np.where(served[:, None], motions, 0.0))
-        for row in set(rows) - set(order.rows):
-            left = sum((x * motions[:, :, j] for j, x in rows[row].items()), np.zeros(1))
-            served &= (np.abs(left) <= VANISHED * reach[row]).all(axis=0)
+        for row, entries in rows.items():
+            left = sum((x * motions[:, :, j] for j, x in entries.items()), np.zeros(1))
+            least = ELIMINATED if row in order.rows else VANISHED
+            served &= (np.abs(left) <= least * reach[row]).all(axis=0)
         return cls(elimination, motions, served)
 
     def solve(self, mass: Array, force: Array, right: Mapping[int, Array]) -> Array:

@@ -16,6 +16,7 @@ from scipy.sparse.linalg import spsolve
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.nullspaces.dense_nullspace import (
     RANK,
+    SHORT,
     VANISHED,
     RowDecomposition,
     SplitRows,
@@ -136,7 +137,7 @@ def _part(rows: csr_array, reach: Array | float) -> tuple[Array, BlockDecomposit
     """Return scale, parts and matrix of G, shape (m, nv); ``None`` where the rank is in doubt."""
     length = np.sqrt(np.asarray(rows.multiply(rows).sum(axis=1)).ravel())
     counts = length > VANISHED * reach
-    scale = counts / np.where(counts, length, 1.0)
+    scale = counts / np.where(counts, np.maximum(length, SHORT * reach), 1.0)
     scaled = csr_array(diags_array(scale) @ rows)
     scaled.eliminate_zeros()
     largest = float(np.sqrt(abs(scaled).sum(axis=0).max() * abs(scaled).sum(axis=1).max()))

@@ -10,6 +10,7 @@ from msgspec import field
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.integration.methods.explicit import LIMITED, STIFF
 from pinarm.engine.motion.systems import CompletedStates, System
 from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.errors import IntegrationError
@@ -122,9 +123,12 @@ class SegmentedMotion(Record, frozen=True):
         return list(dict.fromkeys(filter(None, remarks)))
 
     def diagnose(self) -> list[str]:
-        """Return what says that the integrator was a poor choice."""
+        """Return what says that the integrator was a poor choice: stiff, where a good part of all steps is."""
         solutions = [segment.solution for segment in self.segments]
-        return list(dict.fromkeys(doubt for solution in solutions for doubt in solution.method.diagnose(solution)))
+        doubts = [(doubt, len(each.steps)) for each in solutions for doubt in each.method.diagnose(each)]
+        limited = sum(steps for doubt, steps in doubts if doubt.startswith(LIMITED))
+        seldom = limited < STIFF * sum(len(each.steps) for each in solutions)
+        return list(dict.fromkeys(doubt for doubt, _ in doubts if not (seldom and doubt.startswith(LIMITED))))
 
 
 def _opened(motion: CompletedStates, holding: Flags) -> CompletedStates:

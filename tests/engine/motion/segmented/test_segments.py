@@ -20,3 +20,15 @@ def test_events_at_one_instant_end_the_integration():
         with pytest.raises(IntegrationError, match=f"{CROWDED} events follow one another there") as caught:
             motion_of(ends).require_progress()
         assert caught.value.partial.end == ends[-1]
+
+
+@pytest.mark.parametrize(("few", "many", "told"), [(2, 120, False), (60, 60, True)])
+def test_a_motion_is_stiff_where_a_good_part_of_its_steps_is(few, many, told):
+    """Behind an impact one or two steps may be at the limit of stability."""
+
+    def segment(steps, doubts):
+        method = SimpleNamespace(diagnose=lambda solution: doubts)
+        return MotionSegment(None, SimpleNamespace(steps=[None] * steps, method=method), None, None)
+
+    motion = SegmentedMotion(None, [segment(few, ["stiff: on 100% of the steps"]), segment(many, ["other"])])
+    assert motion.diagnose() == ["stiff: on 100% of the steps"] * told + ["other"]
