@@ -19,7 +19,7 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.batch_jacobians import rows_of
 from pinarm.engine.constraints.nullspaces.nullspace import split_rows
-from pinarm.engine.friction.columns import BANDS, band_column, friction_columns
+from pinarm.engine.friction.columns import BANDS, bands_of, friction_columns
 from pinarm.engine.friction.locking import ROUNDED, locks
 from pinarm.engine.friction.response import BearingReactions
 from pinarm.engine.friction.slipping import CarriedLoads, Slipping
@@ -182,16 +182,20 @@ class KnownFriction:
         return replace(run, columns={**run.columns, **self._bands(self.drives.coordinates(run.mechanism))})
 
     def _bands(self, coordinates: Mapping[str, Coordinate]) -> dict[str, Series]:
-        """Return the least and the largest effort of each drive under which its coordinate stays at rest.
+        """Return the least and the largest efforts under which the coordinates of drives stay at rest.
 
         With t the motion of all joints per unit of the coordinate, the other drives at rest, its effort is
-        ``t . demand - (J t) . f``. Of a coordinate that moves both are the effort itself.
+        ``t . demand - (J t) . f``, and a sum of efforts is that of the sum of their t. Of a coordinate that moves both
+        are the effort itself.
         """
         columns = dict[str, Series]()
-        ways, joints = self._ways(coordinates), self.run.mechanism.joints
-        for d, (name, coordinate) in enumerate(coordinates.items()):
+        ways = self._ways(coordinates)
+        for band in bands_of(self.run.mechanism.joints, coordinates):
+            terms = ways * band.shares
+            way = terms.sum(axis=2)
+            way[np.abs(way) <= MOVES * np.abs(terms).sum(axis=2)] = 0.0
             for part, sign in zip(BANDS, (-1.0, 1.0), strict=True):
-                side = band_column(joints, name, coordinate, part, self._effort(ways[:, :, d], sign))
+                side = band.side(part, self._effort(way, sign))
                 columns[side.name] = side
         return columns
 
