@@ -5,8 +5,10 @@ from contextlib import nullcontext
 import pytest
 
 from pinarm.engine.quantities.names import Quantities
+from pinarm.mechanics.forces.joint_definitions import JointEffort
+from pinarm.mechanics.laws import Constant
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.states import Statics
+from pinarm.problems.states import State, Statics
 
 G, ARM = 9.81, {"axis": "0 -1 0", "com": "0.5 0 0", "mass": 1.0}
 
@@ -31,3 +33,22 @@ def test_bands_of_joints_and_of_drives_hold_the_efforts_that_they_are_named_afte
     for name, (effort, half) in expected.items():
         values = [found[f"{name}.effort{part}"].values[0] for part in (".lower", "", ".upper")]
         assert values == pytest.approx([effort - half, effort, effort + half], rel=1e-12)
+
+
+@pytest.mark.parametrize(("speed", "locked"), [(0.0, True), (1.0, False)])
+def test_a_drive_that_moves_is_not_self_locking_whatever_a_joint_at_rest_holds(mechanism, chain, speed, locked):
+    """A table of two slides, driven along x + y and x - y: y holds 5 N, half of it at each drive, also while x moves.
+
+    A force of 1 N along y loads the drives by 0.5 N and -0.5 N, or the friction.
+    """
+    slides = [{"name": name, "kind": "prismatic", "axis": axis} for name, axis in (("y", "0 1 0"), ("x", "1 0 0"))]
+    sums = {name: {"kind": "sum", "of": {"x": 1, "y": sign}} for name, sign in (("u", 1), ("w", -1))}
+    table = mechanism(chain(*slides), gravity="none", coordinates=sums, friction={"y": {"constant": "5 N"}})
+    push = JointEffort(joint="y", effort=Constant(value=-1.0))
+    asked = State(hold={"x": 0.0, "y": 0.0}, velocity={"x": speed, "y": 0.0}, drives=["u", "w"], loads={"push": push})
+    found = asked.solve(table, Accuracy(), lambda *path: nullcontext())
+    band = [found.rows.columns[f"coordinate.u.effort.{side}"].values[0] for side in ("lower", "upper")]
+    assert band == pytest.approx([0.5 - 2.5, 0.5 + 2.5], rel=1e-12)
+    assert any("self-locking" in note for note in found.notes) == locked
+    assert all("though the coordinate moves" in note for note in found.notes) == (not locked)
+    assert all("the other drives free to take their part" in note for note in found.notes)
