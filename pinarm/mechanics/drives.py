@@ -37,8 +37,9 @@ class Drive(InputStruct, frozen=True):
     ``D.rotor`` whose coordinate is the driven one; torques are known where the run has a drive along the coordinate
     (``drives: [C]``).
 
-    With v the velocity of the joint, N the ratio and tau the effort that goes through the gear, that of the joint
-    (``joint.J.effort``, ``coordinate.C.effort``) less ``N^2 J a`` of the rotor: the motor turns at ``N v`` and gives
+    With v the velocity of the joint, N the ratio and tau the effort that goes through the gear, that of the drive
+    (``coordinate.C.effort``; of a joint through which no other drive acts ``joint.J.effort``) less ``N^2 J a`` of the
+    rotor: the motor turns at ``N v`` and gives
     ``tau / (N eta)`` while it drives (tau v > 0), ``eta tau / N`` while the load drives it, plus ``J N a`` for its
     rotor. An armature that the model gives the joint is a load of the gear.
     Where the speed passes through zero the motion that follows counts, at the end of a smooth part of a law that which

@@ -42,7 +42,7 @@ def _lossy(run: Trajectory) -> Iterator[tuple[str, Drive]]:
 
 def _held(run: Trajectory, name: str, drive: Drive) -> str:
     """Return a note on rows at which a gear with losses holds a load; empty where there are none."""
-    effort = np.abs(run.tau[:, run.mechanism.joints[drive.joint].v])
+    effort = np.abs(run.drive_effort(drive.joint))
     rest = run.direction(run.mechanism.driven_joint(name).v) == 0.0
     count = int((rest & (effort > STANDSTILL * effort.max(initial=0.0))).sum())
     if not count:
