@@ -122,6 +122,20 @@ class Drive(InputStruct, frozen=True):
         gear = np.where(effort * direction < 0.0, self.efficiency, 1.0 / self.efficiency)
         return np.asarray(gear * effort / self.ratio + self.rotor_inertia * self.ratio * a)
 
+    def holding(self, low: Array, high: Array) -> tuple[Array, Array]:
+        """Return the least and the largest torque of the motor that hold the joint at rest [N*m], shape (n,) each.
+
+        Less would let the load drive the gear, more would drive the load.
+
+        Args:
+            low: Least effort at the joint that holds it [N*m or N], shape (n,).
+            high: Largest one.
+        """
+        ends = (np.where(side * effort > 0.0, 1.0 / self.efficiency, self.efficiency) * effort / self.ratio
+                for side, effort in ((-1.0, low), (1.0, high)))  # fmt: skip
+        down, up = ends
+        return np.minimum(down, up), np.maximum(down, up)
+
     def speed(self, v: Array) -> Array:
         """Return the motor's speed [rad/s], shape (n,)."""
         return float(self.ratio) * v
