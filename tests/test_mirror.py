@@ -170,7 +170,7 @@ ELSEWHERE = {
         "use/scenario/scenario_file",
     ),
     "physics/test_friction.py": (
-        "friction in every kind of problem", "engine/friction/columns engine/friction/given_efforts "
+        "friction in every kind of problem", "engine/friction/given_efforts "
         "engine/friction/sliding engine/motion/known_friction engine/motion/segmented/stick_slip "
         "engine/quantities/friction_law "
         "mechanics/friction/thread",

@@ -37,8 +37,9 @@ class Drive(InputStruct, frozen=True):
     ``D.rotor`` whose coordinate is the driven one; torques are known where the run has a drive along the coordinate
     (``drives: [C]``).
 
-    With v the velocity of the joint, N the ratio and tau the effort that goes through the gear, that of the joint
-    (``joint.J.effort``, ``coordinate.C.effort``) less ``N^2 J a`` of the rotor: the motor turns at ``N v`` and gives
+    With v the velocity of the joint, N the ratio and tau the effort that goes through the gear, that of the drive
+    (``coordinate.C.effort``; of a joint through which no other drive acts ``joint.J.effort``) less ``N^2 J a`` of the
+    rotor: the motor turns at ``N v`` and gives
     ``tau / (N eta)`` while it drives (tau v > 0), ``eta tau / N`` while the load drives it, plus ``J N a`` for its
     rotor. An armature that the model gives the joint is a load of the gear.
     Where the speed passes through zero the motion that follows counts, at the end of a smooth part of a law that which
@@ -120,6 +121,20 @@ class Drive(InputStruct, frozen=True):
         """
         gear = np.where(effort * direction < 0.0, self.efficiency, 1.0 / self.efficiency)
         return np.asarray(gear * effort / self.ratio + self.rotor_inertia * self.ratio * a)
+
+    def holding(self, low: Array, high: Array) -> tuple[Array, Array]:
+        """Return the least and the largest torque of the motor that hold the joint at rest [N*m], shape (n,) each.
+
+        Less would let the load drive the gear, more would drive the load.
+
+        Args:
+            low: Least effort at the joint that holds it [N*m or N], shape (n,).
+            high: Largest one.
+        """
+        ends = (np.where(side * effort > 0.0, 1.0 / self.efficiency, self.efficiency) * effort / self.ratio
+                for side, effort in ((-1.0, low), (1.0, high)))  # fmt: skip
+        down, up = ends
+        return np.minimum(down, up), np.maximum(down, up)
 
     def speed(self, v: Array) -> Array:
         """Return the motor's speed [rad/s], shape (n,)."""

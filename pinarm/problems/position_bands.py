@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.friction.columns import BANDS
+from pinarm.engine.friction.columns import BANDS, own_effort
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.prescribed_motion import Prescription
@@ -79,7 +79,8 @@ class FrictionHold:
         solved = Prescription(
             mechanism, DeterminedMotion(mechanism, nothing), drives, row.dynamics, ROW, row.unit
         ).solved(row, None)
-        lower, upper = (float(solved.columns[f"joint.{joint}.effort.{part}"].values[0]) for part in BANDS)
+        effort = own_effort(mechanism.joints, drives.coordinates(mechanism), joint)
+        lower, upper = (float(solved.columns[f"{effort}.{part}"].values[0]) for part in BANDS)
         return min(-lower, upper)
 
     def holds(self, q: Array) -> bool:

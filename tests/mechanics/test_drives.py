@@ -1,4 +1,5 @@
 import json
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.laws import Harmonic
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.states import State
 
 RATIO, EFFICIENCY, ROTOR = 50.0, 0.8, 2e-5
 PENDULUM = {"name": "arm", "axis": "0 1 0", "mass": 2.0, "com": "0.5 0 0", "inertia": (0.0, 0.2, 0.2)}
@@ -171,3 +174,20 @@ def test_motor_with_losses_splits_link_and_rotor(mechanism, chain, swing):
 def test_a_drive_names_an_existing_joint(mechanism, chain):
     with pytest.raises(InputError, match="no joint 'amr'"):
         driven(mechanism, chain, joint="amr")
+
+
+def test_motors_at_a_joint_and_along_a_sum_through_it_give_the_power_of_the_lift(mechanism, chain):
+    """Two arms of 1 m and 1 kg, stretched out: the second motor lifts the forearm, ``m g l / 2``, past the elbow.
+
+    At 1 and 1.5 rad/s the centres of mass rise at 0.5 m/s and 1.75 m/s; with no acceleration of the joints they gain no
+    kinetic energy, as the centrifugal forces point along the arms.
+    """
+    arm = {"axis": "0 -1 0", "com": "0.5 0 0", "mass": 1.0}
+    drives = {"first": {"joint": "O", "ratio": 10}, "second": {"along": "phi", "ratio": 10}}
+    robot = mechanism(chain({"name": "O", **arm}, {"name": "A", "at": "1 0 0", **arm}), drives=drives,
+                      coordinates={"phi": {"kind": "sum", "of": {"O": 1, "A": 1}}})  # fmt: skip
+    asked = State(hold={"O": 0.0, "A": 0.0}, velocity={"O": 1.0, "A": 0.5}, drives=["O", "phi"])
+    found = Quantities(asked.solve(robot, Accuracy(), lambda *path: nullcontext()).rows)
+    assert found["drive.first.torque"].values[0] == pytest.approx(0.15 * 9.81, rel=1e-12)
+    lift = sum(found[f"drive.{name}.power"].values[0] for name in drives)
+    assert lift == pytest.approx((0.5 + 1.75) * 9.81, rel=1e-12)

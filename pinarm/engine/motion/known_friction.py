@@ -19,11 +19,11 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.batch_jacobians import rows_of
 from pinarm.engine.constraints.nullspaces.nullspace import split_rows
-from pinarm.engine.friction.columns import BANDS, band_column, friction_columns
+from pinarm.engine.friction.columns import BANDS, EffortBand, bands_of, friction_columns
 from pinarm.engine.friction.locking import ROUNDED, locks
 from pinarm.engine.friction.response import BearingReactions
 from pinarm.engine.friction.slipping import CarriedLoads, Slipping
-from pinarm.engine.motion.standstill import leading
+from pinarm.engine.motion.standstill import at_rest, leading, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError
@@ -182,16 +182,20 @@ class KnownFriction:
         return replace(run, columns={**run.columns, **self._bands(self.drives.coordinates(run.mechanism))})
 
     def _bands(self, coordinates: Mapping[str, Coordinate]) -> dict[str, Series]:
-        """Return the least and the largest effort of each drive under which its coordinate stays at rest.
+        """Return the least and the largest efforts under which the coordinates of drives stay at rest.
 
         With t the motion of all joints per unit of the coordinate, the other drives at rest, its effort is
-        ``t . demand - (J t) . f``. Of a coordinate that moves both are the effort itself.
+        ``t . demand - (J t) . f``, and a sum of efforts is that of the sum of their t. Of a coordinate that moves both
+        are the effort itself.
         """
         columns = dict[str, Series]()
-        ways, joints = self._ways(coordinates), self.run.mechanism.joints
-        for d, (name, coordinate) in enumerate(coordinates.items()):
+        ways = self._ways(coordinates)
+        for band in bands_of(self.run.mechanism.joints, coordinates):
+            terms = ways * band.shares
+            way = terms.sum(axis=2)
+            way[np.abs(way) <= MOVES * np.abs(terms).sum(axis=2)] = 0.0
             for part, sign in zip(BANDS, (-1.0, 1.0), strict=True):
-                side = band_column(joints, name, coordinate, part, self._effort(ways[:, :, d], sign))
+                side = band.side(part, self._effort(way, sign))
                 columns[side.name] = side
         return columns
 
@@ -259,19 +263,56 @@ class KnownFriction:
         return found
 
 
-def notes_of(run: Trajectory) -> list[str]:
-    """Return what is to be said of a motion with joints at rest under friction."""
-    lower = {
-        name.removesuffix(".lower"): column.values
-        for name, column in run.columns.items()
-        if name.endswith(".effort.lower")
-    }
-    return [note for name, low in lower.items() for note in _band_notes(name, low, run.columns[f"{name}.upper"].values)]
+def notes_of(run: Trajectory, pace: Array | None) -> list[str]:
+    """Return what is to be said of a motion with joints at rest under friction.
+
+    Args:
+        run: The motion of n rows, with the bands of d drives.
+        pace: What rounding of velocities is judged against, shape (2, nv); ``None`` of states of their own.
+    """
+    coordinates = {name: run.mechanism.coordinate(name) for name in run.drives}
+    resting = _resting(run, coordinates, row_paces(run.mechanism, run.v, run.a) if pace is None else pace)
+    found = list[str]()
+    for band in bands_of(run.mechanism.joints, coordinates):
+        low, high = (run.columns[f"{band.quantity}.{part}"].values for part in BANDS)
+        found += _band_notes(band, low, high, np.asarray(resting[:, band.shares != 0.0].all(axis=1)))
+    return found
 
 
-def _band_notes(name: str, low: Array, high: Array) -> Iterator[str]:
-    """Yield what is to be said of the band of one drive's effort, as ``joint.J.effort``."""
-    n, drive, endless = len(low), name.removesuffix(".effort"), {"lower": low == -np.inf, "upper": high == np.inf}
+def _resting(run: Trajectory, coordinates: Mapping[str, Coordinate], pace: Array) -> Flags:
+    """Return in which rows d coordinates neither move nor begin to, shape (n, d)."""
+    rows = rows_of(run.mechanism.model, list(coordinates.values()), run.q)
+    speeds, rates = np.matvec(rows, run.v), np.matvec(rows, run.a)
+    return at_rest(speeds, rates, np.matvec(np.abs(rows)[:, None], pace))
+
+
+def _band_notes(band: EffortBand, low: Array, high: Array, resting: Flags) -> Iterator[str]:
+    """Yield what is to be said of a band, of coordinates that rest in some rows."""
+    name, n, of_one = band.quantity, len(low), np.count_nonzero(band.shares) == 1
+    if of_one:
+        yield from _endless_notes(name, low, high, resting)
+    wide = high - low > ROUNDED * np.minimum(np.abs(low), np.abs(high))
+    held, moved = wide & resting, wide & ~resting
+    others = ", the other drives free to take their part" if len(band.shares) > 1 else ""
+    together = ": values of several bands need not hold together" if others else ""
+    for rows, what, when, without in (
+        (held, "friction holds", "at rest", "friction"),
+        (moved, "friction of joints at rest leaves", "though the coordinate moves", "their friction"),
+    ):
+        if rows.any():
+            yield (f"{name}: {what} any value from {name}.lower to {name}.upper in {rows.sum()} of {n} rows, {when}"
+                   f"{others}{together}; the table has the value without {without} there")  # fmt: skip
+    low, high = low[held], high[held]
+    locked = (low <= 0.0) & (high >= 0.0) & (0.5 * np.abs(high + low) > LOADED * (high - low))
+    if of_one and locked.any():
+        drive = name.removesuffix(".effort")
+        yield f"{drive} is self-locking in {locked.sum()} of {n} rows: it holds without any effort{others}"
+
+
+def _endless_notes(name: str, low: Array, high: Array, resting: Flags) -> Iterator[str]:
+    """Yield what is to be said of a drive that cannot move its coordinate, whatever its effort."""
+    n, drive = len(low), name.removesuffix(".effort")
+    endless = {"lower": (low == -np.inf) & resting, "upper": (high == np.inf) & resting}
     any_effort = endless["lower"] & endless["upper"]
     if any_effort.any():
         yield (
@@ -282,11 +323,3 @@ def _band_notes(name: str, low: Array, high: Array) -> Iterator[str]:
         if (rows & ~any_effort).any():
             yield (f"{drive}: no effort moves it {way} in {(rows & ~any_effort).sum()} of {n} rows, as friction grows "
                    f"with the effort: {name}.{side} is infinite there")  # fmt: skip
-    rest = np.flatnonzero(high - low > ROUNDED * np.minimum(np.abs(low), np.abs(high)))
-    if len(rest):
-        yield (f"{name}: friction holds any value from {name}.lower to {name}.upper in {len(rest)} of {n} rows, at "
-               "rest; the table has the value without friction there")  # fmt: skip
-    low, high = low[rest], high[rest]
-    locked = (low <= 0.0) & (high >= 0.0) & (0.5 * np.abs(high + low) > LOADED * (high - low))
-    if locked.any():
-        yield f"{drive} is self-locking in {locked.sum()} of {n} rows: it holds without any effort"

@@ -100,7 +100,7 @@ class Prescription(Record, frozen=True):
             return notes
         from pinarm.engine.motion.known_friction import notes_of
 
-        return [*notes_of(rows), *notes]
+        return [*notes_of(rows, pace), *notes]
 
     def moving(self, grid: Grid, near: Array) -> Trajectory:
         """Return the motion at the rows of a grid, without efforts, on the branch of a configuration near the first."""

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pinarm.arrays import Array, Flags
+from pinarm.engine.friction.columns import BANDS, own_effort
 from pinarm.engine.motion.standstill import STANDSTILL
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.drives import Drive
@@ -42,13 +43,36 @@ def _lossy(run: Trajectory) -> Iterator[tuple[str, Drive]]:
 
 def _held(run: Trajectory, name: str, drive: Drive) -> str:
     """Return a note on rows at which a gear with losses holds a load; empty where there are none."""
-    effort = np.abs(run.tau[:, run.mechanism.joints[drive.joint].v])
-    rest = run.direction(run.mechanism.driven_joint(name).v) == 0.0
-    count = int((rest & (effort > STANDSTILL * effort.max(initial=0.0))).sum())
+    effort, rest = np.abs(run.drive_effort(drive.joint)), run.direction(run.mechanism.driven_joint(name).v) == 0.0
+    loaded = effort > STANDSTILL * effort.max(initial=0.0)
+    if drive.joint in run.drives and run.mechanism.frictions:
+        return _held_by_friction(run, name, rest, loaded)
+    count = int((rest & loaded).sum())
     if not count:
         return ""
     return (f"drive.{name}.torque: at rest its gear holds the load with any torque from {drive.efficiency**2:.4g} of "
             f"the value of the table to that value, in {count} of {len(run)} rows")  # fmt: skip
+
+
+def _held_by_friction(run: Trajectory, name: str, rest: Flags, loaded: Flags) -> str:
+    """Return a note on rows at which a gear with losses holds a load together with friction behind it.
+
+    Args:
+        run: The motion of n rows, with the bands of its drives.
+        name: Of the drive.
+        rest: At which rows its joint rests, shape (n,).
+        loaded: At which it carries a load, shape (n,).
+    """
+    mechanism, drive = run.mechanism, run.mechanism.drives[name]
+    own = own_effort(mechanism.joints, {one: mechanism.coordinate(one) for one in run.drives}, drive.joint)
+    low, high = (run.columns[f"{own}.{part}"].values for part in BANDS)
+    rows = np.flatnonzero(rest & (loaded | (high > low)))
+    if not len(rows):
+        return ""
+    least, most = (side[rows[0]] for side in drive.holding(low, high))
+    return (f"drive.{name}.torque: at rest its gear and friction hold the load with any torque of a band, by "
+            f"{own}.lower and .upper and the efficiency, in {len(rows)} of {len(run)} rows: from {least:.4g} to "
+            f"{most:.4g} N*m in the first of them")  # fmt: skip
 
 
 def _turning(run: Trajectory, pace: Array) -> Iterator[tuple[str, Flags]]:

@@ -294,6 +294,14 @@ class Trajectory(Record, frozen=True):
         efforts = np.linalg.lstsq(np.array([*weights.values()]).T, tau.T)[0]
         return np.asarray(efforts[[*weights].index(name)].reshape(self.tau.shape[:-1]))
 
+    def drive_effort(self, joint: str) -> Array:
+        """Return the effort of the drive at a joint, without drives along sums that act through it too, shape (n,)."""
+        v, known = self.mechanism.joints[joint].v, self.mechanism.coordinates
+        others = (known.get(drive) for drive in self.drives if drive != joint)
+        shared = any(isinstance(one, LinearCoordinate) and one.weights[v] for one in others)
+        own = self.effort_along(joint) if shared else None
+        return self.tau[..., v] if own is None else own
+
     def direction(self, index: int) -> Array:
         """Return the direction of a joint's motion at every row, 1, 0 or -1, shape (n,).
 

@@ -1,5 +1,6 @@
 """Rows at which joints stand still: bands that gears with losses hold, and sides of reversals."""
 
+import re
 from contextlib import nullcontext
 
 import numpy as np
@@ -27,6 +28,15 @@ def test_a_gear_that_holds_a_load_has_a_band(mechanism, chain, gravity, held):
     assert len(found) == held
     if held:
         assert "drive.servo.torque: at rest its gear holds the load with any torque from 0.49 of" in found[0]
+
+
+def test_friction_behind_a_gear_that_holds_widens_the_band(mechanism, chain):
+    """``(m g l - F) eta / N`` to ``(m g l + F) / (eta N)``, with a friction of F = 1 N*m."""
+    friction = {"arm": {"constant": "1 N*m"}}
+    found = notes(Statics(hold={"arm": 0.0}), mechanism(chain(BODY), friction=friction, **LOSSY))
+    band = re.search("from ([0-9.]+) to ([0-9.]+) N[*]m in the first of them", found[-1]).groups()
+    weight = 0.5 * 9.81
+    assert [float(side) for side in band] == pytest.approx([(weight - 1.0) * 0.07, (weight + 1.0) / 7.0], rel=1e-3)
 
 
 @pytest.mark.parametrize(

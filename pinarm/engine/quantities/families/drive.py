@@ -98,6 +98,6 @@ class DriveQuantities(Family):
     def _effort(self, asked: Asked, drive: Drive) -> Array:
         """Return the effort of what drives the joint or the coordinate, the rotor's share included, shape (n,)."""
         if drive.joint:
-            return self.run.tau[..., self.run.mechanism.joints[drive.joint].v]
+            return self.run.drive_effort(drive.joint)
         along = CoordinateQuantities(self.evaluation)
         return along.series(Asked(f"coordinate.{drive.coordinate}.effort", (drive.coordinate, "effort"))).values
