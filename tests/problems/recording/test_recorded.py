@@ -9,6 +9,7 @@ import pytest
 import pinarm
 from pinarm.cli.main import main
 from pinarm.errors import PinarmError
+from pinarm.records import replace
 from pinarm.use.show.terminal import report
 from pinarm.use.store.restore import restore
 
@@ -287,3 +288,15 @@ def test_velocities_in_the_axes_of_a_floating_base_get_a_note(tmp_path):
     notes = brick.result(t, q, own).notes()
     assert "the given velocity is not the rate of the positions" in notes[0]
     assert "in the axes of the world" in notes[1]
+
+
+def test_figures_of_rows_that_stand_alone_are_refused_at_once_with_what_makes_them_a_motion(arm):
+    t = np.linspace(0, 2, 101)
+    q, v, a = motion(t)
+    with pytest.raises(PinarmError, match="these rows stand alone") as refused:
+        arm.result(t, q, v, a, outputs=["C_B"], numbers=["C_B @ rms"])
+    assert 'derivatives="spline"' in refused.value.hint
+    assert arm.result(t, q, derivatives="spline", outputs=["C_B"], numbers=["C_B @ rms"]).numbers()
+    given = arm.result(t, q, v, a, outputs=["C_B"]).scenario
+    with pytest.raises(PinarmError, match="these rows stand alone"):
+        replace(given, content=replace(given.content, numbers=["C_B @ rms"])).validate()
