@@ -15,7 +15,7 @@ HEAD = """# Quantities
 
 `outputs`, `expect`, `find`, sweeps and `result[...]` take these names, symbols of the mechanism, coordinates, arguments
 of the model, and formulas of them such as `Cr*theta21d` or `(2e4 N/m)*y`. `python -m pinarm quantities SCENARIO` lists
-those of a mechanism with units, and says which are refused and why.
+those of a mechanism with units, meanings and frames, and says which are refused and why.
 
 Vectors end in a component, `.x`, `.y`, `.z` in world axes, or `.norm`, the length; of joints with an axis also in
 `.axial`, the part along the axis, and `.radial`, the size of the rest. `.along.B` before the component gives it in the

@@ -200,10 +200,12 @@ def _quantities(options: argparse.Namespace) -> int:
 
     known = quantities(options.path, options.values, like=options.like)
     if not known:
-        words = {word for entry in quantities(options.path, options.values) for word in re.findall(r"\w+", str(entry))}
+        texts = (f"{entry.name} {entry.meaning}" for entry in quantities(options.path, options.values))
+        words = {word for text in texts for word in re.findall(r"\w{3,}", text)}
+        alike = {word for word in words if word[0].casefold() == options.like[0].casefold()}
         raise InputError(f"nothing that can be asked has '{options.like}' in its name or meaning",
-                         expected="part of a name or of a meaning, such as force", hint=choices(options.like, words)[1],
-                         )  # fmt: skip
+                         expected="part of a name or of a meaning, such as force",
+                         hint=choices(options.like, alike)[1])  # fmt: skip
     if options.json:
         import msgspec
 

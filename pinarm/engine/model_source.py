@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 FILES = (".urdf", ".xacro", ".xml", ".mjcf", ".sdf")
 """Endings of model files; what has none of them is the name of a robot."""
 
+MESH_MASSES = "masses of meshes are those of MuJoCo's compiler"
+"""What is said of a model whose meshes have masses."""
+
 
 class Source(ValueRecord, frozen=True):
     """Where a mechanism was read from.
@@ -118,7 +121,7 @@ def _built(xml: str, path: Path, root: Path, build: Callable[[str], RobotModel])
     from pinarm.engine.mesh_inertias import with_mesh_inertias
 
     robot = build(with_mesh_inertias(xml, path, root))
-    return replace(robot, notes=(*robot.notes, "masses of meshes are those of MuJoCo's compiler"))
+    return replace(robot, notes=(*robot.notes, MESH_MASSES))
 
 
 def _drawn(

@@ -3,12 +3,38 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array, real
 from pinarm.errors import InputError
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+    from pinarm.mechanics.loading.pinocchio_layout import PinocchioLayout
+
+
+def refuse_foreign(mechanism: Mechanism, q: ArrayLike) -> None:
+    """Raise where configurations have the width of those of ``pin.buildModelFromUrdf``, and not pinarm's.
+
+    Raises:
+        InputError: Says what converts them.
+    """
+    nq, shape = mechanism.model.nq, real(q, "q").shape
+    layout = _foreign(mechanism) if shape and shape[-1] != nq else None
+    if layout is not None and shape[-1] == layout.p_nq:
+        raise InputError(f"q has the shape {shape}, as Pinocchio has it", expected=f"(..., {nq})",
+                         hint=f"q, v = mechanism.from_pinocchio(q, v): {layout.words()}")  # fmt: skip
+
+
+def _foreign(mechanism: Mechanism) -> PinocchioLayout | None:
+    """Return where Pinocchio's reader has the joints; ``None`` where it has no such model."""
+    try:
+        return mechanism.pinocchio_layout
+    except InputError:
+        return None
 
 
 @dataclass(frozen=True)

@@ -40,15 +40,26 @@ COLUMNS = {
 """Part of the names of columns that friction, controllers and kinds of problem add, * for any name -> meaning."""
 
 
+WORLD = "world axes, .along.LINK"
+FRAMES = {
+    "joint.*.quaternion": "in the joint's placement", "joint.*.angular_*": "axes of the link",
+    "joint.*.effort": "axes of the link", "joint.*.link_effort": "axes of the link",
+    "force.*.moment": WORLD, "*.moment": f"{WORLD}, .about.LINK", "momentum.*.angular": f"{WORLD}, .about.LINK",
+}  # fmt: skip
+"""Names of vectors, * for any name -> their frame, the first that fits; any other one is in that of ``WORLD``."""
+
+
 class NamedQuantity(NamedTuple):
     """Something that can be asked by name.
 
     Attributes:
         name: Its name, without the last word where that is a component.
-        components: Last words; empty for a scalar. Vectors are in world axes where the meaning does not say otherwise.
+        components: Last words; empty for a scalar.
         unit: Its unit in SI; empty where it is refused.
         meaning: What it is, in words; of a symbol its formula.
         refused: Which components cannot be asked here, and why; empty where all can.
+        frame: Axes of a vector, and the words before its component that give it in others: ``.along.LINK`` in those of
+            a link, ``.about.LINK``, of moments, about the origin of a link; empty for a scalar.
     """
 
     name: str
@@ -56,6 +67,7 @@ class NamedQuantity(NamedTuple):
     unit: str
     meaning: str
     refused: str
+    frame: str = ""
 
     @property
     def names(self) -> list[str]:
@@ -65,7 +77,8 @@ class NamedQuantity(NamedTuple):
     def __str__(self) -> str:
         """Return it as a line."""
         components = f".{{{','.join(self.components)}}}" if self.components else ""
-        said = f"{self.meaning} (refused: {self.refused})" if self.refused else self.meaning
+        said = "; ".join(filter(None, (self.meaning, self.frame)))
+        said += f" (refused: {self.refused})" if self.refused else ""
         return f"{self.name}{components} [{self.unit or '?'}]  {said}"
 
 
@@ -149,4 +162,5 @@ def _entry(quantities: Quantities, name: str, meaning: str, components: tuple[st
         except InputError as error:
             refusals.setdefault(error.message.removeprefix(f"'{whole}': "), []).append(component)
     refused = "; ".join(f"{', '.join(those)}: {why}" if units else why for why, those in refusals.items())
-    return NamedQuantity(name, components, units[0] if units else "", meaning, refused)
+    frame = next((frame for names, frame in FRAMES.items() if fnmatchcase(name, names)), WORLD) if components else ""
+    return NamedQuantity(name, components, units[0] if units else "", meaning, refused, frame)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from pinarm.arrays import Array
 from pinarm.engine.constraints.batch_jacobians import rows_of
 from pinarm.engine.dynamics import mass_matrix
-from pinarm.engine.quantities.broadcasting import LeadingAxes
+from pinarm.engine.quantities.broadcasting import LeadingAxes, refuse_foreign
 from pinarm.engine.quantities.states import check_quaternions
 from pinarm.errors import InputError, choices
 from pinarm.mechanics.geometry.kinematics import Kinematics
@@ -73,6 +73,7 @@ def pinocchio_data(mechanism: Mechanism, q: ArrayLike, v: ArrayLike | None, a: A
         raise InputError(f"q has the shape {np.shape(q)}", expected=f"one state, shape ({model.nq},)")
     still = np.zeros(model.nv)
     given = {"q": (q, model.nq), "v": (still if v is None else v, model.nv), "a": (still if a is None else a, model.nv)}
+    refuse_foreign(mechanism, q)
     leading, states = LeadingAxes.fold(**given)
     check_quaternions(mechanism, leading, states[0])
     configuration, velocity, acceleration = (rows[0] for rows in states)
@@ -86,6 +87,7 @@ def pinocchio_data(mechanism: Mechanism, q: ArrayLike, v: ArrayLike | None, a: A
 
 
 def _configurations(mechanism: Mechanism, q: ArrayLike) -> tuple[LeadingAxes, Array]:
+    refuse_foreign(mechanism, q)
     leading, (rows,) = LeadingAxes.fold(q=(q, mechanism.model.nq))
     check_quaternions(mechanism, leading, rows)
     return leading, rows

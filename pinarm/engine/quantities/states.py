@@ -19,7 +19,7 @@ from pinarm.engine.dynamics.equation import accelerations
 from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.motion.standstill import directions, lossy, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.quantities.broadcasting import LeadingAxes
+from pinarm.engine.quantities.broadcasting import LeadingAxes, refuse_foreign
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.engine.statics.actuation import Actuation, actuation, everywhere
@@ -128,6 +128,7 @@ def quantities(
     if a is not None and tau is not None:
         raise InputError("accelerations and efforts are given", expected="one of them: the other one follows")
     rates = {name: (x, nv) for name, x in (("v", v), ("a", a), ("tau", tau)) if x is not None}
+    refuse_foreign(mechanism, q)
     leading, rows = LeadingAxes.fold(q=(q, nq), **rates)
     check_quaternions(mechanism, leading, rows[0])
     named = dict(zip(("q", *rates), rows, strict=True))
@@ -232,6 +233,7 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
         raise InputError(f"the joints of this mechanism are tied by {names}", expected="drives that carry the load",
                          hint="inverse(q, v, a, drives=[...])")  # fmt: skip
     nv = mechanism.model.nv
+    refuse_foreign(mechanism, q)
     leading, (q, v, a) = LeadingAxes.fold(q=(q, mechanism.model.nq), v=(v, nv), a=(a, nv))
     check_quaternions(mechanism, leading, q)
     demand = mechanism.dynamics.on(t, np.nextafter(t, np.inf)).inverse(t, q, v, a)
@@ -246,6 +248,7 @@ def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: floa
     """Return the accelerations under efforts; see ``Mechanism.forward``."""
     dynamics, nv = mechanism.dynamics.on(t, np.nextafter(t, np.inf)), mechanism.model.nv
     given = {} if tau is None else {"tau": (tau, nv)}
+    refuse_foreign(mechanism, q)
     leading, (q, v, *efforts) = LeadingAxes.fold(q=(q, mechanism.model.nq), v=(v, nv), **given)
     check_quaternions(mechanism, leading, q)
     tau = efforts[0] if efforts else np.zeros_like(v)

@@ -39,6 +39,10 @@ if TYPE_CHECKING:
 FREE_FLYER = "root_joint"
 """Name that Pinocchio gives to the joint of a floating base."""
 
+FLOATING = ("q has the position and the quaternion x, y, z, w; v the velocity of the origin in the axes of the parent "
+            "(Pinocchio: in its own) and the angular velocity in its own")  # fmt: skip
+"""Which convention q and v of a joint have that moves freely."""
+
 UNIT = 1e-8
 """How far (cos, sin) and quaternions may be from the length 1: typed digits explain as much."""
 
@@ -254,6 +258,20 @@ class PinocchioLayout:
         if theirs.nv != model.nv:
             raise InputError(f"the mechanism has {model.nv} velocities, and Pinocchio's reader makes {theirs.nv} of it")
         return cls(theirs.nq, theirs.nv, model.nq, model.nv, parts)
+
+    def words(self) -> str:
+        """Return which convention q and v have where Pinocchio has another one; empty where they are the same."""
+        turning = [part.name for part in self.parts if isinstance(part, ContinuousStates)]
+        flat = [part.angle.name for part in self.parts if isinstance(part, PlanarStates)]
+        floating = [part.ball.name for part in self.parts if isinstance(part, FloatingStates)]
+        told = (
+            (turning, "q has the angle, turns counted (Pinocchio: cos, sin)"),
+            (flat, "q has x, y and the angle, v the velocity in the axes of the parent (Pinocchio: x, y, cos, sin, and "
+                   "the axes of what moves)"),
+            (floating, FLOATING),
+        )  # fmt: skip
+        parts = [f"of {', '.join(names)} {what}" for names, what in told if names]
+        return "; ".join(parts)
 
     def take(self, p_q: Array, p_v: Array) -> tuple[Array, Array]:
         """Return q, shape (n, nq), and v, shape (n, nv), from those of Pinocchio, shapes (n, p_nq) and (n, p_nv)."""

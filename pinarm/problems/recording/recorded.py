@@ -116,7 +116,7 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
         with place("file" if self.file else "columns"):
             outcome = recording.splined(rows) if self.derivatives == "spline" else recording.outcome(rows)
         notes = (f"columns that are not read: {', '.join(unread)}",) if unread else ()
-        return replace(outcome, notes=notes)
+        return replace(outcome, notes=(*notes, *_doubts(mechanism, outcome.figures)))
 
     def rows(self, mechanism: Mechanism) -> tuple[RecordedRows, tuple[str, ...]]:
         """Return the rows that are given, and the headings of columns that are not read.
@@ -151,3 +151,21 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
         if not self.drives and self.share is None:
             return everywhere(mechanism)
         return drives_of(mechanism, self.drives, [], self.share, place)
+
+
+def _doubts(mechanism: Mechanism, figures: Mapping[str, float]) -> tuple[str, ...]:
+    """Return what given derivatives seem to be, where they are no rates of the rows."""
+    doubts = []
+    for derivative, of in (("velocity", "positions"), ("acceleration", "velocities")):
+        left = figures.get(f"{derivative} consistency", 0.0)
+        if left > DOUBTFUL:
+            doubts.append(f"{derivative} consistency {left:.2g}: the given {derivative} is not the rate of the {of}, "
+                          "or the rows are too far apart to tell")  # fmt: skip
+    if doubts and mechanism.balls:
+        doubts.append("of a floating base v has the velocity in the axes of the world, where Pinocchio has it in those "
+                      "of the base: Mechanism.from_pinocchio converts")  # fmt: skip
+    return tuple(doubts)
+
+
+DOUBTFUL = 1e-2
+"""Relative difference of a derivative from the rate of the rows that a note tells."""

@@ -14,7 +14,7 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.numbers import is_whole
 from pinarm.records import replace
-from pinarm.use.result.figures.curve_figures import FIGURES, figure, figure_unit, is_figure
+from pinarm.use.result.figures.curve_figures import FIGURES, figure, figure_unit, is_figure, stands_alone
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -93,9 +93,11 @@ class RunNumber:
             sections: What its sections are of, by key, which a number of a curve does not need.
 
         Raises:
-            InputError: There is no such quantity.
+            InputError: There is no such quantity, or the rows are no motion and have no figures.
         """
         series, _ = quantities[self.quantity], quantities[self.of]
+        if quantities.trajectory.sampled and is_figure(self.figure):
+            raise stands_alone(quantities.trajectory, self.quantity, self.figure)
         unit = figure_unit(quantities, self.quantity, self.at) if isinstance(self.at, str) else series.unit
         return Series(self.label, unit, np.zeros(0))
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from pinarm.arrays import as_rows, real, same_rows
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.recorded_motion import RecordedRows
+from pinarm.engine.quantities.broadcasting import refuse_foreign
 from pinarm.errors import InputError
 from pinarm.problems.recording.recorded_columns import check_rows, named_columns
 from pinarm.use.result.result import Result
@@ -55,7 +56,9 @@ def result(
     problem |= {"derivatives": derivatives, "loads": loads, **({"drives": list(drives)} if drives else {})}
     moving = [*mechanism.joints, *(f"joint.{name}.{angle}" for name in mechanism.balls for angle in ANGLES)]
     data = {"pinarm": 1, "title": mechanism.title, "outputs": moving, **keys, "mechanism": mechanism}
-    return Scenario.of_data({**data, "problem": problem}).run()
+    found = Scenario.of_data({**data, "problem": problem}).run()
+    found.numbers()  # so that those are refused at once that these rows do not have
+    return found
 
 
 ANGLES = ("roll", "pitch", "yaw")
@@ -70,6 +73,7 @@ def _rows(
     if instants.ndim != 1:
         raise InputError(f"t has the shape {instants.shape}", expected="(n,)")
     given = {"v": v, "a": a, "tau": tau}
+    refuse_foreign(mechanism, q)
     positions = as_rows(np.asarray(q), nq, "q")
     arrays = {name: None if x is None else as_rows(np.asarray(x), nv, name) for name, x in given.items()}
     same_rows(instants, positions, *(x for x in arrays.values() if x is not None))

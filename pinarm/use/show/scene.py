@@ -17,7 +17,7 @@ from pinarm.use.show.replay.names import Name, gathered, names_of
 from pinarm.use.show.replay.overlays import BodyPoint, Connection, pairs
 from pinarm.use.show.replay.sticks import sticks
 from pinarm.use.show.replay.tracks import nodes_of, placed
-from pinarm.use.show.stick_figure import StickFigure, stick_figure
+from pinarm.use.show.stick_figure import StickFigure, slots, stick_figure
 
 PATH, GROUND = "#8b949e", "#59595f"
 """Colours of paths, and of what does not move."""
@@ -67,7 +67,8 @@ def scene_of(mechanism: Mechanism, forces: Mapping[str, ForceElement], q: Array,
                    [end.path(places) for end in ends])  # fmt: skip
     names = gathered(list(names_of(mechanism, nodes, how)), places, seen.size)
     shortest = [float(pair.lengths(places).min()) for pair in joined]
-    return Scene(stick_figure(mechanism, nodes, ends), joined, shortest, names, seen, seen.view())
+    figure = stick_figure(mechanism, nodes, joined, slots(mechanism, seen, places))
+    return Scene(figure, joined, shortest, names, seen, seen.view())
 
 
 def stroke(points: Array, colour: str, width: float, style: Style = "-", opacity: float = 1.0) -> Line:

@@ -186,14 +186,14 @@ def _joined(
     """Yield what joins two points.
 
     A spring is a coil, a cylinder a barrel and its rod, a rod or a cable a line, a bushing a block, and a loop joint
-    its pin.
+    its pin, which in a slot is that of the second point.
     """
     one, two = (scene.flat(place, end) for end in pair.ends)
     along, length = two - one, float(np.linalg.norm(two - one))
     half = min(WIDE.get(pair.kind, 0.0) * scene.framing.size, SLENDER * length)
     beside = half * np.array([-along[1], along[0]]) / length if length else np.zeros(2)
-    if pair.kind == "loop":
-        yield mark(one, colour, 2.2 * width)
+    if pair.kind in ("loop", "slot"):
+        yield mark(two if pair.kind == "slot" else one, colour, 2.2 * width)
     elif pair.kind == "bushing":
         yield replace(mark(one, colour, 3.0 * width, "s"), fill=colour)
     elif pair.kind == "spring":

@@ -11,10 +11,13 @@ from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.couplings.transmissions import ToothContact
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.loops.lower_pairs import LowerPair
 from pinarm.records import ValueRecord
 from pinarm.use.show.cam_bodies import cam_bodies
 from pinarm.use.show.chart import Style
-from pinarm.use.show.replay.overlays import BodyPoint
+from pinarm.use.show.replay.framing import Framing
+from pinarm.use.show.replay.overlays import LOOPS, BodyPoint, Connection, point_of
 from pinarm.use.show.replay.shapes import Shape, primitives
 from pinarm.use.show.replay.sticks import cuboid, reach
 from pinarm.use.show.replay.tracks import Node
@@ -36,6 +39,15 @@ BEYOND = 0.15
 
 RAIL = 0.4
 """Width of the lines of rails, relative to that of sticks."""
+
+HALF = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 19)
+"""Angles of the points of the round end of a slot."""
+
+SLOT = 0.017
+"""Half width of slots, relative to the extent of the mechanism."""
+
+FLAT = 1e-6
+"""Cosine of the angle of a plane's normal to that of the drawing up to which the plane is a line in it."""
 
 EVEN = 1e-9
 """Difference of two moments of inertia, relative to them, up to which they are the same."""
@@ -77,18 +89,21 @@ class StickFigure(ValueRecord, frozen=True):
     tips: Sequence[BodyPoint]
 
 
-def stick_figure(mechanism: Mechanism, nodes: Sequence[Node], joined: Sequence[BodyPoint]) -> StickFigure:
+def stick_figure(
+    mechanism: Mechanism, nodes: Sequence[Node], joined: Sequence[Connection], slots: Sequence[Stick] = ()
+) -> StickFigure:
     """Return the figure of a mechanism.
 
     Args:
         mechanism: The mechanism.
         nodes: Its bodies.
-        joined: Points that springs and loop joints hold.
+        joined: Springs and loop joints.
+        slots: Slots that pins slide along.
     """
     model, wheels = mechanism.model, dict(_wheels(mechanism))
     drawn, tips, compact = list[Stick](), list[BodyPoint](), list[int]()
     known = {(node.parent, tuple(node.placement.translation)) for node in nodes}
-    known |= {(end.node, tuple(end.place)) for end in joined}
+    known |= {(end.node, tuple(end.place)) for pair in joined for end in pair.ends}
     for node in (k for k in range(1, len(nodes)) if nodes[k].carries):
         points = reach(model, nodes, node)
         ends = points[points.any(axis=1)]
@@ -109,8 +124,41 @@ def stick_figure(mechanism: Mechanism, nodes: Sequence[Node], joined: Sequence[B
     slides = [k for k in own if nodes[k].kind == "slide"]
     rails = [_rail(nodes[k], BEYOND * longest if np.isfinite(longest) else 0.0) for k in slides]
     mounts = [np.asarray(nodes[k].placement.translation) for k in pins if not nodes[k].parent]
-    mounts += [end.place for end in joined if not end.node]
-    return StickFigure(drawn, pins, slides, rails, mounts, tips)
+    mounts += [end.place for pair in joined if pair.kind != "slot" for end in pair.ends if not end.node]
+    return StickFigure(drawn, pins, slides, [*rails, *slots], mounts, tips)
+
+
+def slots(mechanism: Mechanism, seen: Framing, places: Array) -> list[Stick]:
+    """Return the slots of a mechanism that is seen flat: outlines around the way of the pin, and a little beyond.
+
+    Args:
+        mechanism: The mechanism.
+        seen: From where.
+        places: Placements of its bodies, shape (rows, njoints, 4, 4).
+    """
+    if seen.normal is None:
+        return []
+    model, found = mechanism.model, list[Stick]()
+    for joint in mechanism.constraints:
+        if isinstance(joint, LoopJoint) and isinstance(joint.pair, LowerPair) and LOOPS.get(joint.kind) == "slot":
+            slot, pin_point = (point_of(model, frame) for frame in (joint.first, joint.second))
+            turn, origin = places[:, slot.node, :3, :3], slot.path(places)
+            normal = turn[0].T @ seen.normal
+            beside = model.frames[joint.first].placement.rotation @ joint.pair.axis
+            along = np.cross(beside, normal)
+            if abs(beside @ normal) < FLAT:
+                ways = np.vecmat(pin_point.path(places) - origin, turn) @ along
+                found.append(Stick(slot.node, slot.place + _oblong(ways, along, beside, seen.size), RAIL))
+    return found
+
+
+def _oblong(ways: Array, along: Array, beside: Array, size: float) -> Array:
+    """Return the outline of a slot around ways of its pin [m]: two lines that half circles join, shape (n, 3)."""
+    half = SLOT * size
+    turned = half * np.stack([np.cos(HALF), np.sin(HALF)], axis=1)
+    low, high = (np.array([end, 0.0]) for end in (ways.min() - 2.0 * half, ways.max() + 2.0 * half))
+    front, back = high + turned, low - turned
+    return np.asarray(np.concatenate([front, back, front[:1]]) @ np.stack([along, beside]))
 
 
 def _rail(node: Node, beyond: float) -> Stick:

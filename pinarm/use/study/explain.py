@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -15,11 +16,13 @@ from pinarm.engine.kernel.library import absence
 from pinarm.engine.kinematics.closed_configurations import beside, closed_anywhere, closed_near, generic
 from pinarm.engine.kinematics.mobility import Mobility, joint_kind, mobility_of
 from pinarm.engine.mechanism import Mechanism
-from pinarm.errors import AssemblyError
+from pinarm.engine.model_source import MESH_MASSES
+from pinarm.errors import AssemblyError, InputError
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import Values
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import left_open
+from pinarm.mechanics.loading.pinocchio_layout import FLOATING
 from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.rotors import GearedRotor
@@ -188,13 +191,27 @@ class Explanation:
     def _modelled(self) -> list[str]:
         """Return which joints are solved for, why the others are not, and whether the compiled kernel is missing."""
         model = self.mechanism.model
-        lines = ["meshes are not read: no mass is taken from them"] if "<mesh" in self.mechanism.xml else []
+        lines = self._convention()
+        lines += ["meshes are not read: no mass is taken from them"] if self._unread_meshes() else []
         if self.removals:
             count = model.njoints - 1
             lines.append(f"solved for: {count - len(self.removals)} of {count} joints")
         lines += [f"  {one.joint}: {one.how}, {one.why}" for one in self.removals]
         reason = absence()
         return [*lines, f"compiled kernel: {reason}; steps of motions are computed in Python"] if reason else lines
+
+    def _unread_meshes(self) -> bool:
+        return "<mesh" in self.mechanism.xml and MESH_MASSES not in self.mechanism.notes
+
+    def _convention(self) -> list[str]:
+        """Return which convention q and v have, of a model whose joints Pinocchio has otherwise."""
+        if self.mechanism.description.planar is not None:
+            return []
+        with suppress(InputError):  # Pinocchio's reader has no such model
+            words = self.mechanism.pinocchio_layout.words()
+            return [f"q and v: {words}. Mechanism.from_pinocchio converts"] if words else []
+        floating = [name for name in self.mechanism.balls if f"{name}.x" in self.mechanism.joints]
+        return [f"q and v: of {', '.join(floating)} {FLOATING}"] if floating else []
 
 
 def _spinning(joints: Sequence[str]) -> str:

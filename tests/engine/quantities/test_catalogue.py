@@ -6,8 +6,12 @@ import pytest
 from quantities_page import PAGE, page
 
 import pinarm
+from pinarm.engine.kinematics.closed_configurations import generic_near
+from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.families import FAMILIES
+from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
+from pinarm.input.units import unit
 
 ROOT = Path(__file__).parents[3]
 ARM = ROOT / "scenarios" / "gen411_arm_static.yaml"
@@ -68,3 +72,30 @@ def test_notebooks_complete_names():
 
 def test_the_page_is_that_of_the_program():
     assert PAGE.read_text(encoding="utf-8") == page(), "write it anew: python docs/quantities_page.py"
+
+
+@pytest.mark.parametrize("model", ["gen411_arm", "crank_rocker", "differential_screw", "brick_floating"])
+def test_vectors_can_be_asked_in_the_frames_that_are_said(model: str, tmp_path: Path):
+    if model == "brick_floating":
+        (tmp_path / "brick.urdf").write_text(BRICK)
+        mechanism = pinarm.Mechanism.load(tmp_path / "brick.urdf", values={"base": "floating"})
+    else:
+        mechanism = pinarm.Mechanism.load(ROOT / "models" / model / "mechanism.yaml")
+    row = Trajectory.schema_row(mechanism, generic_near(mechanism, mechanism.start), "t", unit("s"), mechanism.closure)
+    known = Quantities(row)
+    listed = {entry.meaning: entry for entry in mechanism.quantities() if entry.components}.values()
+    assert all(bool(entry.components) == bool(entry.frame) for entry in mechanism.quantities())
+    [link, *_] = [name.split(".")[1] for name in known.names() if name.startswith("point.")]
+    for entry in listed:
+        for way in (".along", ".about"):
+            there = True
+            try:
+                known[f"{entry.name}{way}.{link}.z"]
+            except InputError as error:  # also of a component that rigid bodies do not determine
+                there = not error.message.startswith("there is no quantity")
+            said = f"{way}.LINK" in entry.frame
+            assert said == there or (way == ".about" and not entry.name.endswith((".moment", ".angular"))), (entry, way)
+
+
+BRICK = """<robot name="brick"><link name="b"><inertial><mass value="2"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""

@@ -152,3 +152,14 @@ class TestWhatCannotBeConverted:
         for convert in (robot.from_pinocchio, robot.to_pinocchio):
             with pytest.raises(InputError, match=r"quaternion of 'root' has the length 1\.01"):
                 convert(q)
+
+
+@pytest.mark.parametrize("pair", [("chain", None)], indirect=True)
+def test_configurations_in_the_shape_of_pinocchio_are_refused_with_what_converts_them(pair):
+    mechanism, theirs = pair
+    q, v = pin.neutral(theirs), np.zeros(theirs.nv)
+    for use in (mechanism.mass_matrix, mechanism.at, mechanism.pin_data, lambda q: mechanism.forward(q, v),
+                lambda q: mechanism.inverse(q, v, v), lambda q: mechanism.result([0.0, 1.0], [q, q])):  # fmt: skip
+        with pytest.raises(InputError, match="as Pinocchio has it") as refused:
+            use(q)
+        assert "mechanism.from_pinocchio(q, v): of j1, j4 q has the angle" in refused.value.hint

@@ -9,6 +9,7 @@ import pytest
 import pinarm
 from pinarm.cli.main import main
 from pinarm.errors import PinarmError
+from pinarm.records import replace
 from pinarm.use.show.terminal import report
 from pinarm.use.store.restore import restore
 
@@ -270,3 +271,32 @@ def test_conflicting_wishes_are_refused(arm):
     ):
         with pytest.raises(PinarmError, match=message):
             pinarm.result(arm, t, *arguments, **keys)
+
+
+def test_velocities_in_the_axes_of_a_floating_base_get_a_note(tmp_path):
+    (tmp_path / "brick.urdf").write_text(
+        '<robot name="brick"><link name="b"><inertial><mass value="2"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>'
+    )
+    brick = pinarm.Mechanism.load(tmp_path / "brick.urdf", values={"base": "floating"})
+    t = np.linspace(0.0, 1.0, 101)
+    one, none = np.ones_like(t), 0.0 * t
+    q = np.stack([np.cos(t), np.sin(t), none, none, none, np.sin(t), np.cos(t)], axis=1)  # turns by 2 t
+    world = np.stack([-np.sin(t), np.cos(t), none, none, none, 2.0 * one], axis=1)
+    own = np.stack([np.sin(t), np.cos(t), none, none, none, 2.0 * one], axis=1)  # turned by -2 t
+    assert brick.result(t, q, world).notes() == []
+    notes = brick.result(t, q, own).notes()
+    assert "the given velocity is not the rate of the positions" in notes[0]
+    assert "in the axes of the world" in notes[1]
+
+
+def test_figures_of_rows_that_stand_alone_are_refused_at_once_with_what_makes_them_a_motion(arm):
+    t = np.linspace(0, 2, 101)
+    q, v, a = motion(t)
+    with pytest.raises(PinarmError, match="these rows stand alone") as refused:
+        arm.result(t, q, v, a, outputs=["C_B"], numbers=["C_B @ rms"])
+    assert 'derivatives="spline"' in refused.value.hint
+    assert arm.result(t, q, derivatives="spline", outputs=["C_B"], numbers=["C_B @ rms"]).numbers()
+    given = arm.result(t, q, v, a, outputs=["C_B"]).scenario
+    with pytest.raises(PinarmError, match="these rows stand alone"):
+        replace(given, content=replace(given.content, numbers=["C_B @ rms"])).validate()

@@ -256,3 +256,23 @@ def test_a_body_in_one_place_has_the_edges_that_its_file_draws() -> None:
                                           if stick.node == node]), axis=0) for node in (1, 2)}  # fmt: skip
     assert sizes[1] == pytest.approx([2.0, 0.2, 0.01])
     assert sizes[2] == pytest.approx([0.1, 0.1, 0.1])
+
+
+def test_a_slot_lies_around_its_pin_and_is_no_support(tmp_path: Path) -> None:
+    """The pin B of a rod slides up and down a slot of the ground at x = 0.3 m."""
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "m.yaml").write_text(
+        "pinarm: 1\nplanar:\n  points: {O: [0, 0], A: [0, 0.4 m], B: [0.3 m, 0], Y: [0.3 m, 1 m]}\n  ground: [O, Y]\n"
+        "  links: {crank: {points: [O, A]}, rod: {points: [A, B], mass: 1 kg}}\n"
+        "  slots: {s: {link: rod, point: B, along: [B, Y]}}\n"
+    )
+    [axis] = pinarm.explain(tmp_path / "m.yaml").sketch().axes
+    oblong = next(line.get_xydata() for line in axis.lines if len(line.get_xdata()) > 30)
+    low, high = oblong.min(axis=0), oblong.max(axis=0)
+    pin = np.array([0.3, 0.0])
+    assert (low + high) / 2 == pytest.approx(pin, abs=EXACT)
+    assert 0.02 < high[0] - low[0] < 0.4 * (high[1] - low[1]) < 0.1
+    mounts = [line for line in axis.lines if line.get_color() == GROUND and line.get_linestyle() == "None"]
+    assert [list(line.get_xdata()) for line in mounts] == [[0.0]]
+    marks = [np.transpose(line.get_data()) for line in axis.lines if line.get_marker() == "o"]
+    assert any(len(mark) == 1 and mark[0] == pytest.approx(pin, abs=EXACT) for mark in marks)

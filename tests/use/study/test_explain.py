@@ -128,3 +128,32 @@ def test_an_integrated_motion_is_explained_where_it_begins_without_being_solved(
     [axis] = found.sketch().axes
     [tip] = [text.xy for text in axis.texts if text.get_text() == "A"]
     assert tip == pytest.approx([np.cos(np.pi / 6), 0.5], abs=1e-12)
+
+
+FLOATING = """<mujoco><worldbody><body name="b"><freejoint name="b"/><geom type="sphere" size="0.1"/></body></worldbody>
+</mujoco>"""
+
+
+@pytest.mark.parametrize(("model", "said"), [
+    ("kinova", "q and v: of "),
+    (FLOATING, "q and v: of b q has the position and the quaternion x, y, z, w; v the velocity of the origin in the "),
+    (MODELS / "balanced_four_bar" / "mechanism.yaml", None),  # a drawing
+])  # fmt: skip
+def test_conventions_that_are_not_pinocchios_are_said(tmp_path: Path, model: Path | str, said: str | None) -> None:
+    if model == FLOATING:
+        (tmp_path / "b.xml").write_text(FLOATING)
+        model = tmp_path / "b.xml"
+    lines = [line for line in str(pinarm.explain(model)).split("\n") if line.startswith("q and v")]
+    assert (said is None and not lines) or (said is not None and lines[0].startswith(said))
+
+
+def test_of_meshes_whose_masses_are_taken_nothing_else_is_said(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    (tmp_path / ".pinarm-root").touch()
+    corners = ["0 0 0", "1 0 0", "0 1 0", "0 0 1"]
+    faces = "".join(f"f {k}\n" for k in ("1 3 2", "1 2 4", "1 4 3", "2 3 4"))
+    (tmp_path / "m.obj").write_text("".join(f"v {corner}\n" for corner in corners) + faces)
+    (tmp_path / "m.xml").write_text('<mujoco><asset><mesh name="m" file="m.obj"/></asset><worldbody>'
+                                    '<body><joint name="j"/><geom type="mesh" mesh="m"/></body></worldbody>'
+                                    '</mujoco>')  # fmt: skip
+    assert "no mass is taken" not in str(pinarm.explain(tmp_path / "m.xml"))

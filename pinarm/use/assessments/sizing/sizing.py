@@ -20,6 +20,7 @@ from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Pause, current_folder
 from pinarm.use.assessments.sizing.catalogue import Motor, read_catalogue
 from pinarm.use.assessments.sizing.duty import Duty, duty_of
+from pinarm.use.result.figures.curve_figures import made_a_motion
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable
 
 if TYPE_CHECKING:
@@ -155,7 +156,8 @@ class Sizing(InputStruct, frozen=True):
         """
         run = result.trajectory
         if result.outcome.motion is None or run.parameter != "t":
-            raise InputError("a motor is sized for a motion in time", expected="a problem of kind inverse or forward")
+            raise InputError("a motor is sized for a motion in time", expected="a problem of kind inverse or forward",
+                             hint=made_a_motion(run))  # fmt: skip
         self._check_drive(result.quantities)
         drive = run.mechanism.drives[self.drive]
         efficiency = drive.efficiency if self.efficiency is None else self.efficiency

@@ -20,6 +20,7 @@ from functools import partial
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
@@ -69,16 +70,26 @@ def figure(run: Lookup, quantity: str, name: str) -> CurveFigure:
         InputError: The rows are not states of one motion, or the quantity is not finite everywhere.
     """
     if run.motion is None:
-        raise InputError(
-            f"{quantity} @ {name} is taken over a motion, and these rows stand alone",
-            expected="@ max, @ min, @ largest, or a place such as @ row=1",
-        )
+        raise stands_alone(run.run, quantity, name)
     values = run.quantities[quantity].values
     if not np.isfinite(values).all():
         raise InputError(f"{quantity} is not finite everywhere: it has no {name}")
     share = _percentage(name)
     value, error = FIGURES[name](run, quantity) if share is None else _percentile(run, quantity, share)
     return CurveFigure(float(value), float(error), figure_unit(run.quantities, quantity, name))
+
+
+def stands_alone(rows: Trajectory, quantity: str, name: str) -> InputError:
+    """Return that a figure of a quantity is asked of rows that are states of no motion."""
+    return InputError(
+        f"{quantity} @ {name} is taken over a motion, and these rows stand alone",
+        expected="@ max, @ min, @ largest, or a place such as @ row=1", hint=made_a_motion(rows),
+    )  # fmt: skip
+
+
+def made_a_motion(rows: Trajectory) -> str:
+    """Return what makes recorded rows a motion, as a hint; empty of others."""
+    return f'{rows.remedy} (in Python derivatives="spline"), with the positions alone' if rows.remedy else ""
 
 
 def figure_unit(quantities: Quantities, quantity: str, name: str) -> Unit | None:

@@ -38,7 +38,11 @@ ARROWS = {
 """Kinds of arrows, and what the legend calls them. Their colours are in ``overlays.js``."""
 
 
-ConnectionKind = Literal["spring", "cylinder", "bushing", "rod", "cable", "loop"]
+ConnectionKind = Literal["spring", "cylinder", "bushing", "rod", "cable", "loop", "slot"]
+
+
+LOOPS: Mapping[str, ConnectionKind] = {"rod": "rod", "point_on_plane": "slot"}
+"""Loop joints that are not drawn as the mark of one."""
 
 
 class BodyPoint(ValueRecord, frozen=True):
@@ -66,7 +70,7 @@ class Connection(ValueRecord, frozen=True):
 
     Attributes:
         kind: A ``spring``, a ``cylinder`` (a damper, a constant force, or a strut, which pushes), a ``bushing``, a
-            ``rod``, a straight part of a ``cable``, or the mark of a ``loop`` joint.
+            ``rod``, a straight part of a ``cable``, the mark of a ``loop`` joint, or the pin in a ``slot``.
         ends: The two points.
     """
 
@@ -160,7 +164,7 @@ def _drawn_as(each: ForceElement | Constraint) -> tuple[ConnectionKind, Sequence
     if isinstance(each, TautSpring | CableLoop):
         return "cable", each.path.frames
     if isinstance(each, LoopJoint):
-        return "rod" if each.kind == "rod" else "loop", (each.first, each.second)
+        return LOOPS.get(each.kind, "loop"), (each.first, each.second)
     return "rod", ()
 
 

@@ -213,7 +213,7 @@ def _families(acting: Sequence[overlays.Arrow], largest: Mapping[tuple[str, bool
 
 def _marks(joined: Sequence[overlays.Connection]) -> list[Plain]:
     """Return what the marks mean."""
-    return [{"loop": True, "text": "loop joint"}] if any(pair.kind == "loop" for pair in joined) else []
+    return [{"loop": True, "text": "loop joint"}] if any(pair.kind in ("loop", "slot") for pair in joined) else []
 
 
 def _parameter(run: Trajectory, measured: Unit | None, how: Presentation) -> Plain:

@@ -126,7 +126,7 @@ function link(view, motion, pair) {
   const { THREE, detail: size } = view;
   const between = new THREE.Group();
   view.world.add(between);
-  const parts = { spring, cylinder, bushing, rod, cable, loop }[pair.kind](THREE, pair, size);
+  const parts = { spring, cylinder, bushing, rod, cable, loop, slot: loop }[pair.kind](THREE, pair, size);
   between.add(...parts.fixed, ...parts.stretched);
   return () => {
     const [a, b] = [motion.point(pair.a.node, pair.a.point), motion.point(pair.b.node, pair.b.point)];
