@@ -51,4 +51,4 @@ def test_states_between_rows_are_solved_for_all_cases_at_once(chunk: Chunk, monk
     scenario = pinarm.load(SCENARIOS / "crank_rocker_turning.yaml", ["problem.time.samples=61"])
     cases = [{"arguments.m3": f"{mass!r} kg"} for mass in np.linspace(0.8, 1.2, 12).tolist()]
     chunk(scenario, cases, ["T @ max", "F_B @ end"])
-    assert 2 <= len([count for count in solved if count >= 12]) <= 6  # nodes of brackets, then single places
+    assert 2 <= len([count for count in solved if count >= 12]) <= 16  # nodes of brackets and halves, single places
