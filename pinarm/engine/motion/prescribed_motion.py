@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 KINEMATIC = "the problem is kinematic and asks for no forces"
 
+CLOSE = 0.005
+"""Part of an interval up to which the nearest row tells the branch by itself."""
+
 Rates = tuple[Array, Array]
 """Velocities and accelerations of the prescribed coordinates, each of shape (k,)."""
 
@@ -216,8 +219,22 @@ class PrescribedMotion(Record, frozen=True):
 
     def at(self, grid: Grid) -> Trajectory:
         """Return the states at other values of the parameter, on the branch of the nearest solved row."""
-        rows = self.prescription.moving(grid, self.q[np.abs(self.t - grid.t[0]).argmin()])
-        return self.prescription.solved(rows, self.pace)
+        return self.prescription.solved(self.prescription.moving(grid, self._near(grid)), self.pace)
+
+    def _near(self, grid: Grid) -> Array:
+        """Return a configuration near the first value of a grid, followed from the last row before it if that is far.
+
+        Between few rows loops could close on another branch from the nearest one, and angles some turns away.
+        """
+        first, start, end = float(grid.t[0]), grid.cuts[0], grid.cuts[-1]
+        ahead = (self.t - first) * np.sign(end - start)
+        before = np.flatnonzero((ahead <= 0.0) & (np.abs(self.t - start) <= abs(end - start)))
+        nearest = int(np.abs(ahead).argmin())
+        if abs(ahead[nearest]) <= CLOSE * abs(end - start) or not len(before):
+            return np.asarray(self.q[nearest])
+        row = int(before[ahead[before].argmax()])
+        way = Grid(np.array([self.t[row], first]), grid.cuts, (0, 2))
+        return np.asarray(self.prescription.motion.follow(way, self.q[row]).q[-1])
 
     def positions(self, t: Array) -> Array:
         """Return the configurations at values of the parameter, shape (n,), as an array of shape (n, nq)."""
