@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from functools import cached_property, partial
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -16,7 +17,7 @@ from pinarm.engine.checks.figures import plain
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.checks.unclosed import unclosed
 from pinarm.engine.constraints.blas_threads import one_blas_thread
-from pinarm.engine.mechanism import Mechanism, mechanism_document, read_mechanism
+from pinarm.engine.mechanism import Mechanism, mechanism_document, mechanism_of_data, read_mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, Key, MethodError, NumericsError
@@ -115,6 +116,8 @@ class Scenario(Record, frozen=True):
                 expected="a Mechanism, the path of a file, or the name of a robot",
                 hint="pinarm.Mechanism.of(model)",
             )
+        if isinstance(given, Mapping):
+            given = mechanism_of_data(given)
         if not isinstance(given, Mechanism):
             return cls.of(Document.of_data(data, "scenario"), Path())
         refuse_changes(data)
@@ -588,8 +591,8 @@ def load(scenario: Given, values: Values | None = None) -> Scenario:
 
     Args:
         scenario: The file; or what such a file would hold, ``{"pinarm": 1, "mechanism": "panda", ...}``, with paths
-            relative to the working folder, or a ``Mechanism`` in place of its file; or a scenario that has been read,
-            of which values are to be replaced.
+            relative to the working folder, and a ``Mechanism``, or the data of its file, in place of the file; or a
+            scenario that has been read, of which values are to be replaced.
         values: Other values than those of the file: ``{"problem.time.end": "3 s", "arguments.m_A": 0.2}``, or texts
             ``["problem.time.end=3 s"]``. A bare number is in SI, and allowed where the file has an SI unit or none.
 
@@ -600,4 +603,7 @@ def load(scenario: Given, values: Values | None = None) -> Scenario:
         scenario = Scenario.of_data(scenario)
     if isinstance(scenario, Scenario):
         return scenario.varied(values) if values else scenario
+    if not isinstance(scenario, str | PathLike):
+        raise InputError(f"a value of the type {type(scenario).__name__} is no scenario",
+                         expected="a Scenario, its file, or a map of what the file would hold")  # fmt: skip
     return Scenario.load(scenario, values)
