@@ -53,6 +53,9 @@ if TYPE_CHECKING:
     from pinarm.problems import PrescribingProblem
     from pinarm.use.result.section_number import Numbered
 
+SAVED = "mechanism.yaml"
+"""Name of the mechanism file that is saved beside the scenario in the folder of a result."""
+
 
 class Scenario(Record, frozen=True):
     """A scenario, read and checked; nothing is computed before ``run``.
@@ -217,13 +220,22 @@ class Scenario(Record, frozen=True):
         with self.document.locating("mechanism"):
             source: str | Path = wanted
             if Path(wanted).suffix:
-                source = contained_file((self.folder / wanted).absolute(), root_of(self.folder), {})
+                source = self._file_of(wanted)
             changes = self.document.part("changes") if self.content.changes else None
             loaded = read_mechanism(
                 source, self.content.arguments, gravity=gravity, payloads=self.content.payloads, changes=changes,
                 locate=self.document.locating,
             )  # fmt: skip
         return loaded if self.seed is None else loaded.perturbed(self.seed)
+
+    def _file_of(self, wanted: str) -> Path:
+        """Return the file of the mechanism; of a saved scenario elsewhere, errors name the one saved beside it."""
+        try:
+            return contained_file((self.folder / wanted).absolute(), root_of(self.folder), {})
+        except InputError as error:
+            if (self.folder / "summary.json").is_file() and (self.folder / SAVED).is_file():
+                error.hint = f"mechanism: {SAVED}, which was saved beside it; or {error.hint}"
+            raise
 
     def number_at(self, path: str) -> Measured:
         """Return the number that a path leads to, as ``varied`` takes it: of the scenario, or else of its mechanism.

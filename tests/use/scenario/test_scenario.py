@@ -113,3 +113,14 @@ def test_what_is_no_model_is_refused_in_words(nothing: object) -> None:
         pinarm.Mechanism.of(nothing)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="robot: the model is given already"):
         pinarm.Mechanism.of(pin.Model(), robot="x")
+
+
+def test_a_saved_scenario_whose_mechanism_is_elsewhere_names_the_one_saved_beside_it(tmp_path: Path) -> None:
+    for name in ("mechanism.yaml", "summary.json"):
+        (tmp_path / name).touch()
+    (tmp_path / "scenario.yaml").write_text(
+        "pinarm: 1\nmechanism: ../elsewhere/mechanism.yaml\nproblem: {kind: statics}\noutputs: [t]\n"
+    )
+    with pytest.raises(InputError) as refused:
+        pinarm.run(tmp_path / "scenario.yaml")
+    assert refused.value.hint.startswith("mechanism: mechanism.yaml, which was saved beside it; or ")
