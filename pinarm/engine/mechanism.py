@@ -145,9 +145,18 @@ class Mechanism(Record, frozen=True):
                 ``gravity``, ``couplings``, ``coordinates``, ``symbols``, ``title``, ...
 
         Raises:
-            InputError: A key has a mistake.
+            InputError: A key has a mistake, or it is no ``pin.Model``.
             ModelError: The model has a joint that pinarm does not have, or two frames with the same name.
         """
+        if not isinstance(model, pin.Model):
+            raise InputError(
+                f"a mechanism is made of a pin.Model, and this is {type(model).__name__}", expected="a pin.Model",
+                hint="Mechanism.load(path), or pinarm.run({'mechanism': {...}, ...}) with the data of a mechanism file",
+            )  # fmt: skip
+        if taken := sorted(keys.keys() & {"robot", "planar"}):
+            raise InputError(
+                f"{', '.join(taken)}: the model is given already", expected="other keys of a mechanism file"
+            )
         data = {"pinarm": 1, "robot": "model.urdf", "gravity": gravity_words(model), **keys}
         document = Document.of_data(data, "mechanism")
         description, read = document.validate(MechanismDescription), partial(robot_of_model, model)
@@ -550,6 +559,16 @@ def read_mechanism(
     if changes is not None:
         document = document.merged(changes)
     return _described(document, Path(path).parent, arguments or {}, gravity, payloads or {}, locate)
+
+
+def mechanism_of_data(data: Mapping[str, Any]) -> Mechanism:
+    """Return the mechanism of plain data, such as a mechanism file would hold; its paths start in the current folder.
+
+    Raises:
+        InputError: It has a mistake.
+        ModelError: The model has one.
+    """
+    return _described(Document.of_data(data, "mechanism"), Path(), {})
 
 
 def _described(

@@ -329,9 +329,10 @@ class NewtonSolver:
         beside = f", and with it {others}" if others else ""
         what = f"the motion is out of reach at {instant(t)}" if self.coordinates else "the loops do not close"
         wanted = "a motion that the mechanism can follow" if self.coordinates else "loops that close"
+        still = "" if worst in owners[self.closure.size :] else f", with {worst[0]} still open,"
         return AssemblyError(
             f"{what}: {worst[0]} {missed} by {sizes[worst]:.3g} {worst[1]}{beside}",
-            expected=f"{wanted}{followed}; the closest it comes is {format_configuration(self.model, q)}",
+            expected=f"{wanted}{followed}; the closest it comes{still} is {format_configuration(self.model, q)}",
             hint="other values of the law, or another start that chooses the branch" + self._out_of_line(gap),
             t=t, q=q, gap=gap,
         )  # fmt: skip
@@ -390,10 +391,9 @@ def check_rank(rows: Array, names: Sequence[str], t: float) -> None:
     singular = np.linalg.svd(rows, compute_uv=False)
     if len(rows) < nv or not singular[nv - 1] > SINGULAR * singular[0]:
         weak = np.linalg.svd(rows)[0][:, min(len(rows), nv) - 1]
-        tied = [name for name, weight in zip(names, weak, strict=True) if abs(weight) > 0.1]
+        tied = dict.fromkeys(name for name, weight in zip(names, weak, strict=True) if abs(weight) > 0.1)
         raise AssemblyError(
-            f"the position is singular at {instant(t)}: the coordinates {', '.join(tied)} do not move independently "
-            "there",
+            f"the position is singular at {instant(t)}: {', '.join(tied)} do not move independently there",
             expected="prescribed coordinates that determine the velocity of every joint",
             hint="a motion that keeps clear of the straight or folded position; at a change point a start and rows "
             "beside it, between which the motion passes it; or other coordinates",

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from functools import cached_property, partial
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -16,7 +17,7 @@ from pinarm.engine.checks.figures import plain
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.checks.unclosed import unclosed
 from pinarm.engine.constraints.blas_threads import one_blas_thread
-from pinarm.engine.mechanism import Mechanism, mechanism_document, read_mechanism
+from pinarm.engine.mechanism import Mechanism, mechanism_document, mechanism_of_data, read_mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, Key, MethodError, NumericsError
@@ -51,6 +52,9 @@ if TYPE_CHECKING:
     from pinarm.mechanics.control.function import ControlFunction, FunctionControl
     from pinarm.problems import PrescribingProblem
     from pinarm.use.result.section_number import Numbered
+
+SAVED = "mechanism.yaml"
+"""Name of the mechanism file that is saved beside the scenario in the folder of a result."""
 
 
 class Scenario(Record, frozen=True):
@@ -115,6 +119,8 @@ class Scenario(Record, frozen=True):
                 expected="a Mechanism, the path of a file, or the name of a robot",
                 hint="pinarm.Mechanism.of(model)",
             )
+        if isinstance(given, Mapping):
+            given = mechanism_of_data(given)
         if not isinstance(given, Mechanism):
             return cls.of(Document.of_data(data, "scenario"), Path())
         refuse_changes(data)
@@ -214,13 +220,22 @@ class Scenario(Record, frozen=True):
         with self.document.locating("mechanism"):
             source: str | Path = wanted
             if Path(wanted).suffix:
-                source = contained_file((self.folder / wanted).absolute(), root_of(self.folder), {})
+                source = self._file_of(wanted)
             changes = self.document.part("changes") if self.content.changes else None
             loaded = read_mechanism(
                 source, self.content.arguments, gravity=gravity, payloads=self.content.payloads, changes=changes,
                 locate=self.document.locating,
             )  # fmt: skip
         return loaded if self.seed is None else loaded.perturbed(self.seed)
+
+    def _file_of(self, wanted: str) -> Path:
+        """Return the file of the mechanism; of a saved scenario elsewhere, errors name the one saved beside it."""
+        try:
+            return contained_file((self.folder / wanted).absolute(), root_of(self.folder), {})
+        except InputError as error:
+            if (self.folder / "summary.json").is_file() and (self.folder / SAVED).is_file():
+                error.hint = f"mechanism: {SAVED}, which was saved beside it; or {error.hint}"
+            raise
 
     def number_at(self, path: str) -> Measured:
         """Return the number that a path leads to, as ``varied`` takes it: of the scenario, or else of its mechanism.
@@ -588,8 +603,8 @@ def load(scenario: Given, values: Values | None = None) -> Scenario:
 
     Args:
         scenario: The file; or what such a file would hold, ``{"pinarm": 1, "mechanism": "panda", ...}``, with paths
-            relative to the working folder, or a ``Mechanism`` in place of its file; or a scenario that has been read,
-            of which values are to be replaced.
+            relative to the working folder, and a ``Mechanism``, or the data of its file, in place of the file; or a
+            scenario that has been read, of which values are to be replaced.
         values: Other values than those of the file: ``{"problem.time.end": "3 s", "arguments.m_A": 0.2}``, or texts
             ``["problem.time.end=3 s"]``. A bare number is in SI, and allowed where the file has an SI unit or none.
 
@@ -600,4 +615,7 @@ def load(scenario: Given, values: Values | None = None) -> Scenario:
         scenario = Scenario.of_data(scenario)
     if isinstance(scenario, Scenario):
         return scenario.varied(values) if values else scenario
+    if not isinstance(scenario, str | PathLike):
+        raise InputError(f"a value of the type {type(scenario).__name__} is no scenario",
+                         expected="a Scenario, its file, or a map of what the file would hold")  # fmt: skip
     return Scenario.load(scenario, values)

@@ -61,6 +61,10 @@ class Explanation:
     removals: Sequence[Removal] = ()
     control: Sequence[ControlOfRun] = ()
 
+    def __repr__(self) -> str:
+        """Return of which mechanism it is, and its mobility."""
+        return f"<Explanation of '{self.mechanism.title}': mobility {self.mobility.mobility} {self.where}>"
+
     def __str__(self) -> str:
         """Return it as text, a heading a paragraph."""
         parts = (self._joints(), self._ties(), self._mobility(), self._acting(), self._modelled())

@@ -86,3 +86,41 @@ def test_a_model_of_pinocchio_in_place_of_a_mechanism_is_answered_with_what_make
     data = {"pinarm": 1, "mechanism": pin.buildSampleModelManipulator(), "outputs": ["t"], "problem": {"kind": "state"}}
     with pytest.raises(InputError, match=r"a model of Pinocchio\n.*\n  try: pinarm\.Mechanism\.of\(model\)"):
         pinarm.run(data)
+
+
+def test_a_mechanism_may_be_the_data_of_its_file(tmp_path: Path) -> None:
+    """A pendulum of 1 kg, a rod of 0.5 m on its pin: torque ``m g l/2 cos(a)``."""
+    drawn = {"points": {"O": [0, 0], "E": ["0.5 m", 0]}, "ground": ["O"],
+             "links": {"rod": {"points": ["O", "E"], "mass": "1 kg"}}}  # fmt: skip
+    asked = {"pinarm": 1, "mechanism": {"pinarm": 1, "planar": drawn}, "outputs": ["joint.O.effort"],
+             "problem": {"kind": "statics", "hold": {"O": "60 deg"}}}  # fmt: skip
+    result = pinarm.run(asked)
+    assert result["joint.O.effort"].values == pytest.approx([9.81 * 0.25 * 0.5], rel=1e-9)
+    result.save(tmp_path / "saved")
+    with pytest.raises(InputError, match="point"):
+        pinarm.run({**asked, "mechanism": {"pinarm": 1, "planar": {**drawn, "points": 3}}})
+
+
+@pytest.mark.parametrize("nothing", [[], None, 3])
+def test_what_is_no_scenario_is_refused_in_words(nothing: object) -> None:
+    with pytest.raises(InputError, match="no scenario"):
+        pinarm.run(nothing)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("nothing", [{}, None, "x"])
+def test_what_is_no_model_is_refused_in_words(nothing: object) -> None:
+    with pytest.raises(InputError, match=r"made of a pin\.Model"):
+        pinarm.Mechanism.of(nothing)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="robot: the model is given already"):
+        pinarm.Mechanism.of(pin.Model(), robot="x")
+
+
+def test_a_saved_scenario_whose_mechanism_is_elsewhere_names_the_one_saved_beside_it(tmp_path: Path) -> None:
+    for name in ("mechanism.yaml", "summary.json"):
+        (tmp_path / name).touch()
+    (tmp_path / "scenario.yaml").write_text(
+        "pinarm: 1\nmechanism: ../elsewhere/mechanism.yaml\nproblem: {kind: statics}\noutputs: [t]\n"
+    )
+    with pytest.raises(InputError) as refused:
+        pinarm.run(tmp_path / "scenario.yaml")
+    assert refused.value.hint.startswith("mechanism: mechanism.yaml, which was saved beside it; or ")

@@ -157,3 +157,14 @@ def test_of_meshes_whose_masses_are_taken_nothing_else_is_said(tmp_path: Path) -
                                     '<body><joint name="j"/><geom type="mesh" mesh="m"/></body></worldbody>'
                                     '</mujoco>')  # fmt: skip
     assert "no mass is taken" not in str(pinarm.explain(tmp_path / "m.xml"))
+
+
+def test_what_a_session_shows_of_answers_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Explanations, sweeps and findings: what they are of, and how much."""
+    monkeypatch.chdir(MODELS.parent)
+    found = pinarm.explain("models/gen411_arm/mechanism.yaml")
+    assert repr(found).startswith(f"<Explanation of '{found.mechanism.title}': mobility 2 ")
+    findings = pinarm.check("scenarios/gen411_arm_static.yaml")
+    assert repr(findings) == f"<Findings: {len(findings)} expectations, 0 missed>"
+    swept = pinarm.sweep("scenarios/gen411_arm_static.yaml", {"arguments.l1": ["0.2 m", "0.25 m"]})
+    assert repr(swept).startswith("<Sweep of 'gen411_arm_static': 2 cases; arguments.l1, ")

@@ -85,6 +85,10 @@ class Findings(tuple[Finding, ...]):
 
     __slots__ = ()
 
+    def __repr__(self) -> str:
+        """Return how many there are, and how many are misses."""
+        return f"<Findings: {len(self)} expectations, {sum(not finding.ok for finding in self)} missed>"
+
     def _repr_html_(self) -> str:
         """Return them as a table, for notebooks."""
         from pinarm.use.show.notebook import blocks, lines, table

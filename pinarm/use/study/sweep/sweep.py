@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 
     from pinarm.use.show.figure import Picture
 
+SHOWN = 12
+"""Most columns that its ``repr`` names."""
+
 ANCHORS = 5
 """Cases, spread over those of a sweep, from the first of which that can be solved loops of all others are closed."""
 
@@ -63,6 +66,11 @@ class Sweep:
 
     def __len__(self) -> int:
         return len(self.cases)
+
+    def __repr__(self) -> str:
+        """Return its name, how many cases it has, and the first of its columns."""
+        failed = f", {len(self.errors)} failed" if self.errors else ""
+        return f"<Sweep of '{self.name}': {len(self)} cases{failed}; {', '.join(list(self.table)[:SHOWN])}>"
 
     @cached_property
     def table(self) -> dict[str, Series]:
