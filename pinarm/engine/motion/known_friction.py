@@ -3,7 +3,8 @@
 The efforts of the drives and the reactions follow from the motion and from the friction, linearly. Friction of joints
 that slip, or are about to, has its direction from the motion. Of joints at rest it may be anything up to its bound:
 tables have it as 0, and beside it the efforts that begin to move each drive's coordinate up and down, by the friction
-at rest. Whatever lies between the two holds.
+at rest. Whatever lies between the two holds. Where joints stand still for an instant only, tables have the side of the
+motion, and the band is that of both: of the motion, and of joints that stay at rest there.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.batch_jacobians import rows_of
 from pinarm.engine.constraints.nullspaces.nullspace import split_rows
 from pinarm.engine.friction.columns import BANDS, band_column, friction_columns
 from pinarm.engine.friction.locking import ROUNDED, locks
 from pinarm.engine.friction.response import BearingReactions
 from pinarm.engine.friction.slipping import CarriedLoads, Slipping
-from pinarm.engine.motion.standstill import leading
+from pinarm.engine.motion.standstill import STANDSTILL, leading
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError
@@ -190,10 +191,41 @@ class KnownFriction:
         columns = dict[str, Series]()
         ways, joints = self._ways(coordinates), self.run.mechanism.joints
         for d, (name, coordinate) in enumerate(coordinates.items()):
+            way = ways[:, :, d]
+            instants, held = self._held_for_an_instant(way)
             for part, sign in zip(BANDS, (-1.0, 1.0), strict=True):
-                side = band_column(joints, name, coordinate, part, self._effort(ways[:, :, d], sign))
+                effort = self._effort(way, sign)
+                if held is not None:
+                    effort[instants] = sign * np.maximum(
+                        sign * effort[instants], sign * held._effort(way[instants], sign)
+                    )
+                side = band_column(joints, name, coordinate, part, effort)
                 columns[side.name] = side
         return columns
+
+    def _held_for_an_instant(self, way: Array) -> tuple[Indices, KnownFriction | None]:
+        """Return the rows at which joints are at rest for an instant, and what stays at rest there; ``None`` if none.
+
+        Without the acceleration of the drive's coordinate, and with what follows from it, joints would stay at rest.
+
+        Args:
+            way: The motion of all joints per unit of the coordinate, shape (n, nv).
+        """
+        run, slips = self.run, np.matvec(self.rows, way)
+        moved = np.abs(slips) > MOVES * np.abs(way).max(axis=1, keepdims=True)
+        begun = np.where(moved & standing(run, self.rows, self.pace) & ~self.resting, slips, 0.0)
+        instants = np.flatnonzero(begun.any(axis=1))
+        if not len(instants):
+            return instants, None
+        begun, rows = begun[instants], run.some(instants)
+        drift = slip_drifts(run.mechanism.model, run.mechanism.frictions, rows.q, rows.v)
+        rates = np.matvec(self.rows[instants], rows.a) + drift
+        paces = (begun * rates).sum(axis=1) / (begun * begun).sum(axis=1)
+        rows = replace(rows, a=rows.a - paces[:, None] * way[instants])
+        t, q, v, a = rows.grid.t, rows.q, rows.v, rows.a
+        demand = rows.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], a[part]))
+        pace = self.pace if self.pace.ndim == 2 else self.pace[instants]
+        return instants, KnownFriction(rows, self.drives, demand, pace, np.zeros_like(v))
 
     def _ways(self, coordinates: Mapping[str, Coordinate]) -> Array:
         """Return the motions of all joints per unit of each drive's coordinate, others at rest, shape (n, nv, d)."""
@@ -259,18 +291,45 @@ class KnownFriction:
         return found
 
 
-def notes_of(run: Trajectory) -> list[str]:
-    """Return what is to be said of a motion with joints at rest under friction."""
+def standing(run: Trajectory, rows: Array, pace: Array) -> Flags:
+    """Return which joints with friction have no velocity but for rounding, shape (n, k).
+
+    Args:
+        run: The motion.
+        rows: J of the k slips, shape (n, k, nv).
+        pace: See ``KnownFriction``.
+    """
+    slips, rounding = np.matvec(rows, run.v), STANDSTILL * np.matvec(np.abs(rows), pace[..., 0, :])
+    return np.asarray(sizes(run.mechanism.frictions, np.where(np.abs(slips) > rounding, slips, 0.0)) == 0.0)
+
+
+def notes_of(run: Trajectory, pace: Array) -> list[str]:
+    """Return what is to be said of a motion with joints at rest under friction.
+
+    Args:
+        run: The motion.
+        pace: See ``KnownFriction``.
+    """
+    rows = slip_rows(run.mechanism.model, run.mechanism.frictions, run.q)
+    instants = (standing(run, rows, pace) & (run.friction != 0.0)).any(axis=1)
     lower = {
         name.removesuffix(".lower"): column.values
         for name, column in run.columns.items()
         if name.endswith(".effort.lower")
     }
-    return [note for name, low in lower.items() for note in _band_notes(name, low, run.columns[f"{name}.upper"].values)]
+    return [note for name, low in lower.items()
+            for note in _band_notes(name, low, run.columns[f"{name}.upper"].values, instants)]  # fmt: skip
 
 
-def _band_notes(name: str, low: Array, high: Array) -> Iterator[str]:
-    """Yield what is to be said of the band of one drive's effort, as ``joint.J.effort``."""
+def _band_notes(name: str, low: Array, high: Array, instants: Flags) -> Iterator[str]:
+    """Yield what is to be said of the band of one drive's effort, as ``joint.J.effort``.
+
+    Args:
+        name: Of the effort.
+        low: Its lower end, shape (n,).
+        high: Its upper end, shape (n,).
+        instants: Where joints are at rest for an instant only, shape (n,).
+    """
     n, drive, endless = len(low), name.removesuffix(".effort"), {"lower": low == -np.inf, "upper": high == np.inf}
     any_effort = endless["lower"] & endless["upper"]
     if any_effort.any():
@@ -282,7 +341,11 @@ def _band_notes(name: str, low: Array, high: Array) -> Iterator[str]:
         if (rows & ~any_effort).any():
             yield (f"{drive}: no effort moves it {way} in {(rows & ~any_effort).sum()} of {n} rows, as friction grows "
                    f"with the effort: {name}.{side} is infinite there")  # fmt: skip
-    rest = np.flatnonzero(high - low > ROUNDED * np.minimum(np.abs(low), np.abs(high)))
+    wide = high - low > ROUNDED * np.minimum(np.abs(low), np.abs(high))
+    if (wide & instants).any():
+        yield (f"{name}: in {(wide & instants).sum()} of {n} rows a joint is at rest for an instant: {name}.lower and "
+               ".upper have the efforts that move it from rest too, the table has the side of the motion")  # fmt: skip
+    rest = np.flatnonzero(wide & ~instants)
     if len(rest):
         yield (f"{name}: friction holds any value from {name}.lower to {name}.upper in {len(rest)} of {n} rows, at "
                "rest; the table has the value without friction there")  # fmt: skip
