@@ -126,9 +126,90 @@ def test_inverse_dynamics_knows_friction_by_the_direction_of_motion(write):
     moves[result.trajectory.grid.t > 2.0 + 1e-9] = False
     assert moves.sum() > 15
     assert effort[moves] == pytest.approx(bare[moves] + 3.0, rel=1e-13)
-    assert lower[moves] == pytest.approx(effort[moves], rel=1e-13)
+    assert lower[v != 0.0] == pytest.approx(effort[v != 0.0], rel=1e-13)
+    assert upper[moves & (a >= 0.0)] == pytest.approx(effort[moves & (a >= 0.0)], rel=1e-13)
     assert effort[~moves] == pytest.approx(bare[~moves], rel=1e-13)
     assert (lower[~moves], upper[~moves]) == (pytest.approx(bare[~moves] - 3.0), pytest.approx(bare[~moves] + 3.0))
+
+
+SLIDE = """
+pinarm: 1
+title: slide
+planar:
+  points: {{O: [0, 0], X: [1 m, 0], P: [0, 0]}}
+  ground: [O, X]
+  links: {{block: {{points: [P], mass: 2 kg}}}}
+  sliders: {{x: {{link: block, along: [O, X]}}}}
+friction: {{x: {{mu: 0.2, static_mu: {static}}}}}
+"""
+ENDS = ("joint.x.effort.lower @ min", "joint.x.effort.upper @ max")
+RISE = "{law: cycloidal, from: 0 m, to: 0.1 m, duration: 10 s}"
+SWING = "{law: harmonic, amplitude: 0.05 m, pulsation: 5 rad/s, phase: 20 deg}"
+AMPLITUDE = 2.0 * 0.05 * 5.0**2
+
+
+def slid(tmp_path, static, law, samples):
+    """Return a slide that follows a law, and the ends of the band of its effort."""
+    (tmp_path / "slide.yaml").write_text(SLIDE.format(static=static))
+    problem = f"{{kind: inverse, time: {{end: 1 s, samples: {samples}}}, motion: {{x: {law}}}}}"
+    text = f"pinarm: 1\nmechanism: slide.yaml\nproblem: {problem}\noutputs: [joint.x.effort]\n"
+    (tmp_path / "scenario.yaml").write_text(text)
+    result = pinarm.run(tmp_path / "scenario.yaml")
+    return result, [result.number(name)[0] for name in ENDS]
+
+
+@pytest.mark.parametrize("samples", [3, 41])
+@pytest.mark.parametrize("law", [RISE, SWING, RISE.replace("cycloidal", "polynomial").replace("}", ", degree: 5}")])
+def test_a_motion_that_passes_rest_takes_the_effort_that_breaks_away(tmp_path, law, samples):
+    """``static_mu m g`` to either side, where a law begins at the first row or turns back between rows."""
+    assert slid(tmp_path, 0.5, law, samples)[1] == pytest.approx([-0.5 * 2.0 * 9.81, 0.5 * 2.0 * 9.81], rel=1e-12)
+
+
+def test_without_more_friction_at_rest_breaking_away_takes_no_more_than_the_motion(tmp_path):
+    kinetic = 0.2 * 2.0 * 9.81
+    result, ends = slid(tmp_path, 0.2, SWING, 11)
+    assert ends == pytest.approx([-kinetic - AMPLITUDE, kinetic + AMPLITUDE], rel=1e-9)
+    assert not any("self-locking" in note for note in result.notes())
+
+
+SLIDER_CRANK = """
+pinarm: 1
+title: crank
+planar:
+  points: {O: [0, 0], A: [0.1 m, 0], B: [0.4 m, 0], X: [1 m, 0]}
+  ground: [O, X]
+  links: {crank: {points: [O, A], mass: 1 kg}, rod: {points: [A, B], mass: 1 kg}, piston: {points: [B], mass: 2 kg}}
+  sliders: {x: {link: piston, along: [O, X]}}
+friction:
+  x: {mu: 0.2, static_mu: 0.5}
+  A: {mu: 0.1, static_mu: 0.3, radius: 10 mm}
+"""
+
+
+def cranked(tmp_path, problem):
+    (tmp_path / "crank.yaml").write_text(SLIDER_CRANK)
+    text = f"pinarm: 1\nmechanism: crank.yaml\nproblem: {problem}\noutputs: [joint.O.effort]\n"
+    (tmp_path / "scenario.yaml").write_text(text)
+    return pinarm.run(tmp_path / "scenario.yaml")
+
+
+def test_a_crank_that_turns_back_is_held_there_as_at_rest(tmp_path):
+    """At the instants of ``cos 3t = 0``, none of them a row, by the band of ``statics``; a dead centre has none."""
+    law = "{law: harmonic, amplitude: 0.5 rad, pulsation: 3 rad/s, mean: 0.4 rad}"
+    run = cranked(tmp_path, f"{{kind: inverse, time: {{end: 3 s, samples: 5}}, motion: {{O: {law}}}}}")
+    (t,) = run.lookup.motion.rests()
+    turns = t[np.abs(np.cos(3.0 * t)) < 1e-12]
+    assert np.unique(turns.round(9)) == pytest.approx(np.array([1.0, 3.0, 5.0]) * np.pi / 6.0)
+    rows = run.lookup.quantities_at(0, t)
+    ends = np.array([rows[f"joint.O.effort.{end}"].values for end in ("lower", "upper")])
+    passing = np.abs(np.cos(3.0 * t)) > 1e-3
+    assert passing.sum() > 2
+    assert ends[0, passing] == pytest.approx(ends[1, passing], rel=1e-9)
+    for k in np.flatnonzero(~passing):
+        position = float(rows["joint.O.position"].values[k])
+        held = cranked(tmp_path, f"{{kind: statics, hold: {{O: {position!r} rad}}, drives: [O]}}")
+        for end, found in zip(("lower", "upper"), ends[:, k], strict=True):
+            assert found == pytest.approx(held[f"joint.O.effort.{end}"].values[0], rel=1e-9)
 
 
 def test_the_band_of_a_motion_counts_the_rotor_as_the_effort_does(write):

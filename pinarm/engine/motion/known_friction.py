@@ -3,7 +3,8 @@
 The efforts of the drives and the reactions follow from the motion and from the friction, linearly. Friction of joints
 that slip, or are about to, has its direction from the motion. Of joints at rest it may be anything up to its bound:
 tables have it as 0, and beside it the efforts that begin to move each drive's coordinate up and down, by the friction
-at rest. Whatever lies between the two holds.
+at rest. Whatever lies between the two holds. Where joints stand still for an instant only, tables have the side of the
+motion, and the band is that of both: of the motion, and of joints that stay at rest there.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.batch_jacobians import rows_of
 from pinarm.engine.constraints.nullspaces.nullspace import split_rows
 from pinarm.engine.friction.columns import BANDS, EffortBand, bands_of, friction_columns
 from pinarm.engine.friction.locking import ROUNDED, locks
 from pinarm.engine.friction.response import BearingReactions
 from pinarm.engine.friction.slipping import CarriedLoads, Slipping
-from pinarm.engine.motion.standstill import at_rest, leading, row_paces
+from pinarm.engine.motion.standstill import STANDSTILL, at_rest, leading
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError
@@ -194,10 +195,40 @@ class KnownFriction:
             terms = ways * band.shares
             way = terms.sum(axis=2)
             way[np.abs(way) <= MOVES * np.abs(terms).sum(axis=2)] = 0.0
+            instants, held = self._held_for_an_instant(way)
             for part, sign in zip(BANDS, (-1.0, 1.0), strict=True):
-                side = band.side(part, self._effort(way, sign))
+                effort = self._effort(way, sign)
+                if held is not None:
+                    effort[instants] = sign * np.maximum(
+                        sign * effort[instants], sign * held._effort(way[instants], sign)
+                    )
+                side = band.side(part, effort)
                 columns[side.name] = side
         return columns
+
+    def _held_for_an_instant(self, way: Array) -> tuple[Indices, KnownFriction | None]:
+        """Return the rows at which joints are at rest for an instant, and what stays at rest there; ``None`` if none.
+
+        Without the acceleration of the drive's coordinate, and with what follows from it, joints would stay at rest.
+
+        Args:
+            way: The motion of all joints per unit of the coordinate, shape (n, nv).
+        """
+        run, slips = self.run, np.matvec(self.rows, way)
+        moved = np.abs(slips) > MOVES * np.abs(way).max(axis=1, keepdims=True)
+        begun = np.where(moved & standing(run, self.rows, self.pace) & ~self.resting, slips, 0.0)
+        instants = np.flatnonzero(begun.any(axis=1))
+        if not len(instants):
+            return instants, None
+        begun, rows = begun[instants], run.some(instants)
+        drift = slip_drifts(run.mechanism.model, run.mechanism.frictions, rows.q, rows.v)
+        rates = np.matvec(self.rows[instants], rows.a) + drift
+        paces = (begun * rates).sum(axis=1) / (begun * begun).sum(axis=1)
+        rows = replace(rows, a=rows.a - paces[:, None] * way[instants])
+        t, q, v, a = rows.grid.t, rows.q, rows.v, rows.a
+        demand = rows.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], a[part]))
+        pace = self.pace if self.pace.ndim == 2 else self.pace[instants]
+        return instants, KnownFriction(rows, self.drives, demand, pace, np.zeros_like(v))
 
     def _ways(self, coordinates: Mapping[str, Coordinate]) -> Array:
         """Return the motions of all joints per unit of each drive's coordinate, others at rest, shape (n, nv, d)."""
@@ -263,19 +294,33 @@ class KnownFriction:
         return found
 
 
-def notes_of(run: Trajectory, pace: Array | None) -> list[str]:
+def standing(run: Trajectory, rows: Array, pace: Array) -> Flags:
+    """Return which joints with friction have no velocity but for rounding, shape (n, k).
+
+    Args:
+        run: The motion.
+        rows: J of the k slips, shape (n, k, nv).
+        pace: See ``KnownFriction``.
+    """
+    slips, rounding = np.matvec(rows, run.v), STANDSTILL * np.matvec(np.abs(rows), pace[..., 0, :])
+    return np.asarray(sizes(run.mechanism.frictions, np.where(np.abs(slips) > rounding, slips, 0.0)) == 0.0)
+
+
+def notes_of(run: Trajectory, pace: Array) -> list[str]:
     """Return what is to be said of a motion with joints at rest under friction.
 
     Args:
         run: The motion of n rows, with the bands of d drives.
-        pace: What rounding of velocities is judged against, shape (2, nv); ``None`` of states of their own.
+        pace: See ``KnownFriction``.
     """
     coordinates = {name: run.mechanism.coordinate(name) for name in run.drives}
-    resting = _resting(run, coordinates, row_paces(run.mechanism, run.v, run.a) if pace is None else pace)
+    resting = _resting(run, coordinates, pace)
+    rows = slip_rows(run.mechanism.model, run.mechanism.frictions, run.q)
+    instants = (standing(run, rows, pace) & (run.friction != 0.0)).any(axis=1)
     found = list[str]()
     for band in bands_of(run.mechanism.joints, coordinates):
         low, high = (run.columns[f"{band.quantity}.{part}"].values for part in BANDS)
-        found += _band_notes(band, low, high, np.asarray(resting[:, band.shares != 0.0].all(axis=1)))
+        found += _band_notes(band, low, high, np.asarray(resting[:, band.shares != 0.0].all(axis=1)), instants)
     return found
 
 
@@ -286,13 +331,24 @@ def _resting(run: Trajectory, coordinates: Mapping[str, Coordinate], pace: Array
     return at_rest(speeds, rates, np.matvec(np.abs(rows)[:, None], pace))
 
 
-def _band_notes(band: EffortBand, low: Array, high: Array, resting: Flags) -> Iterator[str]:
-    """Yield what is to be said of a band, of coordinates that rest in some rows."""
+def _band_notes(band: EffortBand, low: Array, high: Array, resting: Flags, instants: Flags) -> Iterator[str]:
+    """Yield what is to be said of a band.
+
+    Args:
+        band: Whose it is.
+        low: Its lower end, shape (n,).
+        high: Its upper end, shape (n,).
+        resting: Where its coordinates rest, shape (n,).
+        instants: Where joints are at rest for an instant only, shape (n,).
+    """
     name, n, of_one = band.quantity, len(low), np.count_nonzero(band.shares) == 1
     if of_one:
         yield from _endless_notes(name, low, high, resting)
     wide = high - low > ROUNDED * np.minimum(np.abs(low), np.abs(high))
-    held, moved = wide & resting, wide & ~resting
+    if (wide & instants).any():
+        yield (f"{name}: in {(wide & instants).sum()} of {n} rows a joint is at rest for an instant: {name}.lower and "
+               ".upper have the efforts that move it from rest too, the table has the side of the motion")  # fmt: skip
+    held, moved = wide & resting & ~instants, wide & ~resting & ~instants
     others = ", the other drives free to take their part" if len(band.shares) > 1 else ""
     together = ": values of several bands need not hold together" if others else ""
     for rows, what, when, without in (

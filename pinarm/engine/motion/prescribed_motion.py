@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +25,12 @@ from pinarm.records import Record, replace
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.statics.actuation import Actuation
+
+PER_TURN, LOOKS = 8.0, (257, 16385)
+"""Velocities that are looked at while a law turns by a radian, as ``s''/s'`` tells, and the least and most of them."""
+
+HALVINGS = 52
+"""Bisections after which an instant is known to its last digit."""
 
 KINEMATIC = "the problem is kinematic and asks for no forces"
 
@@ -103,7 +110,8 @@ class Prescription(Record, frozen=True):
             return notes
         from pinarm.engine.motion.known_friction import notes_of
 
-        return [*notes_of(rows, pace), *notes]
+        paces = row_paces(self.mechanism, rows.v, rows.a) if pace is None else pace
+        return [*notes_of(rows, paces), *notes]
 
     def moving(self, grid: Grid, near: Array) -> Trajectory:
         """Return the motion at the rows of a grid, without efforts, on the branch of a configuration near the first."""
@@ -239,3 +247,45 @@ class PrescribedMotion(Record, frozen=True):
     def positions(self, t: Array) -> Array:
         """Return the configurations at values of the parameter, shape (n,), as an array of shape (n, nq)."""
         return positions_by_interval(self, self.cuts, t)
+
+    def rests(self) -> list[Array]:
+        """Return where joints with friction come to rest, interval by interval, the ends of each among them.
+
+        How close the velocities are looked at follows from the laws, whatever rows have been solved.
+        """
+        return [self._rests(low, high) for low, high in pairwise(self.cuts)]
+
+    def _rests(self, start: float, end: float) -> Array:
+        """Return the same of one interval, shape (m,)."""
+        ends = np.array([start, end])
+        grid = Grid(ends, (start, end), (0, 2))
+        sizes = np.array([law_size(law, grid) for law in self.prescription.motion.laws]).reshape(-1, 2)
+        moving = sizes[sizes[:, 0] > 0.0]
+        if start == end or not len(moving):
+            return ends
+        turns = abs(end - start) * float((moving[:, 1] / moving[:, 0]).max())
+        t = np.linspace(start, end, int(np.clip(PER_TURN * turns, *LOOKS)))
+        slips, rounding = self._slips(t, grid.cuts)
+        slips = np.where(np.abs(slips) > rounding, slips, 0.0)
+        rests = (slips[:-1] != 0.0) & (slips[1:] == 0.0) | (slips[:-1] == 0.0) & (slips[1:] != 0.0)
+        at = np.flatnonzero(rests.any(axis=1))
+        row, joint = np.nonzero(slips[:-1] * slips[1:] < 0.0)
+        low, high, before = t[row], t[row + 1], slips[row, joint]
+        for _ in range(HALVINGS if len(row) else 0):
+            middle = 0.5 * (low + high)
+            order = middle.argsort()
+            here = np.empty_like(middle)
+            here[order] = self._slips(middle[order], grid.cuts)[0][np.arange(len(row)), joint[order]]
+            later = before * here > 0.0
+            low, high = np.where(later, middle, low), np.where(later, high, middle)
+        return np.unique(np.concatenate([ends, t[at], t[at + 1], 0.5 * (low + high)]))
+
+    def _slips(self, t: Array, cuts: tuple[float, ...]) -> tuple[Array, Array]:
+        """Return the slips of the k joints with friction within one interval, and their rounding, both (n, k)."""
+        from pinarm.mechanics.friction.contact import slip_rows
+
+        mechanism, pace = self.prescription.mechanism, self.pace
+        run = self.prescription.moving(Grid(t, cuts, (0, len(t))), self.q[np.abs(self.t - t[0]).argmin()])
+        rows = slip_rows(mechanism.model, mechanism.frictions, run.q)
+        rounding = np.zeros(rows.shape[:2]) if pace is None else STANDSTILL * np.matvec(np.abs(rows), pace[0])
+        return np.asarray(np.matvec(rows, run.v)), rounding

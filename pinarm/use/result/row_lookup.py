@@ -14,7 +14,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.motion.outcome import SolvedMotion, on_interval
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.quantities.names import OPERATORS, Quantities
 from pinarm.errors import InputError, Key, PinarmError, within
 from pinarm.input.yaml.schema import in_si
 from pinarm.use.result.figures.bracket_fit import BracketFit
@@ -53,6 +53,9 @@ KEPT = 20
 
 FITS = 200
 """Curves between two places whose polynomials are kept: several numbers of one quantity look into the same ones."""
+
+BAND_ENDS = (".effort.lower", ".effort.upper")
+"""Last words of the ends of a band of efforts."""
 
 Spot = tuple[int, float]
 """An interval of the run and a value of its parameter within it."""
@@ -214,13 +217,27 @@ class Lookup:
         """Return the row at which a quantity is largest, smallest, or largest in size."""
         if not np.isfinite(self.quantities[name].values).all():
             raise InputError(f"{name} is not finite everywhere: it has no extreme")
-        return self.highest(lambda rows: _HEIGHTS[which](rows[name].values))
+        places = self._rests if self._has_bands and not _plain(name) else []
+        return self.highest(lambda rows: _HEIGHTS[which](rows[name].values), places)
 
-    def highest(self, height: Callable[[Quantities], Array]) -> Quantities:
+    @property
+    def _has_bands(self) -> bool:
+        """Whether friction gives efforts a band where joints are at rest, for an instant too."""
+        return any(name.endswith(BAND_ENDS) for name in self.run.columns)
+
+    @cached_property
+    def _rests(self) -> list[tuple[int, Array]]:
+        """Intervals, and where in them joints with friction are at rest for an instant."""
+        from pinarm.engine.motion.prescribed_motion import PrescribedMotion
+
+        return [*enumerate(self.motion.rests())] if isinstance(self.motion, PrescribedMotion) else []
+
+    def highest(self, height: Callable[[Quantities], Array], places: Sequence[tuple[int, Array]] = ()) -> Quantities:
         """Return the row at which a function of the quantities is largest, refined between the samples.
 
         Args:
             height: Quantities of n rows -> finite values, shape (n,).
+            places: Intervals and values of the parameter there at which it may jump, for an instant only.
         """
         run, values = self.run, height(self.quantities)
         slack = PLATEAU * float(np.abs(values).max())
@@ -233,14 +250,22 @@ class Lookup:
                 if bracket[0] <= bracket[1]:
                     brackets.append((interval, bracket))
         parts = self._between_few_rows()
-        self.announce([(interval, BracketFit.places(*bracket)) for interval, bracket in (*brackets, *parts)])
+        known = [(interval, BracketFit.places(*bracket)) for interval, bracket in (*brackets, *parts)]
+        self.announce([*places, *known])
         spots = [self._refined(interval, height, bracket) for interval, bracket in brackets]
         spots += [self._refined(interval, height, bracket, HALVINGS) for interval, bracket in parts]
+        spots += [self._highest_of(interval, height, t) for interval, t in places]
         top, interval, t = max(spots, key=lambda spot: spot[0])
         if top <= values[best] + slack:
             interval = next(k for k, (_, _, rows) in enumerate(self.intervals) if rows.start <= best < rows.stop)
             t = float(run.grid.t[best])
         return self._row(interval, t)
+
+    def _highest_of(self, interval: int, height: Callable[[Quantities], Array], t: Array) -> tuple[float, int, float]:
+        """Return the largest height at values in one interval, the interval, and where it is."""
+        heights = height(self.quantities_at(interval, t))
+        peak = int(heights.argmax())
+        return float(heights[peak]), interval, float(t[peak])
 
     def _between_few_rows(self) -> list[tuple[int, tuple[float, float]]]:
         """Return brackets in each interval that has few rows, which may pass an extreme between them."""
@@ -311,6 +336,11 @@ class Lookup:
                 spot, top = float(t[peak]), float(heights[peak])
             low, high = t[max(peak - 1, 0)], t[min(peak + 1, POINTS - 1)]
         return top, interval, spot
+
+
+def _plain(name: str) -> bool:
+    """Tell whether a name is that of a quantity with words, no symbol, formula or end of a band."""
+    return "." in name and not set(name) & OPERATORS and not name.endswith(BAND_ENDS)
 
 
 def _rivals(values: Array, best: int, slack: float) -> list[int]:
