@@ -285,7 +285,8 @@ class PrescribedMotion(Record, frozen=True):
         from pinarm.mechanics.friction.contact import slip_rows
 
         mechanism, pace = self.prescription.mechanism, self.pace
-        run = self.prescription.moving(Grid(t, cuts, (0, len(t))), self.q[np.abs(self.t - t[0]).argmin()])
+        grid = Grid(t, cuts, (0, len(t)))
+        run = self.prescription.moving(grid, self._near(grid))
         rows = slip_rows(mechanism.model, mechanism.frictions, run.q)
         rounding = np.zeros(rows.shape[:2]) if pace is None else STANDSTILL * np.matvec(np.abs(rows), pace[0])
         return np.asarray(np.matvec(rows, run.v)), rounding
