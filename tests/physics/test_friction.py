@@ -701,7 +701,7 @@ def test_friction_of_a_thread_loads_its_bearings(write):
     for name in ("coupling.thread.axial", "coupling.thread.force.z", "joint.lift.effort"):
         assert result[name].values == pytest.approx(6400.0, rel=1e-12)
     raising = torque(6400.0, 0.008, 0.03, 0.08)
-    assert result["coupling.thread.torque"].values == pytest.approx(-raising, rel=1e-12)
+    assert result["coupling.thread.torque"].values == pytest.approx(raising, rel=1e-12)
     assert result["coupling.thread.moment.z"].values == pytest.approx(raising, rel=1e-12)
     assert result.figures["bodies"] < 1e-13
 

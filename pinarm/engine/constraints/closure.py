@@ -61,12 +61,17 @@ class Closure(Record, frozen=True):
 
     @cached_property
     def extent(self) -> float:
-        """Length of all links from end to end, from the origin of the world on [m]: places are rounded relative to it.
+        """Length [m] of the longest branch of links, from the origin of the world to a joint or a frame.
 
-        It is at least that of a frame that lies beyond the last joint, and 1 m for a model without lengths.
+        Places are rounded relative to it. It is 1 m for a model without lengths.
         """
-        joints = sum(float(np.linalg.norm(place.translation)) for place in self.model.jointPlacements)
-        return joints + max(float(np.linalg.norm(frame.placement.translation)) for frame in self.model.frames) or 1.0
+        along = [0.0]
+        for parent, place in zip(list(self.model.parents)[1:], list(self.model.jointPlacements)[1:], strict=True):
+            along.append(along[parent] + float(np.linalg.norm(place.translation)))
+        ends = (
+            along[frame.parentJoint] + float(np.linalg.norm(frame.placement.translation)) for frame in self.model.frames
+        )
+        return max(*along, *ends) or 1.0
 
     @cached_property
     def length(self) -> float:

@@ -161,8 +161,8 @@ class ThreadContact(Record, frozen=True):
         return {"axial": NEWTON, "torque": NEWTON_METRE}
 
     def part(self, name: str, lam: Array) -> Array:
-        """Return the force along the second joint [N], or the moment about the first one [N*m], shape (n,)."""
-        return np.asarray(lam if name == "axial" else -self.pitch * lam)
+        """Return the force along the second joint [N], or the moment about the first one's axis [N*m], shape (n,)."""
+        return np.asarray(lam if name == "axial" else self.pitch * lam)
 
     def __str__(self) -> str:
         """Return its kind and lead."""

@@ -82,6 +82,6 @@ class ThreadFriction(ConstantSlip):
         return {known.second: second, known.first: -second}
 
     def part(self, name: str, f: Array) -> Array:
-        """Return what friction adds to the force along the nut's joint, or to the moment about the screw's, (n,)."""
+        """Return what friction adds to the force on the nut along its joint, or to the moment about the screw, (n,)."""
         turning, sliding = self.along
-        return np.asarray((sliding if name == "axial" else turning) * f)
+        return np.asarray((sliding if name == "axial" else -turning) * f)

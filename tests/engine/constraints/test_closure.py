@@ -3,11 +3,12 @@
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import pinarm
 from benchmarks.growth import written
-from pinarm.engine.constraints.closure import KEPT, SEVERAL
+from pinarm.engine.constraints.closure import KEPT, SEVERAL, Closure
 from pinarm.engine.mechanism import Mechanism
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
@@ -70,3 +71,15 @@ def test_what_moves_both_links_alike_is_not_in_their_rows(tmp_path):
     rows = scissor.rows(scissor.state(q))
     assert np.array_equal(rows != 0.0, wanted.toarray() != 0.0)
     np.testing.assert_allclose(rows, wanted.toarray(), atol=1e-13)
+
+
+def test_the_extent_is_that_of_the_longest_branch():
+    """Rods of 2 m and 3 m one after the other, the second with a tip at 4 m, and a rod of 5 m beside them."""
+    model = pin.Model()
+    first = model.addJoint(0, pin.JointModelRZ(), pin.SE3(np.eye(3), np.array([2.0, 0.0, 0.0])), "first")
+    second = model.addJoint(first, pin.JointModelRZ(), pin.SE3(np.eye(3), np.array([0.0, 3.0, 0.0])), "second")
+    model.addJoint(0, pin.JointModelRZ(), pin.SE3(np.eye(3), np.array([0.0, 0.0, 5.0])), "beside")
+    assert Closure.of(model).extent == 5.0
+    tip = pin.SE3(np.eye(3), np.array([0.0, 0.0, -4.0]))
+    model.addFrame(pin.Frame("tip", second, 0, tip, pin.FrameType.OP_FRAME))
+    assert Closure.of(model).extent == 9.0

@@ -24,7 +24,7 @@ def test_the_spindle_bears_the_weight_and_the_guide_its_moments(mechanism, hand)
     found = Quantities(Statics(hold={"screw": 0.4}, drives=["screw"]).solve(jack, Accuracy(), anywhere).rows)
     weight, moment = MASS * G, hand * MASS * G * LEAD / (2.0 * np.pi)
     assert found["coupling.thread.axial"].values == pytest.approx(weight, rel=1e-14)
-    assert found["coupling.thread.torque"].values == pytest.approx(-moment, rel=1e-14)
+    assert found["coupling.thread.torque"].values == pytest.approx(moment, rel=1e-14)
     assert found["coupling.thread.moment.z"].values == pytest.approx(moment, rel=1e-14)
     assert found["joint.screw.force.z"].values == pytest.approx(weight + G, rel=1e-14)  # and the spindle's 1 kg
     assert found["joint.screw.moment.z"].values == pytest.approx(moment, rel=1e-14)
