@@ -65,46 +65,44 @@ def rotors_along(
             if drive.along in joints_of(model):
                 raise InputError(f"'{drive.along}' is a joint", expected=f"joint: {drive.along}")
     with here("drives"):
-        units = {name: coordinates[drive.coordinate].unit for name, drive in turning.items()}
-        return with_rotors(model, turning, units)
+        return with_rotors(model, turning, coordinates)
 
 
 def geared_rotors(
     joints: Mapping[str, Joint], description: MechanismDescription, coordinates: Mapping[str, Coordinate]
 ) -> list[Constraint]:
-    """Return what ties rotors that are joints of their own to what their drives act along."""
-    turning = {
-        name: drive.coordinate
-        for name, drive in description.drives.items()
-        if drive.turns_rotor and drive.elasticity is None
-    }
+    """Return what ties the joints of drives to each other, and to what the drives act along."""
+    turning = {name: drive for name, drive in description.drives.items() if drive.turns_rotor}
     if not turning:
         return []
-    from pinarm.mechanics.rotors import GearedRotor, rotor_name
+    from pinarm.mechanics.rotors import DriveTrain
 
-    return [GearedRotor(f"gear of {name}", joints[rotor_name(name)], coordinates[driven])
-            for name, driven in turning.items()]  # fmt: skip
+    return [
+        tie
+        for name, drive in turning.items()
+        for tie in DriveTrain.of(name, drive, coordinates[drive.coordinate]).ties(drive, joints, coordinates)
+    ]
 
 
 def elastic_gears(
-    model: pin.Model, joints: Mapping[str, Joint], description: MechanismDescription,
-    coordinates: Mapping[str, Coordinate], here: Locate,
-) -> dict[str, ForceElement]:  # fmt: skip
+    model: pin.Model, description: MechanismDescription, coordinates: Mapping[str, Coordinate], here: Locate
+) -> dict[str, ForceElement]:
     """Return the elasticities between rotors and what their drives act along, by name.
 
     Raises:
-        InputError: A drive acts along a coordinate that is no sum of joints, or a unit is another.
+        InputError: A unit is another.
     """
     elastic = {name: drive for name, drive in description.drives.items() if drive.elasticity is not None}
     if not elastic:
         return {}
     from pinarm.mechanics.forces.flanks import elastic_gear
-    from pinarm.mechanics.rotors import deflection_of, rotor_name
+    from pinarm.mechanics.rotors import DriveTrain
 
     found = dict[str, ForceElement]()
     for name, drive in elastic.items():
+        assert drive.elasticity is not None
         with here("drives", name):
-            along = deflection_of(joints[rotor_name(name)], coordinates[drive.coordinate])
-            assert drive.elasticity is not None
-            found[f"elasticity of {name}"] = elastic_gear(model, along, drive.elasticity, drive.backlash)
+            train = DriveTrain.of(name, drive, coordinates[drive.coordinate])
+            deflection = train.deflection(drive, coordinates)
+            found[f"elasticity of {name}"] = elastic_gear(model, deflection, drive.elasticity, drive.backlash)
     return found

@@ -612,7 +612,7 @@ def _build(
     symbols = symbols_of(description, here)
     mount_drives(model, joints, description, here)
     forces = forces_of(robot, description, model, joints, coordinates, here)
-    forces |= elastic_gears(model, joints, description, coordinates, here)
+    forces |= elastic_gears(model, description, coordinates, here)
     return Mechanism(
         description.title or model.name, model, robot.xml, joints, balls, coordinates, tying(constraints, frictions),
         dict(description.drives), forces, symbols, resolved,

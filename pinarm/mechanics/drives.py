@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
@@ -20,13 +20,19 @@ class Elasticity(InputStruct, frozen=True):
     With the deflection w, the rotor's angle over the ratio less the joint's, the joint gets ``k w + c w'``. Behind a
     backlash b it is ``k d + c w'`` with ``d = |w| - b/2``, towards the free travel, while flanks touch and this pushes.
 
+    The parts are, from the motor on: its rotor with its inertia, the elastic input shaft, with the backlash, the teeth
+    with their ``efficiency``, the joint; with an output shaft: rotor, teeth, shaft, joint. An efficiency of 1 makes no
+    difference between both.
+
     Attributes:
-        stiffness: k at the joint, effort per deflection.
+        stiffness: k at the joint, effort per deflection; of an input shaft N^2 times that at the motor.
         damping: c at the joint, effort per rate of the deflection.
+        shaft: Which shaft of the gear is elastic: ``input``, between rotor and teeth, or ``output``, behind them.
     """
 
     stiffness: Positive
     damping: NotNegative = 0.0
+    shaft: Literal["input", "output"] = "input"
 
 
 class Drive(InputStruct, frozen=True):
@@ -47,8 +53,9 @@ class Drive(InputStruct, frozen=True):
     motion, ``tau / (N eta)``: the safe side for sizing. A motor that is off, at a free joint, has no torque; its rotor
     is moved without loss.
 
-    Where a controller commands the ``motor`` of a drive, its losses act in the motion: the rotor is a joint of its own,
-    ``D.rotor``, and ``drive.D.friction`` is what the gear takes; see ``mechanics.friction.gear_loss``.
+    Where a controller commands the ``motor`` of a drive, a drive with an elasticity, or one along a coordinate, its
+    losses act in the motion: the rotor is a joint of its own, ``D.rotor``, and ``drive.D.friction`` is what the gear
+    takes; see ``mechanics.friction.gear_loss``.
 
     Attributes:
         joint: Joint that it drives; this or ``along``.
@@ -83,11 +90,6 @@ class Drive(InputStruct, frozen=True):
         if self.elasticity is not None and not self.rotor_inertia:
             with within("elasticity"):
                 raise InputError("a rotor that moves by itself needs an inertia", expected="rotor_inertia: 1e-4 kg*m^2")
-        if self.elasticity is not None and self.efficiency < 1.0:
-            with within("efficiency"):
-                raise InputError("the losses of an elastic gear are not modelled", expected="an efficiency of 1",
-                                 hint="the wheel of the gear as a link of the model between motor and load, with a "
-                                 "joint_spring behind it: see docs/control.md")  # fmt: skip
         if self.ratio == 0.0 or not math.isfinite(self.ratio):
             with within("ratio"):
                 raise InputError(
@@ -100,10 +102,15 @@ class Drive(InputStruct, frozen=True):
         return self.joint or self.along
 
     @property
+    def rigid(self) -> bool:
+        """Whether its joint moves as its rotor turns."""
+        return self.elasticity is None
+
+    @property
     def turns_rotor(self) -> bool:
         """Whether its rotor is a joint of its own, ``D.rotor``: it drives no joint, or its gear comes between them."""
         lossy = self.motor is not None and self.efficiency < 1.0
-        return bool(self.along) or lossy or self.elasticity is not None
+        return bool(self.along) or lossy or not self.rigid
 
     @property
     def armature(self) -> float:

@@ -7,15 +7,16 @@ to it, ``x - w(q) = 0``. As armatures of joints, rotors have no weight, and thei
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError, within
+from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.drives import Drive
@@ -29,12 +30,12 @@ ENDLESS = np.array([np.inf])
 
 @dataclass(frozen=True, eq=False)
 class GearedRotor:
-    """What ties a rotor to the coordinate that its motor drives; the multiplier is the effort that moves the rotor.
+    """What ties a rotor, or another joint of a drive, to a coordinate; the multiplier is the effort that moves it.
 
     Attributes:
-        name: ``gear of D``.
-        rotor: Its joint, whose coordinate is that of the driven side.
-        coordinate: What the motor drives.
+        name: ``gear of D``, or ``shaft of D``.
+        rotor: The joint, whose coordinate is that of the driven side.
+        coordinate: What it moves as.
         size: One row.
         side: It holds both ways.
     """
@@ -81,23 +82,9 @@ class GearedRotor:
         return axis
 
 
-def deflection_of(rotor: Joint, coordinate: Coordinate) -> LinearCoordinate:
-    """Return the deflection of an elastic gear, ``x - w(q)``.
-
-    Args:
-        rotor: Joint of the rotor, whose coordinate x is that of the driven side.
-        coordinate: What the motor drives, w.
-
-    Raises:
-        InputError: It is no sum of joints.
-    """
-    if not isinstance(coordinate, LinearCoordinate):
-        with within("elasticity"):
-            raise InputError("an elastic gear drives a joint, or a sum of joints", expected="a joint, or a coordinate "
-                             "of the kind sum", hint="a joint of the model between motor and loop")  # fmt: skip
-    weights = -np.asarray(coordinate.weights, dtype=np.float64)
-    weights[rotor.v] += 1.0
-    return replace(coordinate, weights=weights)
+def deflection_of(front: LinearCoordinate, back: LinearCoordinate) -> LinearCoordinate:
+    """Return the deflection of an elastic shaft between two coordinates, the first less the second."""
+    return replace(front, weights=np.asarray(front.weights - back.weights, dtype=np.float64))
 
 
 def rotor_name(drive: str) -> str:
@@ -105,24 +92,101 @@ def rotor_name(drive: str) -> str:
     return f"{drive}.rotor"
 
 
-def with_rotors(model: pin.Model, drives: Mapping[str, Drive], units: Mapping[str, Unit]) -> pin.Model:
-    """Return a copy of the model with a joint at the end for every rotor.
+def gear_name(drive: str) -> str:
+    """Return the name of what ties both sides of the gear of a drive."""
+    return f"gear of {drive}"
+
+
+def wheel_name(drive: str) -> str:
+    """Return the name of the joint of the wheel of a drive, at which an elastic output shaft begins."""
+    return f"{drive}.wheel"
+
+
+def shaft_name(drive: str) -> str:
+    """Return the name of the joint at the end of the elastic shaft of a drive."""
+    return f"{drive}.shaft"
+
+
+class DriveTrain(NamedTuple):
+    """The joints of its own between the motor of a drive and what it drives; none of them but the rotor has an inertia.
+
+    Attributes:
+        drive: Name of the drive.
+        wheel: Whether the wheel of a gear with losses is one, ``D.wheel``: an elastic output shaft begins there.
+        shaft: Whether the end of an elastic shaft is one, ``D.shaft``: it ends in teeth with losses, or drives a
+            coordinate that is no sum of joints.
+        losses_behind: Whether teeth with losses come behind the shaft.
+    """
+
+    drive: str
+    wheel: bool
+    shaft: bool
+    losses_behind: bool
+
+    @classmethod
+    def of(cls, name: str, drive: Drive, coordinate: Coordinate) -> DriveTrain:
+        """Return the train of a drive whose rotor is a joint of its own."""
+        if drive.elasticity is None:
+            return cls(name, False, False, False)
+        lossy, output = drive.efficiency < 1.0, drive.elasticity.shaft == "output"
+        behind = lossy and not output
+        return cls(name, lossy and output, behind or not isinstance(coordinate, LinearCoordinate), behind)
+
+    def joints(self, armature: float) -> dict[str, float]:
+        """Return the armatures of the joints by name, the rotor's first."""
+        others = ((wheel_name(self.drive), self.wheel), (shaft_name(self.drive), self.shaft))
+        return {rotor_name(self.drive): armature, **{name: 0.0 for name, exists in others if exists}}
+
+    def ties(
+        self, drive: Drive, joints: Mapping[str, Joint], coordinates: Mapping[str, Coordinate]
+    ) -> Iterator[GearedRotor]:
+        """Yield what ties the joints to each other, and to what the drive acts along."""
+        driven, gear = coordinates[drive.coordinate], gear_name(self.drive)
+        if drive.elasticity is None:
+            yield GearedRotor(gear, joints[rotor_name(self.drive)], driven)
+        if self.wheel:
+            yield GearedRotor(gear, joints[wheel_name(self.drive)], coordinates[rotor_name(self.drive)])
+        if self.shaft:
+            yield GearedRotor(
+                gear if self.losses_behind else f"shaft of {self.drive}", joints[shaft_name(self.drive)], driven
+            )
+
+    def deflection(self, drive: Drive, coordinates: Mapping[str, Coordinate]) -> LinearCoordinate:
+        """Return the deflection of the elastic shaft."""
+        front = coordinates[wheel_name(self.drive) if self.wheel else rotor_name(self.drive)]
+        back = coordinates[shaft_name(self.drive) if self.shaft else drive.coordinate]
+        assert isinstance(front, LinearCoordinate) and isinstance(back, LinearCoordinate)
+        return deflection_of(front, back)
+
+
+def with_rotors(model: pin.Model, drives: Mapping[str, Drive], coordinates: Mapping[str, Coordinate]) -> pin.Model:
+    """Return a copy of the model with the joints of drives at the end.
 
     Args:
         model: Pinocchio's model.
         drives: Drives whose rotors are joints of their own.
-        units: Units of what they drive, by the name of the drive.
+        coordinates: The mechanism's.
 
     Raises:
-        InputError: A joint has the name of a rotor.
+        InputError: A joint has the name of one of them.
     """
     found = model.copy()
     for name, drive in drives.items():
-        if found.existJointName(rotor_name(name)):
-            raise InputError(f"the model has a joint '{rotor_name(name)}', as the rotor of the drive '{name}' is named",
-                             expected="another name of the drive")  # fmt: skip
-        kind = pin.JointModelPX() if units[name] == METRE else pin.JointModelRX()
-        limits = ENDLESS, ENDLESS, -ENDLESS, ENDLESS
-        index = found.addJoint(0, kind, pin.SE3.Identity(), rotor_name(name), *limits)
-        found.armature[found.joints[index].idx_v] = drive.armature
+        driven = coordinates[drive.coordinate]
+        for joint, armature in DriveTrain.of(name, drive, driven).joints(drive.armature).items():
+            _add_joint(found, name, joint, driven.unit, armature)
     return found
+
+
+def _add_joint(model: pin.Model, drive: str, name: str, unit: Unit, armature: float) -> None:
+    """Add a joint of a drive to a model, without a body.
+
+    Raises:
+        InputError: A joint has its name.
+    """
+    if model.existJointName(name):
+        raise InputError(f"the model has a joint '{name}', as a part of the drive '{drive}' is named",
+                         expected="another name of the drive")  # fmt: skip
+    kind = pin.JointModelPX() if unit == METRE else pin.JointModelRX()
+    index = model.addJoint(0, kind, pin.SE3.Identity(), name, ENDLESS, ENDLESS, -ENDLESS, ENDLESS)
+    model.armature[model.joints[index].idx_v] = armature

@@ -10,6 +10,7 @@ from pinarm.errors import Key, Place
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import check_unit
 from pinarm.mechanics.ball_joints import places_of, positions_of, unit_of, velocities_of
+from pinarm.mechanics.rotors import wheel_name
 
 
 def check_levels(mechanism: Mechanism, levels: Mapping[str, float], place: Place, *at: str) -> None:
@@ -47,11 +48,12 @@ def _check_values(known: Mapping[str, Unit], values: Mapping[str, float], place:
 
 
 def followers_of(mechanism: Mechanism, positions: Container[str], velocities: Container[str]) -> tuple[Follower, ...]:
-    """Return the rotors of elastic gears, by the names of joints whose position or velocity is given."""
-    rotors = [(mechanism.driven_joint(name), drive) for name, drive in mechanism.drives.items() if drive.elasticity]
-    return tuple(
-        Follower(
-            rotor, mechanism.coordinate(drive.coordinate), rotor.name not in positions, rotor.name not in velocities
-        )
-        for rotor, drive in rotors
-    )
+    """Return rotors of elastic gears, and wheels, by the names of joints whose position or velocity is given."""
+    found: list[Follower] = []
+    for name, drive in mechanism.drives.items():
+        if drive.elasticity:
+            rotor, driven = mechanism.driven_joint(name), mechanism.coordinate(drive.coordinate)
+            begins = rotor.name not in positions, rotor.name not in velocities
+            parts = (mechanism.joints.get(part) for part in (rotor.name, wheel_name(name)))
+            found += [Follower(joint, driven, *begins) for joint in parts if joint is not None]
+    return tuple(found)

@@ -14,6 +14,11 @@ REST = 1e-12
 """Slip that is rest, over 1 rad/s or m/s or the largest slip at the start: rounding of a velocity that vanishes."""
 
 
+NOTHING = 1e-12
+"""Friction [N*m or N] without which a joint rests: where what holds it and its bound grow from 0 together, as in a gear
+without a load, they are compared from there on."""
+
+
 @dataclass(frozen=True, eq=False)
 class Approach:
     """How far a slip is from rest, or one at rest from slip.
@@ -54,7 +59,8 @@ class Reserve:
     group: int
 
     def left(self, t: Array, q: Array, v: Array) -> Array:
-        """Return ``bound^2 - phi^2``, which is smooth where phi vanishes, shape (n,)."""
+        """Return ``bound^2 - phi^2`` with some slack, which is smooth where phi vanishes, shape (n,)."""
         sliding = self.sliding_at(float(t[0]), float(t[-1]))
         solutions = sliding.solutions(t, q, v)
-        return np.array([each.bounds[self.group] ** 2 - each.held[self.group] ** 2 for each in solutions])
+        g, slack = self.group, NOTHING**2
+        return np.array([each.bounds[g] ** 2 - each.held[g] ** 2 + slack for each in solutions])

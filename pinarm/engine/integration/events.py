@@ -96,8 +96,9 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
     states[0][0], states[1][0], states[0][-1], states[1][-1] = step.y[:nq], step.y[nq:], y[:nq], y[nq:]
     crossings = []
     for number, watch in enumerate(watches):
-        for low, high in _brackets(watch.value(t, *states), watch.direction):
-            crossings.append((_refined(solution, index, watch, step.t + step.h * low, step.t + step.h * high), number))
+        for low, high, above in _brackets(watch.value(t, *states), watch.direction):
+            bracket = step.t + step.h * low, step.t + step.h * high
+            crossings.append((_refined(solution, index, watch, bracket, above=above), number))
     within, stop = _until_stop(sorted(crossings), watches, SAME_INSTANT * max(abs(step.t), abs(step.h)))
     for instant, number in within:
         q, v = solution.states_in(np.array([index]), np.array([instant]))
@@ -185,8 +186,11 @@ def _converged(values: Array) -> bool:
     return bool(series[-2:].max() <= CONVERGED * series.max())
 
 
-def _brackets(values: Array, direction: int) -> list[tuple[float, float]]:
-    """Return intervals in [0, 1], each with one zero crossing in the given direction of values at the nodes."""
+def _brackets(values: Array, direction: int) -> list[tuple[float, float, bool]]:
+    """Return intervals in [0, 1], each with one zero crossing in the given direction of values at the nodes.
+
+    Also whether the values are positive before it.
+    """
     series = _to_series(len(values) // 2) @ values
     one_sided = abs(series[0]) > np.abs(series[1:]).sum()
     if one_sided or not np.isfinite(series).all():
@@ -203,22 +207,32 @@ def _brackets(values: Array, direction: int) -> list[tuple[float, float]]:
         if abs(between[k]) <= NEGLIGIBLE * np.abs(series).max():
             above[k] = above[k - 1]
     return [
-        (float(bounds[k]), float(bounds[k + 1]))
+        (float(bounds[k]), float(bounds[k + 1]), bool(above[k]))
         for k in range(len(bounds) - 1)
         if above[k] != above[k + 1] and direction in (0, 1 if above[k + 1] else -1)
     ]
 
 
-def _refined(solution: Solution, index: int, watch: Watch, low: float, high: float) -> float:
-    """Return the first instant after the crossing within a bracket, to rounding [s]."""
+def _refined(solution: Solution, index: int, watch: Watch, bracket: tuple[float, float], *, above: bool) -> float:
+    """Return the first instant after the crossing within a bracket, to rounding [s].
+
+    Args:
+        solution: The solution.
+        index: Index of the step.
+        watch: What is watched.
+        bracket: Two instants [s]; the crossing may lie before the first by the rounding of the series.
+        above: Whether the value is positive before the crossing.
+    """
+    low, high = bracket
 
     def value(t: Array) -> Array:
         return watch.value(t, *solution.states_in(np.full(len(t), index), t))
 
-    before = value(np.array([low]))[0] >= 0.0
+    if (value(np.array([low]))[0] >= 0.0) != above:
+        low, high = solution.steps[index].t, low
     for _ in range(REFINEMENTS):
         t = np.linspace(low, high, PARTS + 1)
-        beyond = np.flatnonzero((value(t[1:-1]) >= 0.0) != before)
+        beyond = np.flatnonzero((value(t[1:-1]) >= 0.0) != above)
         first = int(beyond[0]) + 1 if len(beyond) else PARTS
         low, high = float(t[first - 1]), float(t[first])
     return high

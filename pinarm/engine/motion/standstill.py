@@ -27,8 +27,9 @@ closed loops amplify some thousand times at most."""
 
 
 def lossy(mechanism: Mechanism) -> list[int]:
-    """Return the indices in v of the joints at which the direction matters: behind a gear with losses."""
-    return [mechanism.driven_joint(name).v for name, drive in mechanism.drives.items() if drive.efficiency < 1.0]
+    """Return the indices in v of the joints at which the direction matters: behind a rigid gear with losses."""
+    drives = mechanism.drives.items()
+    return [mechanism.driven_joint(name).v for name, drive in drives if drive.rigid and drive.efficiency < 1.0]
 
 
 def row_paces(mechanism: Mechanism, v: Array, a: Array) -> Array:

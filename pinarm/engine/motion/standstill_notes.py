@@ -37,7 +37,9 @@ def _lossy(run: Trajectory) -> Iterator[tuple[str, Drive]]:
     """Yield the drives of joints whose gears have losses."""
     if run.directions is not None:
         yield from (
-            (name, drive) for name, drive in run.mechanism.drives.items() if drive.joint and drive.efficiency < 1.0
+            (name, drive)
+            for name, drive in run.mechanism.drives.items()
+            if drive.joint and drive.rigid and drive.efficiency < 1.0
         )
 
 

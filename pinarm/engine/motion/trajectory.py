@@ -233,10 +233,10 @@ class Trajectory(Record, frozen=True):
         the joint itself beside it.
         """
         if (gear := self._elastic_gear_at(joint)) is not None:
-            return self.tau[..., joint] - gear.efforts(self.grid.t, self.q, self.v)
+            shaft = gear.efforts(self.grid.t, self.q, self.v)
+            return self.tau[..., joint] - shaft + self._lost_behind_shaft(joint)
         if (drive := self._motor_at(joint)) is not None:
-            rotor, friction = self.mechanism.driven_joint(drive).v, self.columns.get(f"drive.{drive}.friction")
-            return self.tau[..., rotor] + (0.0 if friction is None else friction.values)
+            return self.tau[..., self.mechanism.driven_joint(drive).v] + self._lost_in_gear(drive)
         if not (acting := self.couplings_at(joint)):
             return self.tau[..., joint]
         lam, places = np.asarray(self.lam), self.closure.slices()
@@ -263,6 +263,17 @@ class Trajectory(Record, frozen=True):
         if drive is None or self.mechanism.drives[drive].elasticity is None:
             return None
         return cast("AlongCoordinate", self.mechanism.forces[f"elasticity of {drive}"])
+
+    def _lost_behind_shaft(self, joint: int) -> Array | float:
+        """Return the friction of teeth between an elastic shaft and a joint, by its index in v, shape (n,)."""
+        name = self._rotor_of(joint)
+        elasticity = self.mechanism.drives[name].elasticity if name else None
+        return self._lost_in_gear(name) if elasticity and elasticity.shaft == "input" else 0.0
+
+    def _lost_in_gear(self, drive: str | None) -> Array | float:
+        """Return the friction in the gear of a drive [N*m or N], shape (n,); 0 where it has none in this run."""
+        friction = self.columns.get(f"drive.{drive}.friction")
+        return 0.0 if friction is None else friction.values
 
     def _motor_at(self, joint: int) -> str | None:
         """Return the drive whose motor moves a joint in this run, by a rotor that is a joint of its own."""

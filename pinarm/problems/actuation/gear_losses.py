@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from pinarm.mechanics.rotors import GearedRotor
+from pinarm.mechanics.rotors import GearedRotor, gear_name
 from pinarm.records import replace
 
 if TYPE_CHECKING:
@@ -21,16 +21,14 @@ def with_gear_losses(mechanism: Mechanism, control: Sequence[ControlOfRun]) -> M
         control: The controllers of the run, those of the mechanism included.
     """
     commanded = {drive for one in control for drive in one.drives}
-    gears = {one.rotor.index: one for one in mechanism.constraints if isinstance(one, GearedRotor)}
+    gears = {one.name: one for one in mechanism.constraints if isinstance(one, GearedRotor)}
     losing = {
         name: drive for name, drive in mechanism.drives.items()
-        if name in commanded and drive.motor is not None and drive.efficiency < 1.0
+        if name in commanded and drive.efficiency < 1.0 and gear_name(name) in gears
     }  # fmt: skip
     if not losing:
         return mechanism
     from pinarm.mechanics.friction.gear_loss import GearLoss
 
-    losses = [
-        GearLoss.of(name, gears[mechanism.driven_joint(name).index], drive.efficiency) for name, drive in losing.items()
-    ]
+    losses = [GearLoss.of(name, gears[gear_name(name)], drive.efficiency) for name, drive in losing.items()]
     return replace(mechanism, frictions=(*mechanism.frictions, *losses))

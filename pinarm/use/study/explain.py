@@ -126,7 +126,7 @@ class Explanation:
                 course = f"through {one.path.words(model)}, {one.length:g} m long"
                 lines.append(f"  {one.name}: cable {course}, 1 row; pulls only")
             elif isinstance(one, GearedRotor):
-                lines.append(f"  {one.name}: the rotor {one.rotor.name} moves with what the drive acts along, 1 row")
+                lines.append(f"  {one.name}: ties {one.rotor.name}, 1 row")
         lines += self._slipping_belts()
         return lines if len(lines) > 1 else ["no loops: an open chain"]
 

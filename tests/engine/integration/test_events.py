@@ -84,7 +84,7 @@ def test_a_crossing_exactly_at_an_end_of_a_step_hides_no_other_within_it(zero):
         for factor in (1.0, 3.7, x + 0.1):
             found = _brackets(factor * (x - zero) * (x - other), 0)
             assert len(found) == 2, other
-            (first, one), (two, last) = found
+            (first, one, _), (two, last, _) = found
             assert first <= min(zero, other) <= one == two <= max(zero, other) <= last
             assert len(_brackets(factor * (x - zero) * (x - other), 1)) == 1
 

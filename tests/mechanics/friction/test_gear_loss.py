@@ -105,6 +105,13 @@ def test_a_load_that_falls_breaks_the_gear_loose(servo):
     assert np.abs(result["x"].values - 0.5 * a * t**2).max() < 1e-9
 
 
+def test_a_torque_that_grows_from_nothing_breaks_an_unloaded_gear_loose_at_once(servo):
+    """What holds the gear and the most that it holds grow together: ``x = N eta t^3 / (6 (I + eta J))``."""
+    result = pinarm.run(forward(servo()), control={"servo": lambda t, state: t})
+    t = result["t"].values
+    assert np.abs(result["x"].values - N * ETA * t**3 / 6.0 / (LOAD + ETA * REFLECTED)).max() < 1e-8
+
+
 def demand(t):
     """Torque for ``x = 2 t + sin(4 t) / 2`` of a pendulum of 0.1 m: Newton's equation, then the gear by its formula."""
     x, v, a = 2 * t + 0.5 * np.sin(4 * t), 2 + 2 * np.cos(4 * t), -8 * np.sin(4 * t)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
@@ -20,6 +20,7 @@ from pinarm.engine.friction.balance import FrictionSolution
 from pinarm.engine.friction.extremes import Extremes, filled, held_part, pushing_part
 from pinarm.engine.friction.sliding import SlidingFriction
 from pinarm.engine.friction.slip import Slip
+from pinarm.engine.friction.watches import NOTHING
 from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
 from pinarm.errors import IntegrationError
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -34,6 +35,9 @@ if TYPE_CHECKING:
 
 EXCEEDED = 1e-6
 """Part of its bound by which the friction of a row may exceed it: the row may stand at the switch."""
+
+BEFORE = 1e-10
+"""Time by which a last row is moved back where loads jump at its switch, as when flanks meet [s]."""
 
 FRICTION = "friction"
 """Name of the force element of joints that slip."""
@@ -117,6 +121,9 @@ class FrictionalSystem:
             IntegrationError: What holds a joint exceeds its bound.
         """
         inner, solved = self._solved(dynamics, grid, q, v)
+        if any(_beyond(part.solutions[-1]).any() for part in solved[-1:] if part.solutions):
+            q = np.vstack([q[:-1], q[-1:] - BEFORE * self.manifold.velocity(q[-1:], v[-1:])])
+            inner, solved = self._solved(dynamics, grid, q, v)
         extremes = list[Extremes]()
         for rows, local, solutions in solved:
             for solution, t in zip(solutions, grid.t[rows].tolist(), strict=True):
@@ -174,8 +181,7 @@ class FrictionalSystem:
         Raises:
             IntegrationError: What holds it exceeds its bound.
         """
-        beyond = np.abs(solution.held) > solution.bounds * (1.0 + EXCEEDED)
-        for group, over in zip(self.slip.stuck, beyond, strict=True):
+        for group, over in zip(self.slip.stuck, _beyond(solution), strict=True):
             if over:
                 raise IntegrationError(
                     f"at t = {t:.9g} s the friction that holds {self.friction.contacts[group.first].name} exceeds its "
@@ -195,6 +201,11 @@ class FrictionalSystem:
         linear = {name: one for name, one in named.items() if isinstance(one, LinearCoordinate)}
         others = {name: one for name, one in named.items() if name not in linear}
         return SelectedDrives(linear, others, own, self.closure).efforts(t, q, demand)
+
+
+def _beyond(solution: FrictionSolution) -> Flags:
+    """Return which stuck groups are held by more than their friction can be, shape (g,)."""
+    return np.abs(solution.held) > solution.bounds * (1.0 + EXCEEDED) + 2.0 * NOTHING
 
 
 def _demand(dynamics: Dynamics, grid: Grid, states: CompletedStates) -> Array:

@@ -59,6 +59,8 @@ class DriveQuantities(Family):
     def _torque(self, asked: Asked, drive: Drive, index: int) -> Array:
         """Return the torque of the motor, by the index of the joint that it moves, shape (n,)."""
         run = self.run
+        if not drive.rigid and drive.efficiency < 1.0:
+            self._require_losses(asked, index)
         if drive.turns_rotor and run.driven is not None and run.driven[index]:  # losses come behind the rotor
             return run.tau[..., index] / float(drive.ratio)
         if drive.elasticity is not None:
@@ -66,6 +68,19 @@ class DriveQuantities(Family):
         a, effort = run.a[..., index], self._effort(asked, drive)
         torque = drive.torque(effort - drive.armature * a, run.direction(index), a)
         return np.where(effort == 0.0, 0.0, torque)  # off: what moves its rotor loses nothing
+
+    def _require_losses(self, asked: Asked, index: int) -> None:
+        """Raise where the rotor of an elastic gear has a torque, and its losses do not act in the motion.
+
+        Raises:
+            InputError: They do in forward motions with a controller of the drive.
+        """
+        run = self.run
+        if f"drive.{asked.of}.friction" not in run.columns and run.tau[..., index].any():
+            raise InputError(
+                f"'{asked.name}': the losses of an elastic gear follow from the motion under a controller",
+                expected="a controller of the drive in a forward problem, or an efficiency of 1",
+            )
 
     def _elastic_torque(self, asked: Asked, drive: Drive, index: int) -> Array:
         """Return the torque of a motor behind an elastic gear: that of its rotor.
