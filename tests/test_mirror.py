@@ -167,7 +167,7 @@ ELSEWHERE = {
         "laws in problems", "mechanics/forces/breakpoints problems/prescription/prescribed_laws"),
     "test_messages.py": (
         "mistakes in files", "input/yaml/validation_messages problems/joint_values use/result/failures "
-        "use/scenario/scenario_file",
+        "use/scenario/scenario_file use/scenario/misplaced_keys",
     ),
     "physics/test_friction.py": (
         "friction in every kind of problem", "engine/friction/given_efforts "

@@ -32,8 +32,10 @@ def failing_path(error: msgspec.ValidationError, data: Any, struct: type[InputSt
 
     msgspec names fields and indices, but not the keys of maps: those are found by validating the map key by key.
     """
-    _, _, text = str(error).rpartition(" - at `$")
+    _, placed, text = str(error).rpartition(" - at `$")
     path: list[str | int] = []
+    if not placed:  # it is about the whole, and its message may look like a path
+        return ()
     for step in _STEP.finditer(text.rstrip("`")):
         if step["any"]:
             path.append(_failing_key(str(error), data, path, struct))
