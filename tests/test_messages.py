@@ -333,6 +333,12 @@ MECHANISMS = [
     ("100 N/m", "-100 N/m", ["slider.yaml:11:57: -100 is out of bounds", "at least 0"]),
     ("1 N*s/m", "1 N", ["slider.yaml:11:75: 'N' is not a unit"]),
     ("rest: 0 m", "rest: 1 deg", ["slider.yaml:11:90: 'deg' is not a unit", "such as m"]),
+    *[(old, new, [f"slider.yaml:{place}: 1e+308 is out of bounds", f"a size of at most {most}", "check the exponent"])
+      for old, new, place, most in [("1 kg*mm^2", "1e308 kg*m^2", "9:68", "1e+100"),
+                                    ("100 N/m", "1e308 N/m", "11:57", "1e+100"),
+                                    ("9.81 m/s^2", "1e308 m/s^2", "4:37", "1e+100"),
+                                    ("symbols:", "payloads: {p: {point: rod, mass: 1e308 kg}}\nsymbols:", "12:34",
+                                     "1e+50")]],
     ("x: joint.track.position", "x: joint.track.", ["slider.yaml:13:6: "]),
     ("x: joint.track.position", "x: joint.trak.position", ["joint.trak.position", "try: joint.track.position"]),
     ("x: joint.track.position", "x: x", ["defined by itself"]),
@@ -349,6 +355,11 @@ def test_mistakes_in_a_mechanism(here: Path, old: str, new: str, says: list[str]
 
 MODELS = [
     ('<mass value="2"/>', '<mass value="-2"/>', ["slider.urdf:5:3: link 'rod': the mass is negative (-2 kg)"]),
+    ('<mass value="2"/>', '<mass value="1e308"/>',
+     ["slider.urdf:5:3: link 'rod': its mass is 1e+308 kg", "at most 1e+50 kg", "check the exponent"]),
+    ('<link name="cart"><inertial><mass value="1"/>\n    <inertia ixx="1" iyy="1"',
+     '<link name="cart"><inertial><mass value="1"/>\n    <inertia ixx="1e200" iyy="1e200"',
+     ["slider.urdf:3:3: link 'cart': its largest moment of inertia is 1e+200 kg*m^2", "at most 1e+100 kg*m^2"]),
     ('<mass value="2"/>', '<mass value="nan"/>', ["slider.urdf:5:3: link 'rod': mass", "not a finite number"]),
     ('<mass value="2"/>', '<mass value="two"/>', ["slider.urdf:5:3: link 'rod': mass: 'two' is not a number"]),
     ('<axis xyz="0 1 0"/>', '<axis xyz="0 0 0"/>', ["slider.urdf:9:3: joint 'pivot': its axis is 0 0 0"]),
