@@ -169,6 +169,26 @@ Gain, IntegralGain, RateGain = (
 )  # fmt: skip
 
 
+class Readable:
+    """A type that files may give in several forms, which it reads from plain data by itself."""
+
+    __slots__ = ()
+
+    @classmethod
+    def read(cls, value: object) -> Self:
+        """Return the object that plain data say.
+
+        Raises:
+            InputError: They have a mistake; its path leads there.
+        """
+        raise NotImplementedError
+
+    @classmethod
+    def schema(cls) -> dict[str, object]:
+        """Return the JSON Schema of its forms."""
+        raise NotImplementedError
+
+
 _FRACTION = re.compile(rf"({DECIMAL})\s*/\s*({DECIMAL})")
 
 
@@ -241,6 +261,8 @@ def convert(kind: type, value: object) -> object:
     """Convert plain data into types that msgspec does not know; its ``dec_hook``."""
     if issubclass(kind, Measured):
         return kind.read(value, bare=current_folder() is None)
+    if issubclass(kind, Readable):
+        return kind.read(value)
     raise NotImplementedError(kind)
 
 
@@ -286,7 +308,12 @@ def _members(annotation: Any) -> tuple[Any, ...]:
 
 
 def json_schema(kind: type) -> dict[str, object]:
-    """Return the JSON Schema of a quantity: a number, a text with a unit, and what else may stand for it."""
+    """Return the JSON Schema of a type that msgspec does not know.
+
+    Of a quantity: a number, a text with a unit, and what else may stand for it.
+    """
+    if issubclass(kind, Readable):
+        return kind.schema()
     if not issubclass(kind, Measured):
         raise NotImplementedError(kind)
     description = f"a quantity in {kind.expected}" if kind.expected else "a number with its unit"
