@@ -64,7 +64,7 @@ def explain(error: msgspec.ValidationError, data: Any, path: Keys, struct: type[
         mistake.hint = _as_neighbours(mistake.hint, data, path) if isinstance(mistake, UnitError) else mistake.hint
         return mistake
     if match := re.fullmatch(r"Object contains unknown field `(.*)`", message, re.DOTALL):
-        expected, hint = choices(match[1], _keys(struct, data, path), most=40)
+        expected, hint = choices(match[1], keys_at(struct, data, path), most=40)
         return InputError(f"unknown key '{match[1]}'", expected=expected, hint=hint)
     if match := re.fullmatch(r"Object missing required field `(.*)`", message):
         what = ": it says which kind this is" if match[1] in _tags(struct, data, path) else ""
@@ -163,7 +163,8 @@ def _structs(struct: type[InputStruct], data: Any, path: Keys) -> list[type[Inpu
     return [kind for kind in _kinds(struct, data, path) if isinstance(kind, type) and issubclass(kind, InputStruct)]
 
 
-def _keys(struct: type[InputStruct], data: Any, path: Keys) -> list[str]:
+def keys_at(struct: type[InputStruct], data: Any, path: Keys) -> list[str]:
+    """Return the keys that may stand at a path of data which are to be a struct; none where any may, or no map."""
     names: list[str] = []
     for kind in _structs(struct, data, path):
         names += [field.encode_name for field in msgspec.structs.fields(kind)]
