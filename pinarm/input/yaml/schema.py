@@ -188,6 +188,10 @@ class Readable:
         """Return the JSON Schema of its forms."""
         raise NotImplementedError
 
+    def plain(self) -> object:
+        """Return it as data that msgspec knows, or has ``enc_hook`` for."""
+        raise NotImplementedError
+
 
 _FRACTION = re.compile(rf"({DECIMAL})\s*/\s*({DECIMAL})")
 
@@ -269,6 +273,11 @@ def convert(kind: type, value: object) -> object:
 @cache
 def _fields(struct: type[InputStruct]) -> tuple[msgspec.structs.FieldInfo, ...]:
     return msgspec.structs.fields(struct)
+
+
+def plain(value: Measured | Readable) -> object:
+    """Return as plain data what msgspec does not know; its ``enc_hook``."""
+    return value.plain() if isinstance(value, Readable) else float(value)
 
 
 def check_unit(value: float, expected: Unit) -> None:

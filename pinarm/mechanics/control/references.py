@@ -58,6 +58,10 @@ class References(Readable):
         listed, named = {"type": "array", "items": law}, {"type": "object", "additionalProperties": law}
         return {"anyOf": [law, listed, named]}
 
+    def plain(self) -> object:
+        """Return the laws, in the form in which they were given."""
+        return self.given
+
     def laws(self, names: Sequence[str], signals: Sequence[Signal], rest: Law | None = None) -> tuple[Law, ...]:
         """Return the laws that signals follow, checked.
 

@@ -42,11 +42,12 @@ def refuse_misplaced_keys_of_problem(document: Document, kind: str) -> None:
         if key in _keys(kind):
             continue
         others = others or {name for other in KINDS for name in _keys(other)}
+        if key in others:
+            continue
         if key in ScenarioFile.__struct_encode_fields__:
             raise InputError(f"'{key}' is a key of the scenario", expected=f"'{key}:' beside 'problem:', not below it",
                              ).at(document.locate(("problem", Key(key))))  # fmt: skip
-        if key not in others:
-            _refuse_key_of_mechanism(document, key, "problem")
+        _refuse_key_of_mechanism(document, key, "problem")
     drives = given.get("drives")
     for index, drive in enumerate(drives if isinstance(drives, list) else ()):
         if isinstance(drive, dict):

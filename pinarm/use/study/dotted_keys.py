@@ -72,9 +72,11 @@ def _parts(file: Path) -> list[KeyPart]:
         mechanism = given if isinstance(given, dict) else {}
     kind = problem_class(problem["kind"]) if "kind" in problem else None
     return [
-        KeyPart((), ScenarioFile, data), KeyPart(PARTS[:1], kind, problem), KeyPart(PARTS[1:2], MechanismDescription, mechanism),
+        KeyPart((), ScenarioFile, data),
+        KeyPart(PARTS[:1], kind, problem),
+        KeyPart(PARTS[1:2], MechanismDescription, mechanism),
         KeyPart(PARTS[2:], None, mechanism.get("arguments") or {}),
-    ]  # fmt: skip
+    ]
 
 
 def _further(part: KeyPart, prefix: str) -> Iterator[str]:

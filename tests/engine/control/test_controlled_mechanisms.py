@@ -300,7 +300,11 @@ def test_a_mechanism_may_have_its_controllers(tmp_path):
     start = {"position": {"phi": "0.1 rad"}}
     plain = pinarm.Mechanism.load(tmp_path / "cart.urdf", values={"gravity": gravity})
     own = pinarm.Mechanism.load(tmp_path / "cart.urdf", values={"gravity": gravity, "control": [FEEDBACK]})
-    found = pinarm.run(forward(own, [], initial=start))["x"].values
+    run = pinarm.run(forward(own, [], initial=start))
+    found = run["x"].values
+    other = pinarm.Mechanism.load(tmp_path / "cart.urdf", values={"gravity": gravity, "control": [
+        {**FEEDBACK, "follows": {"x": {"law": "constant", "value": "1 m"}}}]})  # fmt: skip
+    assert run.digest() != pinarm.run(forward(other, [], initial=start)).digest()
     assert np.array_equal(found, pinarm.run(forward(plain, [FEEDBACK], initial=start))["x"].values)
 
 
