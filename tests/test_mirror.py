@@ -24,7 +24,8 @@ ELSEWHERE = {
     ),
     "engine/control/test_controlled_mechanisms.py": (
         "controllers on mechanisms", "engine/motion/segmented/controlled_motion mechanics/control/computed_torque "
-        "mechanics/control/function mechanics/control/state_feedback problems/actuation/controls",
+        "mechanics/control/function mechanics/control/references mechanics/control/state_feedback "
+        "problems/actuation/controls",
     ),
     "engine/motion/systems/test_coupled.py": ("the same motions", "engine/motion/systems/compiled/compiled_couplings"),
     "mechanics/test_rotors.py": ("rotors of drives", "engine/drive_parts"),
@@ -167,7 +168,7 @@ ELSEWHERE = {
         "laws in problems", "mechanics/forces/breakpoints problems/prescription/prescribed_laws"),
     "test_messages.py": (
         "mistakes in files", "input/yaml/validation_messages problems/joint_values use/result/failures "
-        "use/scenario/scenario_file",
+        "use/scenario/scenario_file use/scenario/misplaced_keys",
     ),
     "physics/test_friction.py": (
         "friction in every kind of problem", "engine/friction/given_efforts "

@@ -98,10 +98,12 @@ def _run(options: argparse.Namespace) -> int:
 
     begin = time.perf_counter()
     scenario = load(options.scenario, options.values)
-    target = destination(options.output, options.scenario, scenario.name)
-    options.output = target.folder
-    check_replaceable(target.folder, "result")  # before the work
-    with _executor(options.cluster) as executor, shown_by(_progress):
+    with (
+        destination(options.output, options.scenario, scenario.name) as target, _executor(options.cluster) as executor,
+        shown_by(_progress),
+    ):  # fmt: skip
+        options.output = target.folder
+        check_replaceable(target.folder, "result")  # before the work
         scenario = scenario.with_workers(options.workers, executor)
         result = scenario.verified() if options.verify else scenario.run()
         solved = time.perf_counter()
@@ -240,14 +242,16 @@ def _sweep(options: argparse.Namespace) -> int:
     from pinarm.use.study.sweep.sweep_text import progress_bar, report
 
     scenario = load(options.scenario, options.values)
-    target = destination(options.output, options.scenario, scenario.name, "-sweep")
-    with _executor(options.cluster) as executor, progress_bar(sys.stderr) as progress:
+    with (
+        destination(options.output, options.scenario, scenario.name, "sweep") as target,
+        _executor(options.cluster) as executor, progress_bar(sys.stderr) as progress,
+    ):  # fmt: skip
         swept = sweep(
             scenario, _assignments(options.over), cases=options.cases, samples=options.sample, seed=options.seed,
             sampling=options.sampling, results=options.results, workers=options.workers, executor=executor,
             folder=target.folder, parquet=options.parquet, progress=progress,
         )  # fmt: skip
-    swept.save(target.folder, plots=options.plots, dpi=options.dpi, parquet=options.parquet)
+        swept.save(target.folder, plots=options.plots, dpi=options.dpi, parquet=options.parquet)
     if options.json:
         _print_json({**summary(swept), "folder": str(target.folder)})
     else:
@@ -273,11 +277,13 @@ def _tradeoff(options: argparse.Namespace) -> int:
     from pinarm.use.study.accuracy.tradeoff_text import report
 
     scenario = load(options.scenario, options.values)
-    target = destination(options.output, options.scenario, scenario.name, "-tradeoff")
-    check_replaceable(target.folder, "trade-off")
-    with _executor(options.cluster) as executor:
+    with (
+        destination(options.output, options.scenario, scenario.name, "trade-off") as target,
+        _executor(options.cluster) as executor,
+    ):  # fmt: skip
+        check_replaceable(target.folder, "trade-off")
         trade = tradeoff(scenario, workers=options.workers, executor=executor)
-    trade.save(target.folder, plots=options.plots, dpi=options.dpi)
+        trade.save(target.folder, plots=options.plots, dpi=options.dpi)
     if options.json:
         _print_json({**trade.summary(), "folder": str(target.folder)})
     else:

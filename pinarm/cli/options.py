@@ -49,9 +49,10 @@ def add(command: str, parser: ArgumentParser) -> None:
 
 
 def _values(command: ArgumentParser) -> None:
-    command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="values",
+    given = command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="values",
                          help="replace a value of the scenario, such as problem.time.end='3 s'; a key that has dots in "
                          "quotes: 'problem.motion.\"tcp.y\".value=3 mm'")  # fmt: skip
+    given.completer = _keys  # type: ignore[attr-defined]  # where argcomplete looks for it
 
 
 def _plots(command: ArgumentParser) -> None:
@@ -100,8 +101,8 @@ def _names(prefix: str, parsed_args: Namespace, **asked: object) -> list[str]:
     """Return the names of quantities that may go on a line which has the file of a scenario or a model already."""
     from pinarm.use.study.quantities import quantities
 
-    file = getattr(parsed_args, "path", None) or getattr(parsed_args, "scenario", None)
-    if not file:
+    file = _file(parsed_args)
+    if file is None:
         return []
     try:
         known = quantities(file)
@@ -109,6 +110,26 @@ def _names(prefix: str, parsed_args: Namespace, **asked: object) -> list[str]:
         return []
     names = (f"{entry.name}.{part}" if part else entry.name for entry in known for part in entry.components or ("",))
     return [name for name in names if name.startswith(prefix)]
+
+
+def _keys(prefix: str, parsed_args: Namespace, **asked: object) -> list[str]:
+    """Return how a path of keys may go on, on a line which has the file that it leads into already."""
+    from pinarm.use.study.dotted_keys import dotted_keys
+
+    file = _file(parsed_args)
+    try:
+        return dotted_keys(file, prefix) if file is not None and "=" not in prefix else []
+    except PinarmError:
+        return []
+
+
+def _file(parsed: Namespace) -> Path | None:
+    """Return the scenario or model that a line has; of a result, its scenario."""
+    if result := getattr(parsed, "result", None):
+        return Path(result) / "scenario.yaml"
+    asked = (getattr(parsed, key, None) for key in ("path", "scenario", "paths"))
+    given = next(filter(None, asked), None)
+    return Path(given[0] if isinstance(given, list) else given) if given else None
 
 
 def _new(new: ArgumentParser) -> None:
@@ -182,9 +203,10 @@ def _selftest(selftest: ArgumentParser) -> None:
 
 def _sweep(sweep: ArgumentParser) -> None:
     sweep.add_argument("scenario", type=Path)
-    sweep.add_argument("--over", action="append", default=[], metavar="PATH=VALUES",
+    over = sweep.add_argument("--over", action="append", default=[], metavar="PATH=VALUES",
                        help="such as arguments.m_A='0.1:0.5:41 kg', '1, 2, 3 kg' or 'normal(0.25, 0.01) kg'; "
                        "several are combined")  # fmt: skip
+    over.completer = _keys  # type: ignore[attr-defined]
     sweep.add_argument("--cases", type=Path, metavar="CSV", help="a file whose lines are cases; paths in its heading")
     sweep.add_argument("--sample", type=int, metavar="N", help="how many values to draw from distributions")
     sweep.add_argument("--seed", type=int, default=0, help="of the drawing (default: 0)")
@@ -210,8 +232,9 @@ def _replay(replay: ArgumentParser) -> None:
                         help="draw the paths of these links' origins; com: of the centre of mass")  # fmt: skip
     replay.add_argument("--arrows", action="extend", nargs="+", default=[], metavar="KIND",
                         help="draw forces, torques, reactions, or all")  # fmt: skip
-    replay.add_argument("--plot", action="extend", nargs="*", metavar="QUANTITY",
-                        help="plot these beside it, or nothing (default: the outputs)")  # fmt: skip
+    plotted = replay.add_argument("--plot", action="extend", nargs="*", metavar="QUANTITY",
+                                  help="plot these beside it, or nothing (default: the outputs)")  # fmt: skip
+    plotted.completer = _names  # type: ignore[attr-defined]
     replay.add_argument(
         "--names", action="store_true", help="show names of parts, points and joints; the key N does too"
     )

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import pinocchio as pin
 
 from pinarm.engine.mechanism_parts import Locate
-from pinarm.errors import InputError, choices, within
-from pinarm.mechanics.coordinates import Coordinate
+from pinarm.errors import InputError, within
+from pinarm.mechanics.coordinates import Coordinate, coordinate_of
 from pinarm.mechanics.description import MechanismDescription
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.joints import Joint, joint_of, joints_of
@@ -59,9 +59,7 @@ def rotors_along(
                 joint_of(joints_of(model), drive.joint)
             continue
         with here("drives", name), within("along"):
-            if drive.along not in coordinates:
-                expected, hint = choices(drive.along, coordinates)
-                raise InputError(f"the mechanism has no coordinate '{drive.along}'", expected=expected, hint=hint)
+            coordinate_of(model, coordinates, drive.along)
             if drive.along in joints_of(model):
                 raise InputError(f"'{drive.along}' is a joint", expected=f"joint: {drive.along}")
     with here("drives"):

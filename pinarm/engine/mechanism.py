@@ -33,14 +33,14 @@ from pinarm.engine.mechanism_parts import (
     tying,
 )
 from pinarm.engine.model_source import RobotReader, Source, numeric, read_robot, robot_of_model
-from pinarm.errors import InputError, choices, nowhere
+from pinarm.errors import InputError, nowhere
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.units import Unit
 from pinarm.input.xacro.expansion import check_declared
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import Values, varied
 from pinarm.mechanics.ball_joints import Ball, positions_of
-from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.coordinates import Coordinate, coordinate_of
 from pinarm.mechanics.couplings.coupling import JointRelation, mimic_coupling
 from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector, gravity_words
 from pinarm.mechanics.forces.force_element import ForceElement
@@ -515,10 +515,7 @@ class Mechanism(Record, frozen=True):
         Raises:
             InputError: There is none of that name; the message lists those there are.
         """
-        if name not in self.coordinates:
-            expected, hint = choices(name, self.coordinates)
-            raise InputError(f"the mechanism has no coordinate '{name}'", expected=expected, hint=hint)
-        return self.coordinates[name]
+        return coordinate_of(self.model, self.coordinates, name)
 
 
 def _bound_again(own: Mapping[str, Any]) -> Mechanism:

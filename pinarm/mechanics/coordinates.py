@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.errors import InputError, Key, within
+from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct
 from pinarm.mechanics.geometry.kinematics import Kinematics
@@ -29,6 +29,7 @@ from pinarm.mechanics.joints import (
     frame_of,
     frames_of,
     joint_of,
+    links_of,
     unit_vector,
 )
 from pinarm.records import ValueRecord, replace
@@ -383,6 +384,31 @@ class Rotation(InputStruct, frozen=True, tag_field="kind", tag="rotation"):
 
 CoordinateDefinition = AngleSum | PointCoordinate | Distance | Rotation
 """Any coordinate that a mechanism file may define. A new kind is one class above and one entry here."""
+
+
+def coordinate_of(model: pin.Model, coordinates: Mapping[str, Coordinate], name: str) -> Coordinate:
+    """Return a coordinate by name.
+
+    Raises:
+        InputError: There is none of that name; of a point and an axis, ``hand.y``, the message says how to define it.
+    """
+    if name not in coordinates:
+        expected, hint = choices(name, coordinates)
+        hint = _definition_of(model, name) or hint
+        raise InputError(f"the mechanism has no coordinate '{name}'", expected=expected, hint=hint)
+    return coordinates[name]
+
+
+def _definition_of(model: pin.Model, name: str) -> str:
+    """Return how to define the coordinate that ``hand.y`` or ``point.hand.position.y`` means; empty of other names."""
+    point, dot, axis = name.rpartition(".")
+    point = point.removeprefix("point.").removesuffix(".position")
+    if not dot or axis not in ("x", "y", "z") or point not in links_of(model):
+        return ""
+    own = f"{point}_{axis}".replace(".", "_")
+    return (
+        f"{own} here, with coordinates: {{{own}: {{kind: point, point: {point}, along: {axis}}}}} in the mechanism file"
+    )
 
 
 def sum_of(model: pin.Model, joints: Mapping[str, Joint], names: Sequence[str]) -> LinearCoordinate:

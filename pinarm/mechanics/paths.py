@@ -53,6 +53,13 @@ class PathLength(ValueRecord, frozen=True):
         """Indices of the frames on the path, in their order."""
         return (*(part.first for part in self.parts), self.parts[-1].second)
 
+    def at_zero(self, model: pin.Model) -> float:
+        """Return the length where all joint coordinates are 0, which is the position of a drawing [m]."""
+        data = model.createData()
+        pin.framesForwardKinematics(model, data, pin.neutral(model))
+        points = np.array([data.oMf[frame].translation for frame in self.frames])
+        return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+
     def value(self, state: Kinematics) -> float:
         """Return the length."""
         return sum(part.value(state) for part in self.parts)

@@ -380,9 +380,12 @@ def test_the_schema_knows_the_words_of_files(capsys: pytest.CaptureFixture[str])
     ("pinarm ru", {"run"}), ("pinarm sweep s.yaml --ov", {"--over"}), ("pinarm schema m", {"mechanism"}),
     ("pinarm re", {"replay", "report"}), ("pinarm new s", {"scissor_lift", "slider_crank"}),
     ("pinarm quantities panda --like joint.panda_joint7.lin", {"joint.panda_joint7.link_effort"}),
+    ("pinarm run q.yaml --set problem.time.", {"problem.time.end=", "problem.time.samples=", "problem.time.start="}),
+    ("pinarm sweep q.yaml --over accuracy.to", {"accuracy.tolerance="}),
 ])  # fmt: skip
 def test_the_shell_is_told_how_a_line_may_go_on(line: str, offered: set[str], tmp_path: Path) -> None:
     pytest.importorskip("argcomplete")
+    (tmp_path / "q.yaml").write_text("problem: {kind: inverse, time: {end: 1 s}}")
     answer = tmp_path / "answer"
     package = str(Path(pinarm.__file__).parents[1])
     asked = {"_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line)), "_ARGCOMPLETE_IFS": "\n",

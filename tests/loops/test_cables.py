@@ -13,6 +13,7 @@ from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import ConstantAcceleration, ConstantSpeed
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.states import Statics
+from pinarm.use.study.explain import explain
 
 G = 9.81
 
@@ -58,6 +59,22 @@ class TestAtwoodsMachine:
         assert tension == pytest.approx(2.0 * 3.0 * 2.0 * G / 5.0, rel=1e-12)
         assert length == pytest.approx(5.0, rel=1e-13)
         assert outcome.figures["energy"] < 1e-12
+
+    def test_without_a_length_it_is_taut_as_it_is_drawn(self, machine):
+        """1 m from A up to P, 2 m to Q, 2 m down to B."""
+        undrawn = {"kind": "cable", "through": ["A", "P", "Q", "B"]}
+        it = weights(machine, 3.0, 2.0, undrawn)
+        run = freely(it, end=0.5).rows
+        assert asked(run, "loop.rope.length")[0] == pytest.approx(5.0, rel=1e-13)
+        assert "rope: cable through A, P, Q, B, 5 m long, as with all joint coordinates at 0" in str(explain(it))
+
+    def test_a_path_without_length_gives_a_cable_none(self, machine):
+        points = {"O": (0, 0), "A": (0, 0), "B": (0, 1)}
+        slide = {"y": {"link": "a", "along": ["A", "B"]}}
+        with pytest.raises(InputError, match="the path of the cable has no length") as caught:
+            machine(points, ["O"], {"a": {"points": ["A", "B"], "mass": "1 kg"}}, slide,
+                    loops={"rope": {"kind": "cable", "through": ["O", "A"]}})  # fmt: skip
+        assert caught.value.hint == "length: 2 m"
 
     def test_a_drive_lifts_by_the_cable(self, machine):
         run = driven(weights(machine, 3.0, 2.0, ROPE), {"ya": ConstantSpeed(speed=0.3)})

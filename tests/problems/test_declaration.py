@@ -103,7 +103,7 @@ def test_a_coordinate_that_is_prescribed_or_watched_is_declared(kind: str, name:
     """A rough start, and rates of what is held elsewhere, impose nothing."""
     problem = naming(kind, name)
     declared = problem.declaration()
-    said = "joint" in str(msgspec.to_builtins(getattr(problem, name), enc_hook=float))
+    said = "joint" in str(msgspec.to_builtins(getattr(problem, name), enc_hook=str))
     known = {*declared.prescribed, *declared.watched, *declared.drives, *declared.loads}
     assert ("joint" in known) == (said and name not in ("start", "velocity", "acceleration", "end_stops"))
 

@@ -20,6 +20,9 @@ from pinarm.mechanics.joints import METRE
 from pinarm.records import ValueRecord
 
 AXES = ("x", "y", "z", "norm")
+MOMENTS = ("moment", "angular")
+"""Parts that depend on the point about which they are taken."""
+
 RATES = ("position", "velocity", "acceleration")
 SECOND, JOULE, WATT, NEWTON, NEWTON_METRE = unit("s"), unit("J"), unit("W"), unit("N"), unit("N*m")
 
@@ -151,8 +154,14 @@ class Family(ABC):
         Args:
             asked: The name.
             vectors: World axes, shape (n, 3).
+
+        Raises:
+            InputError: It asks for something but a moment about a point.
+            UnknownQuantity: It has other words.
         """
         axis, extra = asked.words[-1], asked.words[2:-1]
+        if "about" in extra[::2] and asked.part not in MOMENTS:
+            raise _about_a_point(asked)
         if axis in ALONG_AXIS and extra[::2] in ((), ("about",)):
             return split(vectors, self.axes(asked), axis)
         if axis not in AXES or len(extra) % 2 or not set(extra[::2]) <= {"about", "along"}:
@@ -167,6 +176,18 @@ class Family(ABC):
     def axes(self, asked: Asked) -> Array:
         """Return the axis by which ``axial`` and ``radial`` are meant, world axes, shape (n, 3); of joints only."""
         raise asked.unknown
+
+
+def _about_a_point(asked: Asked) -> InputError:
+    """Return the refusal of what is no moment, about a point."""
+    words, word = asked.words, asked.name.partition(".")[0]
+    rest = words[words.index("about", 2) + 2 :]
+    plain = ".".join((word, *words[:2], *rest))
+    moment = f"; the moment about it: {word}.{words[0]}.moment.{'.'.join(words[2:])}" if asked.part == "force" else ""
+    return InputError(
+        f"'{asked.name}': only moments and angular momenta are taken about a point, no {asked.part.replace('_', ' ')}",
+        expected=f"the name without 'about' and its link{moment}", hint=plain,
+    )  # fmt: skip
 
 
 def _rate_unit(base: Unit, order: int) -> Unit:

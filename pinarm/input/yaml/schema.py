@@ -40,6 +40,9 @@ def current_folder() -> Path | None:
 FARTHEST = 1e50
 """Largest length [m], in files of all kinds: squares and products of it stay numbers."""
 
+HEAVIEST, LARGEST = 1e50, 1e100
+"""Largest mass [kg]; largest moment of inertia, stiffness and damping [SI]: as ``FARTHEST``, and its square."""
+
 
 class Measured(float):
     """A float in SI with the unit that it was written in.
@@ -143,25 +146,51 @@ def quantity(text: str = "", **expected: float | str | None) -> Any:
     return type("Measured", (Measured,), {"expected": unit(text) if text else None, **expected})
 
 
-AnyQuantity, NotNegative, Positive = quantity(), quantity(least=0.0), quantity(above=0.0)
+AnyQuantity = quantity()
+NotNegative, Positive = quantity(least=0.0, within=LARGEST), quantity(above=0.0, within=LARGEST)
 Level, Rate, SecondRate, ThirdRate = quantity(order=0), quantity(order=1), quantity(order=2), quantity(order=3)
 Time, Duration, Pause = quantity("s"), quantity("s", above=0.0), quantity("s", least=0.0)
 Abscissa, Extent, Pulsation = quantity(along=1), quantity(along=1, above=0.0), quantity(along=-1)
 Angle, Length = quantity("rad"), quantity("m", least=0.0, within=FARTHEST)
-Force, Moment, Acceleration = quantity("N"), quantity("N*m"), quantity("m/s^2", least=0.0)
-Inertia, Mass = quantity("kg*m^2", least=0.0), quantity("kg", least=0.0)
+Force, Moment, Acceleration = quantity("N"), quantity("N*m"), quantity("m/s^2", least=0.0, within=LARGEST)
+Inertia, Mass = quantity("kg*m^2", least=0.0, within=LARGEST), quantity("kg", least=0.0, within=HEAVIEST)
 Span, Lead = quantity("m", above=0.0, within=FARTHEST), quantity("m", within=FARTHEST)
 Position, Tension = Lead, quantity("N", least=0.0)
 LoadRating, ServiceSpeed = quantity("N", above=0.0), quantity("rad/s", above=0.0)
-Stiffness, Damping = quantity("N/m", least=0.0), quantity("N*s/m", least=0.0)
+Stiffness, Damping = quantity("N/m", least=0.0, within=LARGEST), quantity("N*s/m", least=0.0, within=LARGEST)
 MotorSpeed, MotorTorque = quantity("rad/s", least=0.0), quantity("N*m", least=0.0)
 Current = quantity("A", above=0.0)
 Resistance, Inductance, TorqueConstant = quantity("ohm", above=0.0), quantity("H", least=0.0), quantity("N*m/A")
-RotationStiffness, RotationDamping = quantity("N*m/rad", least=0.0), quantity("N*m*s/rad", least=0.0)
+RotationStiffness = quantity("N*m/rad", least=0.0, within=LARGEST)
+RotationDamping = quantity("N*m*s/rad", least=0.0, within=LARGEST)
 GAINS = "20 N*m{0}/rad or 1500 N{0}/m; 1500 V{0}/m where the drive takes a voltage"
 Gain, IntegralGain, RateGain = (
     quantity(examples=GAINS.format("")), quantity(examples=GAINS.format("/s")), quantity(examples=GAINS.format("*s")),
 )  # fmt: skip
+
+
+class Readable:
+    """A type that files may give in several forms, which it reads from plain data by itself."""
+
+    __slots__ = ()
+
+    @classmethod
+    def read(cls, value: object) -> Self:
+        """Return the object that plain data say.
+
+        Raises:
+            InputError: They have a mistake; its path leads there.
+        """
+        raise NotImplementedError
+
+    @classmethod
+    def schema(cls) -> dict[str, object]:
+        """Return the JSON Schema of its forms."""
+        raise NotImplementedError
+
+    def plain(self) -> object:
+        """Return it as data that msgspec knows, or has ``enc_hook`` for."""
+        raise NotImplementedError
 
 
 _FRACTION = re.compile(rf"({DECIMAL})\s*/\s*({DECIMAL})")
@@ -236,12 +265,19 @@ def convert(kind: type, value: object) -> object:
     """Convert plain data into types that msgspec does not know; its ``dec_hook``."""
     if issubclass(kind, Measured):
         return kind.read(value, bare=current_folder() is None)
+    if issubclass(kind, Readable):
+        return kind.read(value)
     raise NotImplementedError(kind)
 
 
 @cache
 def _fields(struct: type[InputStruct]) -> tuple[msgspec.structs.FieldInfo, ...]:
     return msgspec.structs.fields(struct)
+
+
+def plain(value: Measured | Readable) -> object:
+    """Return as plain data what msgspec does not know; its ``enc_hook``."""
+    return value.plain() if isinstance(value, Readable) else float(value)
 
 
 def check_unit(value: float, expected: Unit) -> None:
@@ -281,7 +317,12 @@ def _members(annotation: Any) -> tuple[Any, ...]:
 
 
 def json_schema(kind: type) -> dict[str, object]:
-    """Return the JSON Schema of a quantity: a number, a text with a unit, and what else may stand for it."""
+    """Return the JSON Schema of a type that msgspec does not know.
+
+    Of a quantity: a number, a text with a unit, and what else may stand for it.
+    """
+    if issubclass(kind, Readable):
+        return kind.schema()
     if not issubclass(kind, Measured):
         raise NotImplementedError(kind)
     description = f"a quantity in {kind.expected}" if kind.expected else "a number with its unit"

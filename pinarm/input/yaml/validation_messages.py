@@ -32,8 +32,10 @@ def failing_path(error: msgspec.ValidationError, data: Any, struct: type[InputSt
 
     msgspec names fields and indices, but not the keys of maps: those are found by validating the map key by key.
     """
-    _, _, text = str(error).rpartition(" - at `$")
+    _, placed, text = str(error).rpartition(" - at `$")
     path: list[str | int] = []
+    if not placed:  # it is about the whole, and its message may look like a path
+        return ()
     for step in _STEP.finditer(text.rstrip("`")):
         if step["any"]:
             path.append(_failing_key(str(error), data, path, struct))
@@ -62,7 +64,7 @@ def explain(error: msgspec.ValidationError, data: Any, path: Keys, struct: type[
         mistake.hint = _as_neighbours(mistake.hint, data, path) if isinstance(mistake, UnitError) else mistake.hint
         return mistake
     if match := re.fullmatch(r"Object contains unknown field `(.*)`", message, re.DOTALL):
-        expected, hint = choices(match[1], _keys(struct, data, path), most=40)
+        expected, hint = choices(match[1], keys_at(struct, data, path), most=40)
         return InputError(f"unknown key '{match[1]}'", expected=expected, hint=hint)
     if match := re.fullmatch(r"Object missing required field `(.*)`", message):
         what = ": it says which kind this is" if match[1] in _tags(struct, data, path) else ""
@@ -161,7 +163,8 @@ def _structs(struct: type[InputStruct], data: Any, path: Keys) -> list[type[Inpu
     return [kind for kind in _kinds(struct, data, path) if isinstance(kind, type) and issubclass(kind, InputStruct)]
 
 
-def _keys(struct: type[InputStruct], data: Any, path: Keys) -> list[str]:
+def keys_at(struct: type[InputStruct], data: Any, path: Keys) -> list[str]:
+    """Return the keys that may stand at a path of data which are to be a struct; none where any may, or no map."""
     names: list[str] = []
     for kind in _structs(struct, data, path):
         names += [field.encode_name for field in msgspec.structs.fields(kind)]

@@ -12,8 +12,8 @@ from pinarm.errors import InputError, within
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import AnyQuantity, check_unit
 from pinarm.mechanics.control.controller import Controller, Given, Plant
-from pinarm.mechanics.control.definition import ControlDefinition, measured, references
-from pinarm.mechanics.laws import Law
+from pinarm.mechanics.control.definition import ControlDefinition, measured
+from pinarm.mechanics.control.references import References
 
 
 class ComputedTorque(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", tag="computed_torque"):
@@ -26,12 +26,12 @@ class ComputedTorque(ControlDefinition, frozen=True, kw_only=True, tag_field="ki
     Good values: ``kp = w^2``, ``kd = 2 w`` with the pulsation w at which errors are to vanish.
 
     Attributes:
-        follows: Laws of the drives' coordinates, one for each drive.
+        follows: Laws of the drives' coordinates: one for each drive in their order, or drive -> law.
         kp: Acceleration per error [1/s^2].
         kd: Acceleration per rate of the error [1/s].
     """
 
-    follows: Law | list[Law]
+    follows: References
     kp: AnyQuantity = 0.0
     kd: AnyQuantity = 0.0
 
@@ -43,7 +43,7 @@ class ComputedTorque(ControlDefinition, frozen=True, kw_only=True, tag_field="ki
         """
         joints = self.joints(plant)
         signals = measured(plant, self.drives)
-        laws = references(self.follows, signals)
+        laws = self.follows.laws(self.drives, signals)
         for key, per in (("kp", "1/s^2"), ("kd", "1/s")):
             with within(key):
                 check_unit(getattr(self, key), unit(per))

@@ -15,7 +15,6 @@ from pinarm.input.yaml.schema import AnyQuantity, Duration, InputStruct, NotNega
 from pinarm.mechanics.control.controller import Controller, Plant, Sampling
 from pinarm.mechanics.control.signals import Signal
 from pinarm.mechanics.joints import Joint
-from pinarm.mechanics.laws import Law
 
 Limits = tuple[AnyQuantity, AnyQuantity]
 """Least and largest effort."""
@@ -172,18 +171,3 @@ def measured(plant: Plant, names: list[str]) -> tuple[Signal, ...]:
     """
     with within("measures"):
         return tuple(plant.signal(name) for name in names)
-
-
-def references(follows: Law | list[Law], signals: tuple[Signal, ...]) -> tuple[Law, ...]:
-    """Return the laws that signals follow, checked.
-
-    Raises:
-        InputError: A unit is another, or the number of laws.
-    """
-    with within("follows"):
-        laws = follows if isinstance(follows, list) else [follows]
-        if len(laws) != len(signals):
-            raise InputError(f"{len(laws)} laws are given", expected=f"{len(signals)}, one for each drive")
-        for law, signal in zip(laws, signals, strict=True):
-            law.check_units(signal.unit)
-        return tuple(laws)

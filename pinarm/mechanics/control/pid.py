@@ -13,9 +13,9 @@ from pinarm.errors import InputError, UnitError, within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import Duration, Gain, IntegralGain, RateGain, check_unit
 from pinarm.mechanics.control.controller import Controller, Given, Plant
-from pinarm.mechanics.control.definition import OneDriveDefinition, references
+from pinarm.mechanics.control.definition import OneDriveDefinition
+from pinarm.mechanics.control.references import References
 from pinarm.mechanics.control.signals import Signal
-from pinarm.mechanics.laws import Law
 from pinarm.mechanics.limited_states import FREE, StateLimits, Switch, mode_of, number_of
 
 
@@ -42,7 +42,7 @@ class Pid(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind", tag="
         tracking_time: T_t [s]; kp/ki where it is left out.
     """
 
-    follows: Law
+    follows: References
     kp: Gain
     ki: IntegralGain = 0.0
     kd: RateGain = 0.0
@@ -56,7 +56,7 @@ class Pid(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind", tag="
         """
         joints, (commanded,) = self.joints(plant), self.units(plant)
         signals = self.signals(plant)
-        laws = references(self.follows, signals)
+        laws = self.follows.laws([self.measures or self.drives[0]], signals)
         gains = []
         for key, per in (("kp", "1"), ("ki", "s"), ("kd", "1/s")):
             with within(key):

@@ -9,12 +9,13 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError, Key, choices, within
+from pinarm.errors import InputError, within
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import AnyQuantity, check_unit
 from pinarm.mechanics.control.controller import Controller, Given, Plant
 from pinarm.mechanics.control.definition import ControlDefinition, measured
-from pinarm.mechanics.laws import Constant, Law
+from pinarm.mechanics.control.references import References
+from pinarm.mechanics.laws import Constant
 
 
 class StateFeedback(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", tag="state_feedback"):
@@ -25,13 +26,14 @@ class StateFeedback(ControlDefinition, frozen=True, kw_only=True, tag_field="kin
     Attributes:
         states: The coordinates in x; their rates follow all of them: ``x = [y_1 .. y_s, y_1' .. y_s']``.
         gains: K, a row for each drive with 2 s columns: efforts per coordinate, then efforts per rate.
-        follows: Coordinate -> law of its reference, whose derivative is that of the rate; 0 where it is left out.
+        follows: Laws of the references, whose derivatives are those of the rates: coordinate -> law, 0 where one is
+            left out; or a list of laws, one for each state.
         bias: u_0, an effort for each drive, such as the one that holds the mechanism at the reference.
     """
 
     states: Annotated[list[str], msgspec.Meta(min_length=1)]
     gains: list[list[AnyQuantity]]
-    follows: dict[str, Law] = {}
+    follows: References | None = None
     bias: list[AnyQuantity] = []
 
     @property
@@ -50,15 +52,8 @@ class StateFeedback(ControlDefinition, frozen=True, kw_only=True, tag_field="kin
             if len(set(self.states)) < len(self.states):
                 raise InputError("a state is named twice", expected="each coordinate once")
             signals = measured(plant, self.states)
-        for name in self.follows:
-            if name not in self.states:
-                with within("follows", Key(name)):
-                    expected, hint = choices(name, self.states)
-                    raise InputError(f"'{name}' is no state", expected=expected, hint=hint)
-        laws = tuple(self.follows.get(name, Constant(value=0.0)) for name in self.states)
-        for name, law, signal in zip(self.states, laws, signals, strict=True):
-            with within("follows", Key(name)):
-                law.check_units(signal.unit)
+        rest = Constant(value=0.0)
+        laws = (self.follows or References({})).laws(self.states, signals, rest)
         shape = len(joints), 2 * len(signals)
         with within("gains"):
             if len(self.gains) != shape[0] or any(len(row) != shape[1] for row in self.gains):

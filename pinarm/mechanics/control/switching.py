@@ -10,8 +10,9 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.input.yaml.schema import AnyQuantity, Pause, check_unit
 from pinarm.mechanics.control.controller import Controller, Given, Plant
-from pinarm.mechanics.control.definition import OneDriveDefinition, references
-from pinarm.mechanics.laws import Constant, Law
+from pinarm.mechanics.control.definition import OneDriveDefinition
+from pinarm.mechanics.control.references import References
+from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.limited_states import Switch
 
 LOW, HIGH = 0, 1
@@ -33,7 +34,7 @@ class Switching(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind",
         lead: Time by which rates count [s].
     """
 
-    follows: Law | None = None
+    follows: References | None = None
     above: AnyQuantity
     below: AnyQuantity
     hysteresis: AnyQuantity = 0.0
@@ -55,7 +56,7 @@ class Switching(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind",
         """
         joints, (commanded,) = self.joints(plant), self.units(plant)
         signals = self.signals(plant)
-        laws = references(self.follows or Constant(value=0.0), signals)
+        laws = (self.follows or References(Constant(value=0.0))).laws([self.measures or self.drives[0]], signals)
         for key, measure in (("above", commanded), ("below", commanded),
                              ("hysteresis", signals[0].unit)):  # fmt: skip
             with within(key):

@@ -9,10 +9,10 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError, choices, within
+from pinarm.errors import within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, NotNegative, check_unit
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, coordinate_of
 from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
@@ -158,7 +158,8 @@ class CoordinateSpring(InputStruct, frozen=True, tag_field="kind", tag="coordina
 
     def bind(self, model: pin.Model, coordinates: Mapping[str, Coordinate]) -> ForceElement:
         """Return the element of one model."""
-        along = _coordinate(coordinates, self.coordinate)
+        with within("coordinate"):
+            along = coordinate_of(model, coordinates, self.coordinate)
         effort = effort_along(along)
         for key, measured in (
             ("stiffness", effort / along.unit), ("damping", effort / along.unit * unit("s")), ("rest", along.unit),
@@ -181,7 +182,8 @@ class CoordinateEffort(InputStruct, frozen=True, tag_field="kind", tag="coordina
 
     def bind(self, model: pin.Model, coordinates: Mapping[str, Coordinate]) -> ForceElement:
         """Return the element of one model."""
-        along = _coordinate(coordinates, self.coordinate)
+        with within("coordinate"):
+            along = coordinate_of(model, coordinates, self.coordinate)
         with within("effort"):
             self.effort.check_units(effort_along(along))
         return EffortAlong(model, along, self.effort)
@@ -190,11 +192,3 @@ class CoordinateEffort(InputStruct, frozen=True, tag_field="kind", tag="coordina
 def effort_along(coordinate: Coordinate) -> Unit:
     """Return N for a coordinate that is a length and N*m for an angle."""
     return unit("N") if coordinate.unit == METRE else unit("N*m")
-
-
-def _coordinate(coordinates: Mapping[str, Coordinate], name: str) -> Coordinate:
-    if name not in coordinates:
-        expected, hint = choices(name, coordinates)
-        with within("coordinate"):
-            raise InputError(f"the mechanism has no coordinate '{name}'", expected=expected, hint=hint)
-    return coordinates[name]

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import pinocchio as pin
 
+from pinarm.errors import InputError, within
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.forces.along_coordinate import CoordinateEffort, CoordinateSpring
 from pinarm.mechanics.forces.bushing import Bushing
@@ -40,4 +41,24 @@ def bound(
     """
     if isinstance(force, CoordinateSpring | CoordinateEffort):
         return force.bind(model, coordinates)
+    if isinstance(force, JointSpring | JointEffort) and force.joint not in joints:
+        _refuse_coordinate(force, coordinates)
     return force.bind(model, joints)
+
+
+def _refuse_coordinate(force: JointSpring | JointEffort, coordinates: Mapping[str, Coordinate]) -> None:
+    """Refuse a coordinate or a loop joint in place of a joint of the tree.
+
+    Raises:
+        InputError: Says which kind of force acts along it.
+    """
+    named = force.joint, f"{force.joint}.angle", f"{force.joint}.position"
+    along = [name for name in named if name in coordinates]
+    if not along:
+        return
+    kind = (CoordinateSpring if isinstance(force, JointSpring) else CoordinateEffort).__struct_config__.tag
+    what = "a coordinate" if along[0] == force.joint else "a joint that closes a loop"
+    with within("joint"):
+        raise InputError(f"'{force.joint}' is {what}, no joint of the model",
+                         expected=f"a force along {' or '.join(along)}",
+                         hint=f"kind: {kind}, coordinate: {along[0]}")  # fmt: skip

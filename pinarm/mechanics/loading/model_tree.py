@@ -28,6 +28,10 @@ NOTHING = 1e-25
 """Moment of inertia that is taken for rounding of 0 [kg*m^2]."""
 
 
+LIGHTEST = 1e-14
+"""Least mass of what a joint carries that is not 0 [kg]; a hundredth of it is the rounding of 1."""
+
+
 class Bounds(ValueRecord, frozen=True):
     """Limits of a joint with one coordinate; infinite where the model gives none.
 
@@ -145,7 +149,8 @@ def inertia(mass: float, centre: Array, moments: Array) -> pin.Inertia:
     if not (math.isfinite(mass) and np.isfinite(moments).all()):
         raise ModelError("a mass, or a moment of inertia, is beyond all numbers", hint="sizes and masses below 1e50")
     body = pin.Inertia(mass, centre, np.zeros((3, 3)))
-    body.inertia = moments
+    below = np.tril(moments, -1)
+    body.inertia = below + below.T + np.diag(np.diag(moments))  # turned moments are symmetric but for rounding
     return body
 
 

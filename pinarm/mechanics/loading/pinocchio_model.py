@@ -19,10 +19,10 @@ from msgspec import field
 
 from pinarm.arrays import Array
 from pinarm.errors import ModelError
-from pinarm.input.yaml.schema import FARTHEST
+from pinarm.input.yaml.schema import FARTHEST, HEAVIEST, LARGEST
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.forces.joint_definitions import CREEP
-from pinarm.mechanics.loading.model_tree import Bounds, Mimic, Tree, TreeJoint, from_z, listed
+from pinarm.mechanics.loading.model_tree import LIGHTEST, Bounds, Mimic, Tree, TreeJoint, from_z, listed
 from pinarm.mechanics.loading.urdf.reader import urdf_tree
 from pinarm.records import ValueRecord, replace
 
@@ -36,9 +36,6 @@ BASE = "root"
 MOST = 10_000
 """Largest number of degrees of freedom: Pinocchio's model keeps the joints before and beyond every joint, of a chain
 8 nv^2 bytes, here 0.8 GB."""
-
-LIGHTEST = 1e-14
-"""Least mass of what a joint carries that is not 0 [kg]; a hundredth of it is the rounding of 1."""
 
 ALIGNED = 1e-15
 """Deviation from a coordinate axis that is rounding."""
@@ -119,16 +116,39 @@ def _read(xml: str) -> Tree:
 
 
 def _within_reach(tree: Tree) -> Tree:
-    """Return the tree, whose frames and centres of mass are not farther away than ``FARTHEST``.
+    """Return the tree if its frames and centres of mass are within ``FARTHEST``, its masses within ``HEAVIEST``.
+
+    Moments of inertia are within ``LARGEST``.
 
     Raises:
         ModelError: One is.
     """
+    ends = {name: getattr(loop, "between", ()) for name, loop in tree.loops.items()}
+    frames = {frame: f"'{name}': its frame" for name, tied in ends.items() for frame in tied}
     for joint in tree.joints:
-        _require_within_reach(f"joint '{joint.name}'", joint.placement.translation, joint.offset.translation)
+        where = frames.get(joint.child, f"joint '{joint.name}'")
+        _require_within_reach(where, joint.placement.translation, joint.offset.translation)
+        passive = {"stiffness": joint.stiffness, "damping": joint.damping, "armature": joint.armature}
+        _require_ordinary(f"joint '{joint.name}'", *((what, size, LARGEST, "") for what, size in passive.items()))
     for name, body in tree.links.items():
         _require_within_reach(f"link '{name}': its centre of mass", body.lever)
+        moment = float(np.abs(body.inertia).max())
+        _require_ordinary(f"link '{name}'", ("mass", body.mass, HEAVIEST, "kg"),
+                          ("largest moment of inertia", moment, LARGEST, "kg*m^2"))  # fmt: skip
     return tree
+
+
+def _require_ordinary(name: str, *numbers: tuple[str, float, float, str]) -> None:
+    """Raise where a number is too large; each is given with its name, the largest allowed and its unit.
+
+    Raises:
+        ModelError: One is.
+    """
+    for what, size, most, measured in numbers:
+        if size > most:
+            raise ModelError(f"{name}: its {what} is {size:g} {measured}".rstrip(),
+                             expected=f"at most {most:g} {measured}".rstrip(),
+                             hint="check the exponent and the unit")  # fmt: skip
 
 
 def _require_within_reach(name: str, *places: Array) -> None:

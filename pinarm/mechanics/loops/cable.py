@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.errors import InputError
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Span
 from pinarm.mechanics.geometry.kinematics import Kinematics
@@ -31,19 +32,26 @@ class Cable(InputStruct, frozen=True, tag_field="kind", tag="cable"):
 
     Attributes:
         through: The links, from one end to the other, such as ``[weight, pulley, door]``.
-        length: Length of the cable.
+        length: Length of the cable; where it is left out, that of its path with all joint coordinates at 0, which is
+            the position of a drawing: the cable is taut there.
     """
 
     through: Annotated[list[str], msgspec.Meta(min_length=2)]
-    length: Span
+    length: Span | None = None
 
     def bind(self, model: pin.Model, name: str) -> CableLoop:
         """Return the cable of one model.
 
         Raises:
-            InputError: A link does not exist, or the cable ties nothing that moves.
+            InputError: A link does not exist, the cable ties nothing that moves, or its path has no length from which
+                to take its own.
         """
-        return CableLoop(name, PathLength.through(model, self.through), float(self.length))
+        path = PathLength.through(model, self.through)
+        length = path.at_zero(model) if self.length is None else float(self.length)
+        if not length:
+            raise InputError("the path of the cable has no length where all joint coordinates are 0",
+                             expected="the length of the cable", hint="length: 2 m")  # fmt: skip
+        return CableLoop(name, path, length)
 
 
 class CableLoop(Record, frozen=True):

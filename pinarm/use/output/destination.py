@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from pinarm.errors import InputError, printable
 from pinarm.records import ValueRecord
+from pinarm.use.output.folder import claim_folder, release_folder
 from pinarm.use.output.manifest import PARTIAL, read_manifest
 
 RESULTS = Path("results")
 """Where folders stand that the user does not name."""
+
+
+ENDINGS = {"result": "", "sweep": "-sweep", "trade-off": "-tradeoff"}
+"""What is written -> how the names of its folders end."""
 
 
 class Destination(ValueRecord, frozen=True):
@@ -29,33 +35,49 @@ class Destination(ValueRecord, frozen=True):
         return printable(f"written to {self.folder}{self.remark and ', '}{self.remark}")
 
 
-def destination(given: Path | None, scenario: Path, name: str, ending: str = "") -> Destination:
-    """Return the folder for what comes of a scenario file.
+@contextmanager
+def destination(given: Path | None, scenario: Path, name: str, kind: str = "result") -> Iterator[Destination]:
+    """Yield the folder for what comes of a scenario file, which no other file takes meanwhile.
 
     It is the one that the user names; else ``results/NAME``, or where that holds what came of another file the first of
-    ``results/PARENT-NAME``, ``results/GRANDPARENT-PARENT-NAME`` ... that does not.
+    ``results/PARENT-NAME``, ``results/GRANDPARENT-PARENT-NAME`` ... that does not. A new folder is made at once, with a
+    manifest that says whose it is, and removed where nothing has been written to it in the block.
 
     Args:
         given: The folder that the user names.
         scenario: The scenario file.
         name: Name of the scenario.
-        ending: Of the folder's name: ``-sweep``.
+        kind: What is written: a key of ``ENDINGS``.
 
     Raises:
-        InputError: All these folders hold what came of other files.
+        InputError: All these folders hold what came of other files, or none can be made.
     """
     own = os.path.realpath(scenario)
     if given is not None:
         other = _other(given, own)
-        return Destination(given, f"in place of {other}" if other else "")
-    usual = RESULTS / f"{name}{ending}"
-    other = _other(usual, own)
-    if not other:
-        return Destination(usual)
-    said = f"{usual} holds {other}"
-    for longer in _longer(Path(own), name):
-        if not _other(folder := RESULTS / f"{longer}{ending}", own):
-            return Destination(folder, f"as {said}")
+        yield Destination(given, f"in place of {other}" if other else "")
+        return
+    found = _free(own, name, kind)
+    try:
+        yield found
+    finally:
+        release_folder(found.folder)
+
+
+def _free(own: str, name: str, kind: str) -> Destination:
+    """Return the first folder that no other file has taken, made where there was none; see ``destination``.
+
+    Raises:
+        InputError: All are taken.
+    """
+    said = ""
+    for longer in (name, *_longer(Path(own), name)):
+        folder = RESULTS / f"{longer}{ENDINGS[kind]}"
+        claimed = claim_folder(folder, kind, Path(own))
+        other = "" if claimed else _other(folder, own)
+        if not other:
+            return Destination(folder, said and f"as {said}")
+        said = said or f"{folder} holds {other}"
     raise InputError(said, expected="a folder of its own", hint="another folder: -o DIR")
 
 

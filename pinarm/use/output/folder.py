@@ -134,6 +134,48 @@ def write_new_file(path: Path, content: bytes) -> bool:
     return True
 
 
+def claim_folder(folder: Path, kind: str, source: Path) -> bool:
+    """Make a folder where nothing stands, whose manifest says what is about to come of which file; tell whether it was.
+
+    Nobody else can do so at the same time: of several processes one makes the folder.
+
+    Args:
+        folder: The folder.
+        kind: What is to be written, as in ``Manifest``.
+        source: The scenario file that it comes of.
+
+    Raises:
+        InputError: It cannot be made.
+    """
+    if os.path.lexists(folder):
+        return False
+    draft = None
+    try:
+        draft = _draft(folder)
+        with _locked(draft, fcntl.LOCK_EX) as home:
+            write_manifest(home, Manifest(kind, {}, source=_from(folder, source)))
+        draft.rename(folder)
+    except OSError as error:
+        if error.errno in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR):  # another process was faster
+            return False
+        raise InputError(f"the {kind} cannot be written to {folder}: {error.strerror or error}") from None
+    finally:
+        if draft is not None:
+            shutil.rmtree(draft, ignore_errors=True)
+    return True
+
+
+def release_folder(folder: Path) -> None:
+    """Remove a folder made by ``claim_folder`` that nothing has been written to; other ones stay."""
+    with suppress(OSError):
+        with _locked(folder, fcntl.LOCK_EX) as home:
+            manifest = read_manifest(folder)
+            if manifest is None or manifest.files or manifest.arriving:
+                return
+            os.unlink(MANIFEST, dir_fd=home)
+        folder.rmdir()
+
+
 @contextmanager
 def complete_folder(folder: Path) -> Iterator[None]:
     """Let the block read a folder while nobody replaces its files.
@@ -143,10 +185,17 @@ def complete_folder(folder: Path) -> Iterator[None]:
     """
     with _locked(folder, fcntl.LOCK_SH):
         manifest = read_manifest(folder)
-        if manifest is None or manifest.arriving:
-            problem = "was killed while it replaced files" if manifest else "did not leave a manifest.json"
+        if manifest is None or manifest.arriving or not manifest.files:
+            problem = _left_behind(manifest)
             raise InputError(f"{folder} is not a complete result: its writer {problem}", hint="the same run again")
         yield
+
+
+def _left_behind(manifest: Manifest | None) -> str:
+    """Return in words what became of the writer of a folder that is not complete."""
+    if manifest is None:
+        return "did not leave a manifest.json"
+    return "was killed while it replaced files" if manifest.arriving else "has not come to its end"
 
 
 def _draft(folder: Path) -> Path:

@@ -21,6 +21,7 @@ from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError
+from pinarm.input.yaml.schema import plain
 from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.perturbation import coarse_angles
@@ -493,7 +494,7 @@ class Result(Record, frozen=True):
         """Return a hash of what determines the numbers: the scenario and the model's text."""
         relevant = {key: value for key, value in self.data.items() if key not in ("expect", "title", "variants")}
         mechanism = self.trajectory.mechanism
-        described = msgspec.to_builtins(mechanism.description, enc_hook=float)
+        described = msgspec.to_builtins(mechanism.description, enc_hook=plain)
         text = json.dumps([relevant, described, mechanism.xml], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 

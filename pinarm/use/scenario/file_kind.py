@@ -119,12 +119,12 @@ def refuse_keys_of_mechanism(values: Values) -> None:
     for text in values:
         path = str(text).partition("=")[0].strip()
         first = path.partition(".")[0]
-        if first not in ScenarioFile.__struct_fields__ and (place := _in_mechanism_file(first)) is not None:
+        if first not in ScenarioFile.__struct_fields__ and (place := map_in_mechanism_file(first)) is not None:
             raise InputError(f"'{first}' is a key of mechanism files", expected="a path in the scenario",
                              hint=f"changes.{place}{path}").at(Location(path))  # fmt: skip
 
 
-def _in_mechanism_file(key: str) -> str | None:
+def map_in_mechanism_file(key: str) -> str | None:
     """Return the path to the map of a mechanism file that has a key; ``None`` where none has."""
     if key in MechanismDescription.__struct_fields__:
         return ""

@@ -102,7 +102,7 @@ class Scenario(Record, frozen=True):
         Raises:
             InputError: It has a mistake; the message says where.
         """
-        content = document.validate(ScenarioFile)
+        content = _content(document)
         return cls(document, content, _problem(document, content.problem), folder)
 
     @classmethod
@@ -176,7 +176,7 @@ class Scenario(Record, frozen=True):
 
         It has the same mechanism, if that has been loaded and the document says the same of it.
         """
-        content = document.validate(ScenarioFile)
+        content = _content(document)
         other = replace(self, document=document, content=content, problem=_problem(document, content.problem))
         same = self.loaded and self._mechanism_data == other._mechanism_data
         return other.with_mechanism(self.mechanism) if same else other
@@ -581,6 +581,17 @@ def declared_unit(data: Mapping[str, Any], folder: Path, path: str) -> str:
     return str(declared.get(argument_of(path), "")) if isinstance(declared, dict) else ""
 
 
+def _content(document: Document) -> ScenarioFile:
+    """Validate a scenario; of keys that belong elsewhere, say where."""
+    try:
+        return document.validate(ScenarioFile)
+    except InputError:
+        from pinarm.use.scenario.misplaced_keys import refuse_misplaced_keys
+
+        refuse_misplaced_keys(document)
+        raise
+
+
 def _problem(document: Document, given: object) -> Problem:
     """Validate the part of the document that holds the question, by the class of its kind."""
     if not isinstance(given, dict) or "kind" not in given:
@@ -590,7 +601,13 @@ def _problem(document: Document, given: object) -> Problem:
         raise error.at(document.locate(("problem",)))
     with document.locating("problem", "kind"):
         model = problem_class(given["kind"])
-    problem: Problem = document.validate(model, "problem")
+    try:
+        problem: Problem = document.validate(model, "problem")
+    except InputError:
+        from pinarm.use.scenario.misplaced_keys import refuse_misplaced_keys_of_problem
+
+        refuse_misplaced_keys_of_problem(document, given["kind"])
+        raise
     return problem
 
 

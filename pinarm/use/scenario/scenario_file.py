@@ -114,10 +114,18 @@ class ScenarioFile(InputStruct, frozen=True):
     expect: list[Expectation] = []
 
     def check(self) -> None:
-        """Refuse units that there are not."""
+        """Refuse units that there are not, and numbers of the run among the outputs, which are series."""
         for name, text in self.units.items():
             with within("units", name):
                 unit(text)
+        for index, text in enumerate(self.outputs):
+            if "@" in text or text.partition(".")[0] in self.assessments:
+                with within("outputs", index):
+                    raise InputError(
+                        f"'{text[:200]}' is one number of the run, and outputs are quantities at every row",
+                        expected="such a number under the key 'numbers', which stands beside 'outputs'",
+                        hint=f"numbers: [{text[:200]}]",
+                    )
 
     @property
     def presentation(self) -> Presentation:

@@ -123,7 +123,9 @@ class Explanation:
             elif isinstance(one, JointRelation):
                 lines.append(f"  {one.name}: {one.kind}, 1 row; {one.description}")
             elif isinstance(one, CableLoop):
-                course = f"through {one.path.words(model)}, {one.length:g} m long"
+                given = self.mechanism.description.loops.get(one.name)
+                drawn = ", as with all joint coordinates at 0" if getattr(given, "length", 0.0) is None else ""
+                course = f"through {one.path.words(model)}, {one.length:g} m long{drawn}"
                 lines.append(f"  {one.name}: cable {course}, 1 row; pulls only")
             elif isinstance(one, GearedRotor):
                 lines.append(f"  {one.name}: ties {one.rotor.name}, 1 row")

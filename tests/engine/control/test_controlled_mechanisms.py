@@ -300,7 +300,11 @@ def test_a_mechanism_may_have_its_controllers(tmp_path):
     start = {"position": {"phi": "0.1 rad"}}
     plain = pinarm.Mechanism.load(tmp_path / "cart.urdf", values={"gravity": gravity})
     own = pinarm.Mechanism.load(tmp_path / "cart.urdf", values={"gravity": gravity, "control": [FEEDBACK]})
-    found = pinarm.run(forward(own, [], initial=start))["x"].values
+    run = pinarm.run(forward(own, [], initial=start))
+    found = run["x"].values
+    other = pinarm.Mechanism.load(tmp_path / "cart.urdf", values={"gravity": gravity, "control": [
+        {**FEEDBACK, "follows": {"x": {"law": "constant", "value": "1 m"}}}]})  # fmt: skip
+    assert run.digest() != pinarm.run(forward(other, [], initial=start)).digest()
     assert np.array_equal(found, pinarm.run(forward(plain, [FEEDBACK], initial=start))["x"].values)
 
 
@@ -319,6 +323,41 @@ def test_mistakes_of_controllers_in_a_mechanism_file_have_their_line(tmp_path, w
     place = caught.value.location
     assert place.source.endswith("mechanism.yaml") and place.line == line
     assert text.splitlines()[line - 1][place.column - 1 :].startswith(found)
+
+
+@pytest.mark.parametrize("follows", [
+    {"law": "constant", "value": "0.1 m"}, [{"law": "constant", "value": "0.1 m"}],
+    {"x": {"law": "constant", "value": "0.1 m"}},
+])  # fmt: skip
+@pytest.mark.parametrize("kind", [
+    {"kind": "pid", "kp": "50 N/m"}, {"kind": "computed_torque", "kp": "9 1/s^2"},
+    {"kind": "state_feedback", "states": ["x"], "gains": [["50 N/m", "3 N*s/m"]]},
+    {"kind": "switching", "above": "1 N", "below": "-1 N", "hysteresis": "1 mm"},
+])  # fmt: skip
+def test_all_kinds_take_the_same_forms_of_what_they_follow(cart, kind, follows):
+    scenario = pinarm.load(forward(cart, [{"drive": "x", "follows": follows, **kind}], "0.01 s"))
+    error = scenario.run()["control.x.error"].values[0]
+    assert error == pytest.approx(0.1)
+    assert pickle.loads(pickle.dumps(scenario)).problem.control == scenario.problem.control
+
+
+@pytest.mark.parametrize("follows, found, said", [
+    ("{law: constan, value: 0 m}", "constan,", "unknown law 'constan'"),
+    ("{law: constant, valu: 0 m}", "valu:", "unknown key 'valu'"),
+    ("{value: 0 m}", "follows", "the key 'law' is missing"),
+    ("{x: {law: constant, value: 0 rad}}", "0 rad", "not a unit"),
+    ("{y: {law: constant, value: 0 m}}", "y:", "'y' is not what this controller"),
+    ("{}", "follows", "x has no law to follow"),
+    ("[{law: constant, value: 0 m}, {law: constant, value: 1 m}]", "follows", "2 laws are given, for x"),
+    ("[{law: constant, value: 1}]", "1}", "'1' has no unit"),
+])  # fmt: skip
+def test_mistakes_in_what_is_followed_have_their_place(tmp_path, follows, found, said):
+    (tmp_path / "cart.urdf").write_text(CART)
+    text = f"pinarm: 1\nrobot: cart.urdf\ncontrol:\n  - {{kind: computed_torque, drive: x, follows: {follows}}}\n"
+    (tmp_path / "mechanism.yaml").write_text(text)
+    with pytest.raises(InputError, match=said) as caught:
+        pinarm.run(forward(pinarm.Mechanism.load(tmp_path / "mechanism.yaml"), []))
+    assert text.splitlines()[3][caught.value.location.column - 1 :].startswith(found)
 
 
 @pytest.fixture
@@ -377,6 +416,9 @@ def test_a_part_of_a_robot_is_controlled_as_the_whole():
     assert part.removals
     error = part["control.panda_joint2.error"].values
     assert np.abs(error).max() < 1e-9  # it begins on its law and stays there, to the tolerance
+    named = {name: laws[k] for k, name in sorted(enumerate(joints), reverse=True)}
+    other = pinarm.run({**asked, "problem": {**asked["problem"], "control": [{**control[0], "follows": named}]}})
+    assert np.array_equal(other["control.panda_joint2.error"].values, error)
     effort = part["joint.panda_joint2.effort"].values
     assert np.abs(effort - whole["joint.panda_joint2.effort"].values).max() < 1e-7 * np.abs(effort).max()
 

@@ -1,10 +1,12 @@
 import re
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from pinarm.errors import ModelError
 from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.loading.model_tree import inertia
 from pinarm.mechanics.loading.pinocchio_model import build_model
 
 PENDULUM = {"name": "arm", "axis": "0 1 0", "mass": 2.0, "com": "0.5 0 0", "inertia": (0.1, 0.2, 0.2)}
@@ -135,3 +137,30 @@ def test_bodies_whose_centres_pinocchio_would_lose_are_refused(chain, mass):
     found = refusal(re.sub('mass value="[^"]*"', f'mass value="{mass}"', chain(PENDULUM)))
     assert found.message == f"what joint 'arm' carries has a mass of {float(mass):.3g} kg"
     assert build_model(re.sub('mass value="[^"]*"', 'mass value="1e-14"', chain(PENDULUM)), defects="noted")
+
+
+def test_turned_moments_of_large_bodies_are_symmetric_but_for_rounding() -> None:
+    """Pinocchio refused them, as their rounding, 1e-11 here, is more than 1e-12."""
+    turn = pin.rpy.rpyToMatrix(0.3, 0.7, 0.1)
+    moments = turn @ np.diag([1e5, 0.9e5, 0.8e5]) @ turn.T
+    moments[0, 1] *= 1 + 1e-14
+    np.testing.assert_allclose(inertia(1e3, np.zeros(3), moments).inertia, moments, rtol=2e-14)
+
+
+CONNECTED = """<mujoco><worldbody>
+<body name="a"><joint name="j" type="hinge" axis="0 0 1"/><geom size="0.1" pos="1 0 0"/></body>
+<body name="b" pos="2 0 0"><joint name="k" type="hinge" axis="0 0 1"/><geom size="0.1" pos="-1 0 0"/></body></worldbody>
+<equality><connect name="c" body1="a" body2="b" anchor="{place} 0 0"/></equality></mujoco>"""
+CLOSED = """<sdf version="1.7"><model name="m">
+<link name="a"><inertial><mass>1</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia></inertial></link>
+<link name="b"><inertial><mass>1</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia></inertial></link>
+<joint name="j" type="revolute"><parent>world</parent><child>a</child><axis><xyz>0 0 1</xyz></axis></joint>
+<joint name="k" type="revolute"><parent>a</parent><child>b</child><axis><xyz>0 0 1</xyz></axis></joint>
+<joint name="c" type="revolute"><pose>{place} 0 0 0 0 0</pose><parent>world</parent><child>b</child>
+<axis><xyz>0 0 1</xyz></axis></joint></model></sdf>"""
+
+
+@pytest.mark.parametrize("text", [CONNECTED, CLOSED])
+def test_places_of_loop_joints_are_not_beyond_all_lengths(text):
+    assert set(build_model(text.format(place="1")).loops) == {"c"}
+    assert "'c': its frame is 1e+60 m away" in refusal(text.format(place="1e60")).message

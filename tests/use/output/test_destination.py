@@ -1,18 +1,25 @@
 """Where commands write to: files of one name in different folders keep their results apart."""
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.use.output.destination import destination
-from pinarm.use.output.folder import whole_folder
+from pinarm.use.output.destination import Destination, destination
+from pinarm.use.output.folder import complete_folder, whole_folder
 
 
 @pytest.fixture(autouse=True)
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+def told(given: Path | None, scenario: Path, name: str, kind: str = "result") -> Destination:
+    with destination(given, scenario, name, kind) as found:
+        return found
 
 
 def put(folder: Path, source: Path | None, kind: str = "result") -> None:
@@ -22,30 +29,28 @@ def put(folder: Path, source: Path | None, kind: str = "result") -> None:
 
 def test_files_of_one_name_have_folders_of_their_own() -> None:
     for scenario, folder in [("a/x.yaml", "results/x"), ("b/x.yaml", "results/b-x"), ("c/b/x.yaml", "results/c-b-x")]:
-        found = destination(None, Path(scenario), "x")
+        found = told(None, Path(scenario), "x")
         assert found.folder == Path(folder)
         put(found.folder, Path(scenario))
-        assert destination(None, Path(scenario), "x").folder == Path(folder)  # its own is replaced
+        assert told(None, Path(scenario), "x").folder == Path(folder)  # its own is replaced
     assert str(found) == "written to results/c-b-x, as results/x holds the result of a/x.yaml"
 
 
 def test_a_folder_that_the_user_names_is_replaced_and_whose_it_was_is_said() -> None:
     put(Path("out"), Path("a/x.yaml"))
-    assert str(destination(Path("out"), Path("a/x.yaml"), "x")) == "written to out"
-    assert str(destination(Path("out"), Path("b/x.yaml"), "x")) == (
-        "written to out, in place of the result of a/x.yaml"
-    )
+    assert str(told(Path("out"), Path("a/x.yaml"), "x")) == "written to out"
+    assert str(told(Path("out"), Path("b/x.yaml"), "x")) == ("written to out, in place of the result of a/x.yaml")
 
 
 def test_results_of_scenario_yaml_are_named_after_its_folder_and_then_after_that_above() -> None:
     put(Path("results/arm"), Path("first/arm/scenario.yaml"))
-    assert destination(None, Path("second/arm/scenario.yaml"), "arm").folder == Path("results/second-arm")
+    assert told(None, Path("second/arm/scenario.yaml"), "arm").folder == Path("results/second-arm")
 
 
 @pytest.mark.parametrize("kind", ["result", "sweep"])
 def test_what_came_of_no_file_or_of_another_kind_of_command_is_kept(kind: str) -> None:
     put(Path("results/x-sweep"), None if kind == "result" else Path("x-sweep.yaml"), kind)
-    found = destination(None, Path("a/x.yaml"), "x", "-sweep")
+    found = told(None, Path("a/x.yaml"), "x", "sweep")
     assert found.folder == Path("results/a-x-sweep")
     assert found.remark == (f"as results/x-sweep holds a {kind} of no file" if kind == "result" else
                             f"as results/x-sweep holds the {kind} of x-sweep.yaml")  # fmt: skip
@@ -53,14 +58,14 @@ def test_what_came_of_no_file_or_of_another_kind_of_command_is_kept(kind: str) -
 
 def test_the_part_that_a_failed_run_left_is_kept_too() -> None:
     put(Path("results/x/partial"), Path("a/x.yaml"))
-    assert destination(None, Path("b/x.yaml"), "x").folder == Path("results/b-x")
-    assert destination(None, Path("a/x.yaml"), "x").folder == Path("results/x")
+    assert told(None, Path("b/x.yaml"), "x").folder == Path("results/b-x")
+    assert told(None, Path("a/x.yaml"), "x").folder == Path("results/x")
 
 
 def test_a_folder_that_was_moved_with_its_scenario_is_still_its_own(here: Path) -> None:
     put(Path("old/results/x"), Path("old/x.yaml"))
     Path("old").rename("new")
-    assert destination(Path("new/results/x"), Path("new/x.yaml"), "x").remark == ""
+    assert told(Path("new/results/x"), Path("new/x.yaml"), "x").remark == ""
 
 
 def test_where_all_names_are_taken_the_user_names_one(here: Path) -> None:
@@ -69,4 +74,28 @@ def test_where_all_names_are_taken_the_user_names_one(here: Path) -> None:
     for count in range(len(names) + 1):
         put(Path("results") / "-".join([*reversed(names[:count]), "b", "x"]), Path("other.yaml"))
     with pytest.raises(InputError, match=r"results/x holds the result of other\.yaml.*\n.*\n.*-o DIR"):
-        destination(None, Path("b/x.yaml"), "x")
+        told(None, Path("b/x.yaml"), "x")
+
+
+def test_files_of_one_name_that_run_at_the_same_time_have_folders_of_their_own() -> None:
+    meeting = threading.Barrier(8)
+
+    def run(number: int) -> Path:
+        meeting.wait()
+        with destination(None, Path(f"d{number}/x.yaml"), "x") as found:
+            meeting.wait()  # all have theirs before one ends
+            put(found.folder, Path(f"d{number}/x.yaml"))
+            return found.folder
+
+    with ThreadPoolExecutor(8) as threads:
+        folders = list(threads.map(run, range(8)))
+    assert len(set(folders)) == 8
+    assert Path("results/x") in folders
+
+
+def test_a_folder_that_nothing_was_written_to_is_removed_and_is_no_result_before() -> None:
+    with destination(None, Path("a/x.yaml"), "x") as found:
+        with pytest.raises(InputError, match="has not come to its end"), complete_folder(found.folder):
+            pass
+        assert told(None, Path("b/x.yaml"), "x").folder == Path("results/b-x")
+    assert not list(Path("results").iterdir())

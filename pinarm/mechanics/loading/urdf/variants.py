@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
@@ -17,6 +18,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Flags
 from pinarm.input.numbers import decimal
+from pinarm.input.yaml.schema import FARTHEST, HEAVIEST, LARGEST
 from pinarm.mechanics.geometry.model_variants import (
     PARAMETERS,
     ModelVariants,
@@ -25,7 +27,7 @@ from pinarm.mechanics.geometry.model_variants import (
     VariantsDiffer,
 )
 from pinarm.mechanics.joints import UNIVERSE
-from pinarm.mechanics.loading.model_tree import Tree, impossible
+from pinarm.mechanics.loading.model_tree import LIGHTEST, Tree, impossible
 from pinarm.mechanics.loading.urdf.reader import urdf_tree
 
 DRAWN = ("visual", "collision")
@@ -54,6 +56,11 @@ class Body(NamedTuple):
     mass: Array
     centre: Array
     moments: Array
+
+    def ordinary(self) -> Flags:
+        """Return in which variants the numbers are neither negative nor too large, as models are read, shape (k,)."""
+        near, small = np.abs(self.centre).max(axis=1) <= FARTHEST, np.abs(self.moments).max(axis=(1, 2)) <= LARGEST
+        return np.asarray(near & small & (self.mass >= 0.0) & (self.mass <= HEAVIEST), dtype=bool)
 
     def parameters(self) -> Array:
         """Return dynamic parameters about the frame, shape (k, 10); see ``PARAMETERS``."""
@@ -133,7 +140,7 @@ class _Reader:
         varied = {owner[name] for name in (*own, *places)} - {0}
         possible = np.ones(self._count, dtype=bool)
         for body in own.values():
-            possible &= ~impossible(np.broadcast_to(body.moments, (self._count, 3, 3))) & (body.mass >= 0.0)
+            possible &= ~impossible(np.broadcast_to(body.moments, (self._count, 3, 3))) & body.ordinary()
         bodies = {joint: np.zeros((self._count, PARAMETERS)) for joint in sorted(varied)}
         for name, joint in owner.items():
             if joint in bodies:
@@ -142,8 +149,10 @@ class _Reader:
         if not all(parameters[0, 0] > 0.0 for parameters in bodies.values()):
             raise VariantsDiffer("a body without mass")
         for joint, parameters in bodies.items():
-            possible &= np.isfinite(parameters).all(axis=1) & (parameters[:, 0] > 0.0)
+            possible &= np.isfinite(parameters).all(axis=1) & (parameters[:, 0] >= LIGHTEST)
             _same(parameters[0], self.model.inertias[joint].toDynamicParameters())
+        for origin in self._origins.values():
+            possible &= np.abs(origin.translation).max(axis=1) <= FARTHEST
         for joint, place in moved.items():
             possible &= np.isfinite(place.translation).all(axis=1) & np.isfinite(place.rotation).all(axis=(1, 2))
             _same(place.rotation[0], self.model.jointPlacements[joint].rotation)
@@ -183,9 +192,8 @@ class _Reader:
     def _placements(self) -> tuple[dict[str, VariantPlacement], dict[int, VariantPlacement]]:
         """Return links that are fixed elsewhere on their joint, by name, and joints that are, by index."""
         places, moved = dict[str, VariantPlacement](), dict[int, VariantPlacement]()
-        origins = {element.get("name"): element.find("origin") for element in self.robot.findall("joint")}
         for joint in self.tree.joints:
-            origin = self._origin(origins.get(joint.name))
+            origin = self._origins.get(joint.name)
             if origin is None and joint.parent not in places:
                 continue
             if joint.kind not in ("fixed", "revolute", "prismatic", "ball"):
@@ -198,9 +206,11 @@ class _Reader:
                 moved[self.model.getJointId(joint.name)] = place
         return places, moved
 
-    def _origin(self, origin: Element | None) -> VariantPlacement | None:
-        """Return an origin that varies; ``None`` for one that does not."""
-        return None if origin is None or not self._varies(origin) else self._place(origin)
+    @cached_property
+    def _origins(self) -> dict[str, VariantPlacement]:
+        """Origins of joints that vary, by the name of the joint."""
+        given = ((element.get("name", ""), element.find("origin")) for element in self.robot.findall("joint"))
+        return {name: self._place(origin) for name, origin in given if origin is not None and self._varies(origin)}
 
     def _varied_body(self, link: str) -> Body | None:
         """Return the inertia of a link, about its own frame, where it varies."""

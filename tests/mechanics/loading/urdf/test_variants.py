@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from pinarm.errors import ModelError
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer, placements_of
 from pinarm.mechanics.loading.pinocchio_model import build_model
@@ -69,6 +70,30 @@ def test_what_no_body_can_be_is_marked() -> None:
     }  # fmt: skip
     _, possible = model_variants(build_model(first).model, first, marked, columns)
     assert possible.tolist() == [True, False, False, False, False]
+
+
+@pytest.mark.parametrize(
+    ("name", "values"), [("mass", [3.0, 1e49, 1e51]), ("height", [1.0, -1e49, 1e51]), ("inertia", [0.4, 0.49, 1e101]),
+                         ("centre", [0.2, 0.3, -1e51])],
+)  # fmt: skip
+def test_what_is_refused_of_a_text_alone_is_marked(name: str, values: list[float]) -> None:
+    with pytest.raises(ModelError):
+        build_model(TEXT.format(**PLAIN | {name: values[-1]}))
+    first, marked = TEXT.format(**PLAIN), TEXT.format(**PLAIN | {name: "word"})
+    _, possible = model_variants(build_model(first).model, first, marked, {"word": values})
+    assert possible.tolist() == [True, True, False]
+
+
+def test_what_is_too_light_for_a_text_alone_is_marked() -> None:
+    """Without the head, which is fixed to the post, the post alone is what its joint carries."""
+    text = TEXT.replace('<mass value="0.5"/>', '<mass value="0"/>').replace(
+        '"0.01" iyy="0.01" izz="0.01"', '"0" iyy="0" izz="0"'
+    )
+    with pytest.raises(ModelError, match="1e-15 kg"):
+        build_model(text.format(**PLAIN | {"mass": 1e-15}))
+    first, marked = text.format(**PLAIN), text.format(**PLAIN | {"mass": "word"})
+    _, possible = model_variants(build_model(first).model, first, marked, {"word": [3.0, 1e-13, 1e-15]})
+    assert possible.tolist() == [True, True, False]
 
 
 @pytest.mark.parametrize("name", ["limit"])

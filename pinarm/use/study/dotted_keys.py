@@ -1,0 +1,109 @@
+"""Paths of keys that a scenario or a mechanism file has or may have, for the completion of lines in shells."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pinarm.engine.mechanism import mechanism_document
+from pinarm.input.yaml.deferred import with_types
+from pinarm.input.yaml.document import Document
+from pinarm.input.yaml.key_path import joined
+from pinarm.input.yaml.schema import InputStruct
+from pinarm.input.yaml.validation_messages import keys_at
+from pinarm.mechanics.description import MechanismDescription
+from pinarm.problems import problem_class
+from pinarm.use.scenario.file_kind import is_mechanism
+from pinarm.use.scenario.scenario_file import ScenarioFile
+
+PARTS = ("problem", "changes", "arguments")
+"""Keys of a scenario whose content is that of another kind of file, or of one of several kinds."""
+
+
+class KeyPart(NamedTuple):
+    """A part of a file.
+
+    Attributes:
+        at: Path of the part.
+        struct: What it may hold; ``None`` where that is what it holds.
+        data: What it holds.
+    """
+
+    at: tuple[str, ...]
+    struct: type[InputStruct] | None
+    data: Mapping[str, Any]
+
+
+def dotted_keys(file: str | Path, prefix: str = "") -> list[str]:
+    """Return how a path of keys may go on, one step further: ``problem.time.end=``, or ``problem.time.`` of a map.
+
+    Args:
+        file: A scenario, or a mechanism file.
+        prefix: What there is of the path.
+
+    Raises:
+        InputError: The file cannot be read, or names a kind of problem that there is not.
+    """
+    parts = _parts(Path(file))
+    while True:
+        found = [path for part in parts for path in _further(part, prefix)]
+        if len(found) != 1 or not found[0].endswith(".") or found[0] == prefix:
+            return found
+        prefix = found[0]  # the shell would put a blank behind it
+
+
+def _parts(file: Path) -> list[KeyPart]:
+    """Return the file, its problem, and what it may change of its mechanism file.
+
+    Raises:
+        InputError: See ``dotted_keys``.
+    """
+    data = Document.read(file).data
+    if not isinstance(data, dict):
+        return []
+    if is_mechanism(data):
+        return [KeyPart((), MechanismDescription, data)]
+    known, wanted = data.get("problem"), data.get("mechanism")
+    problem = known if isinstance(known, dict) else {}
+    mechanism: Mapping[str, Any] = {}
+    if isinstance(wanted, str) and Path(wanted).suffix:
+        given = mechanism_document(file.parent / wanted).data
+        mechanism = given if isinstance(given, dict) else {}
+    kind = problem_class(problem["kind"]) if "kind" in problem else None
+    return [
+        KeyPart((), ScenarioFile, data),
+        KeyPart(PARTS[:1], kind, problem),
+        KeyPart(PARTS[1:2], MechanismDescription, mechanism),
+        KeyPart(PARTS[2:], None, mechanism.get("arguments") or {}),
+    ]
+
+
+def _further(part: KeyPart, prefix: str) -> Iterator[str]:
+    """Yield the paths in a part that begin with a prefix and are one step longer."""
+    if part.at and not prefix.startswith(f"{joined([*part.at])}."):
+        return
+    struct = part.struct and with_types(part.struct, part.struct.deferred)
+    at: tuple[str | int, ...] = ()
+    here = _children(part.data)
+    while True:
+        known = keys_at(struct, part.data, at) if struct else []
+        paths = {joined([*part.at, *map(str, at), str(name)]): name for name in (*here, *known)}
+        name = next((name for path, name in paths.items() if prefix.startswith(f"{path}.")), None)
+        if name is None:
+            break
+        if not part.at and name in PARTS:
+            return
+        at, here = (*at, name), _children(here.get(name))
+    for path, name in paths.items():
+        if path.startswith(prefix):
+            inner = here.get(name)
+            below = bool(_children(inner)) or (
+                inner is None and bool(struct and keys_at(struct, part.data, (*at, name)))
+            )
+            yield f"{path}." if below or (not part.at and name in PARTS) else f"{path}="
+
+
+def _children(data: Any) -> dict[Any, Any]:
+    """Return what stands in data, by key or index."""
+    return dict(data if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else {})
