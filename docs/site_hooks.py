@@ -9,7 +9,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 from site_generator import api_page
-from site_generator.code_breaks import with_breaks
+from site_generator.code_breaks import with_breaks, with_columns
 from site_generator.errata import with_errata
 from site_generator.families import families
 from site_generator.formulas import with_mathml
@@ -63,4 +63,4 @@ def _with_tables(markdown: str, place: str) -> str:
 
 def on_page_content(html: str, **_: Any) -> str:
     """Draw formulas, and let long code in tables go on in the next line."""
-    return with_breaks(with_mathml(html))
+    return with_columns(with_breaks(with_mathml(html)))

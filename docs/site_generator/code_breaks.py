@@ -1,4 +1,4 @@
-"""Places where long code in a cell of a table may go on in the next line: tables stay within the page."""
+"""Where long code may go on in the next line: in cells of tables, and in blocks but for those that are tables."""
 
 from __future__ import annotations
 
@@ -10,6 +10,13 @@ LONGEST = 24
 _CELL = re.compile(r"<td.*?</td>", re.DOTALL)
 _CODE = re.compile(r"(?<=<code>)[^<]+(?=</code>)")
 _SIGN = re.compile(r"(?<=[\w)\]])[./,+*=](?=[A-Za-z(])")
+_PRINTED = re.compile(r'(?<=<div class="language-text highlight">).*?(?=</pre>)', re.DOTALL)
+_COLUMNS = re.compile(r"^.*(?:[│┃━─]| {2,}\S[^\n]*? {2,}\S[^\n]*? {2,}\S).*$", re.MULTILINE)
+
+
+def with_columns(page: str) -> str:
+    """Return HTML in which lines of printed tables are of the class ``columns``: they are not broken."""
+    return _PRINTED.sub(lambda block: _COLUMNS.sub(r'<span class="columns">\g<0></span>', block[0]), page)
 
 
 def with_breaks(page: str) -> str:

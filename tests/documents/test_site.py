@@ -13,7 +13,7 @@ import pytest
 import yaml
 from code_blocks import ROOT, blocks_of
 from site_generator.api_page import page as api_page
-from site_generator.code_breaks import with_breaks
+from site_generator.code_breaks import with_breaks, with_columns
 from site_generator.errata import PLACE, with_errata
 from site_generator.families import Kinds, definitions, families
 from site_generator.formulas import with_mathml
@@ -122,6 +122,13 @@ def test_long_code_in_cells_may_be_divided_between_names():
     shown = with_breaks(f"<td><code>{long}</code><code>a.b</code></td><p><code>{long}</code></p>")
     broken = "body.<wbr>arm_1.<wbr>velocity.<wbr>z/<wbr>body.<wbr>arm_2.<wbr>norm + 0.5"
     assert shown == f"<td><code>{broken}</code><code>a.b</code></td><p><code>{long}</code></p>"
+
+
+def test_lines_of_printed_tables_are_not_broken() -> None:
+    block = '<div class="language-text highlight"><pre><span></span><code>a sentence,\n{}\n</code></pre></div>'
+    for row in ("rank  motor  ratio  verdict", "┃ a ┃"):
+        assert with_columns(block.format(row)) == block.format(f'<span class="columns">{row}</span>')
+    assert with_columns(block.format("accuracy: a  b")) == block.format("accuracy: a  b")
 
 
 def test_every_misprint_of_the_answer_keys_is_listed():

@@ -1,4 +1,4 @@
-"""Where names stand in a drawing: beside their points, where they cover least."""
+"""Where names stand in a drawing: beside their points where they cover least, or farther away, with a line to them."""
 
 from __future__ import annotations
 
@@ -11,11 +11,23 @@ from pinarm.records import replace
 from pinarm.use.show.chart import Line, Note, Window
 from pinarm.use.show.labels import text_width
 
-DISTANCES = (5.0, 11.0, 19.0)
+DISTANCES = (5.0, 11.0, 19.0, 28.0, 38.0, 50.0)
 """From a point to the edge of its name [points]."""
+
+BESIDE = 12.0
+"""Distance up to which a name is seen to belong to its point; from farther away a line leads to it [points]."""
+
+AWAY = 0.6
+"""What a place costs by its distance, in covered points of lines per point: near names are read most easily."""
+
+CLEAR = 1.5
+"""Room between two names, and between a name and a line that it could cover [points]."""
 
 TURNS = np.deg2rad([45.0, 135.0, -45.0, -135.0, 90.0, 0.0, -90.0, 180.0])
 """Directions from a point to its name, the preferred one first."""
+
+LEADER = "#8b949e"
+"""Colour of the lines to names."""
 
 LINE = 1.15
 """Height of a line of text, relative to the size of the letters."""
@@ -23,7 +35,7 @@ LINE = 1.15
 DENSE = 2.0
 """Distance of the points by which lines are looked at [points]."""
 
-MOST = 15
+MOST = 8
 """Of these, how many a name may cover."""
 
 
@@ -53,8 +65,27 @@ def note_places(
                 offset, box = best
                 placed.append(replace(note, text=text, dx=float(offset[0]), dy=float(offset[1])))
                 boxes = np.vstack([boxes, box])
+                covered = np.concatenate([covered, _dense(leaders(placed[-1:], per), per)])
                 break
     return placed
+
+
+def leaders(notes: Sequence[Note], per: float) -> list[Line]:
+    """Return lines from points to the names that stand away from them.
+
+    Args:
+        notes: The names, placed.
+        per: Scale of the drawing [points per unit of the axes].
+    """
+    lines = list[Line]()
+    for note in notes:
+        point, offset = np.array([note.x, note.y]), np.array([note.dx, note.dy])
+        half = np.array([text_width(note.text, note.size), LINE * note.size]) / 2.0
+        nearest = offset - np.clip(offset, -half, half)
+        if np.linalg.norm(nearest) > BESIDE:
+            ends = np.array([point, point + nearest / per])
+            lines.append(Line(ends[:, 0], ends[:, 1], LEADER, 0.5))
+    return lines
 
 
 def _shorter(text: str) -> str:
@@ -73,11 +104,11 @@ def _best(point: Array, size: Array, covered: Array, boxes: Array, page: Array) 
         direction = np.array([np.cos(turn), np.sin(turn)])
         offset = direction * distance + np.sign(np.round(direction, 9)) * size / 2.0
         low, high = point + offset - size / 2.0, point + offset + size / 2.0
-        struck = ((boxes[:, :2] < high) & (boxes[:, 2:] > low)).all(axis=1).any()
+        struck = ((boxes[:, :2] < high + CLEAR) & (boxes[:, 2:] > low - CLEAR)).all(axis=1).any()
         if not struck and (low >= page[:2]).all() and (high <= page[2:]).all():
-            hidden = int(((covered > low) & (covered < high)).all(axis=1).sum())
+            hidden = int(((covered > low - CLEAR) & (covered < high + CLEAR)).all(axis=1).sum())
             if hidden <= MOST:
-                places.append((hidden + 0.02 * k, offset, np.concatenate([low, high])))
+                places.append((hidden + AWAY * distance + 0.02 * k, offset, np.concatenate([low, high])))
     return min(places, key=lambda place: place[0])[1:] if places else None
 
 

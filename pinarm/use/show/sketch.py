@@ -13,7 +13,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.records import ValueRecord, replace
 from pinarm.use.show.chart import COLOURS, Chart, Line, Note, Panel, Window, extent
 from pinarm.use.show.labels import PLAIN, plain, shown, symbol
-from pinarm.use.show.note_places import note_places
+from pinarm.use.show.note_places import leaders, note_places
 from pinarm.use.show.replay.overlays import BodyPoint, Connection
 from pinarm.use.show.replay.tracks import placed
 from pinarm.use.show.scene import GROUND, PATH, Scene, mark, scene_of, stroke
@@ -141,7 +141,8 @@ def _chart(scene: Scene, poses: Sequence[Pose], between: Sequence[Array], paths:
     axes, letters, taken = ([], [], []) if flat else triad(scene, window, per)
     notes = _notes(scene, poses, lines, window, per, taken)
     across, up = _axis_names(scene) if flat else ("", "")
-    panel = Panel([*lines, *axes], [*notes, *letters], across=across, up=up, equal=True, framed=bool(across),
+    drawn = [*lines, *leaders(notes, per), *axes]
+    panel = Panel(drawn, [*notes, *letters], across=across, up=up, equal=True, framed=bool(across),
                   grid=False, window=window)  # fmt: skip
     heading = plain("\n".join(textwrap.wrap(title, WRAP)))
     height = per * (window[1][1] - window[1][0]) + (FRAME if across else 0.0)

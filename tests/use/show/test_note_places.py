@@ -4,7 +4,7 @@ import numpy as np
 
 from pinarm.use.show.chart import Line, Note, Window
 from pinarm.use.show.labels import text_width
-from pinarm.use.show.note_places import LINE, note_places
+from pinarm.use.show.note_places import BESIDE, CLEAR, LINE, leaders, note_places
 
 SIDE = 300.0
 """Points per unit: the side of a drawing of one unit."""
@@ -56,7 +56,7 @@ def test_a_name_stays_in_the_picture() -> None:
 def test_what_has_no_room_is_shortened_or_left_out() -> None:
     """The first names get the places: sixty at one point, of which few fit, and these do not meet."""
     many = [Note(0.5, 0.5, f"A{k}, another name of the same point") for k in range(60)]
-    placed = note_places(many, [], WINDOW, SIDE)
+    placed = note_places(many, [], ((-0.1, 1.1), (0.35, 0.65)), SIDE)
     assert [note.text for note in placed[:2]] == [note.text for note in many[:2]]
     assert any(note.text.endswith(", ...") for note in placed)
     assert len(placed) < 60
@@ -67,3 +67,22 @@ def test_a_place_that_is_taken_stays_free() -> None:
     [note] = note_places([Note(0.5, 0.5, "a name")], [], WINDOW, SIDE, [np.array([0.5, 0.5, 1.1, 1.1])])
     [box] = boxes([note], SIDE)
     assert (box[:2] < 0.5 * SIDE).any()
+
+
+def test_a_line_leads_to_a_name_that_stands_away() -> None:
+    """Thirty names at one point: lines lead from it to the edges of those that stand away."""
+    placed = note_places([Note(0.5, 0.5, f"P{k}") for k in range(30)], [], WINDOW, SIDE)
+    lines, known = leaders(placed, SIDE), boxes(placed, SIDE)
+    assert 0 < len(lines) < len(placed)
+    for line in lines:
+        start, end = SIDE * np.array([line.x, line.y]).T
+        assert start.tolist() == [0.5 * SIDE, 0.5 * SIDE]
+        assert np.linalg.norm(end - start) > BESIDE
+        assert any((np.abs(np.clip(end, box[:2], box[2:]) - end) < 1e-9).all() for box in known)
+
+
+def test_names_keep_clear_of_lines_and_of_each_other() -> None:
+    """A name under a line, of letters that would just touch it."""
+    line = Line(np.array([0.0, 1.0]), np.full(2, 0.5))
+    placed = note_places([Note(0.5, 0.5, f"P{k}") for k in range(4)], [line], WINDOW, SIDE)
+    assert all(box[1] >= 0.5 * SIDE + CLEAR or box[3] <= 0.5 * SIDE - CLEAR for box in boxes(placed, SIDE))

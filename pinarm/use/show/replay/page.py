@@ -31,6 +31,7 @@ from pinarm.use.show.replay.packing import Packing, compressed
 from pinarm.use.show.replay.shapes import Shape, visuals
 from pinarm.use.show.replay.sticks import reach, sticks
 from pinarm.use.show.replay.tracks import Node, nodes_of, placed, rows_shown
+from pinarm.use.show.stick_figure import slots
 
 if TYPE_CHECKING:
     from pinarm.input.units import Unit
@@ -140,6 +141,7 @@ def _scene(
         "rows": packing.add(run.grid.t),
         **_solids(shapes, seen, packing),
         "traces": [_trace(path) for path in paths],
+        "slots": [{"node": slot.node, "points": slot.points.tolist()} for slot in slots(run.mechanism, seen, places)],
         "pairs": [pair.plain(places) for pair in joined],
         "arrows": [arrow.plain(packing, largest[arrow.of, arrow.moment]) for arrow in acting],
         "view": {**{name: getattr(seen, name).tolist() for name in VIEW}, "detail": _detail(nodes, seen)},

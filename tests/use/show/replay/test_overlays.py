@@ -1,11 +1,13 @@
 """Arrows are the forces, torques and reactions of the result; what joins two points reaches from one to the other."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import pinarm
 from pinarm.errors import InputError
 
 
@@ -123,3 +125,27 @@ def test_loop_joints_are_marked_at_both_links(solved: Callable[..., Any], read: 
     [pair] = [pair for pair in scene["pairs"] if pair["kind"] == "loop"]
     assert pair["longest"] < 1e-9  # the loop is closed
     assert {"loop": True, "text": "loop joint"} in scene["legend"]
+
+
+def test_a_slot_has_an_outline_around_the_way_of_its_pin(tmp_path: Path, read: Callable[..., Any]) -> None:
+    """O turns A by 40 degrees; the pin B of the rod of 0.5 m stays at x = 0.3 m: half an outline at each end."""
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "m.yaml").write_text(
+        "pinarm: 1\nplanar:\n  points: {O: [0, 0], A: [0, 0.4 m], B: [0.3 m, 0], Y: [0.3 m, 1 m]}\n  ground: [O, Y]\n"
+        "  links: {crank: {points: [O, A]}, rod: {points: [A, B], mass: 1 kg}}\n"
+        "  slots: {s: {link: rod, point: B, along: [B, Y]}}\n"
+    )
+    (tmp_path / "s.yaml").write_text(
+        "pinarm: 1\nmechanism: m.yaml\nproblem:\n  kind: kinematics\n  time: {end: 1 s, samples: 21}\n"
+        "  motion: {O: {law: constant_speed, speed: -40 deg/s}}\noutputs: [O]\n"
+    )
+    scene = read(pinarm.run(tmp_path / "s.yaml").replay().html).scene
+    [slot], [pair] = scene["slots"], scene["pairs"]
+    x, y, _ = np.transpose(slot["points"])
+    turned = np.deg2rad(np.linspace(0.0, -40.0, 21))
+    arm = 0.4 * np.stack([-np.sin(turned), np.cos(turned)])
+    pin = arm[1] - np.sqrt(0.25 - (0.3 - arm[0]) ** 2)
+    half = (x.max() - x.min()) / 2
+    assert slot["node"] == 0 != pair["b"]["node"]
+    assert (x.max() + x.min()) / 2 == pytest.approx(0.3, abs=1e-9)
+    assert [y.min(), y.max()] == pytest.approx([pin.min() - 3 * half, pin.max() + 3 * half], abs=1e-9)

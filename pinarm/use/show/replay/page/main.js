@@ -95,13 +95,13 @@ class Player {
     this.playing = true;
     this.clock = null;
     this.rest = 0;
-    this.sign("\u23F8", "pause");
+    this.sign("pause");
     this.draw();
   }
 
   pause() {
     this.playing = false;
-    this.sign("\u25B6", "play");
+    this.sign("play");
   }
 
   toggle() {
@@ -109,8 +109,8 @@ class Player {
     else this.play();
   }
 
-  sign(text, meaning) {
-    this.element("play").textContent = text;
+  /** Say what the button does, by which the style chooses its drawing. */
+  sign(meaning) {
     this.element("play").setAttribute("aria-label", meaning);
   }
 

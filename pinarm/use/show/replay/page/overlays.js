@@ -9,6 +9,7 @@ function overlays(view, motion, scene, array) {
   const made = [
     ...scene.traces.map((trace, k) => path(view, motion, trace, PATHS[k % PATHS.length])),
     ...scene.pairs.map((pair) => link(view, motion, pair)),
+    ...scene.slots.map((outline) => slotted(view, outline)),
     ...scene.arrows.map((arrow) => (arrow.moment ? twist : straight)(view, motion, arrow, array)),
   ];
   return { update: (at) => made.forEach((one) => one(at)) };
@@ -126,7 +127,7 @@ function link(view, motion, pair) {
   const { THREE, detail: size } = view;
   const between = new THREE.Group();
   view.world.add(between);
-  const parts = { spring, cylinder, bushing, rod, cable, loop, slot: loop }[pair.kind](THREE, pair, size);
+  const parts = { spring, cylinder, bushing, rod, cable, loop, slot }[pair.kind](THREE, pair, size);
   between.add(...parts.fixed, ...parts.stretched);
   return () => {
     const [a, b] = [motion.point(pair.a.node, pair.a.point), motion.point(pair.b.node, pair.b.point)];
@@ -206,6 +207,22 @@ function loop(THREE, pair, size) {
   const gap = new THREE.Mesh(new THREE.CylinderGeometry(0.004 * size, 0.004 * size, 1).rotateX(Math.PI / 2)
     .translate(0, 0, 0.5), onTop(THREE, HUES.loops));
   return { fixed: [start, end], stretched: [gap], atEnd: [end] };
+}
+
+/** The pin in a slot: a bright ball where it is; the slot has an outline of its own. */
+function slot(THREE, pair, size) {
+  const [, end] = loop(THREE, pair, size).fixed;
+  return { fixed: [end], stretched: [], atEnd: [end] };
+}
+
+/** The outline of a slot, which moves with its body. */
+function slotted(view, { node, points }) {
+  const { THREE, motion, size } = view;
+  const line = points.map((point) => new THREE.Vector3(...point));
+  const outline = new THREE.Mesh(tube(THREE, line, 0.0025 * size), onTop(THREE, "#4a5058"));
+  outline.renderOrder = 6;
+  view.bodies[node].add(outline);
+  return () => {};
 }
 
 function eyes(THREE, size) {
