@@ -19,7 +19,7 @@ from pinarm.errors import InputError, Key, PinarmError, within
 from pinarm.input.yaml.schema import in_si
 from pinarm.use.result.figures.bracket_fit import BracketFit
 from pinarm.use.result.figures.crossings import crossings
-from pinarm.use.result.figures.peak_search import Endless, Peak, PeakSearch, Piece, bounded_below
+from pinarm.use.result.figures.peak_search import CurvePart, Endless, Peak, PeakSearch, bounded_below
 
 if TYPE_CHECKING:
     from pinarm.use.result.expectation import Expectation
@@ -236,9 +236,7 @@ class Lookup:
     @cached_property
     def _rests(self) -> list[tuple[int, Array]]:
         """Intervals, and where in them joints with friction are at rest for an instant."""
-        from pinarm.engine.motion.prescribed_motion import PrescribedMotion
-
-        return [*enumerate(self.motion.rests())] if isinstance(self.motion, PrescribedMotion) else []
+        return [*enumerate(self.motion.rests())] if self.motion else []
 
     def highest(self, height: Callable[[Quantities], Array], name: str) -> Quantities:
         """Return the row at which a function of the quantities is largest, refined between the samples.
@@ -294,7 +292,7 @@ class Lookup:
     def _interval_of(self, row: int) -> int:
         return next(k for k, (_, _, rows) in enumerate(self.intervals) if rows.start <= row < rows.stop)
 
-    def _beside(self, row: int) -> list[Piece]:
+    def _beside(self, row: int) -> list[CurvePart]:
         """Return the pieces of intervals between the rows before and after one."""
         t = self.run.grid.t
         low, high = sorted((float(t[max(row - 1, 0)]), float(t[min(row + 1, len(t) - 1)])))
@@ -302,7 +300,7 @@ class Lookup:
         for interval, (start, end, _) in enumerate(self.intervals):
             bracket = max(low, min(start, end)), min(high, max(start, end))
             if bracket[0] <= bracket[1]:
-                pieces.append(Piece(interval, bracket))
+                pieces.append(CurvePart(interval, bracket))
         return pieces
 
     def _is_beside(self, row: int, top: Peak) -> bool:
@@ -313,13 +311,13 @@ class Lookup:
         )
 
     @cached_property
-    def _parts(self) -> list[Piece]:
+    def _parts(self) -> list[CurvePart]:
         """The pieces in which extremes are looked for beside those near rows."""
         pieces = []
         for interval in self._wide:
             start, end, _ = self.intervals[interval]
             cuts = np.linspace(start, end, PARTS + 1)
-            pieces += [Piece(interval, (min(pair), max(pair))) for pair in pairwise(cuts.tolist())]
+            pieces += [CurvePart(interval, (min(pair), max(pair))) for pair in pairwise(cuts.tolist())]
         return pieces
 
     def _fit(self, bracket: tuple[float, float], heights: Array) -> BracketFit:

@@ -10,7 +10,7 @@ curves fall geometrically, those of a kink as 1/n², those of a jump as 1/n, and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -81,7 +81,7 @@ class Peak(NamedTuple):
     error: float = 0.0
 
 
-class Piece(NamedTuple):
+class CurvePart(NamedTuple):
     """A part of one interval.
 
     Attributes:
@@ -99,11 +99,11 @@ class Piece(NamedTuple):
         """The interval, and where the curve is evaluated, shape (17,)."""
         return self.interval, BracketFit.places(*self.bracket)
 
-    def halves(self, tail: float) -> list[Piece]:
+    def halves(self, tail: float) -> list[CurvePart]:
         """Return both halves, with the last coefficients of the whole."""
         low, high = self.bracket
         middle = 0.5 * (low + high)
-        return [Piece(self.interval, half, tail) for half in ((low, middle), (middle, high))]
+        return [CurvePart(self.interval, half, tail) for half in ((low, middle), (middle, high))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ class PeakSearch:
     slack: float
     seen: list[tuple[int, BracketFit]] = field(default_factory=list)
 
-    def highest(self, top: Peak, pieces: Sequence[Piece]) -> Peak:
+    def highest(self, top: Peak, pieces: Sequence[CurvePart]) -> Peak:
         """Return the largest value in some pieces, or one that is known.
 
         Args:
@@ -143,20 +143,20 @@ class PeakSearch:
             halvings += 1
         return top
 
-    def _fitted(self, top: Peak, pieces: Sequence[Piece]) -> tuple[Peak, list[tuple[Piece, float]]]:
+    def _fitted(self, top: Peak, pieces: Sequence[CurvePart]) -> tuple[Peak, list[tuple[CurvePart, float]]]:
         """Return the largest value that is seen, and the pieces in which there may be larger ones, the best first.
 
         These are told with their last coefficients.
         """
         self.announce([piece.places for piece in pieces])
-        fits = list[tuple[Piece, BracketFit]]()
+        fits = list[tuple[CurvePart, BracketFit]]()
         for piece in pieces:
             interval, t = piece.places
             heights = self._heights(interval, t)
             top = _higher(top, heights, interval, t)
             fits.append((piece, self.fit(piece.bracket, heights)))
         top = self._top_of_smooth(top, [(piece.interval, fit) for piece, fit in fits])
-        rising = list[tuple[Piece, BracketFit]]()
+        rising = list[tuple[CurvePart, BracketFit]]()
         for piece, fit in fits:
             if self._may_rise(top, piece, fit):
                 rising.append((piece, fit))
@@ -165,7 +165,7 @@ class PeakSearch:
         rising.sort(key=lambda one: -one[1].bound)
         return top, [(piece, fit.tail) for piece, fit in rising]
 
-    def _may_rise(self, top: Peak, piece: Piece, fit: BracketFit) -> bool:
+    def _may_rise(self, top: Peak, piece: CurvePart, fit: BracketFit) -> bool:
         """Tell whether the curve may be above a top in a piece, between the places at which it has been evaluated."""
         within = piece.interval == top.interval and fit.low <= top.place <= fit.high
         if within and fit.bound < top.height - self.slack:  # the polynomial does not tell what has been seen
@@ -197,35 +197,36 @@ class PeakSearch:
     def _heights(self, interval: int, t: Array) -> Array:
         return bounded_below(self.curve(interval, t), t)
 
-    def _narrowed(self, top: Peak, pieces: Sequence[Piece]) -> Peak:
+    def _narrowed(self, top: Peak, pieces: Sequence[CurvePart]) -> Peak:
         """Return the largest value in pieces with a kink, or one that is known, by narrowing them to rounding.
 
         Raises:
             Endless: A curve grows without end in one.
         """
-        tops: dict[Piece, list[Peak]] = {piece: [] for piece in pieces}
-        left = {piece: piece.bracket for piece in pieces}
+        tops = dict.fromkeys(pieces, Peak(-np.inf, 0, 0.0))
+        left, rounds = {piece: piece.bracket for piece in pieces}, {piece: list[Array]() for piece in pieces}
         for _ in range(ROUNDS):
             places = {piece: np.linspace(*bracket, POINTS) for piece, bracket in left.items()}
             self.announce([(piece.interval, t) for piece, t in places.items()])
             for piece, t in places.items():
-                heights, found = self._heights(piece.interval, t), tops[piece]
+                heights = self._heights(piece.interval, t)
                 peak = int(heights.argmax())
-                found.append(Peak(float(heights[peak]), piece.interval, float(t[peak]), float(np.ptp(heights))))
+                found = Peak(float(heights[peak]), piece.interval, float(t[peak]), _fall(heights, peak))
+                tops[piece] = max(found, tops[piece], key=_height)
+                rounds[piece].append(heights)
                 left[piece] = float(t[max(peak - 1, 0)]), float(t[min(peak + 1, POINTS - 1)])
-                if _is_narrow(t) or _ends(found, max(top.height, *(one.height for one in found))):
+                if _is_narrow(t) or _ends(rounds[piece], max(top.height, tops[piece].height)):
                     del left[piece]
-        best = [max(found, key=lambda one: one.height) for found in tops.values()]
-        self._require_ends([(top, piece) for top, piece in zip(best, pieces, strict=True)])
-        return max((top, *best), key=lambda one: one.height)
+        self._require_ends(tops)
+        return max((top, *tops.values()), key=_height)
 
-    def _require_ends(self, tops: Sequence[tuple[Peak, Piece]]) -> None:
+    def _require_ends(self, tops: Mapping[CurvePart, Peak]) -> None:
         """Raise where a curve grows without end towards its highest place in a piece, from one side at least.
 
         Raises:
             Endless: It does.
         """
-        sides = [(top, t) for top, piece in tops for t in _approaches(top.place, piece.bracket)]
+        sides = [(top, t) for piece, top in tops.items() for t in _approaches(top.place, piece.bracket)]
         self.announce([(top.interval, t) for top, t in sides])
         for top, t in sides:
             if _grows(self._heights(top.interval, t)):
@@ -246,10 +247,20 @@ def bounded_below(heights: Array, t: Array) -> Array:
     return np.where(finite, heights, heights[finite].min() - np.ptp(heights[finite]))
 
 
+def _height(peak: Peak) -> float:
+    return peak.height
+
+
 def _higher(top: Peak, heights: Array, interval: int, t: Array) -> Peak:
     """Return the largest of heights at places in one interval, or one that is known where none is above it."""
     peak = int(heights.argmax())
     return Peak(float(heights[peak]), interval, float(t[peak])) if heights[peak] > top.height else top
+
+
+def _fall(heights: Array, peak: int) -> float:
+    """Return by how much heights fall beside the largest, on the side of a jump that it is on."""
+    beside = heights[[k for k in (peak - 2, peak + 2) if 0 <= k < len(heights)]]
+    return float(heights[peak] - beside.max())
 
 
 def _is_narrow(t: Array) -> bool:
@@ -257,12 +268,17 @@ def _is_narrow(t: Array) -> bool:
     return bool((t[-1] - t[0]) / len(t) < SPACING * max(abs(t[0]), abs(t[-1])))
 
 
-def _ends(found: Sequence[Peak], top: float) -> bool:
-    """Tell whether narrowing on tells no more: heights differ by rounding, or come to an end below a top."""
-    last = found[-1]
-    if last.error <= FLAT * abs(last.height):
+def _ends(found: Sequence[Array], top: float) -> bool:
+    """Tell whether narrowing on tells no more: heights differ by rounding, or come to an end below a top.
+
+    Args:
+        found: Heights of every round.
+        top: The largest of all.
+    """
+    last, rise = found[-1].max(), np.ptp(found[-1])
+    if rise <= FLAT * abs(last):
         return True
-    return len(found) > 2 and last.error < 0.25 * found[-3].error and last.height + last.error < top
+    return bool(len(found) > 2 and rise < 0.25 * np.ptp(found[-3]) and last + rise < top)
 
 
 def _approaches(place: float, bracket: Bracket) -> list[Array]:
