@@ -20,6 +20,10 @@ RESOLVED = 1e-8
 """Largest of the last three coefficients, relative to how far the values vary: then an extreme lies where that of the
 polynomial does to 1e-8 of the bracket, and its value, which is evaluated there, is the extreme to the square of it."""
 
+FALLING = 0.1
+"""Last coefficients relative to those of degree 6 to 8 below which they fall faster than at a kink, where they are a
+fifth."""
+
 SINGULAR = 0.35
 """Last coefficients relative to those of degree 6 to 8 from which on they may be those of a pole, which do not fall; at
 a kink they are a fifth."""
@@ -75,16 +79,23 @@ class BracketFit(Record, frozen=True):
         """Whether the coefficients fall as slowly as where the curve passes through infinity."""
         return self.tail > SINGULAR * float(np.abs(self.coefficients[6:9]).max())
 
-    @cached_property
-    def bound(self) -> float:
-        """Estimate of what the curve does not exceed: the largest value of the polynomial, and its error at a cusp.
+    @property
+    def is_falling(self) -> bool:
+        """Whether the coefficients fall faster than those of a kink."""
+        return self.tail < FALLING * float(np.abs(self.coefficients[6:9]).max())
 
-        Between places at which the polynomial is evaluated it rises by an eighth of the second difference; twice that
-        is allowed for.
+    @cached_property
+    def _largest(self) -> float:
+        """The largest value of the polynomial, or more.
+
+        Between places it rises by an eighth of the second difference; twice that is allowed for.
         """
         values = _DENSE @ self.coefficients
-        bend = np.abs(np.diff(values, 2)).max()
-        return float(values.max() + 0.25 * bend) + CUSP * self.error
+        return float(values.max() + 0.25 * np.abs(np.diff(values, 2)).max())
+
+    def bound(self, error: float) -> float:
+        """Return what the curve does not exceed, of which the polynomial has an error, even at a cusp."""
+        return self._largest + CUSP * error
 
     @property
     def error(self) -> float:

@@ -23,7 +23,7 @@ from pinarm.use.result.figures.crossings import POINTS
 HALVINGS = 6
 """How often a piece is halved where 17 states do not resolve the curve: it goes up and down in it, or has a kink."""
 
-MOST_PIECES = 256
+MOST_PIECES = 64
 """Pieces that are looked into at once at most: those that may rise most."""
 
 MOST_KINKS = 8
@@ -36,9 +36,13 @@ the rise of a curve is compared with that before."""
 SPACING = 64 * np.finfo(float).eps
 """Distance of places, relative to their size, below which values differ by the rounding of the places."""
 
-GROWTH = 1.25
-"""Growth of the last coefficients from a piece to its half at a pole: 2 where it is simple, 1.4 at the root of one; a
-jump leaves them as they are, and a kink halves them."""
+GROWTH, AT_FIRST = 1.25, 0.4
+"""Least growth of the last coefficients from a piece to its half at a pole, and from which part of the first ones: they
+double at a simple pole, by how close a node happens to be to it; a jump leaves them, and a kink halves them."""
+
+FALLS = 0.5
+"""Part of the error of a piece that is left in its halves at least, unless their coefficients fall: a spike that one
+node is close to may be far from all nodes of a half."""
 
 ENDLESS = 0.5
 """Part of a rise that follows it without end towards a pole: 500 times at a simple one, all of it at a logarithm; at a
@@ -87,23 +91,30 @@ class CurvePart(NamedTuple):
     Attributes:
         interval: Number of the interval.
         bracket: Where it begins and ends.
-        tail: Last coefficients of what it is a half of; 0 where it is none.
+        grown: Size that its last coefficients have at least where it has a pole; 0 where nothing is known of it.
+        error: Error that its polynomial has at least unless its coefficients fall, as that of what it is a half of.
     """
 
     interval: int
     bracket: Bracket
-    tail: float = 0.0
+    grown: float = 0.0
+    error: float = 0.0
 
     @property
     def places(self) -> tuple[int, Array]:
         """The interval, and where the curve is evaluated, shape (17,)."""
         return self.interval, BracketFit.places(*self.bracket)
 
-    def halves(self, tail: float) -> list[CurvePart]:
-        """Return both halves, with the last coefficients of the whole."""
+    def halves(self, fit: BracketFit) -> list[CurvePart]:
+        """Return both halves; the polynomial of the whole is given."""
         low, high = self.bracket
-        middle = 0.5 * (low + high)
-        return [CurvePart(self.interval, half, tail) for half in ((low, middle), (middle, high))]
+        middle, grown = 0.5 * (low + high), GROWTH * (self.grown or AT_FIRST * fit.tail)
+        error = FALLS * max(fit.error, self.error)
+        return [CurvePart(self.interval, half, grown, error) for half in ((low, middle), (middle, high))]
+
+    def bound(self, fit: BracketFit) -> float:
+        """Return what the curve does not exceed in it as far as the polynomial through its values can tell."""
+        return fit.bound(fit.error if fit.is_falling else max(fit.error, self.error))
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,15 +150,12 @@ class PeakSearch:
             top, rising = self._fitted(top, pieces)
             if halvings == HALVINGS:
                 return self._narrowed(top, [piece for piece, _ in rising[:MOST_KINKS]])
-            pieces = [half for piece, tail in rising for half in piece.halves(tail)][:MOST_PIECES]
+            pieces = [half for piece, fit in rising for half in piece.halves(fit)][:MOST_PIECES]
             halvings += 1
         return top
 
-    def _fitted(self, top: Peak, pieces: Sequence[CurvePart]) -> tuple[Peak, list[tuple[CurvePart, float]]]:
-        """Return the largest value that is seen, and the pieces in which there may be larger ones, the best first.
-
-        These are told with their last coefficients.
-        """
+    def _fitted(self, top: Peak, pieces: Sequence[CurvePart]) -> tuple[Peak, list[tuple[CurvePart, BracketFit]]]:
+        """Return the largest value that is seen, and the pieces in which there may be larger ones, the best first."""
         self.announce([piece.places for piece in pieces])
         fits = list[tuple[CurvePart, BracketFit]]()
         for piece in pieces:
@@ -162,17 +170,16 @@ class PeakSearch:
                 rising.append((piece, fit))
             else:
                 self.seen.append((piece.interval, fit))
-        rising.sort(key=lambda one: -one[1].bound)
-        return top, [(piece, fit.tail) for piece, fit in rising]
+        return top, sorted(rising, key=lambda one: -one[0].bound(one[1]))
 
     def _may_rise(self, top: Peak, piece: CurvePart, fit: BracketFit) -> bool:
         """Tell whether the curve may be above a top in a piece, between the places at which it has been evaluated."""
         within = piece.interval == top.interval and fit.low <= top.place <= fit.high
-        if within and fit.bound < top.height - self.slack:  # the polynomial does not tell what has been seen
+        if within and piece.bound(fit) < top.height - self.slack:  # the polynomial does not tell what has been seen
             return True
         if fit.is_smooth:
             return False
-        return fit.bound > top.height + self.slack or (fit.tail > GROWTH * piece.tail and fit.is_singular)
+        return piece.bound(fit) > top.height + self.slack or (fit.tail > piece.grown and fit.is_singular)
 
     def knows(self, interval: int, t: float, height: float) -> bool:
         """Tell whether a height at a place follows from the polynomials, so that there is nothing new beside it."""
@@ -184,7 +191,7 @@ class PeakSearch:
     def _top_of_smooth(self, top: Peak, fits: Sequence[tuple[int, BracketFit]]) -> Peak:
         """Return the largest value at the extremes of polynomials that are the curve, or the one that is known."""
         spots = [(interval, fit.extremes[[fit.at(fit.extremes).argmax()]]) for interval, fit in fits
-                 if fit.is_resolved and fit.bound > top.height and len(fit.extremes)]  # fmt: skip
+                 if fit.is_resolved and fit.bound(fit.error) > top.height and len(fit.extremes)]  # fmt: skip
         self.announce(spots)
         return self.at(top, spots)
 

@@ -108,6 +108,14 @@ class Panels(Record, frozen=True):
         wide = self.high - self.low > NARROWEST * (self.high[-1] - self.low[0])
         return np.sort(worst[wide[worst]])
 
+    @property
+    def told_errors(self) -> Array:
+        """Estimates of the errors of all together, shape (k,).
+
+        In a panel with a kink ``|K - G|`` is no bound: the worst panel counts twice.
+        """
+        return np.asarray(self.errors.sum(axis=0) + self.errors.max(axis=0))
+
     def left_over(self, poor: Flags) -> Array:
         """Return bounds of the errors where bisections end: larger at poles, and infinite where the sum has no end.
 
@@ -117,7 +125,7 @@ class Panels(Record, frozen=True):
         width = (self.high - self.low) / (self.high[-1] - self.low[0])
         least = width <= min(2.0 * float(width.min()), NARROW)
         beside = self.errors + np.where(least[:, None], np.abs(self.values), 0.0)
-        found: Array = np.where(poor, beside.sum(axis=0), self.errors.sum(axis=0))
+        found = np.where(poor, beside.sum(axis=0), self.told_errors)
         for k in np.flatnonzero(poor).tolist() if least.any() else ():
             at = int(np.where(least, self.errors[:, k], 0.0).argmax())
             if self._grows(k, 0.5 * (self.low[at] + self.high[at])):
@@ -152,8 +160,8 @@ def integrate(
     """
     panels, before = first, list[Array]()
     while True:
-        value, error = panels.values.sum(axis=0), panels.errors.sum(axis=0)
-        before.append(error)
+        value, error = panels.values.sum(axis=0), panels.told_errors
+        before.append(panels.errors.sum(axis=0))
         allowed = absolute + relative * np.abs(value)
         if (error <= allowed).all():
             return value, error
@@ -178,4 +186,4 @@ def _noisy(errors: list[Array], panels: Panels, allowed: Array) -> bool:
         return False
     spread = panels.errors.max(axis=0) <= SPREAD * errors[-1]
     stalled = spread & (errors[-1] >= 0.5 * errors[-1 - PATIENCE])
-    return bool((stalled | (errors[-1] <= allowed)).all())
+    return bool((stalled | (panels.told_errors <= allowed)).all())
