@@ -7,6 +7,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import PinarmError
+from pinarm.use.store.restore import restore
 
 SIZES = '<limit lower="-1e4" upper="1e4" effort="1e6" velocity="1e3"/>'
 BODY = '<inertial><mass value="{mass}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
@@ -162,7 +163,10 @@ def slid(tmp_path, static, law, samples):
 @pytest.mark.parametrize("law", [RISE, SWING, RISE.replace("cycloidal", "polynomial").replace("}", ", degree: 5}")])
 def test_a_motion_that_passes_rest_takes_the_effort_that_breaks_away(tmp_path, law, samples):
     """``static_mu m g`` to either side, where a law begins at the first row or turns back between rows."""
-    assert slid(tmp_path, 0.5, law, samples)[1] == pytest.approx([-0.5 * 2.0 * 9.81, 0.5 * 2.0 * 9.81], rel=1e-12)
+    result, ends = slid(tmp_path, 0.5, law, samples)
+    assert ends == pytest.approx([-0.5 * 2.0 * 9.81, 0.5 * 2.0 * 9.81], rel=1e-12)
+    again = restore(result.save(tmp_path / "saved", plots=False))
+    assert [again.number(name)[0] for name in ENDS] == pytest.approx(ends, rel=1e-12)
 
 
 def test_without_more_friction_at_rest_breaking_away_takes_no_more_than_the_motion(tmp_path):

@@ -94,6 +94,10 @@ class IntegratedMotion(Record, frozen=True):
         """Return the configurations at instants, shape (n,), as they were integrated, shape (n, nq)."""
         return self.motion.positions(t)
 
+    def rests(self) -> Sequence[Array]:
+        """Return nothing: the efforts are given, and have no band."""
+        return ()
+
 
 def states(mechanism: Mechanism, hybrid: HybridSystem, grid: Grid, motion: CompletedStates) -> Trajectory:
     """Return completed states as a table."""

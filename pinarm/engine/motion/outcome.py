@@ -25,6 +25,14 @@ class SolvedMotion(Protocol):
         """Return the configurations at values of the parameter, shape (n,), as an array of shape (n, nq)."""
         ...
 
+    def rests(self) -> Sequence[Array]:
+        """Return where joints with friction come to rest, for an instant too, interval by interval, shapes (m,).
+
+        The ends of an interval are among them. Efforts have a band there that they do not have beside it; a motion in
+        which they have none returns nothing.
+        """
+        ...
+
 
 class Outcome(Record, frozen=True):
     """What a problem gives back.

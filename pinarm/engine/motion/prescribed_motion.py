@@ -12,6 +12,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.friction.rests import rests_between
 from pinarm.engine.kinematics.abscissa import running
 from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory
 from pinarm.engine.motion.outcome import Outcome, positions_by_interval
@@ -28,9 +29,6 @@ if TYPE_CHECKING:
 
 PER_TURN, LOOKS = 8.0, (257, 16385)
 """Velocities that are looked at while a law turns by a radian, as ``s''/s'`` tells, and the least and most of them."""
-
-HALVINGS = 52
-"""Bisections after which an instant is known to its last digit."""
 
 KINEMATIC = "the problem is kinematic and asks for no forces"
 
@@ -249,7 +247,7 @@ class PrescribedMotion(Record, frozen=True):
         return positions_by_interval(self, self.cuts, t)
 
     def rests(self) -> list[Array]:
-        """Return where joints with friction come to rest, interval by interval, the ends of each among them.
+        """Return where joints with friction come to rest; see ``SolvedMotion``.
 
         How close the velocities are looked at follows from the laws, whatever rows have been solved.
         """
@@ -265,20 +263,7 @@ class PrescribedMotion(Record, frozen=True):
             return ends
         turns = abs(end - start) * float((moving[:, 1] / moving[:, 0]).max())
         t = np.linspace(start, end, int(np.clip(PER_TURN * turns, *LOOKS)))
-        slips, rounding = self._slips(t, grid.cuts)
-        slips = np.where(np.abs(slips) > rounding, slips, 0.0)
-        rests = (slips[:-1] != 0.0) & (slips[1:] == 0.0) | (slips[:-1] == 0.0) & (slips[1:] != 0.0)
-        at = np.flatnonzero(rests.any(axis=1))
-        row, joint = np.nonzero(slips[:-1] * slips[1:] < 0.0)
-        low, high, before = t[row], t[row + 1], slips[row, joint]
-        for _ in range(HALVINGS if len(row) else 0):
-            middle = 0.5 * (low + high)
-            order = middle.argsort()
-            here = np.empty_like(middle)
-            here[order] = self._slips(middle[order], grid.cuts)[0][np.arange(len(row)), joint[order]]
-            later = before * here > 0.0
-            low, high = np.where(later, middle, low), np.where(later, high, middle)
-        return np.unique(np.concatenate([ends, t[at], t[at + 1], 0.5 * (low + high)]))
+        return rests_between(lambda t: self._slips(t, grid.cuts), t)
 
     def _slips(self, t: Array, cuts: tuple[float, ...]) -> tuple[Array, Array]:
         """Return the slips of the k joints with friction within one interval, and their rounding, both (n, k)."""

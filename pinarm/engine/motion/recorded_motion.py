@@ -10,8 +10,10 @@ smooth. Of a ball joint it runs through the components of the quaternion s, and 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,13 +22,15 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.friction.rests import rests_between
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.outcome import Outcome
-from pinarm.engine.motion.standstill import row_paces
+from pinarm.engine.motion.standstill import STANDSTILL, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError
 from pinarm.input.units import unit
+from pinarm.mechanics.friction.contact import slip_rows
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import replace
@@ -38,6 +42,9 @@ if TYPE_CHECKING:
 
 DEGREE = 5
 """Degree of the spline: its accelerations err by ``O(h^4)`` for rows h apart."""
+
+LOOKS = 4
+"""Places between two rows at which velocities are looked at for those of rest."""
 
 FEWEST = 2 * (DEGREE + 1)
 """Rows that it takes to leave every second one out, for the estimate of its error."""
@@ -79,11 +86,14 @@ class Recording:
         mechanism: What moves.
         drives: What carries the load where efforts are not given; ``None`` where nothing is known of it.
         dynamics: The equation of motion with all forces of the run.
+        pace: What rounding of velocities and accelerations is judged against in the motion that rows are of, shape
+            (2, nv); ``None`` of rows that are states of their own.
     """
 
     mechanism: Mechanism
     drives: Actuation | None
     dynamics: Dynamics
+    pace: Array | None = None
 
     def outcome(self, rows: RecordedRows) -> Outcome:
         """Return the table of rows as they are given, and how well its derivatives belong together."""
@@ -98,8 +108,9 @@ class Recording:
         """
         spline = QuinticSpline.through(self.mechanism, rows.t, rows.q)
         v, a = spline.at(rows.t)[1:]
-        table = self.table(replace(rows, v=v, a=a), self._grid(rows.t))
-        motion = SplinedMotion(self, spline, rows.t) if rows.tau is None else None
+        known = replace(self, pace=row_paces(self.mechanism, v, a).max(axis=0))
+        table = known.table(replace(rows, v=v, a=a), self._grid(rows.t))
+        motion = SplinedMotion(known, spline, rows.t, table.grid.cuts) if rows.tau is None else None
         return Outcome(replace(table, sampled=motion is None), motion, spline.figures())
 
     def schema_row(self, row: RecordedRows) -> Trajectory:
@@ -149,7 +160,8 @@ class Recording:
         if self.mechanism.frictions:
             from pinarm.engine.motion.known_friction import KnownFriction
 
-            return KnownFriction(run, drives, demand, row_paces(self.mechanism, run.v, run.a), 0.0 * run.v).solved()
+            paces = row_paces(self.mechanism, run.v, run.a) if self.pace is None else self.pace
+            return KnownFriction(run, drives, demand, paces, 0.0 * run.v).solved()
         tau, lam = drives.efforts(run.grid.t, run.q, demand)
         return replace(run, tau=tau, lam=lam)
 
@@ -233,11 +245,13 @@ class SplinedMotion:
         recording: The mechanism and what acts.
         spline: The spline.
         t: Instants of the rows [s], shape (n,).
+        cuts: Bounds of the intervals between jumps of the forces.
     """
 
     recording: Recording
     spline: QuinticSpline
     t: Array
+    cuts: Sequence[float]
 
     def at(self, grid: Grid) -> Trajectory:
         """Return the states at other instants."""
@@ -246,6 +260,28 @@ class SplinedMotion:
     def positions(self, t: Array) -> Array:
         """Return the configurations at instants, shape (n,), as an array of shape (n, nq)."""
         return self.spline.at(t)[0]
+
+    def rests(self) -> Sequence[Array]:
+        """Return where joints with friction come to rest; see ``SolvedMotion``.
+
+        The velocity of the spline is of degree 4 between two rows, and is looked at in ``LOOKS`` places there.
+        """
+        return [self._rests(low, high) for low, high in pairwise(self.cuts)]
+
+    def _rests(self, low: float, high: float) -> Array:
+        """Return the same of one interval, shape (m,)."""
+        inside = self.t[(self.t > low) & (self.t < high)]
+        bounds = np.array([low, *inside, high])
+        parts = np.arange(LOOKS) / LOOKS
+        looks = (bounds[:-1, None] + np.diff(bounds)[:, None] * parts).ravel()
+        return rests_between(self._slips, np.append(looks, high))
+
+    def _slips(self, t: Array) -> tuple[Array, Array]:
+        """Return the slips of the k joints with friction, and their rounding, both of shape (n, k)."""
+        mechanism, pace, (q, v, _) = self.recording.mechanism, self.recording.pace, self.spline.at(t)
+        rows = slip_rows(mechanism.model, mechanism.frictions, q)
+        rounding = np.zeros(rows.shape[:2]) if pace is None else STANDSTILL * np.matvec(np.abs(rows), pace[0])
+        return np.asarray(np.matvec(rows, v)), rounding
 
 
 def consistency(mechanism: Mechanism, rows: RecordedRows) -> dict[str, float]:

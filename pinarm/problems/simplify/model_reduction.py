@@ -286,6 +286,10 @@ class RestoredMotion:
         """Return the configurations of the whole at values of the parameter, shape (n,), of shape (n, nq)."""
         return positions_by_interval(self, self.cuts, t)
 
+    def rests(self) -> Sequence[Array]:
+        """Return where joints with friction come to rest; see ``SolvedMotion``."""
+        return self.motion.rests()
+
 
 @dataclass(frozen=True, eq=False)
 class Carried(ForceElement):

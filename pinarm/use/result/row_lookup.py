@@ -18,7 +18,8 @@ from pinarm.engine.quantities.names import OPERATORS, Quantities
 from pinarm.errors import InputError, Key, PinarmError, within
 from pinarm.input.yaml.schema import in_si
 from pinarm.use.result.figures.bracket_fit import BracketFit
-from pinarm.use.result.figures.crossings import FLAT, POINTS, ROUNDS, crossings
+from pinarm.use.result.figures.crossings import crossings
+from pinarm.use.result.figures.peak_search import CurvePart, Endless, Peak, PeakSearch, bounded_below
 
 if TYPE_CHECKING:
     from pinarm.use.result.expectation import Expectation
@@ -30,6 +31,9 @@ _HEIGHTS: dict[str, Callable[[Array], Array]] = {
 }
 """Name of an extreme -> what is largest there."""
 
+_EXTREMES = {"max": "largest value", "min": "smallest value", "largest": "largest size"}
+"""Name of an extreme -> what it is, in words."""
+
 PLATEAU = 1e-12
 """Relative difference to an extreme below which a row of the table is the extreme: the first of them is."""
 
@@ -39,14 +43,11 @@ SAME = 1e-9
 MOST_RIVALS = 20
 """Rows beside the highest one that are refined at most: those that may rise most."""
 
-FEW, PARTS = 200, 4
-"""Rows of an interval below which it is looked into by itself, and in how many parts, of 17 states each."""
-
-HALVINGS = 6
-"""How often a part is halved where 17 states do not resolve the curve: it goes up and down in it, or has a kink."""
+PARTS = 4
+"""In how many parts, of 17 states each, an interval is looked into, however many rows it has."""
 
 MOST_INTERVALS = 100
-"""Intervals with few rows up to which they are; thousands, as between samples of controllers, are rows enough."""
+"""Intervals up to which they are; thousands, as between samples of controllers, are rows enough."""
 
 KEPT = 20
 """Sets of points whose states are kept: the integrals of several quantities begin with the same points."""
@@ -141,7 +142,7 @@ class Lookup:
         if where == "end":
             return self._row(len(self.intervals) - 1, float(self.run.grid.t[-1]))
         if isinstance(where, str):
-            return self._extreme(where, name)
+            return self.extreme(where, name)[0]
         keys = {key: value for key, value in where.items() if key not in ("side", "occurrence")}
         if len(keys) != 1:
             raise InputError("an instant names one coordinate", expected="such as {t: 1.5 s, side: left}")
@@ -165,8 +166,8 @@ class Lookup:
         return spots
 
     def _crossings(self, along: str, value: float) -> list[Spot]:
-        """Return where a quantity takes a value, in order; intervals with few rows are looked into between these."""
-        few = set(self._few)
+        """Return where a quantity takes a value, in order; intervals are looked into between the rows."""
+        wide = set(self._wide)
         spots = []
         for interval, (start, end, rows) in enumerate(self.intervals):
             t = self.run.grid.t[rows]
@@ -174,17 +175,16 @@ class Lookup:
                 [t[:0] if len(t) and t[0] == start else [start], t, [] if len(t) and t[-1] == end else [end]]
             )
             curve = partial(self._difference, along, value, interval)
-            spots += [(interval, place) for place in crossings(curve, t, PARTS if interval in few else 0)]
+            spots += [(interval, place) for place in crossings(curve, t, PARTS if interval in wide else 0)]
         return spots
 
     def _difference(self, along: str, value: float, interval: int, t: Array) -> Array:
         return np.asarray(self.quantities_at(interval, t)[along].values - value)
 
     @cached_property
-    def _few(self) -> list[int]:
-        """Numbers of the intervals that have few rows; none where these are many intervals."""
-        found = [k for k, (start, end, rows) in enumerate(self.intervals)
-                 if start != end and rows.stop - rows.start < FEW]  # fmt: skip
+    def _wide(self) -> list[int]:
+        """Numbers of the intervals that have a length; none where these are many."""
+        found = [k for k, (start, end, _) in enumerate(self.intervals) if start != end]
         return found if len(found) <= MOST_INTERVALS else []
 
     def _choose(self, spots: list[Spot], where: dict[str, str | int | float], name: str, text: str) -> Quantities:
@@ -213,12 +213,20 @@ class Lookup:
                 )
         return sides[0 if side == "left" else 1]
 
-    def _extreme(self, which: str, name: str) -> Quantities:
-        """Return the row at which a quantity is largest, smallest, or largest in size."""
-        if not np.isfinite(self.quantities[name].values).all():
-            raise InputError(f"{name} is not finite everywhere: it has no extreme")
+    def extreme(self, which: str, name: str) -> tuple[Quantities, float]:
+        """Return the row at which a quantity is largest, smallest, or largest in size, and by how much it may be more.
+
+        Args:
+            which: ``max``, ``min`` or ``largest``.
+            name: The quantity.
+
+        Raises:
+            InputError: It has no such value, as it passes through infinity.
+        """
         places = self._rests if self._has_bands and not _plain(name) else []
-        return self.highest(lambda rows: _HEIGHTS[which](rows[name].values), places)
+        what = f"{name} has no {_EXTREMES[which]}"
+        peak = self._highest(lambda rows: _HEIGHTS[which](rows[name].values), places, what)
+        return self._row(peak.interval, peak.place), peak.error
 
     @property
     def _has_bands(self) -> bool:
@@ -228,91 +236,89 @@ class Lookup:
     @cached_property
     def _rests(self) -> list[tuple[int, Array]]:
         """Intervals, and where in them joints with friction are at rest for an instant."""
-        from pinarm.engine.motion.prescribed_motion import PrescribedMotion
+        return [*enumerate(self.motion.rests())] if self.motion else []
 
-        return [*enumerate(self.motion.rests())] if isinstance(self.motion, PrescribedMotion) else []
-
-    def highest(self, height: Callable[[Quantities], Array], places: Sequence[tuple[int, Array]] = ()) -> Quantities:
+    def highest(self, height: Callable[[Quantities], Array], name: str) -> Quantities:
         """Return the row at which a function of the quantities is largest, refined between the samples.
 
         Args:
-            height: Quantities of n rows -> finite values, shape (n,).
-            places: Intervals and values of the parameter there at which it may jump, for an instant only.
+            height: Quantities of n rows -> values, shape (n,).
+            name: What it is, for the message.
+
+        Raises:
+            InputError: It has no largest value, as it passes through infinity.
         """
-        run, values = self.run, height(self.quantities)
-        slack = PLATEAU * float(np.abs(values).max())
-        best = int((values >= values.max() - slack).argmax())
-        brackets = []
-        for row in (best, *_rivals(values, best, slack)):
-            low, high = sorted((run.grid.t[max(row - 1, 0)], run.grid.t[min(row + 1, len(values) - 1)]))
-            for interval, (start, end, _) in enumerate(self.intervals):
-                bracket = float(max(low, min(start, end))), float(min(high, max(start, end)))
-                if bracket[0] <= bracket[1]:
-                    brackets.append((interval, bracket))
-        parts = self._between_few_rows()
-        known = [(interval, BracketFit.places(*bracket)) for interval, bracket in (*brackets, *parts)]
-        self.announce([*places, *known])
-        spots = [self._refined(interval, height, bracket) for interval, bracket in brackets]
-        spots += [self._refined(interval, height, bracket, HALVINGS) for interval, bracket in parts]
-        spots += [self._highest_of(interval, height, t) for interval, t in places]
-        top, interval, t = max(spots, key=lambda spot: spot[0])
-        if top <= values[best] + slack:
-            interval = next(k for k, (_, _, rows) in enumerate(self.intervals) if rows.start <= best < rows.stop)
-            t = float(run.grid.t[best])
-        return self._row(interval, t)
+        peak = self._highest(height, [], f"{name} has no largest value")
+        return self._row(peak.interval, peak.place)
 
-    def _highest_of(self, interval: int, height: Callable[[Quantities], Array], t: Array) -> tuple[float, int, float]:
-        """Return the largest height at values in one interval, the interval, and where it is."""
-        heights = height(self.quantities_at(interval, t))
-        peak = int(heights.argmax())
-        return float(heights[peak]), interval, float(t[peak])
-
-    def _between_few_rows(self) -> list[tuple[int, tuple[float, float]]]:
-        """Return brackets in each interval that has few rows, which may pass an extreme between them."""
-        brackets = []
-        for interval in self._few:
-            start, end, _ = self.intervals[interval]
-            cuts = np.linspace(start, end, PARTS + 1)
-            brackets += [(interval, (min(pair), max(pair))) for pair in pairwise(cuts.tolist())]
-        return brackets
-
-    def _refined(
-        self, interval: int, height: Callable[[Quantities], Array], bracket: tuple[float, float], halvings: int = 0
-    ) -> tuple[float, int, float]:
-        """Return the largest height in a bracket of one interval, the interval, and where it is.
+    def _highest(self, height: Callable[[Quantities], Array], places: Sequence[tuple[int, Array]], lacks: str) -> Peak:
+        """Return the largest value of a function of the quantities.
 
         Args:
-            interval: Number of the interval.
             height: As in ``highest``.
-            bracket: Where it begins and ends.
-            halvings: How often it may be halved where the curve is not resolved.
+            places: Intervals and values of the parameter there at which it may jump, for an instant only.
+            lacks: That there is none, in words.
         """
-        t = BracketFit.places(*bracket)
-        heights = height(self.quantities_at(interval, t))
-        peak = int(heights.argmax())
-        spot, top = float(t[peak]), float(heights[peak])
-        if np.ptp(heights) <= FLAT * np.abs(heights).max():
-            return top, interval, spot
-        fit = self._fit(bracket, heights)
-        if not fit.is_resolved:
-            return self._halved(interval, height, bracket, halvings)
-        places = fit.extremes
-        if len(places):
-            place = float(places[fit.at(places).argmax()])
-            risen = float(height(self._row(interval, place))[0])
-            if risen > top:
-                spot, top = place, risen
-        return top, interval, spot
+        try:
+            return self._peak(height, places)
+        except Endless as pole:
+            run = self.run
+            raise InputError(
+                f"{lacks}: it passes through infinity at {run.parameter} = {pole.place:.9g} {run.unit}",
+                expected="a quantity that is finite everywhere, or its value at a place, or a percentage such as @ p95",
+            ) from None
 
-    def _halved(
-        self, interval: int, height: Callable[[Quantities], Array], bracket: tuple[float, float], halvings: int
-    ) -> tuple[float, int, float]:
-        """Return what ``_refined`` does, of a curve that a polynomial through 17 states does not follow."""
-        if not halvings:
-            return self._narrowed(interval, height, bracket)
-        low, high = bracket
-        halves = (low, 0.5 * (low + high)), (0.5 * (low + high), high)
-        return max((self._refined(interval, height, half, halvings - 1) for half in halves), key=lambda spot: spot[0])
+    def _peak(self, height: Callable[[Quantities], Array], places: Sequence[tuple[int, Array]]) -> Peak:
+        """Return the largest value of a function of the quantities; see ``highest``."""
+        t, parts = self.run.grid.t, self._parts
+        values = bounded_below(height(self.quantities), t)
+        slack = PLATEAU * float(np.abs(values).max())
+        best = int((values >= values.max() - slack).argmax())
+        row = Peak(float(values[best]), self._interval_of(best), float(t[best]))
+        self.announce([*places, *(part.places for part in parts)])
+        curve = partial(self._heights, height)
+        search = PeakSearch(curve, self._fit, self.announce, slack)
+        top = search.highest(search.at(row, places), parts)
+        rivals = [
+            rival for rival in _rivals(values, top.height + slack)
+            if not search.knows(self._interval_of(rival), t[rival], values[rival]) and not self._is_beside(rival, top)
+        ]  # fmt: skip
+        top = search.highest(top, [piece for rival in rivals for piece in self._beside(rival)])
+        return row if top.height <= row.height + slack else top._replace(error=top.error if top.error > slack else 0.0)
+
+    def _heights(self, height: Callable[[Quantities], Array], interval: int, t: Array) -> Array:
+        return height(self.quantities_at(interval, t))
+
+    def _interval_of(self, row: int) -> int:
+        return next(k for k, (_, _, rows) in enumerate(self.intervals) if rows.start <= row < rows.stop)
+
+    def _beside(self, row: int) -> list[CurvePart]:
+        """Return the pieces of intervals between the rows before and after one."""
+        t = self.run.grid.t
+        low, high = sorted((float(t[max(row - 1, 0)]), float(t[min(row + 1, len(t) - 1)])))
+        pieces = []
+        for interval, (start, end, _) in enumerate(self.intervals):
+            bracket = max(low, min(start, end)), min(high, max(start, end))
+            if bracket[0] <= bracket[1]:
+                pieces.append(CurvePart(interval, bracket))
+        return pieces
+
+    def _is_beside(self, row: int, top: Peak) -> bool:
+        """Tell whether a peak is between the rows before and after one, and has been looked for there."""
+        return top.place != self.run.grid.t[row] and any(
+            piece.interval == top.interval and piece.bracket[0] <= top.place <= piece.bracket[1]
+            for piece in self._beside(row)
+        )
+
+    @cached_property
+    def _parts(self) -> list[CurvePart]:
+        """The pieces in which extremes are looked for beside those near rows."""
+        pieces = []
+        for interval in self._wide:
+            start, end, _ = self.intervals[interval]
+            cuts = np.linspace(start, end, PARTS + 1)
+            pieces += [CurvePart(interval, (min(pair), max(pair))) for pair in pairwise(cuts.tolist())]
+        return pieces
 
     def _fit(self, bracket: tuple[float, float], heights: Array) -> BracketFit:
         """Return the polynomial through heights at the nodes of a bracket; the last ones are kept."""
@@ -323,38 +329,25 @@ class Lookup:
             self._fits[curve] = BracketFit(*bracket, heights)
         return self._fits[curve]
 
-    def _narrowed(
-        self, interval: int, height: Callable[[Quantities], Array], bracket: tuple[float, float]
-    ) -> tuple[float, int, float]:
-        """Return the largest height as ``_refined`` does, of a curve that has a kink."""
-        (low, high), spot, top = bracket, bracket[0], -np.inf
-        for _ in range(ROUNDS // 2):  # near a maximum only half of the digits of its place matter
-            t = np.linspace(low, high, POINTS)
-            heights = height(self.quantities_at(interval, t))
-            peak = int(heights.argmax())
-            if heights[peak] > top:
-                spot, top = float(t[peak]), float(heights[peak])
-            low, high = t[max(peak - 1, 0)], t[min(peak + 1, POINTS - 1)]
-        return top, interval, spot
-
 
 def _plain(name: str) -> bool:
     """Tell whether a name is that of a quantity with words, no symbol, formula or end of a band."""
     return "." in name and not set(name) & OPERATORS and not name.endswith(BAND_ENDS)
 
 
-def _rivals(values: Array, best: int, slack: float) -> list[int]:
-    """Return the rows near which heights between the rows may be above all rows, the most promising first.
+def _rivals(values: Array, top: float) -> list[int]:
+    """Return the rows near which heights between the rows may be above a top, the most promising first.
 
     Between samples of a parabola its top is above them by an eighth of their second difference at most; half of it is
     allowed for.
     """
     if len(values) < 3:
-        return []
+        return [*range(len(values))]
     bend = np.abs(2.0 * values[1:-1] - values[:-2] - values[2:])
     reach = values + 0.5 * np.pad(bend, 1, mode="edge")
     around = np.pad(values, 1, constant_values=-np.inf)
-    near = (values >= around[:-2]) & (values >= around[2:]) & (reach > values[best] + slack)
+    near = (values >= around[:-2]) & (values >= around[2:]) & (reach > top)
     rows = np.flatnonzero(near)
     order = rows[np.argsort(-reach[rows], kind="stable")]
-    return [row for row in order.tolist() if row != best][:MOST_RIVALS]
+    rivals: list[int] = order.tolist()
+    return rivals[:MOST_RIVALS]

@@ -102,7 +102,7 @@ class RunNumber:
         return Series(self.label, unit, np.zeros(0))
 
     def value(self, result: Result) -> tuple[float, float]:
-        """Return the number [SI] and the error of its quadrature, 0 for that of a place.
+        """Return the number [SI] and its error: that of a quadrature, or of an extreme at a cusp; else 0.
 
         Raises:
             InputError: The place does not exist in this run, or the run has no such figure.
@@ -119,6 +119,9 @@ class RunNumber:
         if isinstance(self.at, str) and is_figure(self.at):
             given = figure(run, self.quantity, self.at)
             return given.value, given.error
+        if self.at in ("max", "min", "largest"):
+            row, error = run.extreme(self.at, self.of)
+            return float(row[self.quantity].values[0]), error if self.of == self.quantity else 0.0
         return float(run.at(self.at, self.of)[self.quantity].values[0]), 0.0
 
     def _require_determined(self, result: Result, told: float) -> None:

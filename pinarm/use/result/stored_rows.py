@@ -91,6 +91,10 @@ class SolvedAnew(Record, frozen=True):
         """Return the configurations at values of the parameter, shape (n,), as an array of shape (n, nq)."""
         return self._motion.positions(t)
 
+    def rests(self) -> Sequence[Array]:
+        """Return where joints with friction come to rest; see ``SolvedMotion``."""
+        return self._motion.rests()
+
 
 def trajectory_of(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array]) -> Trajectory:
     """Return the states of a result; see ``states``.

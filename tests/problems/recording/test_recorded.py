@@ -300,3 +300,22 @@ def test_figures_of_rows_that_stand_alone_are_refused_at_once_with_what_makes_th
     given = arm.result(t, q, v, a, outputs=["C_B"]).scenario
     with pytest.raises(PinarmError, match="these rows stand alone"):
         replace(given, content=replace(given.content, numbers=["C_B @ rms"])).validate()
+
+
+@pytest.mark.parametrize("power", [2, 3])
+def test_a_spline_that_touches_rest_between_rows_takes_the_effort_that_breaks_away(power):
+    """``static_mu m g`` either way where ``(t - 0.531)^3`` pauses, and where the square of it turns back."""
+    t = np.linspace(0.0, 1.0, 14)
+    planar = {
+        "points": {"O": [0, 0], "X": ["1 m", 0], "P": [0, 0]}, "ground": ["O", "X"],
+        "links": {"block": {"points": ["P"], "mass": "2 kg"}}, "sliders": {"x": {"link": "block", "along": ["O", "X"]}},
+    }  # fmt: skip
+    friction = {"x": {"mu": 0.2, "static_mu": 2.0}}
+    columns = {"t [s]": t.tolist(), "x [m]": ((t - 0.531) ** power).tolist()}
+    result = pinarm.run({
+        "pinarm": 1, "outputs": ["joint.x.effort"],
+        "mechanism": {"pinarm": 1, "title": "slide", "planar": planar, "friction": friction},
+        "problem": {"kind": "recorded", "columns": columns, "derivatives": "spline", "drives": ["x"]},
+    })  # fmt: skip
+    for number, sign in (("joint.x.effort.upper @ max", 1.0), ("joint.x.effort.lower @ min", -1.0)):
+        assert result.number(number)[0] == pytest.approx(sign * 2.0 * 2.0 * 9.81, rel=1e-6)

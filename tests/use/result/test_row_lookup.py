@@ -176,12 +176,12 @@ def test_a_top_next_to_the_end_is_found_beside_an_equal_row_at_the_start(scenari
 
 
 def test_places_of_smooth_curves_take_few_states(scenario: Callable[..., Any], monkeypatch: Any) -> None:
-    """Two samples are as high, 3.9 deg beside the top: two calls each, five for the parts of the run, one more."""
+    """Four for the parts of the run, of which one has the top in it, one for the top, and one for its row."""
     lookup, calls = scenario("statics").varied({"problem.over.pivot.samples": 24}).run().lookup, []
     plain = type(lookup).quantities_at
     monkeypatch.setattr(type(lookup), "quantities_at", lambda *asked: calls.append(asked) or plain(*asked))
     assert lookup.at("max", "M")["alpha"].values == pytest.approx([math.pi / 2], abs=1e-9)
-    assert len(calls) == 10  # by narrowing 30
+    assert len(calls) == 6
     calls.clear()
     assert lookup.at({"pivot": "30 deg"}, "M")["M"].values == pytest.approx([10.0], rel=1e-15)
     assert len(calls) <= 5
@@ -236,3 +236,47 @@ def test_extremes_of_an_oscillation_do_not_depend_on_the_rows(tmp_path: Path, sa
     x = 50.0 / 400.0 * (np.sin(100.0 * t) / 100.0 - t * np.cos(100.0 * t))
     for which, extreme in (("max", x.max()), ("min", x.min())):
         assert lookup.at(which, "a")["a"].values == pytest.approx(extreme, rel=1e-6)
+
+
+STEADY = {"problem.motion": {"pivot": {"law": "constant_speed", "speed": "1 rad/s"}}}
+
+
+@pytest.mark.parametrize("samples", [7, 41, 500])
+@pytest.mark.parametrize(
+    ("name", "which"), [("tan(alpha)", "max"), ("tan(alpha)", "min"), ("1/sqrt(abs(cos(alpha)))", "largest")]
+)
+def test_a_quantity_that_passes_through_infinity_has_no_extreme(
+    scenario: Callable[..., Any], samples: int, name: str, which: str
+) -> None:
+    """It had one of 1e6 to 1e15, by where the rows are."""
+    lookup = scenario("inverse").varied({**STEADY, "problem.time": {"end": "3 s", "samples": samples}}).run().lookup
+    with pytest.raises(InputError, match=r"it passes through infinity at t = 1\.57079633 s"):
+        lookup.at(which, name)
+    assert lookup.at("min", "1/cos(alpha)**2")["t"].values == pytest.approx([0.0], abs=1e-7)
+
+
+@pytest.mark.parametrize("samples", [3, 300, 1500])
+def test_a_spike_between_rows_is_found_at_any_number_of_them(scenario: Callable[..., Any], samples: int) -> None:
+    """It is as wide as two rows of 1500, and at 300 between two of them."""
+    lookup = scenario("inverse").varied({**STEADY, "problem.time": {"end": "3 s", "samples": samples}}).run().lookup
+    found = lookup.at("max", "sin(alpha) + 5/(1 + ((alpha - 0.5123)/0.004)**2)")
+    assert found["t"].values == pytest.approx([0.5123], abs=1e-5)
+
+
+@pytest.mark.parametrize("samples", [5, 6])
+def test_both_sides_of_a_reversal_count(samples: int) -> None:
+    """``mu m g sign v - m a`` is largest just before the block turns back, whether that is a row, as of 5, or not."""
+    planar = {
+        "points": {"O": [0, 0], "X": ["1 m", 0], "P": [0, 0]}, "ground": ["O", "X"],
+        "links": {"block": {"points": ["P"], "mass": "2 kg"}}, "sliders": {"x": {"link": "block", "along": ["O", "X"]}},
+    }  # fmt: skip
+    law = {"law": "harmonic", "amplitude": "0.05 m", "pulsation": "5 rad/s"}
+    end = f"{0.4 * math.pi!r} s"
+    result = pinarm.run({
+        "pinarm": 1, "outputs": ["joint.x.effort"],
+        "mechanism": {"pinarm": 1, "title": "slide", "planar": planar, "friction": {"x": {"mu": 0.2}}},
+        "problem": {"kind": "inverse", "motion": {"x": law}, "time": {"end": end, "samples": samples}},
+    })  # fmt: skip
+    number, error = result.number("joint.x.effort - (4 kg)*joint.x.acceleration @ max")
+    assert number == pytest.approx(2.0 * 0.05 * 25.0 + 0.2 * 2.0 * 9.81, rel=1e-11)
+    assert error < 1e-11

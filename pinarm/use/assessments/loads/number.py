@@ -55,7 +55,7 @@ def worst_row(run: Lookup, size: Callable[[Quantities], Array]) -> Quantities:
     """
     values = size(run.quantities)
     constant = float(np.ptp(values)) <= CONSTANT * float(values.max())
-    return run.at("start", run.run.parameter) if constant else run.highest(size)
+    return run.at("start", run.run.parameter) if constant else run.highest(size, "the load")
 
 
 def peak(run: Lookup, measured: Unit, size: Callable[[Quantities], Array]) -> LoadNumber:

@@ -20,6 +20,23 @@ RESOLVED = 1e-8
 """Largest of the last three coefficients, relative to how far the values vary: then an extreme lies where that of the
 polynomial does to 1e-8 of the bracket, and its value, which is evaluated there, is the extreme to the square of it."""
 
+FALLING = 0.1
+"""Last coefficients relative to those of degree 6 to 8 below which they fall faster than at a kink, where they are a
+fifth."""
+
+SINGULAR = 0.35
+"""Last coefficients relative to those of degree 6 to 8 from which on they may be those of a pole, which do not fall; at
+a kink they are a fifth."""
+
+CUSP = 4.0
+"""Error of the polynomial relative to its estimate at a cusp such as that of the root of |x|, whose coefficients fall
+as n^-1.5: what follows the last of them is twice their size times their number, and folded back it counts twice."""
+
+FLAT = 4 * np.finfo(float).eps
+"""Relative difference of values that are one value but for rounding."""
+
+_DENSE = chebyshev.chebvander(np.cos(np.linspace(0.0, np.pi, 65)), DEGREE)
+
 REAL = 1e-6
 """Largest imaginary part of roots that count: a double one is split by the root of the rounding."""
 
@@ -53,9 +70,47 @@ class BracketFit(Record, frozen=True):
         return found
 
     @property
+    def tail(self) -> float:
+        """Largest of the last three coefficients."""
+        return float(np.abs(self.coefficients[-3:]).max())
+
+    @property
+    def is_singular(self) -> bool:
+        """Whether the coefficients fall as slowly as where the curve passes through infinity."""
+        return self.tail > SINGULAR * float(np.abs(self.coefficients[6:9]).max())
+
+    @property
+    def is_falling(self) -> bool:
+        """Whether the coefficients fall faster than those of a kink."""
+        return self.tail < FALLING * float(np.abs(self.coefficients[6:9]).max())
+
+    @cached_property
+    def _largest(self) -> float:
+        """The largest value of the polynomial, or more.
+
+        Between places it rises by an eighth of the second difference; twice that is allowed for.
+        """
+        values = _DENSE @ self.coefficients
+        return float(values.max() + 0.25 * np.abs(np.diff(values, 2)).max())
+
+    def bound(self, error: float) -> float:
+        """Return what the curve does not exceed, of which the polynomial has an error, even at a cusp."""
+        return self._largest + CUSP * error
+
+    @property
+    def error(self) -> float:
+        """Estimate of the largest difference between polynomial and curve: the last coefficients times their number."""
+        return DEGREE * self.tail
+
+    @property
     def is_resolved(self) -> bool:
         """Whether the values vary, and the last coefficients have fallen to where the polynomial is the curve."""
-        return bool(np.abs(self.coefficients[-3:]).max() < RESOLVED * np.ptp(self.values))
+        return bool(self.tail < RESOLVED * np.ptp(self.values))
+
+    @property
+    def is_smooth(self) -> bool:
+        """Whether the curve is resolved, or constant."""
+        return self.is_resolved or bool(np.ptp(self.values) <= FLAT * np.abs(self.values).max())
 
     def _within(self, coefficients: Array) -> Array:
         """Return the places of the real roots of a series in the bracket, in order."""

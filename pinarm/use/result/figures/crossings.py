@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.use.result.figures.bracket_fit import BracketFit
+from pinarm.use.result.figures.bracket_fit import FLAT, BracketFit
 
 Curve = Callable[[Array], Array]
 """Values at places, shape (n,)."""
@@ -18,9 +18,6 @@ POINTS, ROUNDS = 17, 14
 
 CORRECTIONS = 2
 """Newton steps from the root of a polynomial, which is known to 1e-8 of the bracket: each squares that."""
-
-FLAT = 4 * np.finfo(float).eps
-"""Relative difference of values that are one value but for rounding."""
 
 TOUCHES = 1e-12
 """Height of an extreme, relative to the largest value, below which the curve touches zero there: it is one place."""

@@ -16,6 +16,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -32,6 +33,9 @@ from pinarm.use.result.row_lookup import Lookup
 RELATIVE, ABSOLUTE, MOST = 1e-10, 1e-13, 2000
 """Errors at which an integral is good enough, relative to itself and to the largest value times the length; and most
 parts of an interval, after which the error that is left is reported."""
+
+MOST_CUTS = 50
+"""Places at most in an interval at which a quantity is infinite."""
 
 ROUNDING = 4e-16
 """Of a sum of a few hundred terms, relative to their sum."""
@@ -71,12 +75,23 @@ def figure(run: Lookup, quantity: str, name: str) -> CurveFigure:
     """
     if run.motion is None:
         raise stands_alone(run.run, quantity, name)
-    values = run.quantities[quantity].values
-    if not np.isfinite(values).all():
-        raise InputError(f"{quantity} is not finite everywhere: it has no {name}")
     share = _percentage(name)
+    values = run.quantities[quantity].values
+    if np.isnan(values).any() or (share is not None and np.isinf(values).any()):
+        raise InputError(f"{quantity} is not finite everywhere: it has no {name}")
     value, error = FIGURES[name](run, quantity) if share is None else _percentile(run, quantity, share)
+    if not np.isfinite(error):
+        raise _without_end(run, quantity, name)
     return CurveFigure(float(value), float(error), figure_unit(run.quantities, quantity, name))
+
+
+def _without_end(run: Lookup, quantity: str, name: str) -> InputError:
+    """Return that the integral of a quantity, or of its square, is infinite, and where."""
+    try:
+        run.extreme("largest", quantity)
+    except InputError as why:
+        return InputError(f"{quantity} has no {name}, as its integral has no end: {why.message}", expected=why.expected)
+    return InputError(f"{quantity} has no {name}, as its integral has no end", expected="a quantity that is finite")
 
 
 def stands_alone(rows: Trajectory, quantity: str, name: str) -> InputError:
@@ -119,13 +134,44 @@ def integrals(run: Lookup, integrand: Callable[[Quantities], Array]) -> tuple[Ar
     for interval, (start, end, _) in enumerate(run.intervals):
         low, high = sorted((start, end))
         if low < high:
-            parts.append(_integral_between(partial(_evaluated, run, integrand, interval), low, high))
+            parts += _integrals_between(partial(_evaluated, run, integrand, interval), [low, high])
     total, error = (np.sum(of, axis=0) for of in zip(*parts, strict=True))
     return total, error + ROUNDING * np.abs(total)
 
 
+class _Unbounded(Exception):
+    """A function is infinite at a place."""
+
+    def __init__(self, place: float) -> None:
+        self.place = place
+
+
 def _evaluated(run: Lookup, integrand: Callable[[Quantities], Array], interval: int, t: Array) -> Array:
-    return integrand(run.quantities_at(interval, t))
+    """Return functions at points of an interval, shape (n, k).
+
+    Raises:
+        _Unbounded: One is infinite at a point.
+    """
+    values = integrand(run.quantities_at(interval, t))
+    if not (finite := np.isfinite(values).all(axis=1)).all():
+        raise _Unbounded(float(t[(~finite).argmax()]))
+    return values
+
+
+def _integrals_between(at: Callable[[Array], Array], cuts: list[float]) -> list[tuple[Array, Array]]:
+    """Return the integrals of functions of size 1 between cuts, and their errors; where one is infinite, it is cut.
+
+    Raises:
+        InputError: There is no end of such places.
+    """
+    try:
+        return [_integral_between(at, low, high) for low, high in pairwise(cuts)]
+    except _Unbounded as found:
+        if len(cuts) > MOST_CUTS or found.place in cuts:
+            raise InputError(
+                f"it is not finite about {found.place:.9g}", expected="a quantity that is finite"
+            ) from None
+        return _integrals_between(at, sorted([*cuts, found.place]))
 
 
 def _integral_between(at: Callable[[Array], Array], low: float, high: float) -> tuple[Array, Array]:
@@ -166,7 +212,8 @@ NEIGHBOURS = np.add.outer((0.1127, 0.3819, 0.5, 0.7236, 0.9472), 1e-7 * np.arang
 
 def _moments(run: Lookup, quantity: str) -> tuple[Array, Array, float]:
     """Return the integrals of x/c and (x/c)², their errors, both of shape (2,), and c, the largest |x| of the rows."""
-    scale = float(np.abs(run.quantities[quantity].values).max()) or 1.0
+    rows = np.abs(run.quantities[quantity].values)
+    scale = float(rows[np.isfinite(rows)].max(initial=0.0)) or 1.0
 
     def powers(rows: Quantities) -> Array:
         x = rows[quantity].values / scale
@@ -217,8 +264,9 @@ def _integral(run: Lookup, quantity: str) -> tuple[float, float]:
 
 
 def _peak(run: Lookup, quantity: str) -> tuple[float, float]:
-    value = abs(float(run.at("largest", quantity)[quantity].values[0]))
-    return value, ROUNDING * value
+    row, error = run.extreme("largest", quantity)
+    value = abs(float(row[quantity].values[0]))
+    return value, max(error, ROUNDING * value)
 
 
 def _single(run: Lookup, quantity: str) -> tuple[float, float]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.records import Record
-from pinarm.use.result.figures.bracket_fit import DEGREE, BracketFit
+from pinarm.use.result.figures.bracket_fit import BracketFit
 
 FIRST, ROUNDS, MOST = 3, 40, 512
 """Pieces of an interval at first; how often they are halved, and how many are halved in all."""
@@ -43,11 +43,6 @@ class CurvePiece(Record, frozen=True):
     def length(self) -> float:
         """Of the piece."""
         return self.fit.high - self.fit.low
-
-    @property
-    def error(self) -> float:
-        """Estimate of the largest difference between polynomial and curve."""
-        return float(DEGREE * np.abs(self.fit.coefficients[-3:]).max())
 
     @cached_property
     def turns(self) -> tuple[Array, Array]:
@@ -77,9 +72,9 @@ def percentile(intervals: Sequence[tuple[float, float, Callable[[Array], Array]]
     """
     pieces = [piece for start, end, curve in intervals
               for piece in _pieces(min(start, end), max(start, end), curve)]  # fmt: skip
-    value, rough = _value(pieces, share), max(piece.error for piece in pieces)
+    value, rough = _value(pieces, share), max(piece.fit.error for piece in pieces)
     level = ENOUGH * float(np.ptp(np.concatenate([piece.fit.values for piece in pieces])))
-    unknown = sum(piece.length for piece in pieces if piece.error > level) / sum(piece.length for piece in pieces)
+    unknown = sum(piece.length for piece in pieces if piece.fit.error > level) / sum(piece.length for piece in pieces)
     ends = (_value(pieces, min(share + unknown, 1.0)), _value(pieces, max(share - unknown, 0.0)))
     return value, min(rough, level + ends[0] - ends[1])
 
@@ -90,8 +85,8 @@ def _pieces(low: float, high: float, curve: Callable[[Array], Array]) -> list[Cu
     done, pending, halved = list[CurvePiece](), _fitted(cuts[:-1], cuts[1:], curve), 0
     for _ in range(ROUNDS):
         level = ENOUGH * float(np.ptp(np.concatenate([piece.fit.values for piece in (*done, *pending)])))
-        rough = [piece for piece in pending if piece.error > level]
-        done += [piece for piece in pending if piece.error <= level]
+        rough = [piece for piece in pending if piece.fit.error > level]
+        done += [piece for piece in pending if piece.fit.error <= level]
         halved += len(rough)
         if not rough or halved > MOST:
             return [*done, *rough]

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.records import Record
 
 _HALF = (
@@ -38,6 +38,22 @@ NARROWEST = 1e-13
 PATIENCE, NOISE = 4, 1e-4
 """Rounds of bisections within which the error has to be halved, where it is below this, relative to the largest value
 times the length: what they do not halve is rounding of the functions, not their shape."""
+
+SPREAD = 0.5
+"""Part of an error that one panel has at most where it is rounding: that at a pole is the error of the panel there."""
+
+NARROW = 1e-9
+"""Part of an interval from which on panels are so narrow that there is a pole in the last ones."""
+
+NEAR, FAR = 1e-12, 1e-7
+"""Distances from a place, as parts of the interval, between which it is looked at how a function grows towards it."""
+
+FEWEST = 6
+"""Panels there that it takes to see that."""
+
+DIVERGES = 0.05
+"""Power of the distance from a place that integrals over ``[d, 2 d]`` fall with towards it at least where they have a
+sum: 1 where a function is finite, 1/2 of the inverse root, 0 of the inverse of the distance."""
 
 
 class Panels(Record, frozen=True):
@@ -92,6 +108,41 @@ class Panels(Record, frozen=True):
         wide = self.high - self.low > NARROWEST * (self.high[-1] - self.low[0])
         return np.sort(worst[wide[worst]])
 
+    @property
+    def told_errors(self) -> Array:
+        """Estimates of the errors of all together, shape (k,).
+
+        In a panel with a kink ``|K - G|`` is no bound: the worst panel counts twice.
+        """
+        return np.asarray(self.errors.sum(axis=0) + self.errors.max(axis=0))
+
+    def left_over(self, poor: Flags) -> Array:
+        """Return bounds of the errors where bisections end: larger at poles, and infinite where the sum has no end.
+
+        Args:
+            poor: Whose errors are not allowed, shape (k,).
+        """
+        width = (self.high - self.low) / (self.high[-1] - self.low[0])
+        least = width <= min(2.0 * float(width.min()), NARROW)
+        beside = self.errors + np.where(least[:, None], np.abs(self.values), 0.0)
+        found = np.where(poor, beside.sum(axis=0), self.told_errors)
+        for k in np.flatnonzero(poor).tolist() if least.any() else ():
+            at = int(np.where(least, self.errors[:, k], 0.0).argmax())
+            if self._grows(k, 0.5 * (self.low[at] + self.high[at])):
+                found[k] = np.inf
+        return found
+
+    def _grows(self, k: int, place: float) -> bool:
+        """Tell whether integrals of a function do not fall towards a place, as far as a sum of them takes."""
+        middle, width = 0.5 * (self.low + self.high), self.high - self.low
+        distance = np.abs(middle - place) / (self.high[-1] - self.low[0])
+        mean = np.abs(self.values[:, k]) / width
+        near = (distance > NEAR) & (distance < FAR) & (mean > 0.0)
+        if np.count_nonzero(near) < FEWEST:
+            return False
+        power = np.polyfit(np.log(distance[near]), np.log(mean[near]), 1)[0]
+        return bool(power < DIVERGES - 1.0)
+
 
 def integrate(
     at: Callable[[Array], Array], first: Panels, relative: float, absolute: Array, most: int
@@ -109,19 +160,30 @@ def integrate(
     """
     panels, before = first, list[Array]()
     while True:
-        value, error = panels.values.sum(axis=0), panels.errors.sum(axis=0)
-        before.append(error)
+        value, error = panels.values.sum(axis=0), panels.told_errors
+        before.append(panels.errors.sum(axis=0))
         allowed = absolute + relative * np.abs(value)
-        if (error <= allowed).all() or len(panels.low) >= most or _noisy(before, first.high[0] - first.low[0]):
+        if (error <= allowed).all():
             return value, error
         poor = panels.poor(allowed)
-        if not len(poor):
+        if not len(poor) or len(panels.low) >= most:
+            return value, panels.left_over(error > allowed)
+        if _noisy(before, panels, allowed):
             return value, error
         panels = panels.refined(at, poor)
 
 
-def _noisy(errors: list[Array], length: float) -> bool:
-    """Tell whether the last rounds did not halve an error, though all are small; errors of every round are given."""
+def _noisy(errors: list[Array], panels: Panels, allowed: Array) -> bool:
+    """Tell whether the last rounds did not halve the errors that are not allowed, though all are small.
+
+    Args:
+        errors: Those of every round.
+        panels: Those of the last one.
+        allowed: Errors that are, shape (k,).
+    """
+    length = panels.high[-1] - panels.low[0]
     if len(errors) <= PATIENCE or (errors[-1] > NOISE * length).any():
         return False
-    return bool((errors[-1] >= 0.5 * errors[-1 - PATIENCE]).any())
+    spread = panels.errors.max(axis=0) <= SPREAD * errors[-1]
+    stalled = spread & (errors[-1] >= 0.5 * errors[-1 - PATIENCE])
+    return bool((stalled | (panels.told_errors <= allowed)).all())
