@@ -8,7 +8,6 @@ as the second one of a revolute in a planar loop, are left out; the joint's own 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -23,6 +22,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import LowerPair
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.constraint import Constraint
@@ -53,8 +53,7 @@ PROJECTION = 1e-10
 Newton's iteration removes what it leaves of gaps."""
 
 
-@dataclass(frozen=True, eq=False)
-class CoincidentPoints:
+class CoincidentPoints(Record, frozen=True):
     """Pairs of coinciding points that say the same as the loops of one mechanism.
 
     Attributes:
@@ -66,8 +65,10 @@ class CoincidentPoints:
         regularity: Smallest singular value of the rows there, relative to the largest.
     """
 
+    unshown = ("model", "needed")
+
     model: pin.Model
-    needed: pin.StdVec_RigidConstraintModel = field(repr=False)
+    needed: pin.StdVec_RigidConstraintModel
     driven: Indices
     inertia: Array
     rank: int
@@ -101,8 +102,7 @@ class CoincidentPoints:
         return np.asarray(rows > NOISE * np.max(rows))
 
 
-@dataclass(frozen=True, eq=False)
-class PointConstraints:
+class PointConstraints(Record, frozen=True):
     """Loops of one mechanism as pairs of coinciding points, ready for evaluation.
 
     Attributes:
@@ -113,10 +113,12 @@ class PointConstraints:
         scale: Smallest Delassus diagonal that is not 0 [1/kg].
     """
 
+    unshown = ("data", "states", "cholesky")
+
     tied: CoincidentPoints
-    data: pin.Data = field(repr=False)
-    states: pin.StdVec_RigidConstraintData = field(repr=False)
-    cholesky: pin.ConstraintCholeskyDecomposition = field(repr=False)
+    data: pin.Data
+    states: pin.StdVec_RigidConstraintData
+    cholesky: pin.ConstraintCholeskyDecomposition
     scale: float
 
     @classmethod

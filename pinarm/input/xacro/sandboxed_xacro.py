@@ -62,6 +62,9 @@ def private_xacro() -> tuple[ModuleType, dict[str, Any]]:
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
+    command_line: Any = ModuleType(f"{spec.name}.cli")  # which nobody needs, and which imports much
+    command_line.process_args = None
+    sys.modules[command_line.__name__] = command_line
     writexml = minidom.Element.writexml
     try:
         spec.loader.exec_module(module)
