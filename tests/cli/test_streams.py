@@ -59,3 +59,34 @@ def test_an_interrupt_during_the_imports_leaves_no_traceback() -> None:
         [sys.executable, "-c", INTERRUPTED_IMPORT], capture_output=True, text=True, timeout=60, check=False
     )
     assert (ended.returncode, ended.stderr) == (-signal.SIGINT, "")
+
+
+ENDING = """
+import atexit, runpy, sys, threading, time
+import pinarm.cli.main as module
+
+class Held:
+    def __del__(self):
+        print("freed")
+
+def main():
+    atexit.register(print, "after")
+    threading.Thread(target=lambda: (time.sleep(0.05), print("thread"))).start()
+    return 3
+
+held, module.main = Held(), main
+if "before" in sys.argv:
+    atexit.register(print, "before")
+runpy.run_module("pinarm", run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize(("order", "said"), [
+    ([], ["thread", "after"]), (["before"], ["thread", "after", "before", "freed"]),
+])  # fmt: skip
+def test_the_process_ends_after_its_threads_and_exit_handlers(order: list[str], said: list[str]) -> None:
+    """Without freeing what is left, but where someone else waits for the end too."""
+    ended = subprocess.run(
+        [sys.executable, "-c", ENDING, *order], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (ended.returncode, ended.stdout.split(), ended.stderr) == (3, said, "")
