@@ -6,9 +6,10 @@ eighth of the time to make one.
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from abc import ABCMeta
+from typing import Any, ClassVar, TypeVar
 
-from msgspec import Struct, structs
+from msgspec import Struct, StructMeta, structs
 
 ValueT = TypeVar("ValueT")
 
@@ -18,9 +19,27 @@ class Record(Struct, frozen=True, eq=False, dict=True, weakref=True):
 
     A subclass lists its fields with their types, and says ``frozen=True`` again. A record is equal to itself only. What
     is computed of the fields may be kept by ``functools.cached_property``.
+
+    Attributes:
+        unshown: Fields that its representation leaves out, such as models, beside those that begin with ``_``.
     """
 
+    unshown: ClassVar[tuple[str, ...]] = ()
+
     __hash__ = object.__hash__
+
+    def __repr__(self) -> str:
+        """Return the class with its fields."""
+        names = [name for name in self.__struct_fields__ if name[0] != "_" and name not in self.unshown]
+        return f"{type(self).__name__}({', '.join(f'{name}={getattr(self, name)!r}' for name in names)})"
+
+
+class AbstractStructMeta(StructMeta, ABCMeta):
+    """Classes of structs with abstract methods."""
+
+
+class AbstractRecord(Record, frozen=True, metaclass=AbstractStructMeta):
+    """A record with abstract methods, of its own or of a further base, as ``abc.ABC`` has them."""
 
 
 class ValueRecord(Struct, frozen=True, dict=True, weakref=True):

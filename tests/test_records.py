@@ -1,13 +1,14 @@
 """Records against frozen dataclasses with the same fields."""
 
 import pickle
+from abc import ABC, abstractmethod
 from dataclasses import FrozenInstanceError, dataclass
 from functools import cached_property
 
 import numpy as np
 import pytest
 
-from pinarm.records import Record, ValueRecord, replace
+from pinarm.records import AbstractRecord, Record, ValueRecord, replace
 
 
 class Rod(Record, frozen=True):
@@ -54,3 +55,36 @@ def test_equality():
     assert {rod: 1, other: 2} == {rod: 1, other: 2}
     assert rod != other
     assert {Length(1.0), Length(1.0)} == {Length(1.0)}
+
+
+class Element(ABC):
+    @abstractmethod
+    def energy(self): ...
+
+
+class Spring(AbstractRecord, Element, frozen=True):
+    unshown = ("model",)
+
+    model: object
+    stiffness: float
+    _kept: tuple = ()
+
+    def energy(self):
+        return 0.5 * self.stiffness
+
+
+class Unfinished(AbstractRecord, Element, frozen=True):
+    stiffness: float
+
+
+def test_a_record_of_an_abstract_base():
+    spring = Spring(object(), 3.0)
+    assert isinstance(spring, Element)
+    assert replace(spring, stiffness=4.0).energy() == 2.0
+    with pytest.raises(TypeError, match="abstract"):
+        Unfinished(1.0)
+
+
+def test_a_representation_leaves_models_and_what_is_kept_out():
+    assert repr(Spring(object(), 3.0, (1.0,))) == "Spring(stiffness=3.0)"
+    assert repr(Rod(1.0)) == "Rod(length=1.0, loads=())"

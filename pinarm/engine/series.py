@@ -13,26 +13,25 @@ Whatever else numpy does, such as ``np.interp``, takes the bare values (``np.asa
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from numbers import Real
 from typing import Any
 
 import numpy as np
+from msgspec.structs import force_setattr
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from pinarm.arrays import Array, Flags
 from pinarm.errors import UnitError
 from pinarm.input.formulas.dimensions import Measure, Rule, power, pure, root, same
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
-from pinarm.records import replace
+from pinarm.records import AbstractRecord, replace
 
 MOST = 60
 """Characters of the name of a result, which tells how it was computed."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Series(NDArrayOperatorsMixin):
+class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
     """A named array with its unit. It never changes: ``a += b`` makes another one.
 
     ``np.asarray(series)`` gives the values without copying them; ``series[3]`` of a single axis is a float, and slices
@@ -60,7 +59,7 @@ class Series(NDArrayOperatorsMixin):
     def __post_init__(self) -> None:
         values = np.asarray(self.values).view()
         values.flags.writeable = False
-        object.__setattr__(self, "values", values)
+        force_setattr(self, "values", values)
 
     @property
     def label(self) -> str:

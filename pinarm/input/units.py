@@ -8,20 +8,19 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
 
 from pinarm.errors import UnitError, choices
 from pinarm.input.numbers import leading_number
+from pinarm.records import Record
 
 Exponent = Fraction | int
 Dimension = tuple[Exponent, Exponent, Exponent, Exponent]
 """Exponents of metre, kilogram, second and ampere."""
 
 
-@dataclass(frozen=True)
-class Unit:
+class Unit(Record, frozen=True):
     """A unit of measurement.
 
     Attributes:
@@ -32,7 +31,16 @@ class Unit:
 
     factor: float
     dimension: Dimension
-    text: str = field(default="", compare=False)
+    text: str = ""
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether both measure the same, however they are written."""
+        if not isinstance(other, Unit):
+            return NotImplemented
+        return self.factor == other.factor and self.dimension == other.dimension
+
+    def __hash__(self) -> int:
+        return hash((self.factor, self.dimension))
 
     def __mul__(self, other: Unit) -> Unit:
         return Unit(self.factor * other.factor, _combine(self.dimension, other.dimension, 1))

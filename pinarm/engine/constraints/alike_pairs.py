@@ -8,11 +8,11 @@ their coordinates. L of them at n configurations are one at L n. The simple rout
 from __future__ import annotations
 
 from collections.abc import Container, Hashable, Iterator, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.nullspaces.elimination import Row
@@ -46,8 +46,7 @@ class AlikePairs(Record, frozen=True):
             yield from ((self.places[first + k], AlikeRows(evaluated, k)) for k in range(len(joints)))
 
 
-@dataclass(eq=False)
-class EvaluatedAlike:
+class EvaluatedAlike(Struct, eq=False, dict=True, weakref=True):
     """The rows of L alike pairs at n configurations; arrays have the shape (L n,), or (1,).
 
     Attributes:
@@ -57,7 +56,7 @@ class EvaluatedAlike:
 
     pair: EvaluatedPair
     joints: Indices
-    _drift: tuple[Array, dict[int, Array]] | None = field(default=None, repr=False)
+    _drift: tuple[Array, dict[int, Array]] | None = None
 
     @cached_property
     def every(self) -> range:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -105,10 +106,17 @@ class Multipliers(Record, frozen=True):
         return np.asarray(self.at(np.array([row]))[0])
 
     def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> Array:
-        return self.at(np.arange(len(self))).astype(dtype or np.float64, copy=False)
+        return self._every.astype(dtype or np.float64)
+
+    @cached_property
+    def _every(self) -> Array:
+        """Those of all rows, shape (n, m + g): loads of joints and the files of a result both ask for them."""
+        return np.concatenate([self.own(np.arange(len(self))), self.along], axis=-1)
 
     def at(self, rows: Indices) -> Array:
         """Return the multipliers at k of the rows, shape (k, m + g)."""
+        if "_every" in vars(self):
+            return np.asarray(self._every[rows])
         return np.concatenate([self.own(rows), self.along[rows]], axis=-1)
 
     def some(self, rows: Indices) -> Multipliers:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import cache
 from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from pinarm.arrays import Array, Indices
@@ -86,8 +86,7 @@ class _Record(NamedTuple):
         return [pointer(x) for x in (self.scratch, *steps)]
 
 
-@dataclass
-class CompiledSteps:
+class CompiledSteps(Struct, eq=False, dict=True, weakref=True):
     """The steps that ``AdaptiveStepper`` takes, many in one call.
 
     Attributes:
@@ -101,12 +100,12 @@ class CompiledSteps:
     pair: EmbeddedPair
     stepper: AdaptiveStepper
     room: int = FEWEST
-    _rejected: list[int] = field(default_factory=list)
+    _rejected: list[int] = []
     """Number of steps rejected in all before each step of the solution."""
-    _floored: list[int] = field(default_factory=list)
+    _floored: list[int] = []
     """Which of its steps were accepted as rounding."""
     _record: _Record | None = None
-    _addresses: list[int] = field(default_factory=list)
+    _addresses: list[int] = []
     _numbers: ControlStructure | None = None
 
     def __post_init__(self) -> None:

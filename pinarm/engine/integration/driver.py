@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from msgspec import Struct
 
 from pinarm.arrays import Array
 from pinarm.engine.integration.events import Watch, locate_crossings, possible_crossings
@@ -81,8 +81,7 @@ class StepTaker(Protocol):
         ...
 
 
-@dataclass
-class SingleSteps:
+class SingleSteps(Struct, eq=False, dict=True, weakref=True):
     """Steps one at a time.
 
     Attributes:
@@ -126,8 +125,7 @@ class SingleSteps:
         """Do nothing: no step is taken after the last one."""
 
 
-@dataclass
-class _Driver:
+class _Driver(Struct, eq=False, dict=True, weakref=True):
     """The loop over intervals and steps."""
 
     solution: Solution

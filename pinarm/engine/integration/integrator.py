@@ -6,11 +6,11 @@ No module of this package knows mechanisms.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
+from msgspec import Struct, field
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.integration.dense_output import DenseOutput
@@ -169,8 +169,7 @@ class Step(NamedTuple):
     interval: int
 
 
-@dataclass
-class Count:
+class Count(Struct):
     """Cost of an integration.
 
     Attributes:
@@ -321,8 +320,7 @@ class Crossing(ValueRecord, frozen=True):
     v: Array
 
 
-@dataclass
-class Solution:
+class Solution(Struct, eq=False, dict=True, weakref=True):
     """The result of an integration: its steps, and by dense output the state at any time between.
 
     Attributes:
@@ -337,11 +335,11 @@ class Solution:
     method: Method
     manifold: Manifold
     intervals: Sequence[Interval]
-    steps: list[Step] = field(default_factory=list)
-    crossings: list[Crossing] = field(default_factory=list)
+    steps: list[Step] = []
+    crossings: list[Crossing] = []
     count: Count = field(default_factory=Count)
-    _starts: Array | None = field(default=None, repr=False)
-    _outputs: dict[int, DenseOutput] = field(default_factory=dict, repr=False)
+    _starts: Array | None = None
+    _outputs: dict[int, DenseOutput] = {}
 
     @property
     def end(self) -> float:

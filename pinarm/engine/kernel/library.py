@@ -6,16 +6,16 @@ import ctypes
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pinarm.arrays import Array
 from pinarm.engine.kernel.structures import SIZES, FlowStructure, HeldStructure
+from pinarm.records import Record
 
 SWITCH = "PINARM_KERNEL"
 """Environment variable: ``off`` leaves the library out, when pinarm is built and when it runs."""
@@ -24,8 +24,7 @@ PATH = Path(__file__).parent / "c" / ("kernel.dylib" if sys.platform == "darwin"
 """The library, as the build writes it; beside the sources, where Python does not take it for one of its modules."""
 
 
-@dataclass(frozen=True, eq=False)
-class Flow:
+class Flow(Record, frozen=True):
     """What the library integrates: y = [q, v], with the slope ``[velocity(q, v), a(q, v)]``.
 
     Attributes:
@@ -33,8 +32,10 @@ class Flow:
         system: What it points to.
     """
 
+    unshown: ClassVar[tuple[str, ...]] = ("system",)
+
     structure: FlowStructure
-    system: Any = field(repr=False)
+    system: Any
 
     @property
     def settles(self) -> bool:

@@ -70,7 +70,7 @@ class LoadedLoops(NamedTuple):
     def multipliers(self) -> Array:
         """Multipliers of the accelerations last computed [N or N*m], a view of shape (m,)."""
         rows = self.structure.delassus.rows
-        return np.ctypeslib.as_array((ctypes.c_double * rows).from_address(self.structure.multiplier))
+        return np.frombuffer((ctypes.c_double * rows).from_address(self.structure.multiplier))
 
 
 class CompiledLoops(Record, frozen=True):

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -76,15 +75,14 @@ class LoadedTree(NamedTuple):
         return LoadedTree(structure, (*self.arrays[:-count], *buffers))
 
 
-@dataclass(frozen=True, eq=False)
-class TreeFlow(Flow):
+class TreeFlow(Flow, frozen=True):
     """The free motion of a tree under steady loads, springs and dampers.
 
     Attributes:
         system: The tree.
     """
 
-    system: LoadedTree = field(repr=False)
+    system: LoadedTree
 
     @classmethod
     def of(cls, tree: LoadedTree, rates: int | None) -> TreeFlow:
@@ -97,8 +95,7 @@ class TreeFlow(Flow):
         return TreeFlow.of(self.system.copied(), self.structure.rates)
 
 
-@dataclass(frozen=True, eq=False)
-class HeldFlow(Flow):
+class HeldFlow(Flow, frozen=True):
     """The free motion of a tree under loads that are held between samples: they are written where the library reads.
 
     Attributes:
@@ -107,9 +104,11 @@ class HeldFlow(Flow):
         tree: The tree that they act on.
     """
 
+    unshown = ("system", "steady", "tree")
+
     loads: HeldLoad
-    steady: Array = field(repr=False)
-    tree: LoadedTree = field(repr=False)
+    steady: Array
+    tree: LoadedTree
 
     @cached_property
     def _efforts(self) -> Array:

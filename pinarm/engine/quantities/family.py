@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.joints import METRE
-from pinarm.records import ValueRecord
+from pinarm.records import AbstractRecord, ValueRecord
 
 AXES = ("x", "y", "z", "norm")
 MOMENTS = ("moment", "angular")
@@ -82,8 +81,7 @@ class Offered(NamedTuple):
         return [f"{base}.{component}" for component in self.components] or [base]
 
 
-@dataclass(frozen=True, eq=False)
-class Family(ABC):
+class Family(AbstractRecord, frozen=True):
     """Quantities whose names begin with the same word.
 
     Attributes:

@@ -9,10 +9,10 @@ and numbers with units, ``(2e4 N/m)*Y``. A name with several meanings is refused
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from msgspec import Struct
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.blas_threads import one_blas_thread
@@ -41,8 +41,7 @@ OPEN = 1e-9
 """Width of these values, relative to the largest of all rows, that rounding leaves."""
 
 
-@dataclass
-class Quantities:
+class Quantities(Struct, eq=False, dict=True, weakref=True):
     """The quantities of one trajectory; what needs a pass over the rows is computed once, when first asked.
 
     Attributes:
@@ -54,11 +53,11 @@ class Quantities:
     """
 
     trajectory: Trajectory
-    symbols: Mapping[str, Expression] = field(default_factory=dict)
+    symbols: Mapping[str, Expression] = {}
     undetermined: str = "refuse"
-    whole: Quantities | None = field(default=None, repr=False)
-    _known: dict[str, Series] = field(default_factory=dict, repr=False)
-    _open: list[str] = field(default_factory=list, repr=False)
+    whole: Quantities | None = None
+    _known: dict[str, Series] = {}
+    _open: list[str] = []
 
     def of(self, rows: Trajectory) -> Quantities:
         """Return the quantities of other states of the same motion."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -20,8 +19,7 @@ SAY_HOW = "in couplings: a gear or rack with its pressure_angle, a belt with its
 """What makes the forces of a coupling known."""
 
 
-@dataclass(frozen=True, eq=False)
-class WrenchFamily(Family):
+class WrenchFamily(Family, frozen=True):
     """A family of things that transmit wrenches."""
 
     undetermined: ClassVar[bool] = True

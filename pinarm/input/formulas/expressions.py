@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import lru_cache, reduce
 from typing import Any
 
@@ -15,11 +14,10 @@ from pinarm.input.formulas.dimensions import Rule, pure, ratio, root, same, sign
 from pinarm.input.formulas.grammar import CONSTANTS, MANY, Grammar, interpret, look_up, names_in, read_tree
 from pinarm.input.formulas.measured_numbers import MeasuredNumber
 from pinarm.input.units import Unit
-from pinarm.records import ValueRecord
+from pinarm.records import Record, ValueRecord
 
 
-@dataclass(frozen=True)
-class Expression:
+class Expression(Record, frozen=True):
     """A formula, parsed and checked.
 
     Attributes:
@@ -29,10 +27,19 @@ class Expression:
         measured: The numbers with a unit in it.
     """
 
+    unshown = ("tree", "names", "measured")
+
     text: str
-    tree: ast.expr = field(repr=False, compare=False)
-    names: frozenset[str] = field(repr=False, compare=False)
-    measured: tuple[MeasuredNumber, ...] = field(default=(), repr=False, compare=False)
+    tree: ast.expr
+    names: frozenset[str]
+    measured: tuple[MeasuredNumber, ...] = ()
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether both are the same text."""
+        return self.text == other.text if isinstance(other, Expression) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.text)
 
     @classmethod
     def parse(cls, text: str) -> Expression:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import re
 import sys
 from collections.abc import Callable
@@ -32,7 +33,7 @@ _NEEDED = (
 
 def _version(site: Path) -> str:
     """Return the version of the xacro installed in a folder; its name says it (importlib.metadata takes 20 ms)."""
-    names = [folder.name for folder in site.glob("xacro-*.dist-info")]
+    names = [name for name in os.listdir(site) if name.startswith("xacro-") and name.endswith(".dist-info")]
     return names[0].removeprefix("xacro-").removesuffix(".dist-info") if len(names) == 1 else "of unknown version"
 
 
@@ -61,6 +62,9 @@ def private_xacro() -> tuple[ModuleType, dict[str, Any]]:
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
+    command_line: Any = ModuleType(f"{spec.name}.cli")  # which nobody needs, and which imports much
+    command_line.process_args = None
+    sys.modules[command_line.__name__] = command_line
     writexml = minidom.Element.writexml
     try:
         spec.loader.exec_module(module)

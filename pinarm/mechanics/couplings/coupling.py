@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +17,7 @@ from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.joints import Joint, joint_of
-from pinarm.records import replace
+from pinarm.records import AbstractRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.couplings.transmissions import Transmission
@@ -145,8 +144,7 @@ class JointRelation(ABC):
         """What transmits it, in words."""
 
 
-@dataclass(frozen=True, eq=False)
-class Coupling(JointRelation):
+class Coupling(AbstractRecord, JointRelation, frozen=True):
     """A sum of joint coordinates that stays constant; its multiplier is the effort at a joint of weight 1.
 
     Attributes:

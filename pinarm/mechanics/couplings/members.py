@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -13,13 +12,13 @@ from pinarm.errors import InputError
 from pinarm.mechanics.geometry.parallel_axes import PARALLEL
 from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.joints import METRE, Joint
+from pinarm.records import Record
 
 IN_LINE = 1e-6
 """Distance of axes that are the same or meet [m], relative to 1 m or to their places: more than typed digits leave."""
 
 
-@dataclass(frozen=True, eq=False)
-class Member:
+class Member(Record, frozen=True):
     """A body that turns about, or slides along, one axis that is fixed in the carrier.
 
     Attributes:
@@ -37,8 +36,7 @@ class Member:
     rates: Mapping[Joint, float]
 
 
-@dataclass(frozen=True, eq=False)
-class MemberPair:
+class MemberPair(Record, frozen=True):
     """Two members on one carrier. Their angles or ways there are s1 and s2.
 
     Attributes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
@@ -19,11 +18,10 @@ from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws import Law
 from pinarm.mechanics.laws.motion_law import MotionLaw, Values
-from pinarm.records import replace
+from pinarm.records import AbstractRecord, replace
 
 
-@dataclass(frozen=True, eq=False)
-class AlongCoordinate(ForceElement):
+class AlongCoordinate(AbstractRecord, ForceElement, frozen=True):
     """An effort along a coordinate w with the row J, ``load = J^T effort``.
 
     Attributes:
@@ -31,7 +29,9 @@ class AlongCoordinate(ForceElement):
         coordinate: The coordinate.
     """
 
-    model: pin.Model = field(repr=False)
+    unshown = ("model",)
+
+    model: pin.Model
     coordinate: Coordinate
 
     def effort(self, t: Array | float, w: Array, rate: Array) -> Array:
@@ -71,8 +71,7 @@ class AlongCoordinate(ForceElement):
         return w.reshape(q.shape[:-1]), rows.reshape(*q.shape[:-1], v.shape[-1])
 
 
-@dataclass(frozen=True, eq=False)
-class SpringAlong(AlongCoordinate):
+class SpringAlong(AlongCoordinate, frozen=True):
     """Spring and damper: ``effort = -stiffness (w - rest) - damping w'``; energy ``stiffness (w - rest)^2 / 2``.
 
     Attributes:
@@ -104,8 +103,7 @@ class SpringAlong(AlongCoordinate):
         return not self.damping
 
 
-@dataclass(frozen=True, eq=False)
-class EffortAlong(AlongCoordinate):
+class EffortAlong(AlongCoordinate, frozen=True):
     """A torque or force that follows a law of time; all of its power is supplied.
 
     Attributes:

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from pinarm.arrays import Array, distinct
+from pinarm.records import Record
 
 SLIVER = 1e-12
 """Width of a piece, relative to where it is, that rounding makes."""
 
 
-@dataclass(frozen=True, eq=False)
-class Pieces:
+class Pieces(Record, frozen=True):
     """The intervals of a coordinate or a velocity w on which a load is one smooth function of it.
 
     Attributes:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import combinations
 from typing import TYPE_CHECKING
@@ -29,6 +28,7 @@ from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
 from pinarm.mechanics.geometry.deflection import REACH, Deflection
 from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.joints import METRE, RADIAN, Joint, frames_of
+from pinarm.records import AbstractRecord
 
 if TYPE_CHECKING:
     from pinarm.mechanics.geometry.chains import Chain
@@ -46,8 +46,7 @@ MANY = 8
 """Number of configurations from which on it pays to place the frames in all of them together."""
 
 
-@dataclass(frozen=True)
-class LinearBushing(ForceElement):
+class LinearBushing(AbstractRecord, ForceElement, frozen=True):
     """Stiffness and damping between two frames, which coincide where it is free.
 
     With the deflection ``x = [d; phi]`` (see ``Deflection``) the potential energy is ``x^T K x / 2``, the dissipated
@@ -63,11 +62,13 @@ class LinearBushing(ForceElement):
         data: Buffers of its own.
     """
 
+    unshown = ("model", "data")
+
     model: pin.Model
     frames: tuple[int, int]
     stiffness: Array
     damping: Array
-    data: pin.Data = field(repr=False)
+    data: pin.Data
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load to ``tau``: that of the wrench on frame 2 on its twist in frame 1."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Annotated
 
 import msgspec
@@ -48,8 +47,7 @@ class ElasticCable(InputStruct, frozen=True, tag_field="kind", tag="cable"):
         return TautSpring(model, path, path, float(self.stiffness), float(self.damping), float(self.free_length))
 
 
-@dataclass(frozen=True, eq=False)
-class TautSpring(AlongCoordinate):
+class TautSpring(AlongCoordinate, frozen=True):
     """``effort = -max(k (w - w0) + c w', 0)`` along a path of the length w where ``w > w0``, and 0 elsewhere.
 
     Steps end where it becomes taut or slack and, with a damper, where the tension ends.

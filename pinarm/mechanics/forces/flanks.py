@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -45,8 +44,7 @@ def elastic_gear(
     return Flanks(model, deflection, spring, 0.5 * float(backlash)) if backlash else spring
 
 
-@dataclass(frozen=True, eq=False)
-class Flanks(AlongCoordinate):
+class Flanks(AlongCoordinate, frozen=True):
     """``effort = -max(k (w - h) + c w', 0)`` for w > h, its mirror image for w < -h, and 0 between.
 
     Steps end where a flank is met or left and, with a damper, where it stops pushing.

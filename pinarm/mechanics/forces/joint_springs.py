@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from pinarm.arrays import Array, Indices
 from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.records import AbstractRecord
 
 
-@dataclass(frozen=True)
-class SpringDamper(ForceElement):
+class SpringDamper(AbstractRecord, ForceElement, frozen=True):
     """Linear springs and dampers at joints: ``load = -stiffness (q - rest) - damping v``.
 
     Potential energy ``stiffness (q - rest)^2 / 2``, dissipated power ``damping v^2``, summed over the joints.
@@ -83,8 +82,7 @@ class SpringDamper(ForceElement):
         return not self.damping.any()
 
 
-@dataclass(frozen=True)
-class BallSpring(ForceElement):
+class BallSpring(AbstractRecord, ForceElement, frozen=True):
     """Spring of a ball joint to its zero: ``load = -stiffness w``, with the rotation vector w, ``R = exp([w])``.
 
     Potential energy ``stiffness |w|^2 / 2``. It jumps at half a turn, where the shortest way back changes sides.
@@ -124,8 +122,7 @@ class BallSpring(ForceElement):
         return np.asarray(vector * np.where(n > 0.0, factor, 0.0))
 
 
-@dataclass(frozen=True)
-class DryFriction(ForceElement):
+class DryFriction(AbstractRecord, ForceElement, frozen=True):
     """Coulomb friction at joints, regularised: ``load = -friction tanh(v / creep)``.
 
     Right within 1e-4 of its bound where ``|v| > 5 creep``. A joint that ought to stick creeps with

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, TypeVar
 
@@ -21,7 +20,7 @@ from pinarm.mechanics.geometry.vectors import combined, cross, crossed, dot, joi
 from pinarm.mechanics.joints import METRE, UNIVERSE, Joint, format_configuration, frame_of, frames_of
 from pinarm.mechanics.laws import Constant, Law
 from pinarm.mechanics.laws.motion_law import MotionLaw, Values
-from pinarm.records import replace
+from pinarm.records import AbstractRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.geometry.chains import Chain
@@ -35,8 +34,7 @@ MANY, KEPT = 8, 64
 ALIGNED = pin.LOCAL_WORLD_ALIGNED
 
 
-@dataclass(frozen=True)
-class AppliedWrench(ForceElement):
+class AppliedWrench(AbstractRecord, ForceElement, frozen=True):
     """A force and moment at a link's origin, constant in the axes of a frame, times a law of time.
 
     All of its power is supplied; the potential of a constant force is not counted as energy of the mechanism.
@@ -51,12 +49,14 @@ class AppliedWrench(ForceElement):
         data: Buffers of its own.
     """
 
+    unshown = ("model", "data")
+
     model: pin.Model
     frame: int
     axes: int
     wrench: Array
     law: MotionLaw
-    data: pin.Data = field(repr=False)
+    data: pin.Data
     function: Callable[[Array], Values] | None = None
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
@@ -136,8 +136,7 @@ class AppliedWrench(ForceElement):
         return self.function(np.asarray(t, float))[0]
 
 
-@dataclass(frozen=True)
-class TwoPointSpring(ForceElement):
+class TwoPointSpring(AbstractRecord, ForceElement, frozen=True):
     """Spring, damper and constant pull between the origins of two links, along their line.
 
     ``tension = stiffness (l - free_length) + damping l' + force``, positive where it pulls the points together.
@@ -155,13 +154,15 @@ class TwoPointSpring(ForceElement):
         data: Buffers of its own.
     """
 
+    unshown = ("model", "data")
+
     model: pin.Model
     frames: tuple[int, int]
     stiffness: float
     damping: float
     free_length: float
     force: float
-    data: pin.Data = field(repr=False)
+    data: pin.Data
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load ``-tension dl/dq`` to ``tau``."""

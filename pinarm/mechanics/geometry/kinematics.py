@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from functools import cache
 
 import numpy as np
 import pinocchio as pin
+from msgspec import Struct
 
 from pinarm.arrays import Array
 from pinarm.mechanics.geometry.buffers import give_back, take
 
 
-@dataclass(eq=False, slots=True)  # frozen would take a microsecond more: integrators evaluate many
-class Kinematics:
+class Kinematics(Struct, eq=False):
     """A state (q, v) of a tree of links, evaluated by forward kinematics; accelerations are those for ``a = 0``.
 
     It owns its buffers for as long as it lives: no other state overwrites them.
@@ -26,10 +25,10 @@ class Kinematics:
             accelerations ``J' v``. Views of its arrays are valid for as long as the state lives.
     """
 
-    model: pin.Model = field(repr=False)
+    model: pin.Model
     q: Array
     v: Array
-    data: pin.Data = field(repr=False)
+    data: pin.Data
 
     @classmethod
     def at(cls, model: pin.Model, q: Array, v: Array | None = None) -> Kinematics:

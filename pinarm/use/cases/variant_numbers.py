@@ -9,7 +9,7 @@ found by the same steps as those of a case alone.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, Protocol, Self
 
@@ -110,8 +110,7 @@ class StatesMissing(Exception):
         self.places = places
 
 
-@dataclass(kw_only=True)
-class CaseQuantities(Quantities):
+class CaseQuantities(Quantities, kw_only=True):
     """The quantities of one of several cases.
 
     Attributes:
@@ -128,15 +127,14 @@ class CaseQuantities(Quantities):
         return replace(told, values=told.values[:, min(self.case, told.values.shape[1] - 1)])
 
 
-@dataclass(frozen=True, eq=False)
-class CaseLookup(Lookup):
+class CaseLookup(Lookup, frozen=True):
     """A run of one of several cases that is asked for its states at places.
 
     Attributes:
         solved: The quantities of states that have been solved, by interval and values of the parameter.
     """
 
-    solved: dict[tuple[int, bytes], Quantities] = field(default_factory=dict)
+    solved: dict[tuple[int, bytes], Quantities] = {}
 
     def quantities_at(self, interval: int, t: Array) -> Quantities:
         """Return the quantities at values of the parameter in one interval, shape (n,).

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -17,6 +16,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import OPERATORS, Quantities
 from pinarm.errors import InputError, Key, PinarmError, within
 from pinarm.input.yaml.schema import in_si
+from pinarm.records import Record
 from pinarm.use.result.figures.bracket_fit import BracketFit
 from pinarm.use.result.figures.crossings import crossings
 from pinarm.use.result.figures.peak_search import CurvePart, Endless, Peak, PeakSearch, bounded_below
@@ -83,8 +83,7 @@ def unreached(quantities: Quantities, key: Sequence[Expectation]) -> list[str]:
             for place, numbers in places.items()]  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class Lookup:
+class Lookup(Record, frozen=True):
     """A run that is asked for its states at places.
 
     Attributes:
@@ -93,10 +92,12 @@ class Lookup:
             itself.
     """
 
-    quantities: Quantities = field(repr=False)
+    unshown = ("quantities",)
+
+    quantities: Quantities
     motion: SolvedMotion | None
-    _kept: dict[tuple[int, bytes], Quantities] = field(init=False, repr=False, default_factory=dict)
-    _fits: dict[tuple[float, float, bytes], BracketFit] = field(init=False, repr=False, default_factory=dict)
+    _kept: dict[tuple[int, bytes], Quantities] = {}
+    _fits: dict[tuple[float, float, bytes], BracketFit] = {}
 
     @property
     def run(self) -> Trajectory:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +11,7 @@ from pinarm.arrays import Array, Complex
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.couplings.cams.cam_contact import Roller
 from pinarm.mechanics.couplings.cams.cam_coupling import CamContact, CamCoupling
+from pinarm.records import Record
 from pinarm.use.show.replay.meshes import Mesh
 from pinarm.use.show.replay.shapes import Shape, colour_of
 from pinarm.use.show.replay.tracks import Node
@@ -23,8 +23,7 @@ THICK = 0.12
 """Thickness of a plate, relative to its extent."""
 
 
-@dataclass(frozen=True)
-class CamBody:
+class CamBody(Record, frozen=True):
     """A cam or a roller.
 
     Attributes:

@@ -6,13 +6,12 @@ Texts are as they stand, but for formulas between dollar signs, in TeX, as ``lab
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.records import ValueRecord
+from pinarm.records import Record, ValueRecord
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's palette."""
@@ -88,8 +87,7 @@ THINNEST = 0.25
 """Least extent of a drawing relative to its largest: links on one line have room for names and ticks."""
 
 
-@dataclass(frozen=True)
-class Panel:
+class Panel(Record, frozen=True):
     """Lines and texts over one pair of axes.
 
     Attributes:
@@ -106,7 +104,9 @@ class Panel:
         window: Ends of both axes; those of the lines, with the margin, where it is left out.
     """
 
-    lines: Sequence[Line] = field(repr=False)
+    unshown = ("lines",)
+
+    lines: Sequence[Line]
     notes: Sequence[Note] = ()
     title: str = ""
     across: str = ""

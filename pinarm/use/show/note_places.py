@@ -55,7 +55,7 @@ def note_places(
         taken: Boxes where no name may stand (left, bottom, right, top), in units of the axes, each of shape (4,).
     """
     (left, right), (bottom, top) = window
-    page, covered = per * np.array([left, bottom, right, top]), _dense(hidden, per)
+    page, covered = per * np.array([left, bottom, right, top]), np.ascontiguousarray(_dense(hidden, per).T)
     boxes, placed = per * np.array(taken).reshape(-1, 4), list[Note]()
     for note in notes:
         for text in dict.fromkeys([note.text, _shorter(note.text)]):
@@ -65,7 +65,7 @@ def note_places(
                 offset, box = best
                 placed.append(replace(note, text=text, dx=float(offset[0]), dy=float(offset[1])))
                 boxes = np.vstack([boxes, box])
-                covered = np.concatenate([covered, _dense(leaders(placed[-1:], per), per)])
+                covered = np.concatenate([covered, _dense(leaders(placed[-1:], per), per).T], axis=1)
                 break
     return placed
 
@@ -97,16 +97,18 @@ def _shorter(text: str) -> str:
 def _best(point: Array, size: Array, covered: Array, boxes: Array, page: Array) -> tuple[Array, Array] | None:
     """Return the offset and the box of a name (left, bottom, right, top) where it covers the fewest points of lines.
 
+    ``covered`` are these points, shape (2, n).
     ``None`` where it would cover a box or too much, or leave the page, everywhere.
     """
-    places: list[tuple[float, Array, Array]] = []
+    places, (x, y) = list[tuple[float, Array, Array]](), covered
     for k, (distance, turn) in enumerate((d, t) for d in DISTANCES for t in TURNS):
         direction = np.array([np.cos(turn), np.sin(turn)])
         offset = direction * distance + np.sign(np.round(direction, 9)) * size / 2.0
         low, high = point + offset - size / 2.0, point + offset + size / 2.0
         struck = ((boxes[:, :2] < high + CLEAR) & (boxes[:, 2:] > low - CLEAR)).all(axis=1).any()
         if not struck and (low >= page[:2]).all() and (high <= page[2:]).all():
-            hidden = int(((covered > low - CLEAR) & (covered < high + CLEAR)).all(axis=1).sum())
+            inside = (x > low[0] - CLEAR) & (x < high[0] + CLEAR) & (y > low[1] - CLEAR) & (y < high[1] + CLEAR)
+            hidden = np.count_nonzero(inside)
             if hidden <= MOST:
                 places.append((hidden + AWAY * distance + 0.02 * k, offset, np.concatenate([low, high])))
     return min(places, key=lambda place: place[0])[1:] if places else None

@@ -9,12 +9,9 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
-from pinarm.mechanics.couplings.coupling import Coupling
-from pinarm.mechanics.couplings.transmissions import ToothContact
+from pinarm.mechanics.couplings.coupling import Coupling, JointRelation
 from pinarm.mechanics.loops.loop_joints import LoopJoint
-from pinarm.mechanics.loops.lower_pairs import LowerPair
 from pinarm.records import ValueRecord
-from pinarm.use.show.cam_bodies import cam_bodies
 from pinarm.use.show.chart import Style
 from pinarm.use.show.replay.framing import Framing
 from pinarm.use.show.replay.overlays import LOOPS, BodyPoint, Connection, point_of
@@ -112,7 +109,7 @@ def stick_figure(
         tips += [BodyPoint(node, end) for end in ends if (node, tuple(end)) not in known]
     longest = max((float(np.linalg.norm(stick.points[-1])) for stick in drawn), default=np.inf)
     own_shapes = list(primitives(mechanism)) if compact else []
-    cams = [Stick(one.node, line, THIN) for one in cam_bodies(mechanism, nodes) for line in (one.outline, one.spoke)]
+    cams = list(_cams(mechanism, nodes))
     drawn += cams
     for node in (node for node in compact if all(node != stick.node for stick in cams)):
         shapes = [shape for shape in own_shapes if shape.node == node]
@@ -128,6 +125,15 @@ def stick_figure(
     return StickFigure(drawn, pins, slides, [*rails, *slots], mounts, tips)
 
 
+def _cams(mechanism: Mechanism, nodes: Sequence[Node]) -> Iterator[Stick]:
+    """Yield the outlines of cams and rollers, each with a spoke by which one sees it turn."""
+    if any(isinstance(each, JointRelation) and each.kind == "cam" for each in mechanism.constraints):
+        from pinarm.use.show.cam_bodies import cam_bodies
+
+        for body in cam_bodies(mechanism, nodes):
+            yield from (Stick(body.node, line, THIN) for line in (body.outline, body.spoke))
+
+
 def slots(mechanism: Mechanism, seen: Framing, places: Array) -> list[Stick]:
     """Return the slots of a mechanism that is seen flat: outlines around the way of the pin, and a little beyond.
 
@@ -140,7 +146,10 @@ def slots(mechanism: Mechanism, seen: Framing, places: Array) -> list[Stick]:
         return []
     model, found = mechanism.model, list[Stick]()
     for joint in mechanism.constraints:
-        if isinstance(joint, LoopJoint) and isinstance(joint.pair, LowerPair) and LOOPS.get(joint.kind) == "slot":
+        if isinstance(joint, LoopJoint) and LOOPS.get(joint.kind) == "slot":
+            from pinarm.mechanics.loops.lower_pairs import LowerPair
+
+            assert isinstance(joint.pair, LowerPair)
             slot, pin_point = (point_of(model, frame) for frame in (joint.first, joint.second))
             turn, origin = places[:, slot.node, :3, :3], slot.path(places)
             normal = turn[0].T @ seen.normal
@@ -172,8 +181,11 @@ def _wheels(mechanism: Mechanism) -> Iterator[tuple[int, float]]:
     """Yield the bodies that have teeth, with their pitch radii [m]."""
     for coupling in mechanism.constraints:
         contact = coupling.transmission if isinstance(coupling, Coupling) else None
-        if isinstance(contact, ToothContact):
-            yield from zip((contact.first, contact.second), contact.surfaces.radii, strict=True)
+        if contact is not None:
+            from pinarm.mechanics.couplings.transmissions import ToothContact
+
+            if isinstance(contact, ToothContact):
+                yield from zip((contact.first, contact.second), contact.surfaces.radii, strict=True)
 
 
 def _edges(shape: Shape) -> Iterator[Stick]:

@@ -18,7 +18,7 @@ from pinarm.engine.constraints.nullspaces.nullspace import split_rows
 from pinarm.engine.constraints.nullspaces.nullspace_batch import BatchNullspace, regular_order
 from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
 from pinarm.engine.dynamics.equation import accelerations, solve
-from pinarm.engine.dynamics.pinocchio_constraints import PointConstraints
+from pinarm.engine.dynamics.pinocchio_constraints import SPREAD, PointConstraints
 from pinarm.engine.kinematics.closed_configurations import closed_near
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
@@ -137,3 +137,7 @@ def test_linear_rows_give_what_their_elimination_gives():
     a = solve(split_rows(rows), arm.dynamics.mass_matrices(q[None])[0], force, zeros)
     assert a[partition.free_v] == pytest.approx(rates, abs=1e-9 * np.abs(rates).max())
     assert a[1] == pytest.approx(2.0 * a[0], abs=1e-9 * np.abs(a).max())
+
+
+def test_places_of_few_joints_are_those_of_the_generator():
+    assert (np.random.default_rng(0).uniform(-1.0, 1.0, len(SPREAD)) == SPREAD).all()

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
@@ -39,7 +38,7 @@ from pinarm.mechanics.forces.force_element import ForceElement, refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid
-from pinarm.records import replace
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.control.controls import Controls
@@ -67,8 +66,7 @@ class Mode(NamedTuple):
     slip: Slip = Slip()
 
 
-@dataclass(frozen=True, eq=False)
-class HybridSystem:
+class HybridSystem(Record, frozen=True):
     """What is integrated: a mechanism with forces, laws, end stops and events.
 
     Attributes:
@@ -100,7 +98,7 @@ class HybridSystem:
     least_size: float = math.inf
     frictions: tuple[FrictionContact, ...] = ()
     controls: Controls | None = None
-    _systems: dict[Held, System] = field(default_factory=dict, repr=False)
+    _systems: dict[Held, System] = {}
 
     def system(self, held: Held = frozenset()) -> System:
         """Return what is integrated while joints rest on the given stops.

@@ -7,7 +7,6 @@ out; where its gap closes again an impact without rebound makes it hold, as an e
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +16,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import OneSidedConstraint, one_sided
 from pinarm.engine.motion.segmented.end_stops import Stop
 from pinarm.engine.motion.trajectory import EventRecord
+from pinarm.records import Record
 
 TOUCHING = 1e-11
 """Gap that counts as contact, relative to ``1 + extent``: closed by Newton's method, it is right to 1e-14."""
@@ -25,8 +25,7 @@ OPENED = " opens"
 """End of the name of an event at which a constraint opens."""
 
 
-@dataclass(frozen=True, eq=False)
-class Separation:
+class Separation(Record, frozen=True):
     """A one-sided constraint as what a motion may meet and leave; see ``end_stops.Stop``.
 
     Attributes:
@@ -35,8 +34,10 @@ class Separation:
         restitution: 0: it does not rebound.
     """
 
+    unshown = ("closure",)
+
     constraint: OneSidedConstraint
-    closure: Closure = field(repr=False)
+    closure: Closure
     restitution: float = 0.0
 
     @property

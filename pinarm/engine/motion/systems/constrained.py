@@ -8,7 +8,6 @@ change, measured by the masses: positions by Newton's method, velocities in one 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -35,6 +34,7 @@ from pinarm.mechanics.ball_joints import coordinate_at, coordinate_name
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.kernel.library import Flow
@@ -51,8 +51,7 @@ FEW, LARGE = 64, 10**7
 """Number of rows whose G is taken apart at once, and of numbers in these."""
 
 
-@dataclass(frozen=True, eq=False)
-class ConstrainedSystem:
+class ConstrainedSystem(Record, frozen=True):
     """The whole state of a mechanism under its constraints.
 
     Attributes:
@@ -64,12 +63,14 @@ class ConstrainedSystem:
         near: A configuration near closed ones, shape (nq,).
     """
 
+    unshown = ("near",)
+
     prescribed: PrescribedCoordinates
     manifold: Manifold
     own: Closure
     rows: Closure
     closure: Closure
-    near: Array = field(repr=False)
+    near: Array
 
     @classmethod
     def of(cls, own: Closure, dynamics: Dynamics, prescribed: PrescribedCoordinates, near: Array) -> ConstrainedSystem:

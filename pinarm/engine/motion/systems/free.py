@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -16,14 +15,14 @@ from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.motion.systems.system import KEPT, CompletedStates, Initial
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.kernel.library import Flow
     from pinarm.engine.kernel.tree import CompiledTree
 
 
-@dataclass(frozen=True)
-class FreeSystem:
+class FreeSystem(Record, frozen=True):
     """All coordinates are integrated; no drive acts.
 
     Attributes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import ClassVar
 
 from pinarm.engine.quantities.families.joint import JointQuantities
@@ -13,8 +12,7 @@ from pinarm.errors import InputError
 from pinarm.mechanics.joints import METRE
 
 
-@dataclass(frozen=True, eq=False)
-class CoordinateQuantities(JointQuantities):
+class CoordinateQuantities(JointQuantities, frozen=True):
     """``coordinate.C...``: of coordinates of joints, and of those defined beside them."""
 
     element: ClassVar[str] = "C"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import ClassVar
 
 from pinarm.engine.quantities.family import AXES, NEWTON, NEWTON_METRE, Asked, Offered
@@ -17,8 +16,7 @@ GEOMETRY = ("pressure_angle", "curvature_radius", "eccentricity")
 """Parts that no force plays a part in."""
 
 
-@dataclass(frozen=True, eq=False)
-class CouplingQuantities(WrenchFamily):
+class CouplingQuantities(WrenchFamily, frozen=True):
     """``coupling.C...``: the multiplier, and actions of the first member on the second."""
 
     element: ClassVar[str] = "C"

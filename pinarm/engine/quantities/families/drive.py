@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -21,8 +20,7 @@ from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
 PARTS = ("torque", "speed", "power", "deflection")
 
 
-@dataclass(frozen=True, eq=False)
-class DriveQuantities(Family):
+class DriveQuantities(Family, frozen=True):
     """``drive.D...``: of the motor of drive D."""
 
     element: ClassVar[str] = "D"

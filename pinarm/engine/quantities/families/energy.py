@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import ClassVar
 
 from pinarm.engine.quantities.families.subtree import index_of, moved_joints
@@ -13,8 +12,7 @@ from pinarm.engine.series import Series
 ENERGIES = ("kinetic", "potential", "total")
 
 
-@dataclass(frozen=True, eq=False)
-class EnergyQuantities(Family):
+class EnergyQuantities(Family, frozen=True):
     """``energy.kinetic``, of the whole mechanism; ``energy.J.kinetic``, of the bodies that joint J moves by itself."""
 
     element: ClassVar[str] = ""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
 
@@ -39,8 +38,7 @@ def _effort(element: ForceElement, index: int, t: Array, q: Array, v: Array) -> 
     return tau[..., index]
 
 
-@dataclass(frozen=True, eq=False)
-class ForceQuantities(Family):
+class ForceQuantities(Family, frozen=True):
     """``force.F...``: the measures of force element F."""
 
     element: ClassVar[str] = "F"

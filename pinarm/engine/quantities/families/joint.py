@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -27,8 +26,7 @@ AT_PARENT = "at_parent"
 EFFORTS = ("effort", "link_effort")
 
 
-@dataclass(frozen=True, eq=False)
-class JointQuantities(WrenchFamily):
+class JointQuantities(WrenchFamily, frozen=True):
     """``joint.J...``: of joints with one coordinate and of ball joints."""
 
     element: ClassVar[str] = "J"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import ClassVar
 
 from pinarm.engine.quantities.family import AXES, RATES, SECOND, Asked, Family, Offered
@@ -14,8 +13,7 @@ from pinarm.mechanics.joints import METRE, links_of
 TURNS = ("angular_velocity", "angular_acceleration")
 
 
-@dataclass(frozen=True, eq=False)
-class PointQuantities(Family):
+class PointQuantities(Family, frozen=True):
     """``point.P...``: of the origin of link P."""
 
     element: ClassVar[str] = "P"
@@ -37,8 +35,7 @@ class PointQuantities(Family):
         return Series(asked.name, METRE / SECOND**order if order else METRE, self.component(asked, vectors))
 
 
-@dataclass(frozen=True, eq=False)
-class BodyQuantities(Family):
+class BodyQuantities(Family, frozen=True):
     """``body.B...``: of the rotation of link B."""
 
     element: ClassVar[str] = "B"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import ClassVar
 
 from pinarm.arrays import Array
@@ -18,8 +17,7 @@ ROD = "rod"
 """Kind of loop joint that has a tension."""
 
 
-@dataclass(frozen=True, eq=False)
-class LoopQuantities(WrenchFamily):
+class LoopQuantities(WrenchFamily, frozen=True):
     """``loop.L...``: actions of the first link on the second, at the second one's frame."""
 
     element: ClassVar[str] = "L"

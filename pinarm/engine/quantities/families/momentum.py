@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -15,8 +14,7 @@ from pinarm.input.units import Unit, unit
 from pinarm.mechanics.joints import METRE
 
 
-@dataclass(frozen=True, eq=False)
-class MomentumQuantities(Family):
+class MomentumQuantities(Family, frozen=True):
     """``momentum.S...``: of a joint S and everything beyond it, or of ``all``."""
 
     element: ClassVar[str] = "S"
@@ -44,8 +42,7 @@ class MomentumQuantities(Family):
         return Series(asked.name, Unit(1.0, measured.dimension), self.component(asked, vectors))
 
 
-@dataclass(frozen=True, eq=False)
-class DynamicQuantities(MomentumQuantities):
+class DynamicQuantities(MomentumQuantities, frozen=True):
     """``dynamic.S...``: rates of the momenta of the same bodies, as a force and a moment."""
 
     meanings: ClassVar[Mapping[str, str]] = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import ClassVar
 
 from pinarm.engine.quantities.family import WATT, Asked, Family, Offered
@@ -11,8 +10,7 @@ from pinarm.engine.series import Series
 from pinarm.mechanics.forces.force_element import power
 
 
-@dataclass(frozen=True, eq=False)
-class PowerQuantities(Family):
+class PowerQuantities(Family, frozen=True):
     """``power.gravity``, ``power.friction``, and ``power.F`` of force element F."""
 
     element: ClassVar[str] = ""

@@ -18,16 +18,15 @@ Source: Norton, Cam Design and Manufacturing Handbook, chapter 7 (pressure angle
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from pinarm.arrays import Array, Complex, Flags
+from pinarm.records import Record, ValueRecord
 
 
-@dataclass(frozen=True, eq=False)
-class SlidingPoint:
+class SlidingPoint(Record, frozen=True):
     """A point of a follower that slides.
 
     Attributes:
@@ -46,8 +45,7 @@ class SlidingPoint:
         return self.start + way * y, way, np.zeros_like(way)
 
 
-@dataclass(frozen=True, eq=False)
-class TurningPoint:
+class TurningPoint(Record, frozen=True):
     """A point of a follower that turns about an axis parallel to that of the cam.
 
     Attributes:
@@ -69,8 +67,7 @@ class TurningPoint:
 FollowerPoint = SlidingPoint | TurningPoint
 
 
-@dataclass(frozen=True, eq=False)
-class FollowerMotion:
+class FollowerMotion(Record, frozen=True):
     """The follower's point against the turning cam, at n positions.
 
     Attributes:
@@ -102,8 +99,7 @@ class FollowerMotion:
         return cls(p, tangent, dp - 1j * p, ddp - 1j * dp, s * dy, s * ddy, s * y, s)
 
 
-@dataclass(frozen=True, eq=False)
-class Touch:
+class Touch(Record, frozen=True):
     """How a cam and its follower touch, at n positions.
 
     Attributes:
@@ -162,8 +158,7 @@ class FollowerSurface(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Roller:
+class Roller(ValueRecord, frozen=True):
     """A roller about the follower's point, or a knife edge; its rotation has no inertia.
 
     Attributes:
@@ -197,8 +192,7 @@ class Roller:
         return np.asarray((radius < 0.0) & (radius > -self.radius))
 
 
-@dataclass(frozen=True)
-class Face:
+class Face(ValueRecord, frozen=True):
     """A flat face through the follower's point.
 
     Attributes:

@@ -7,7 +7,6 @@ With the multiplier lam, the effort at the follower's joint: ``G = (-f', 1)`` at
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 import numpy as np
@@ -24,13 +23,13 @@ from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.joints import METRE, RADIAN, Joint
 from pinarm.mechanics.laws.motion_law import JUMP, MotionLaw, Values
 from pinarm.mechanics.laws.over_coordinate import Profile
+from pinarm.records import AbstractRecord, Record
 
 SAMPLES = 721
 """Places at which a profile is looked at to describe it: every half degree of a turn."""
 
 
-@dataclass(frozen=True, eq=False)
-class CamPlane:
+class CamPlane(Record, frozen=True):
     """The plane of a cam and its follower, in their carrier.
 
     Attributes:
@@ -70,8 +69,7 @@ class CamPlane:
         return np.asarray(np.multiply.outer(z.real, self.axes[0]) + np.multiply.outer(z.imag, self.axes[1]))
 
 
-@dataclass(frozen=True, eq=False)
-class CamContact:
+class CamContact(Record, frozen=True):
     """The geometry of a cam's follower.
 
     Attributes:
@@ -103,8 +101,7 @@ class CamContact:
             return np.where(lam == 0.0, 0.0, self.senses[1] * lam / touch.lever)
 
 
-@dataclass(frozen=True, eq=False)
-class CamCoupling(JointRelation):
+class CamCoupling(AbstractRecord, JointRelation, frozen=True):
     """A follower's joint that stands where the profile over the cam's joint says.
 
     Attributes:
@@ -118,13 +115,15 @@ class CamCoupling(JointRelation):
         missing: What would have to be given for the forces on bodies to be known, in words.
     """
 
+    unshown = ("profile", "contact")
+
     name: str
     nv: int
     cam_joint: Joint
     follower_joint: Joint
-    profile: Profile = field(repr=False)
+    profile: Profile
     one_sided: bool
-    contact: CamContact | None = field(repr=False)
+    contact: CamContact | None
     missing: str
     kind: str = "cam"
     size: int = 1

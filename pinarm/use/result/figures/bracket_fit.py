@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
 from pinarm.arrays import Array
 from pinarm.records import Record
 
 DEGREE = 16
-NODES = chebyshev.chebpts2(DEGREE + 1)
+NODES: Array = np.cos(np.linspace(-np.pi, 0.0, DEGREE + 1))
 """The points at which a curve is evaluated, on [-1, 1], both ends among them, shape (17,)."""
-
-_TO_COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(NODES, DEGREE))
 
 RESOLVED = 1e-8
 """Largest of the last three coefficients, relative to how far the values vary: then an extreme lies where that of the
@@ -66,7 +63,7 @@ class BracketFit(Record, frozen=True):
     @cached_property
     def coefficients(self) -> Array:
         """Those of the Chebyshev polynomials, shape (17,)."""
-        found: Array = _TO_COEFFICIENTS @ self.values
+        found: Array = _to_coefficients() @ self.values
         return found
 
     @property
@@ -114,6 +111,8 @@ class BracketFit(Record, frozen=True):
 
     def _within(self, coefficients: Array) -> Array:
         """Return the places of the real roots of a series in the bracket, in order."""
+        from numpy.polynomial import chebyshev
+
         roots = chebyshev.chebroots(coefficients)
         real = np.sort(roots.real[np.abs(roots.imag) < REAL])
         inside = real[np.abs(real) <= 1.0]
@@ -122,6 +121,8 @@ class BracketFit(Record, frozen=True):
     @cached_property
     def extremes(self) -> Array:
         """The places within the bracket where the slope is zero, in order."""
+        from numpy.polynomial import chebyshev
+
         return self._within(np.asarray(chebyshev.chebder(self.coefficients), float))
 
     def crossings(self) -> Array:
@@ -130,12 +131,24 @@ class BracketFit(Record, frozen=True):
 
     def at(self, t: Array) -> Array:
         """Return the values of the polynomial at places, shape (n,)."""
+        from numpy.polynomial import chebyshev
+
         return np.asarray(chebyshev.chebval(self._reduced(t), self.coefficients), float)
 
     def slope(self, t: float) -> float:
         """Return the derivative of the polynomial at a place."""
+        from numpy.polynomial import chebyshev
+
         rate = chebyshev.chebval(self._reduced(np.array(t)), chebyshev.chebder(self.coefficients))
         return float(rate * 2.0 / (self.high - self.low))
 
     def _reduced(self, t: Array) -> Array:
         return (2.0 * t - self.low - self.high) / (self.high - self.low)
+
+
+@cache
+def _to_coefficients() -> Array:
+    """Return the matrix from values at the nodes to coefficients of Chebyshev polynomials, shape (17, 17)."""
+    from numpy.polynomial import chebyshev
+
+    return np.asarray(np.linalg.inv(chebyshev.chebvander(NODES, DEGREE)))

@@ -8,12 +8,12 @@ Khronos, COLLADA 1.4 specification, sections 5 and 8.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+from msgspec import Struct
 
 from pinarm.arrays import Array
 from pinarm.use.show.replay.surfaces import Triangles, check_size, joined
@@ -72,8 +72,7 @@ CHUNK = 1 << 16
 """Bytes that are read at once."""
 
 
-@dataclass
-class _File:
+class _File(Struct, eq=False, dict=True, weakref=True):
     """A file, with its elements found by their ids."""
 
     root: Element

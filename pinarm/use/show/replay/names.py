@@ -12,7 +12,6 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.loops.loop_joints import LoopJoint
-from pinarm.mechanics.planar.drawing import GROUND
 from pinarm.records import ValueRecord, replace
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.labels import name_label, plain
@@ -54,6 +53,8 @@ def names_of(mechanism: Mechanism, nodes: Sequence[Node], how: Presentation) -> 
         nodes: Its bodies.
         how: Labels of the scenario.
     """
+    from pinarm.mechanics.planar.drawing import GROUND
+
     model = mechanism.model
     frames = {frame.name: k for k, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY}
     for link in ElementTree.fromstring(mechanism.xml).findall("link"):

@@ -15,20 +15,16 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.errors import InputError, choices
-from pinarm.mechanics.forces.bushing import LinearBushing
-from pinarm.mechanics.forces.cable import TautSpring
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.forces.point import AppliedWrench, TwoPointSpring
 from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.joints import frame_of
-from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import ValueRecord
-from pinarm.use.show.replay.packing import Packing
 from pinarm.use.show.replay.tracks import Node
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.constraint import Constraint
+    from pinarm.use.show.replay.packing import Packing
 
 ARROWS = {
     "forces": "weights and loads",
@@ -157,14 +153,19 @@ def pairs(mechanism: Mechanism, forces: Mapping[str, ForceElement]) -> list[Conn
 
 def _drawn_as(each: ForceElement | Constraint) -> tuple[ConnectionKind, Sequence[int]]:
     """Return as what a force element or a constraint is drawn, and through which frames; none of what has no place."""
+    if isinstance(each, LoopJoint):
+        return LOOPS.get(each.kind, "loop"), (each.first, each.second)
+    from pinarm.mechanics.forces.bushing import LinearBushing
+    from pinarm.mechanics.forces.cable import TautSpring
+    from pinarm.mechanics.forces.point import TwoPointSpring
+    from pinarm.mechanics.loops.cable import CableLoop
+
     if isinstance(each, TwoPointSpring):
         return "spring" if each.stiffness > 0.0 and each.force >= 0.0 else "cylinder", each.frames
     if isinstance(each, LinearBushing):
         return "bushing", each.frames
     if isinstance(each, TautSpring | CableLoop):
         return "cable", each.path.frames
-    if isinstance(each, LoopJoint):
-        return LOOPS.get(each.kind, "loop"), (each.first, each.second)
     return "rod", ()
 
 
@@ -193,6 +194,10 @@ def arrows(run: Trajectory, nodes: Sequence[Node], kinds: Sequence[str]) -> list
 
 def _forces(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
     """Yield the weights, and the forces of loads and springs at their points."""
+    from pinarm.mechanics.forces.bushing import LinearBushing
+    from pinarm.mechanics.forces.cable import TautSpring
+    from pinarm.mechanics.forces.point import AppliedWrench, TwoPointSpring
+
     model = run.mechanism.model
     for node, inertia in enumerate(model.inertias):
         if node and inertia.mass > 0.0:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 from xml.etree import ElementTree
 
 import numpy as np
@@ -18,7 +18,9 @@ from pinarm.errors import InputError, ModelError, PinarmError
 from pinarm.input.numbers import decimal, is_decimal
 from pinarm.input.roots import contained_file, example_robot_data, root_of
 from pinarm.records import ValueRecord
-from pinarm.use.show.replay.meshes import Mesh, read_mesh
+
+if TYPE_CHECKING:
+    from pinarm.use.show.replay.meshes import Mesh
 
 Colour = tuple[float, float, float, float]
 """Red, green, blue and opacity, 0 to 1."""
@@ -172,6 +174,8 @@ def _visual(
         scale = tuple(float(x) for x in _numbers(element.get("scale", "1 1 1"), 3))
         file = _mesh_file(element.get("filename", ""), robot)
         if file not in meshes:
+            from pinarm.use.show.replay.meshes import read_mesh
+
             meshes[file] = read_mesh(file)
         for mesh in meshes[file]:
             yield Shape(node, placement, "mesh", scale, given or mesh.colour or PLAIN, mesh)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -37,8 +36,7 @@ ALIKE = 1e-6
 """Relative accuracy of squares of singular values."""
 
 
-@dataclass(frozen=True, eq=False)
-class PointFlow(Flow):
+class PointFlow(Flow, frozen=True):
     """The motion of loops by the library, which closes states and passes singular positions as the motion in Python.
 
     Attributes:
