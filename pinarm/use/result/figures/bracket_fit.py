@@ -32,7 +32,8 @@ as n^-1.5: what follows the last of them is twice their size times their number,
 FLAT = 4 * np.finfo(float).eps
 """Relative difference of values that are one value but for rounding."""
 
-_DENSE = chebyshev.chebvander(np.cos(np.linspace(0.0, np.pi, 65)), DEGREE)
+_DENSE: Array = np.cos(np.outer(np.linspace(0.0, np.pi, 65), np.arange(DEGREE + 1)))
+"""Chebyshev polynomials at 65 points of [-1, 1], shape (65, 17): T_n(cos x) = cos(n x)."""
 
 REAL = 1e-6
 """Largest imaginary part of roots that count: a double one is split by the root of the rounding."""
