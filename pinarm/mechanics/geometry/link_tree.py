@@ -22,7 +22,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.mechanics.geometry.model_variants import Model, bodies_of, placements_of
-from pinarm.mechanics.geometry.vectors import crossed, joined, rotated
+from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.records import Record
 
 
@@ -110,11 +110,10 @@ class LinkTree(Record, frozen=True):
             moves |= moves[jump]
         return moves
 
-    def momenta(self, v: Array, omega: Array) -> Array:
-        """Return ``[m v - m c x omega; m c x v + I omega]`` in link axes, of vectors of shape (n, .., njoints, 3)."""
-        first, turning = self.masses[..., None] * self.levers, self.inertias[..., 3:, 3:]
-        linear = self.masses[..., None] * v + crossed(omega, first)
-        return joined(linear, crossed(first, v) + rotated(turning, omega))
+    def momenta(self, motions: Array) -> Array:
+        """Return ``I V`` in link axes, of motions of shape (k, 6, njoints, ..)."""
+        inertias = states_last(self.inertias, motions.ndim - 3, 3)
+        return np.asarray(np.einsum("ab...,kb...->ka...", inertias, motions))
 
     def summed(self, x: Array) -> Array:
         """Return the sums over the paths from the world to every link, whose own term is 0; shape (3, njoints, ..)."""
