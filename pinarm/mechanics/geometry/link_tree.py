@@ -160,7 +160,8 @@ class LinkTree(Record, frozen=True):
             return RelativeMotion(turns, arms, self.subspace.reshape(*alike, 6, -1), np.zeros((*alike, count, 6)))
         motion = RelativeMotion(turns, arms, np.tile(self.subspace, (n, 1, 1)), np.zeros((n, count, 6)))
         for k in self.others:
-            _add_joint(motion, model, k, q, v)
+            add = _add_floating if model.joints[k].shortname() == "JointModelFreeFlyer" else _add_joint
+            add(motion, model, k, q, v)
         return motion
 
     def motions(self, relative: RelativeMotion, x: Array) -> Array:
@@ -242,6 +243,17 @@ def _single(model: Model, links: list[int], subspace: Array) -> SingleJoints:
         turns @ (along + still), turns @ across, turns @ crossing,
         shifts[..., links, :], np.matvec(turns, columns[:, :3]),
     )  # fmt: skip
+
+
+def _add_floating(motion: RelativeMotion, model: pin.Model, k: int, q: Array, v: Array) -> None:
+    """Set the motion of a link that floats: ``R = 1 + 2 w [u]x + 2 [u]x^2`` for the unit quaternion (u, w)."""
+    joint, place = model.joints[k], model.jointPlacements[k]
+    shift, u, w = np.split(q[:, joint.idx_q : joint.idx_q + joint.nq], [3, 6], axis=1)
+    crossing = crossed(u[:, None], np.eye(3)).swapaxes(1, 2)
+    own = np.eye(3) + 2.0 * (w[..., None] * crossing + crossing @ crossing)
+    motion.turns[:, :, k] = (place.rotation @ own).transpose(1, 2, 0)
+    motion.arms[:, k] = place.translation[:, None] + place.rotation @ shift.T
+    motion.subspaces[:, :, joint.idx_v : joint.idx_v + joint.nv] = np.eye(6)
 
 
 def _add_joint(motion: RelativeMotion, model: pin.Model, k: int, q: Array, v: Array) -> None:
