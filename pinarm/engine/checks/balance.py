@@ -15,9 +15,9 @@ from pinarm.engine.constraints.nullspaces.nullspace import MANY
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.geometry.link_tree import LinkTree
+from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, turned
 from pinarm.mechanics.geometry.model_variants import Model
-from pinarm.mechanics.geometry.vectors import crossed, joined, rotated
+from pinarm.mechanics.geometry.vectors import cross, crossed, rotated
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -132,9 +132,9 @@ def _paths(links: LinkPlacements, columns: Array, moved: Flags) -> Array:
         moved: Which links they move, shape (njoints, k).
     """
     tree, size = LinkTree.of(links.model), np.linalg.norm(links.model.gravity.linear)
-    linear, angular = (part.swapaxes(-2, -1)[..., None, :, :] for part in (columns[..., :3, :], columns[..., 3:, :]))
-    paths = linear + crossed(angular, _centres(links, tree)[..., None, :])
-    lengths = np.where(moved, np.sqrt((paths * paths).sum(axis=-1)), 0.0)
+    ways, centres = components_first(columns.swapaxes(-2, -1), 1), components_first(_centres(links, tree), 1)
+    paths = ways[:3, ..., None, :] + cross(ways[3:, ..., None, :], centres[..., None])
+    lengths = np.where(moved, np.sqrt(np.einsum("a...,a...->...", paths, paths)), 0.0)
     return np.asarray(size * np.vecmat(tree.masses, lengths))
 
 
@@ -173,7 +173,8 @@ def _most_powers(wrenches: Array, twists: Array) -> Array:
         wrenches: What the motion of every link demands, by parts, shape (3, n, njoints, 6).
         twists: V, in the same frames, shape (n, njoints, 6).
     """
-    sizes, speeds = (np.linalg.norm(x.reshape(*x.shape[:-1], 2, 3), axis=-1) for x in (wrenches, twists))
+    parts = (x.reshape(*x.shape[:-1], 2, 3) for x in (wrenches, twists))
+    sizes, speeds = (np.sqrt(np.einsum("...a,...a->...", part, part)) for part in parts)
     return np.asarray((sizes.sum(axis=0) * speeds).sum(axis=(-2, -1)))
 
 
@@ -189,14 +190,14 @@ def demands(model: Model, links: LinkPlacements, twists: Array, rates: Array) ->
     Returns:
         ``I V'``, ``V x* I V`` and the wrench against its weight, shape (3, n, njoints, 6).
     """
-    tree, up = LinkTree.of(model), rotated(links.turns.swapaxes(-2, -1), -model.gravity.linear)
-    momenta, forces = tree.momenta(twists[..., :3], twists[..., 3:]), tree.momenta(rates[..., :3], rates[..., 3:])
-    v, omega, p, h = twists[..., :3], twists[..., 3:], momenta[..., :3], momenta[..., 3:]
-    parts = forces, joined(crossed(omega, p), crossed(omega, h) + crossed(v, p)), tree.momenta(up, np.zeros_like(up))
-    found = np.empty((3, 6, *forces.shape[:-1]))
-    for place, part in zip(np.moveaxis(found, 1, -1), parts, strict=True):
-        place[...] = part
-    return np.moveaxis(found, 1, -1)
+    turns, twist, rate = components_first(links.turns, 3), components_first(twists), components_first(rates)
+    motions = np.zeros((3, *twist.shape))
+    motions[0], motions[1], motions[2, :3] = rate, twist, turned(turns.swapaxes(0, 1), -model.gravity.linear)
+    wrenches = LinkTree.of(model).momenta(motions)
+    linear, v, omega = wrenches[1, :3], twist[:3], twist[3:]
+    dragged = cross(v, linear)
+    wrenches[1, :3], wrenches[1, 3:] = cross(omega, linear), cross(omega, wrenches[1, 3:]) + dragged
+    return wrenches.transpose(0, *range(3, wrenches.ndim), 2, 1)
 
 
 class EnergyAccount(Record, frozen=True):
@@ -265,7 +266,7 @@ class EnergyAccount(Record, frozen=True):
         """
         wholes = index if self._sampled else np.arange(len(index))
         _, first, counts = np.unique(wholes, return_index=True, return_counts=True)
-        nodes = np.polynomial.legendre.leggauss(GAUSS_NODES)[0]
+        nodes = gauss_nodes()
         t = (start[first, None] + 0.5 * (h[first] * counts)[:, None] * (nodes + 1.0)).ravel()
         q, v = self.whole(t, *self.solution.states_in(np.repeat(index[first], GAUSS_NODES), t))
         powers = dynamics.dissipated_power(t, q, v).reshape(-1, GAUSS_NODES)
@@ -274,12 +275,18 @@ class EnergyAccount(Record, frozen=True):
 
 
 @cache
+def gauss_nodes() -> Array:
+    """Return the Gauss nodes from -1 to 1, which take 0.1 ms."""
+    return np.asarray(np.polynomial.legendre.leggauss(GAUSS_NODES)[0])
+
+
+@cache
 def part_weights(count: int) -> Array:
     """Return the weights that integrate a function over equal parts of an interval, whose length is that of a part.
 
     They integrate the polynomial through its values at the Gauss nodes of the whole interval, shape (count, nodes).
     """
-    nodes = np.polynomial.legendre.leggauss(GAUSS_NODES)[0]
+    nodes = gauss_nodes()
     powers = np.arange(GAUSS_NODES)
     ends = np.linspace(-1.0, 1.0, count + 1)[:, None] ** (powers + 1) / (powers + 1)
     return np.asarray(0.5 * count * np.linalg.solve(np.vander(nodes, increasing=True).T, np.diff(ends, axis=0).T).T)

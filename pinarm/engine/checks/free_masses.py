@@ -39,15 +39,42 @@ class FreeMasses(Protocol):
         ...
 
 
-class MassMatrices(Record, frozen=True):
-    """Masses as matrices.
+class TreeMassMatrices(Record, frozen=True):
+    """Masses of a tree that no constraint ties, as matrices: T is the identity.
 
     Attributes:
         mass: M, shape (n, .., nv, nv).
-        free: T, bases of the free motions, shape (n, .., nv, f).
     """
 
     mass: Array
+
+    @property
+    def condition(self) -> Array:
+        """See ``FreeMasses``. Shape (), or (k,) of variants."""
+        return condition_of(self.mass)
+
+    @property
+    def diagonal(self) -> Array:
+        """Diagonal of M."""
+        return np.diagonal(self.mass, axis1=-2, axis2=-1)
+
+    def times(self, x: Array) -> Array:
+        """Return ``M x``."""
+        return np.asarray(np.matvec(self.mass, x))
+
+    def responses(self, moving: Array, most: Array) -> tuple[Array, Array]:
+        """See ``FreeMasses``."""
+        back, given = np.moveaxis(np.linalg.solve(self.mass, np.stack([moving, most], axis=-1)), -1, 0)
+        return back, given
+
+
+class MassMatrices(TreeMassMatrices, frozen=True):
+    """Masses as matrices where constraints leave some of the motions free.
+
+    Attributes:
+        free: T, bases of the free motions, shape (n, .., nv, f).
+    """
+
     free: Array
 
     @cached_property
@@ -59,15 +86,6 @@ class MassMatrices(Record, frozen=True):
     def condition(self) -> Array:
         """See ``FreeMasses``. Shape (), or (k,) of variants."""
         return condition_of(self._along)
-
-    @property
-    def diagonal(self) -> Array:
-        """Diagonal of M."""
-        return np.diagonal(self.mass, axis1=-2, axis2=-1)
-
-    def times(self, x: Array) -> Array:
-        """Return ``M x``."""
-        return np.asarray(np.matvec(self.mass, x))
 
     def responses(self, moving: Array, most: Array) -> tuple[Array, Array]:
         """See ``FreeMasses``."""

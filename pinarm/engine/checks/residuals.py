@@ -11,7 +11,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.checks.figures import relative
-from pinarm.engine.checks.free_masses import ConstrainedMasses, FreeMasses, MassMatrices, TreeMasses
+from pinarm.engine.checks.free_masses import ConstrainedMasses, FreeMasses, MassMatrices, TreeMasses, TreeMassMatrices
 from pinarm.engine.checks.sample import SAMPLE, sampled
 from pinarm.engine.constraints.nullspaces.nullspace import MANY
 from pinarm.engine.constraints.sparse_matrices import first_rows, times, transposed_times
@@ -110,9 +110,10 @@ class _Looked(Record, frozen=True):
     def of_one_freedom(self, run: Trajectory) -> list[_Alike]:
         """Return those with as many free motions together: at singular positions there are more."""
         q, model, closure = run.q[self.rows], run.mechanism.model, run.mechanism.closure
-        if model.nv > MANY and not closure.size:
-            return [_Alike(self.rows, TreeMasses(model, q), np.zeros_like(run.v[self.rows]), self.guided)]
         mass, found = None if model.nv > MANY else run.dynamics.mass_matrices(q), []
+        if not closure.size:
+            whole = TreeMasses(model, q) if mass is None else TreeMassMatrices(mass)
+            return [_Alike(self.rows, whole, np.zeros_like(run.v[self.rows]), self.guided)]
         for some, split in closure.splits(q, self.own).parts:
             here = (
                 ConstrainedMasses(model, q[some], split.free) if mass is None else MassMatrices(mass[some], split.free)

@@ -30,6 +30,9 @@ counts, whatever the processor."""
 FLAT = 0.05
 """Part of the regularity by which it changes from one instant to the next where it is not looked for any closer."""
 
+SIDES = np.array([[1.0, -1.0, -1.0], [1.0, 1.0, -1.0]])
+"""Signs of a quantity at three instants that goes through 0 before the middle one, or behind it."""
+
 
 class NearestSingularity(NamedTuple):
     """Where a run is nearest to a singular position; of variants in arrays of shape (k,).
@@ -133,10 +136,16 @@ def _evenly(t: Array) -> Array:
 def _lowest(t: Array, values: Array) -> Array:
     """Return instants at which a size may be smallest, between three of which the middle one is the smallest so far.
 
-    Where the signed quantity goes through 0 on the one side or on the other, and where a parabola through the squares,
-    which are smooth in any case, is lowest.
+    Where the signed quantity goes through 0 on the one side or on the other, by inverse quadratic interpolation where
+    that stays on its side, and where a parabola through the squares, which are smooth in any case, is lowest.
     """
     crossing = (t[:-1] * values[1:] + t[1:] * values[:-1]) / (values[:-1] + values[1:])
+    signed = values * SIDES
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slopes = np.diff(t) / np.diff(signed)
+        bend = np.diff(slopes)[:, 0] / (signed[:, 2] - signed[:, 0])
+        bent = crossing + bend * -values[:-1] * values[1:]
+    crossing = np.where((t[:-1] < bent) & (bent < t[1:]), bent, crossing)
     (left, right), (falling, rising) = np.diff(t), np.diff(values**2) / np.diff(t)
     vertex = t[1] - 0.5 * (falling * right + rising * left) / (rising - falling) if rising > falling else t[1]
     inside = np.array([*crossing, vertex])

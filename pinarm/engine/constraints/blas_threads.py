@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from functools import cache
 from typing import Any
 
@@ -12,19 +11,15 @@ SMALL = 16
 they have as many rows as velocities and constraints together."""
 
 
-@contextmanager
-def one_blas_thread(nv: int) -> Iterator[None]:
-    """Let linear algebra use one thread in the block, where it would use more for a mechanism of nv velocities.
+def one_blas_thread(nv: int) -> AbstractContextManager[Any]:
+    """Let linear algebra use one thread in a ``with`` block, if it would use more for a mechanism of nv velocities.
 
     Two threads take longer for all matrices up to 256 rows (``docs/distribution.md``). What the process used before is
     in force again after the block; environment variables stay as they are. Of blocks in several threads at once, that
     which was the first decides, as the limit is the whole process's.
     """
-    if nv <= SMALL:
-        yield
-        return
-    with _libraries().limit(limits=1):
-        yield
+    limited: AbstractContextManager[Any] = _libraries().limit(limits=1) if nv > SMALL else nullcontext()
+    return limited
 
 
 @cache

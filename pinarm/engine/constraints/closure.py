@@ -341,7 +341,10 @@ class Closure(Record, frozen=True):
             lam: Multipliers, shape (n, m).
         """
         tree, states = LinkTree.of(self.model), np.broadcast_shapes(q.shape[:-1], lam.shape[:-1])
-        total, acting = np.zeros((*states, self.model.nv)), np.zeros((*states, self.model.njoints, 6))
+        total = np.zeros((*states, self.model.nv))
+        if not self.constraints:
+            return total
+        acting = np.zeros((*states, self.model.njoints, 6))
         for constraint, part in zip(self.constraints, self.slices().values(), strict=True):
             wrenches = constraint.wrenches(links, lam[..., part])
             for joint, wrench in wrenches.items():

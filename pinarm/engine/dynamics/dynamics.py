@@ -96,10 +96,16 @@ class Dynamics(Record, frozen=True):
 
     def loads(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the generalised loads of the force elements [N*m or N], shape (..., nv)."""
-        tau = np.zeros((*q.shape[:-1], self.model.nv))
-        for force in self._acting:
+        tau = np.empty((*q.shape[:-1], self.model.nv))
+        tau[:], others = self._lasting
+        for force in others:
             force.add_load(t, q, v, tau)
         return tau
+
+    @cached_property
+    def _lasting(self) -> tuple[Array | float, tuple[ForceElement, ...]]:
+        """The sum of the steady loads, and the other elements; of variants, each of which has its own, all elements."""
+        return (0.0, self._acting) if isinstance(self.model, ModelVariants) else (self.steady, self.changing)
 
     @cached_property
     def _acting(self) -> tuple[ForceElement, ...]:

@@ -186,26 +186,35 @@ class CompiledSteps(Struct, eq=False, dict=True, weakref=True):
         self.solution.truncate(index + 1)
 
 
-def terms(tableau: Tableau, flow: Flow, steps: Sequence[Step]) -> Array:
-    """Return the terms of the dense output of steps, see ``DenseOutput``, shape (n, d, nq + nv)."""
-    found = []
-    for way, group in [(way, list(group)) for way, group in groupby(steps, lambda step: flow.way(step.t))]:
+def terms(tableau: Tableau, flow: Flow, t: Array, h: Array, y: Array, slopes: Array) -> Array:
+    """Return the terms of the dense output of steps, see ``DenseOutput``, shape (n, d, nq + nv).
+
+    Args:
+        tableau: The coefficients.
+        flow: The motion in compiled code.
+        t: Starts of the steps [s], shape (n,).
+        h: Lengths [s], shape (n,).
+        y: States [q, v] at the starts, shape (n, nq + nv).
+        slopes: Slopes at the stages, shape (n, s + 1, nq + nv).
+    """
+    found, begin = [], 0
+    for way, group in groupby(map(flow.way, t.tolist())):
+        alike = slice(begin, begin := begin + sum(1 for _ in group))
         flow.take(way)
-        found.append(_terms(tableau, flow, group))
+        found.append(_terms(tableau, flow, t[alike], h[alike], y[alike], slopes[alike]))
     return np.concatenate(found)
 
 
-def _terms(tableau: Tableau, flow: Flow, steps: Sequence[Step]) -> Array:
+def _terms(tableau: Tableau, flow: Flow, t: Array, h: Array, y: Array, slopes: Array) -> Array:
     """Return the terms of steps whose further stages are taken in one way."""
     coefficients, compiled = coefficients_of(tableau), library()
     if compiled is None:
         raise ValueError("the compiled library has gone")
-    times = contiguous(np.array([(step.t, step.h) for step in steps]).T)
-    states, slopes = contiguous(np.array([step.y for step in steps])), np.array([step.slopes for step in steps])
-    scratch = np.empty((tableau.stages + 2 + len(tableau.dense_c), states.shape[1]))
-    found = np.empty((len(steps), 3 + len(tableau.dense_d), states.shape[1]))
-    addresses = (ctypes.c_void_p(pointer(x)) for x in (*times, states, contiguous(slopes), scratch, found))
-    held = flow.held([step.t for step in steps])
+    arrays = list(map(contiguous, (t, h, y, slopes)))
+    scratch = np.empty((tableau.stages + 2 + len(tableau.dense_c), y.shape[1]))
+    found = np.empty((len(y), 3 + len(tableau.dense_d), y.shape[1]))
+    addresses = (ctypes.c_void_p(pointer(x)) for x in (*arrays, scratch, found))
+    held = flow.held(t.tolist())
     parts = map(ctypes.byref, (coefficients.structure, flow.structure, held))
-    compiled.pair_terms(*parts, ctypes.c_ssize_t(len(steps)), *addresses)
+    compiled.pair_terms(*parts, ctypes.c_ssize_t(len(y)), *addresses)
     return found

@@ -64,8 +64,7 @@ def interpolated(base: Array, terms: Array, x: Array) -> Array:
         terms: Terms r of each, shape (n, d, nq + nv).
         x: Place on each, shape (n,).
     """
-    x = x[:, None]
-    y = np.zeros_like(base)
-    for k in range(terms.shape[1] - 1, -1, -1):  # Horner's scheme
-        y = (y + terms[:, k]) * (1.0 - x if k % 2 else x)
-    return np.where(x == 0.0, base, base + y)  # the terms of a step that failed may be infinite
+    factors = np.empty(terms.shape[:2])  # x, x (1 - x), x (1 - x) x, ...
+    factors[:, ::2], factors[:, 1::2] = x[:, None], 1.0 - x[:, None]
+    y = np.vecmat(np.multiply.accumulate(factors, axis=1), terms)
+    return np.where(x[:, None] == 0.0, base, base + y)  # the terms of a step that failed may be infinite

@@ -39,9 +39,11 @@ def first_step(
         order: The error behaves like ``h^(order + 1)``.
         size: See ``Interval.size``.
     """
+    scale = tolerance * y.shape[-1] ** 0.5 * (size + np.abs(y))
 
     def norm(x: Array) -> Array:
-        return np.asarray(np.sqrt(np.mean((x / (tolerance * (size + np.abs(y)))) ** 2, axis=-1)))
+        relative = x / scale
+        return np.asarray(np.sqrt(np.vecdot(relative, relative)))
 
     d0, d1 = norm(y), norm(slope)
     small = np.minimum(d0, d1) < 1e-5

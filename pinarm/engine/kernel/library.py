@@ -54,6 +54,16 @@ class Flow(Record, frozen=True):
         self.ready()
         return self._slope(y)
 
+    def present_slopes(self, y: Array) -> Array:
+        """Return the slopes of states [q, v] at the present instant, shape (n, nq + nv)."""
+        self.ready()
+        rates, *_ = self._evaluation
+        states, slopes = np.array(y, order="C"), np.empty(y.shape)  # the library normalises what it reads
+        first, found, size = pointer(states), pointer(slopes), states.itemsize * self.structure.n
+        for place in range(0, size * len(y), size):
+            rates(self.structure.system, 0.0, first + place, found + place)
+        return slopes
+
     def slopes(self, starts: Array, y: Array) -> Array:
         """Return the slopes of states within steps, by the starts of these [s], shape (n, nq + nv)."""
         found = np.empty_like(y)

@@ -24,6 +24,7 @@ MOMENTS = ("moment", "angular")
 
 RATES = ("position", "velocity", "acceleration")
 SECOND, JOULE, WATT, NEWTON, NEWTON_METRE = unit("s"), unit("J"), unit("W"), unit("N"), unit("N*m")
+ANGULAR = unit("rad"), unit("rad/s"), unit("rad/s^2")
 
 
 class UnknownQuantity(InputError):
@@ -192,4 +193,4 @@ def _rate_unit(base: Unit, order: int) -> Unit:
     """Return the unit of a derivative of a coordinate; that of an angle is rad/s, not 1/s."""
     if base == METRE:
         return METRE / SECOND**order if order else METRE
-    return (unit("rad"), unit("rad/s"), unit("rad/s^2"))[order]
+    return ANGULAR[order]

@@ -274,6 +274,8 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         Raises:
             InputError: Says for which.
         """
+        if name not in self._several:
+            return
         run, mechanism = self.trajectory, self.trajectory.mechanism
         known, arguments = {*self.symbols, *mechanism.symbols}, mechanism.arguments
         coordinate = mechanism.coordinates.get(name)
@@ -290,6 +292,15 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         if len(meanings) > 1:
             hint = f"coordinate.{name}.position, or another name" if named["a coordinate"] else "another name"
             raise InputError(f"'{name}' is {' and '.join(meanings)}", expected="one meaning for each name", hint=hint)
+
+    @cached_property
+    def _several(self) -> set[str]:
+        """Names that stand for more than a quantity of the mechanism."""
+        run, mechanism = self.trajectory, self.trajectory.mechanism
+        return {
+            run.parameter, "g", *CONSTANTS, *self.symbols, *mechanism.symbols, *mechanism.arguments,
+            *mechanism.coordinates,
+        }  # fmt: skip
 
     def _is_quantity(self, name: str) -> bool:
         """Tell whether a name is that of a quantity, whatever else is called so."""

@@ -52,12 +52,11 @@ class LinkPlacements(Record, frozen=True):
 
         Shape (n, njoints, 6).
         """
-        forces = wrenches[..., :3]
-        return self._turned(forces, wrenches[..., 3:] - crossed(self.places, forces), self.turns.swapaxes(-1, -2))
+        return _rotated(self.turns.swapaxes(-1, -2), self.at_joints(wrenches))
 
     def outwards(self, wrenches: Array) -> Array:
         """Return wrenches [f; m] at the joint origins in world axes from those in link axes, shape (n, njoints, 6)."""
-        return self._turned(wrenches[..., :3], wrenches[..., 3:], self.turns)
+        return _rotated(self.turns, wrenches)
 
     def at_joints(self, wrenches: Array) -> Array:
         """Return wrenches [f; m] at the joint origins from those at the world origin, both in world axes."""
@@ -69,11 +68,15 @@ class LinkPlacements(Record, frozen=True):
 
         Shape (.., n, njoints, 6).
         """
-        forces, moments = rotated(self.turns, wrenches[..., :3]), rotated(self.turns, wrenches[..., 3:])
-        return joined(forces, moments + crossed(self.places, forces))
+        turned = _rotated(self.turns, wrenches)
+        turned[..., 3:] += crossed(self.places, turned[..., :3])
+        return turned
 
-    def _turned(self, forces: Array, moments: Array, turns: Array) -> Array:
-        return joined(rotated(turns, forces), rotated(turns, moments))
+
+def _rotated(turns: Array, wrenches: Array) -> Array:
+    """Return ``[R f; R m]`` of wrenches [f; m] along the last axis."""
+    found = rotated(turns[..., None, :, :], wrenches.reshape(*wrenches.shape[:-1], 2, 3))
+    return found.reshape(*found.shape[:-2], 6)
 
 
 def moving(model: Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, Array, Array, Array]:
@@ -121,7 +124,8 @@ def moving(model: Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, 
 
 def _turned(turns: Array, motions: Array) -> tuple[Array, Array]:
     """Return the linear and the angular part of motions in link axes, shape (6, njoints, n), in world axes."""
-    return turned(turns, motions[:3]), turned(turns, motions[3:])
+    found = turned(turns[:, :, None], motions.reshape(2, 3, *motions.shape[1:]).swapaxes(0, 1))
+    return found[:, 0], found[:, 1]
 
 
 def _columns(tree: LinkTree, turns: Array, places: Array, subspaces: Array) -> Array:

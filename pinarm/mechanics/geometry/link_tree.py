@@ -22,7 +22,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.mechanics.geometry.model_variants import Model, bodies_of, placements_of
-from pinarm.mechanics.geometry.vectors import crossed, joined, rotated
+from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.records import Record
 
 
@@ -110,11 +110,10 @@ class LinkTree(Record, frozen=True):
             moves |= moves[jump]
         return moves
 
-    def momenta(self, v: Array, omega: Array) -> Array:
-        """Return ``[m v - m c x omega; m c x v + I omega]`` in link axes, of vectors of shape (n, .., njoints, 3)."""
-        first, turning = self.masses[..., None] * self.levers, self.inertias[..., 3:, 3:]
-        linear = self.masses[..., None] * v + crossed(omega, first)
-        return joined(linear, crossed(first, v) + rotated(turning, omega))
+    def momenta(self, motions: Array) -> Array:
+        """Return ``I V`` in link axes, of motions of shape (k, 6, njoints, ..)."""
+        inertias = states_last(self.inertias, motions.ndim - 3, 3)
+        return np.asarray(np.einsum("ab...,kb...->ka...", inertias, motions))
 
     def summed(self, x: Array) -> Array:
         """Return the sums over the paths from the world to every link, whose own term is 0; shape (3, njoints, ..)."""
@@ -161,7 +160,8 @@ class LinkTree(Record, frozen=True):
             return RelativeMotion(turns, arms, self.subspace.reshape(*alike, 6, -1), np.zeros((*alike, count, 6)))
         motion = RelativeMotion(turns, arms, np.tile(self.subspace, (n, 1, 1)), np.zeros((n, count, 6)))
         for k in self.others:
-            _add_joint(motion, model, k, q, v)
+            add = _add_floating if model.joints[k].shortname() == "JointModelFreeFlyer" else _add_joint
+            add(motion, model, k, q, v)
         return motion
 
     def motions(self, relative: RelativeMotion, x: Array) -> Array:
@@ -243,6 +243,17 @@ def _single(model: Model, links: list[int], subspace: Array) -> SingleJoints:
         turns @ (along + still), turns @ across, turns @ crossing,
         shifts[..., links, :], np.matvec(turns, columns[:, :3]),
     )  # fmt: skip
+
+
+def _add_floating(motion: RelativeMotion, model: pin.Model, k: int, q: Array, v: Array) -> None:
+    """Set the motion of a link that floats: ``R = 1 + 2 w [u]x + 2 [u]x^2`` for the unit quaternion (u, w)."""
+    joint, place = model.joints[k], model.jointPlacements[k]
+    shift, u, w = np.split(q[:, joint.idx_q : joint.idx_q + joint.nq], [3, 6], axis=1)
+    crossing = crossed(u[:, None], np.eye(3)).swapaxes(1, 2)
+    own = np.eye(3) + 2.0 * (w[..., None] * crossing + crossing @ crossing)
+    motion.turns[:, :, k] = (place.rotation @ own).transpose(1, 2, 0)
+    motion.arms[:, k] = place.translation[:, None] + place.rotation @ shift.T
+    motion.subspaces[:, :, joint.idx_v : joint.idx_v + joint.nv] = np.eye(6)
 
 
 def _add_joint(motion: RelativeMotion, model: pin.Model, k: int, q: Array, v: Array) -> None:

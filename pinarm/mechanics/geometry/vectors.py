@@ -32,11 +32,12 @@ def dot(a: Array, b: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Return ``a x b``, shape (3,) or (3, n)."""
-    x = a[1] * b[2] - a[2] * b[1]
+    (a0, a1, a2), (b0, b1, b2) = a, b
+    x = a1 * b2 - a2 * b1
     product = np.empty((3, *np.shape(x)))
     product[0] = x
-    product[1] = a[2] * b[0] - a[0] * b[2]
-    product[2] = a[0] * b[1] - a[1] * b[0]
+    product[1] = a2 * b0 - a0 * b2
+    product[2] = a0 * b1 - a1 * b0
     return product
 
 
@@ -52,18 +53,14 @@ def crossed(a: Array, b: Array) -> Array:
 
 def rotated(turns: Array, vectors: Array) -> Array:
     """Return ``R x`` of matrices along the last two axes and vectors along the last, shapes (.., 3, 3) and (.., 3)."""
-    x, y, z = (turns[..., k] * vectors[..., k, None] for k in range(3))
-    x += y
-    x += z
-    return np.asarray(x)
+    return np.asarray(np.einsum("...ab,...b->...a", turns, vectors))
 
 
 def joined(linear: Array, angular: Array) -> Array:
     """Return ``[linear; angular]`` along the last axis, shape (.., 6); other axes of length 1 are spread."""
-    states = np.broadcast_shapes(linear.shape[:-1], angular.shape[:-1])
-    pair = components_apart(np.broadcast_to((linear if linear.size >= angular.size else angular)[..., 0], states), 6)
-    pair[..., :3], pair[..., 3:] = linear, angular
-    return pair
+    if linear.shape != angular.shape:
+        linear, angular = np.broadcast_arrays(linear, angular)
+    return np.concatenate([linear, angular], axis=-1)
 
 
 def components_apart(like: Array, width: int) -> Array:

@@ -356,9 +356,9 @@ class Result(Record, frozen=True):
         Raises:
             DynamicsError: Says where; ``partial`` holds the result.
         """
-        bad = np.flatnonzero(~self[name].known)
-        if len(bad):
-            run = self.trajectory
+        known = self[name].known
+        if not known.all():
+            run, bad = self.trajectory, np.flatnonzero(~known)
             where = f"{run.parameter} = {run.grid.t[bad[0]]:.9g} {run.unit}"
             more = f", nor in {len(bad) - 1} more rows" if len(bad) > 1 else ""
             never = [time for time, series in run.columns.items() if time in name and np.isnan(series.values).any()]

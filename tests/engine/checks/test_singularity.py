@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import pinarm
+from pinarm.engine.checks.singularity import _least
 from pinarm.use.show.terminal import report
 
 LINKAGE = """<robot name="linkage"><link name="base"/><link name="A"/><link name="B"/>
@@ -60,3 +61,17 @@ def test_a_constant_transmission_is_regular(tmp_path):
     found = pinarm.run(tmp_path / "s.yaml")
     assert found.figures["relative regularity"] == pytest.approx(1.0, abs=1e-12)
     assert "regularity" not in report(found)
+
+
+def test_a_crossing_between_rows_is_found_in_few_looks():
+    """Of a curved function, to rounding of its values: linear interpolation takes a look more, and ends at 5e-10."""
+    looks = []
+
+    def regularity(t):
+        looks.append(t)
+        return np.abs(np.sin(t - 1 / 3) + 0.5 * np.sin(t - 1 / 3) ** 2)
+
+    t = np.linspace(0.0, 1.0, 11)
+    least, at = _least(t, regularity(t), regularity)
+    assert (least, at) == pytest.approx((0.0, 1 / 3), abs=1e-11)
+    assert len(looks) == 4

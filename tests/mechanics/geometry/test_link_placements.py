@@ -9,9 +9,9 @@ from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 N = 4
 
 
-@pytest.fixture
-def model():
-    built = pin.buildSampleModelManipulator()
+@pytest.fixture(params=[pin.buildSampleModelManipulator, pin.buildSampleModelHumanoid], ids=["held", "floating"])
+def model(request):
+    built = request.param()
     inner = pin.SE3.Random()
     built.addFrame(pin.Frame("tool", 3, built.frames[0].parentFrame, inner, pin.FrameType.OP_FRAME))
     return built

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -93,7 +94,7 @@ class Adaptive(ValueRecord, frozen=True):
             return self.output_of(interval, manifold, *arrays)
         from pinarm.engine.integration.compiled_steps import terms
 
-        found = terms(self.tableau.examined, interval.compiled, steps)
+        found = terms(self.tableau.examined, interval.compiled, *arrays)
         if np.isfinite(found).all():
             return divided(self.tableau, self.tolerance, interval, manifold, *arrays[:3], found)
         # Rows that the library cannot solve for in a further stage are solved for by singular values.
@@ -230,14 +231,23 @@ class Stages:
         self.unit_weights[:s, 1:-1], self.unit_weights[s, 1:-1] = tableau.a, tableau.b
         self.weights = np.ones((s + 1, s + 2))
         self.scaled, self.unscaled = self.weights[:, 1:], self.unit_weights[:, 1:]
-        self.stage = np.empty(n)
+        self.stage, self.instants = np.empty(n), tableau.c
         self.stage_q, self.stage_v = self.stage[:nq], self.stage[nq:]
         self.new_q, self.new_v = self.new[:nq], self.new[nq:]
-        self.inner = [
-            (self.weights[i, : i + 1], self.z[: i + 1], self.slopes[i, :nq], self.slopes[i, nq:], float(tableau.c[i]))
-            for i in range(1, s)
-        ]
-        self.final = (self.weights[s, : s + 1], self.z[: s + 1], self.slopes[s, :nq], self.slopes[s, nq:])
+
+    @cached_property
+    def inner(self) -> list[tuple[Array, Array, Array, Array, float]]:
+        """Weights, rows of z, slopes of q and of v, and c of every stage but the first."""
+        return [(*self._products(i), float(c)) for i, c in enumerate(self.instants) if i]
+
+    @cached_property
+    def final(self) -> tuple[Array, Array, Array, Array]:
+        """The same of the end of the step, without c."""
+        return self._products(len(self.instants))
+
+    def _products(self, i: int) -> tuple[Array, Array, Array, Array]:
+        nq = self.manifold.nq
+        return self.weights[i, : i + 1], self.z[: i + 1], self.slopes[i, :nq], self.slopes[i, nq:]
 
     def start(self, t: float, y: Array, interval: Interval) -> None:
         """Set the state and its slope."""

@@ -120,16 +120,19 @@ class RadauStepper:
 
     def rates(self, t: float, y: Array) -> Array:
         """Return f(t, y)."""
-        nq = self.manifold.nq
-        q, v = self.manifold.project(y[:nq]), y[nq:]
-        self.count.evaluations += 1
-        return np.concatenate([self.manifold.velocity(q, v), self.interval.acceleration(t, q, v)])
+        return np.asarray(self.all_rates(np.array([t]), y[None])[0])
 
     def all_rates(self, t: Array, y: Array) -> Array:
-        """Return f of many states, both of shape (k, nq + nv), at times t, shape (k,)."""
+        """Return f of many states, both of shape (k, nq + nv), at times t, shape (k,).
+
+        They are computed in compiled code where states need not be settled.
+        """
+        self.count.evaluations += len(y)
+        compiled = self.interval.compiled
+        if compiled is not None and not compiled.settles:
+            return compiled.present_slopes(y)
         slopes, nq, acceleration = np.empty_like(y), self.manifold.nq, self.interval.acceleration
         q, v = self.manifold.project(y[:, :nq]), y[:, nq:]
-        self.count.evaluations += len(y)
         slopes[:, :nq] = self.manifold.velocity(q, v)
         for k, instant in enumerate(t.tolist()):
             slopes[k, nq:] = acceleration(instant, q[k], v[k])

@@ -37,12 +37,11 @@ static double gap(const constraints *c) {
     return sqrt(square);
 }
 
-/* Close positions by Newton's method, adding w times the changes to `aside`, and velocities in one step. */
+/* Close the placed state: positions by Newton's method, adding w times the changes to `aside`, velocities in one step. */
 static void close_state(const closing *c, double w, double *q, double *v) {
     const constraints *r = &c->rows;
     double before = INFINITY;
     for (int n = 0;; n++) {
-        constraints_place(r, q, v);
         constraints_delassus(r);
         skyline_factorise(&r->delassus, c->projection);
         const double size = gap(r);
@@ -53,6 +52,7 @@ static void close_state(const closing *c, double w, double *q, double *v) {
         move(r->tree, 1.0, c->change, q);
         for (int k = 0; k < r->tree->nv; k++)
             c->aside[k] += w * c->change[k];
+        constraints_place(r, q, v);
     }
     copy((int)r->delassus.rows, r->before, r->right);
     least_change(c);
@@ -90,6 +90,7 @@ static double across(const closing *c, const double *q, const double *v, double 
         copy(t->nq, q, c->state);
         copy(t->nv, v, c->state + t->nq);
         move(t, places[i] * c->limits.aside / fastest, v, c->state);
+        constraints_place(&c->rows, c->state, c->state + t->nq);
         close_state(c, c->limits.across[i], c->state, c->state + t->nq);
         constraints_place(&c->rows, c->state, c->state + t->nq);
         constraints_accelerate(&c->rows, &c->exact, c->part);
@@ -117,6 +118,7 @@ static double accelerations(closing *c, const double *q, const double *v, double
         if (!turns(c))
             return 0.0;
         c->floor = 0.0;
+        constraints_place(&c->rows, q, v);
     }
     copy(t->nq, q, c->state);
     copy(t->nv, v, c->state + t->nq);
@@ -156,6 +158,7 @@ int closing_settle(void *system, double time, double *y, double *slope) {
     const closing before = *c;
     const tree *t = c->rows.tree;
     copy(t->nq + t->nv, y, c->saved);
+    constraints_place(&c->rows, y, y + t->nq);
     close_state(c, 0.0, y, y + t->nq);
     if (look(c)) {
         const int singular = c->regular < c->limits.near;

@@ -91,6 +91,8 @@ class CompletedStates(Record, frozen=True):
     @classmethod
     def joined(cls, motions: Sequence[CompletedStates]) -> CompletedStates:
         """Return the rows of several, one after another."""
+        if len(motions) == 1:
+            return motions[0]
         arrays = zip(*((one.q, one.v, one.a, one.tau, one.friction) for one in motions), strict=True)
         q, v, a, tau, friction = map(np.concatenate, arrays)
         count = max(len(one.others) for one in motions)
