@@ -38,14 +38,17 @@ DENSE = 2.0
 MOST = 8
 """Of these, how many a name may cover."""
 
+ALONG = 26
+"""Points of a line to a name that are looked at: of the longest, one each 2 points of length."""
+
 
 def note_places(
     notes: Sequence[Note], hidden: Sequence[Line], window: Window, per: float, taken: Sequence[Array] = ()
 ) -> list[Note]:
-    """Return names beside their points, in the window, none over another.
+    """Return names beside their points, in the window, none over another or over the line to another.
 
-    Those that come first choose first. A name that has no room, several in a row, is shortened to the first of them;
-    where that has none either, it is left out.
+    Those that come first choose first. Lines to names do not cross. A name that has no room, several in a row, is
+    shortened to the first of them; where that has none either, it is left out.
 
     Args:
         notes: The names, at their points.
@@ -56,16 +59,17 @@ def note_places(
     """
     (left, right), (bottom, top) = window
     page, covered = per * np.array([left, bottom, right, top]), np.ascontiguousarray(_dense(hidden, per).T)
-    boxes, placed = per * np.array(taken).reshape(-1, 4), list[Note]()
+    boxes, leading, placed = per * np.array(taken).reshape(-1, 4), np.zeros((0, 2, 2)), list[Note]()
     for note in notes:
         for text in dict.fromkeys([note.text, _shorter(note.text)]):
             size = np.array([text_width(text, note.size), LINE * note.size])
-            best = _best(per * np.array([note.x, note.y]), size, covered, boxes, page)
+            best = _best(per * np.array([note.x, note.y]), size, covered, boxes, leading, page)
             if best is not None:
                 offset, box = best
                 placed.append(replace(note, text=text, dx=float(offset[0]), dy=float(offset[1])))
                 boxes = np.vstack([boxes, box])
-                covered = np.concatenate([covered, _dense(leaders(placed[-1:], per), per).T], axis=1)
+                own = [per * np.stack([line.x, line.y], axis=1) for line in leaders(placed[-1:], per)]
+                leading = np.concatenate([leading, np.reshape(own, (-1, 2, 2))])
                 break
     return placed
 
@@ -80,8 +84,7 @@ def leaders(notes: Sequence[Note], per: float) -> list[Line]:
     lines = list[Line]()
     for note in notes:
         point, offset = np.array([note.x, note.y]), np.array([note.dx, note.dy])
-        half = np.array([text_width(note.text, note.size), LINE * note.size]) / 2.0
-        nearest = offset - np.clip(offset, -half, half)
+        nearest = _nearest(offset, np.array([text_width(note.text, note.size), LINE * note.size]))
         if np.linalg.norm(nearest) > BESIDE:
             ends = np.array([point, point + nearest / per])
             lines.append(Line(ends[:, 0], ends[:, 1], LEADER, 0.5))
@@ -94,24 +97,55 @@ def _shorter(text: str) -> str:
     return f"{first}, ..." if more else first
 
 
-def _best(point: Array, size: Array, covered: Array, boxes: Array, page: Array) -> tuple[Array, Array] | None:
+def _nearest(offset: Array, size: Array) -> Array:
+    """Return the way from a point to the edge of a name whose middle is so far from it [points], shape (2,)."""
+    return np.asarray(offset - np.clip(offset, -size / 2.0, size / 2.0))
+
+
+def _best(
+    point: Array, size: Array, covered: Array, boxes: Array, leading: Array, page: Array
+) -> tuple[Array, Array] | None:  # fmt: skip
     """Return the offset and the box of a name (left, bottom, right, top) where it covers the fewest points of lines.
 
     ``covered`` are these points, shape (2, n).
-    ``None`` where it would cover a box or too much, or leave the page, everywhere.
+    ``None`` where it, or the line to it, would cover a box or a line to another name, or it too much, or where it would
+    leave the page, everywhere.
     """
     places, (x, y) = list[tuple[float, Array, Array]](), covered
     for k, (distance, turn) in enumerate((d, t) for d in DISTANCES for t in TURNS):
         direction = np.array([np.cos(turn), np.sin(turn)])
         offset = direction * distance + np.sign(np.round(direction, 9)) * size / 2.0
         low, high = point + offset - size / 2.0, point + offset + size / 2.0
+        own = np.array([point, point + _nearest(offset, size)])
         struck = ((boxes[:, :2] < high + CLEAR) & (boxes[:, 2:] > low - CLEAR)).all(axis=1).any()
+        struck |= _meets(leading, np.concatenate([low, high])[None]).any()
+        if np.linalg.norm(own[1] - own[0]) > BESIDE:
+            struck |= _meets(own[None], boxes).any() or _cross(own, leading).any()
         if not struck and (low >= page[:2]).all() and (high <= page[2:]).all():
             inside = (x > low[0] - CLEAR) & (x < high[0] + CLEAR) & (y > low[1] - CLEAR) & (y < high[1] + CLEAR)
             hidden = np.count_nonzero(inside)
             if hidden <= MOST:
                 places.append((hidden + AWAY * distance + 0.02 * k, offset, np.concatenate([low, high])))
     return min(places, key=lambda place: place[0])[1:] if places else None
+
+
+def _meets(lines: Array, boxes: Array) -> Array:
+    """Return which lines, shape (m, 2, 2), come into or close to which boxes, shape (n, 4), as an array (m, n)."""
+    share = np.linspace(0.0, 1.0, ALONG)[:, None, None]
+    points = (lines[:, 0] + share * (lines[:, 1] - lines[:, 0]))[:, :, None]
+    inside = (points > boxes[:, :2] - CLEAR) & (points < boxes[:, 2:] + CLEAR)
+    return np.asarray(inside.all(axis=3).any(axis=0))
+
+
+def _cross(line: Array, others: Array) -> Array:
+    """Return which of other lines, shape (n, 2, 2), cross one, shape (2, 2); those that begin at one point do not."""
+    return np.asarray((_sides(line[None], others) < 0.0) & (_sides(others, line[None]) < 0.0))
+
+
+def _sides(lines: Array, others: Array) -> Array:
+    """Return numbers below 0 where the ends of others are on different sides of lines, shape (n,)."""
+    way, ends = lines[:, None, 1] - lines[:, None, 0], others - lines[:, None, 0]
+    return np.asarray(np.prod(way[..., 0] * ends[..., 1] - way[..., 1] * ends[..., 0], axis=1))
 
 
 def _dense(lines: Sequence[Line], per: float) -> Array:

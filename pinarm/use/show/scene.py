@@ -65,7 +65,7 @@ def scene_of(mechanism: Mechanism, forces: Mapping[str, ForceElement], q: Array,
     ends = [end for pair in joined for end in pair.ends]
     seen = framing(model, nodes, list(sticks(model, nodes, range(len(nodes)))), places,
                    [end.path(places) for end in ends])  # fmt: skip
-    names = gathered(list(names_of(mechanism, nodes, how)), places, seen.size)
+    names = gathered(names_of(mechanism, nodes, how), places, seen.size)
     shortest = [float(pair.lengths(places).min()) for pair in joined]
     figure = stick_figure(mechanism, nodes, joined, slots(mechanism, seen, places))
     return Scene(figure, joined, shortest, names, seen, seen.view())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from typing import Literal
 from xml.etree import ElementTree
@@ -25,6 +27,11 @@ TOGETHER = 1e-6
 MOST = 4
 """Names that stand at one place."""
 
+SERIES = 12
+"""Names that differ in their numbers only, such as ``link_1`` and ``link_2``, up to which all of them are shown."""
+
+_NUMBER = re.compile(r"\d+")
+
 Kind = Literal["part", "point", "joint"]
 
 
@@ -42,8 +49,8 @@ class Name(ValueRecord, frozen=True):
     at: BodyPoint
 
 
-def names_of(mechanism: Mechanism, nodes: Sequence[Node], how: Presentation) -> Iterator[Name]:
-    """Yield the names of links, points and joints.
+def names_of(mechanism: Mechanism, nodes: Sequence[Node], how: Presentation) -> list[Name]:
+    """Return the names of links, points and joints; of long series the first and the last, see ``ends_of_series``.
 
     A link with a mass or a shape is a part, any other a point. A part's name stands in the middle of its longest
     stick, so that it is not at a joint; what does not move has no such name.
@@ -53,6 +60,10 @@ def names_of(mechanism: Mechanism, nodes: Sequence[Node], how: Presentation) -> 
         nodes: Its bodies.
         how: Labels of the scenario.
     """
+    return ends_of_series(list(_all_names(mechanism, nodes, how)))
+
+
+def _all_names(mechanism: Mechanism, nodes: Sequence[Node], how: Presentation) -> Iterator[Name]:
     from pinarm.mechanics.planar.drawing import GROUND
 
     model = mechanism.model
@@ -65,12 +76,33 @@ def names_of(mechanism: Mechanism, nodes: Sequence[Node], how: Presentation) -> 
                 yield Name(plain(name), "point", at)
         elif at.node:
             yield Name(plain(name), "part", _middle(model, nodes, at))
+        del frames[name]
+    for name, frame in frames.items():  # points of the mechanism file, and the frame of the world
+        at = point_of(model, frame)
+        if at.node or at.place.any():
+            yield Name(plain(name), "point", at)
     for index in range(1, model.njoints):
         if nodes[index].carries:
             yield Name(name_label(model.names[index], how), "joint", BodyPoint(index, np.zeros(3)))
     for joint in mechanism.constraints:
         if isinstance(joint, LoopJoint):
             yield Name(plain(joint.name), "joint", point_of(model, joint.second))
+
+
+def ends_of_series(names: Sequence[Name]) -> list[Name]:
+    """Return names without those in between of long series: of more than ``SERIES`` the first and the last remain.
+
+    A series has one kind, and names that differ in their numbers only; their order is that of the numbers.
+    """
+    series: dict[tuple[Kind, str], list[Name]] = defaultdict(list)
+    for name in names:
+        series[name.kind, _NUMBER.sub("#", name.text)].append(name)
+    between = set[int]()
+    for members in series.values():
+        if len(members) > SERIES:
+            members.sort(key=lambda name: [int(number) for number in _NUMBER.findall(name.text)])
+            between |= {id(name) for name in members[1:-1]}
+    return [name for name in names if id(name) not in between]
 
 
 def _middle(model: pin.Model, nodes: Sequence[Node], origin: BodyPoint) -> BodyPoint:

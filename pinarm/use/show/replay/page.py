@@ -155,7 +155,7 @@ def _names(run: Trajectory, how: Presentation) -> list[Plain]:
     model = run.mechanism.model
     nodes, places = nodes_of(model, run.q), placed(model, run.q)
     size = float(np.ptp(places[:, :, :3, 3], axis=(0, 1)).max()) or 1.0
-    found = gathered(list(names_of(run.mechanism, nodes, how)), places, size)
+    found = gathered(names_of(run.mechanism, nodes, how), places, size)
     return [{"runs": runs(name.text), "kind": name.kind, **name.at.plain()}
             for name in sorted(found, key=lambda name: name.kind == "part")]  # fmt: skip
 

@@ -36,6 +36,7 @@ def work_precision(trade: Tradeoff) -> Picture:
         _curves(right, trade, "seconds", 1e3)
         left.set(xlabel="evaluations of the acceleration", ylabel="largest relative error of any output")
         right.set(xlabel="time [ms]")
+        left.plot([], [], "o", markersize=10, fillstyle="none", color="black", label="recommended")
         left.legend(frameon=False, loc="best")
         figure.suptitle(label(plain(trade.scenario.content.title or trade.scenario.name)))
     return figure

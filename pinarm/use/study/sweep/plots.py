@@ -124,8 +124,9 @@ def _histogram(axis: Axes, sweep: Sweep, series: Series) -> None:
     if not len(values):
         return
     axis.hist(values, bins="auto", color=COLOURS[5], edgecolor="white", linewidth=0.5)
-    for share, style in ((0.05, ":"), (0.5, "-"), (0.95, ":")):
-        axis.axvline(float(np.quantile(values, share)), color=COLOURS[1], linestyle=style)
+    for share, style, name in ((0.05, ":", "middle 90 %"), (0.5, "-", "median"), (0.95, ":", None)):
+        axis.axvline(float(np.quantile(values, share)), color=COLOURS[1], linestyle=style, label=name)
+    axis.legend(fontsize=8, frameon=False)
 
 
 def _grid(sweep: Sweep, series: Series) -> tuple[Axis, Axis | None, Array]:

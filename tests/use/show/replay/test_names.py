@@ -5,19 +5,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import pinarm
 from pinarm.use.result.presentation import Presentation
-from pinarm.use.show.replay.names import gathered, names_of
+from pinarm.use.show.replay.names import SERIES, Name, ends_of_series, gathered, names_of
+from pinarm.use.show.replay.overlays import BodyPoint
 from pinarm.use.show.replay.tracks import nodes_of, placed
+
+ROOT = Path(__file__).parents[4]
 
 
 def found(result: Any, how: Presentation | None = None) -> dict[str, tuple[str, np.ndarray]]:
     """Names of a run: text -> kind, and the place at the start."""
     model, q = result.trajectory.mechanism.model, result.trajectory.q
     nodes, places = nodes_of(model, q), placed(model, q)
-    names = gathered(list(names_of(result.trajectory.mechanism, nodes, how or Presentation())), places, 0.2)
+    names = gathered(names_of(result.trajectory.mechanism, nodes, how or Presentation()), places, 0.2)
     return {name.text: (name.kind, name.at.path(places)[0]) for name in names}
 
 
@@ -48,5 +52,26 @@ def test_joints_have_the_labels_of_the_scenario(solved: Callable[..., Any]) -> N
 
 def test_a_point_of_a_drawing_has_its_name_once() -> None:
     """A pin is one point of the drawing, though each of its two links has a mark of it; the ground is hatched."""
-    known = found(pinarm.run(Path(__file__).parents[4] / "docs/kind_examples/problems/kinematics.yaml"))
+    known = found(pinarm.run(ROOT / "docs/kind_examples/problems/kinematics.yaml"))
     assert {text for text, (kind, _) in known.items() if kind != "part"} == {"O", "A", "B", "C"}
+
+
+def test_points_of_a_mechanism_file_are_named() -> None:
+    """A point of the file that its model does not have, and one in the origin of the world, which is only a frame."""
+    points = {"eye": {"link": "crank", "at": ["20 mm", "5 mm", "0 m"]},
+              "still": {"link": "base", "at": ["0 m", "0 m", "0 m"]}}  # fmt: skip
+    mechanism = pinarm.Mechanism.load(ROOT / "models/slider_crank/mechanism.yaml", values={"points": points})
+    q = pin.neutral(mechanism.model)[None]
+    names = names_of(mechanism, nodes_of(mechanism.model, q), Presentation())
+    known = {name.text: name.at.path(placed(mechanism.model, q))[0] for name in names}
+    assert known["eye"] == pytest.approx([0.02, 0.005, 0.0], abs=1e-12)
+    assert "still" not in known
+
+
+def test_of_long_series_the_first_and_the_last_are_named() -> None:
+    at = BodyPoint(1, np.zeros(3))
+    series = [Name(f"link_{k}_end", "part", at) for k in (7, 0, 10, 2, 1, 3, 4, 5, 6, 8, 9, 11, 12)]
+    short = [Name(f"pin_{k}", "joint", at) for k in range(SERIES)]
+    assert [name.text for name in ends_of_series(series)] == ["link_0_end", "link_12_end"]
+    assert ends_of_series(short) == short
+    assert len(ends_of_series([*series[:7], *(Name(name.text, "point", at) for name in series[7:])])) == len(series)
