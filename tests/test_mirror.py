@@ -16,7 +16,7 @@ ELSEWHERE = {
         "cables in machines", "mechanics/loops/cable mechanics/forces/cable mechanics/paths",
     ),
     "cli/test_main.py": ("what commands print and write", "cli/options use/scenario/file_kind "
-        "use/scenario/json_schema use/study/run"),
+        "use/study/run"),
     "engine/control/test_controls.py": (
         "controllers against closed forms", "engine/control/efforts engine/control/memory engine/control/sampler "
         "engine/control/schedule engine/control/controlled_system mechanics/control/pid mechanics/control/switching "

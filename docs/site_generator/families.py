@@ -13,7 +13,7 @@ from pinarm.mechanics.control.kinds import Control
 from pinarm.mechanics.coordinates import CoordinateDefinition
 from pinarm.mechanics.couplings.kinds import CouplingDefinition
 from pinarm.mechanics.forces.kinds import Force
-from pinarm.mechanics.laws import Law
+from pinarm.mechanics.laws.over_coordinate import Motion
 from pinarm.mechanics.loops.kinds import Loop
 from pinarm.mechanics.motors import AnyMotor
 from pinarm.problems import KINDS, problem_class
@@ -131,7 +131,7 @@ def families() -> list[Kinds]:
         Kinds("loop_joints", "Loop joints", "a loop joint", LOOPS, _union(Loop), ("solids", "curves")),
         Kinds("couplings", "Couplings", "a coupling", COUPLINGS, _union(CouplingDefinition)),
         Kinds("forces", "Forces", "a force", FORCES, _union(Force)),
-        Kinds("laws", "Laws of motion", "a law", LAWS, _union(Law), ("curves",), r"\blaw: {member}\b"),
+        Kinds("laws", "Laws of motion", "a law", LAWS, _union(Motion), ("curves",), r"\blaw: {member}\b"),
         Kinds("controllers", "Controllers", "a controller", CONTROLLERS, _union(Control)),
         Kinds(
             "drives",

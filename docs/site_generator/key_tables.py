@@ -100,10 +100,10 @@ def _container(schema: Mapping[str, Any]) -> str:
 
 
 def _family(schema: Mapping[str, Any]) -> str:
-    """Return a link to the family whose members may stand for a key; empty where they are of none."""
+    """Return a link to the family most of whose members, and no others, may stand for a key; empty for none."""
     names = {part["$ref"].rpartition("/")[2] for part in schema.get("anyOf", ()) if "$ref" in part}
     for family in families():
-        if len(names) > 1 and names >= set(family.members.values()):
+        if names <= set(family.members.values()) and len(names) > len(family.members) / 2:
             return f"[{family.one}](../{family.name}/index.md)"
     return ""
 

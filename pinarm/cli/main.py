@@ -311,16 +311,16 @@ def _assignments(texts: Sequence[str]) -> dict[str, str]:
 def _replay(options: argparse.Namespace) -> int:
     from pinarm.use.store.restore import restore
 
+    target = _replay_file(options)
     result = restore(options.result)
     shown = result.replay(traces=options.trace, arrows=options.arrows, plots=options.plot, named=options.names)
-    target = options.output or options.result / ("replay.png" if options.png else "replay.html")
     if options.png or options.video:
         from pinarm.use.show.replay import pictures
 
         if options.png:
             pictures.picture(shown, pictures.place(result.trajectory, options.png), target)
         else:
-            target = pictures.video(shown, options.video, fps=options.fps, speed=options.speed, progress=_progress)
+            pictures.video(shown, target, fps=options.fps, speed=options.speed, progress=_progress)
     else:
         shown.save(target)
     if options.json:
@@ -328,6 +328,31 @@ def _replay(options: argparse.Namespace) -> int:
     else:
         print("\n".join([*(printable(f"note: {note}") for note in shown.notes), f"written to {target}"]))
     return OK
+
+
+def _replay_file(options: argparse.Namespace) -> Path:
+    """Return the file that ``replay`` writes.
+
+    Raises:
+        InputError: Two files are named, or one whose ending is that of another format.
+    """
+    if options.video and options.output:
+        raise InputError(
+            f"two files are named, {options.video} and {options.output}",
+            expected="the video's, after --video",
+            hint=f"leave -o out; replay {options.result} -o {options.output}, by itself, writes the other one",
+        )
+    what, ending = (
+        ("a picture", ".png") if options.png else ("a video", ".mp4") if options.video else ("a page", ".html")
+    )
+    file: Path = options.video or options.output or options.result / f"replay{ending}"
+    if file.suffix.lower() != ending:
+        raise InputError(
+            f"{what} is not written as '{file.name}'",
+            expected=f"a file that ends in {ending}, such as {file.stem}{ending}",
+            hint="" if options.png or options.video else "--png t=VALUE for a picture, --video FILE.mp4 for a video",
+        )
+    return file
 
 
 def _report(options: argparse.Namespace) -> int:

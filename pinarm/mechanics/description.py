@@ -87,25 +87,27 @@ class MechanismDescription(InputStruct, frozen=True):
         planar: In place of ``robot``: points of a drawing, the links between them, pins and slides.
         base: ``floating`` lets the model's root move freely, by a joint ``root``; ``fixed`` holds it. As in the model
             where it is left out; of the robots known by name, those that float in their own loaders do.
-        defects: ``noted`` takes inertias that no body can have as they are written, and tells; files are refused
-            otherwise, robots known by name are not.
-        creep: Velocity below which the dry friction of the model gives way [rad/s or m/s]: it is regularised,
-            ``F tanh(v / creep)``, and never sticks. Where this is left out it sticks.
+        defects: What to do with inertias that no body can have, such as ``noted``: they are taken as they are written,
+            and named. Where this is left out files with such inertias are refused, robots known by name are not.
+        creep: Velocity below which the dry friction of the model gives way [rad/s or m/s], such as ``0.001 rad/s``: it
+            is regularised, ``F tanh(v / creep)``, and never sticks. Where this is left out it sticks.
         points: Frames on links, beside those of the model; they are named, and asked about, like links.
         arguments: Unit of every xacro argument of the model, so that a scenario can give them with units.
         gravity: ``none`` for none; that of the model, or 9.81 m/s^2 downwards, where it is left out.
         coordinates: Coordinates beside those of the joints.
         loops: Joints that close loops of the tree.
-        closures: Kind of joint between every two frames ``closing_NAME_1`` and ``closing_NAME_2`` of the model that no
-            loop joint ties, as onshape-to-robot leaves them; or NAME -> its kind. It turns about, or slides along, z.
+        closures: Kind of joint, such as ``revolute``, between every two frames ``closing_NAME_1`` and
+            ``closing_NAME_2`` of the model that no loop joint ties, as onshape-to-robot leaves them; or NAME -> its
+            kind. It turns about, or slides along, z.
         start: Rough joint coordinates near which the loops close, where they do not near 0; a scenario's own ``start``
             replaces them joint by joint. Ball joints as there.
         couplings: Gears, racks and screws between joints.
         drives: Motors and gears.
-        control: Controllers of the drives, at work in every forward run: see docs/control.md.
+        control: Controllers of the drives, at work in every forward run, such as ``[{kind: pid, drive: knee, follows:
+            {law: constant, value: 1 rad}, kp: 20 N*m/rad}]``.
         forces: Springs, dampers and loads that belong to the mechanism.
         friction: Joint or loop joint -> its dry friction, which sticks; in place of that of the model.
-        payloads: What links carry beside the model's own masses.
+        payloads: What links carry beside the model's own masses, such as ``{load: {point: hand, mass: 2 kg}}``.
         symbols: Published symbols and what they stand for: a quantity, a number with its unit, or a formula of them.
     """
 

@@ -59,7 +59,7 @@ class Drive(InputStruct, frozen=True):
 
     Attributes:
         joint: Joint that it drives; this or ``along``.
-        along: Coordinate that it drives.
+        along: Coordinate that it drives, such as ``height``.
         ratio: N, motor turns per turn of the joint, or radians per metre; a number, or a fraction such as ``43/17``;
             negative where they turn against each other.
         efficiency: eta, between 0 (excluded) and 1.

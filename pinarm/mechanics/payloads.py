@@ -19,7 +19,8 @@ class Payload(InputStruct, frozen=True):
     Attributes:
         point: The link.
         mass: [kg].
-        inertia: Moments of inertia about the link's axes, at its origin [kg*m^2]; none for a point mass.
+        inertia: Moments of inertia about the link's axes, at its origin [kg*m^2], such as ``[0.1 kg*m^2, 0.1 kg*m^2,
+            0.2 kg*m^2]``; none for a point mass.
     """
 
     point: str

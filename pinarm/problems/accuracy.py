@@ -26,15 +26,16 @@ class Accuracy(InputStruct, frozen=True):
     """How accurate the result is wanted.
 
     Attributes:
-        method: How motions are integrated over time, one of ``integration.methods.METHODS``.
+        method: How motions are integrated over time, such as ``rk4``.
         tolerance: Local error of a step of an adaptive method, relative to ``1 + |y|`` in SI, or to the largest |y|
             of a motion that is smaller than 0.1; 1e-9 where it is left out. The global error is usually ten to a
             hundred times larger; ``run --verify`` estimates it.
         step: Longest step of a method with steps of one length.
-        target: Largest global error wanted in every output, relative to its largest absolute value over the run. The
-            cheapest setting is looked for whose bound of the error is below it (see ``run --verify``), of the method if
-            one is given; tolerance and step are then not used.
-        max_steps: Number of steps after which the time integration gives up, rejected ones included.
+        target: Largest global error wanted in every output, relative to its largest absolute value over the run, such
+            as ``1e-6``. The cheapest setting is looked for whose bound of the error is below it (see ``run --verify``),
+            of the method if one is given; tolerance and step are then not used.
+        max_steps: Number of steps after which the time integration gives up, rejected ones included, such as
+            ``1000000``.
     """
 
     method: Annotated[MethodName, msgspec.Meta(description=described())] = "dop853"

@@ -58,10 +58,11 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
     within about 0.5 rad of what is looked for, and finds unstable equilibria as well as stable ones.
 
     Attributes:
-        starts: Rough joint coordinates, one map for each start; what is not given is 0. Where they contradict what is
-            held the nearest configuration is taken that does not.
+        starts: Rough joint coordinates, one map for each start, such as ``[{left: 10 deg}, {left: -10 deg}]``; what is
+            not given is 0. Where they contradict what is held the nearest configuration is taken that does not.
         hold: Coordinate -> value, for coordinates that drives hold.
-        loads: Applied constant forces and springs of this run.
+        loads: Applied constant forces and springs of this run, such as ``{spring: {kind: joint_spring, joint: O,
+            stiffness: 20 N*m/rad}}``.
     """
 
     kind: ClassVar[str] = "equilibria"

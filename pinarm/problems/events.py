@@ -41,8 +41,8 @@ class EndStop(InputStruct, frozen=True):
     """Limits of a joint's coordinate, met with an impact.
 
     Attributes:
-        lower: Smallest value; none where it is left out.
-        upper: Largest value; none where it is left out.
+        lower: Smallest value, such as ``-60 deg``; none where it is left out.
+        upper: Largest value, such as ``60 deg``; none where it is left out.
         restitution: Velocity after an impact relative to that before: 0 does not rebound, 1 loses no energy.
     """
 

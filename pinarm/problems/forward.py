@@ -60,7 +60,7 @@ class InitialState(InputStruct, frozen=True):
     Attributes:
         position: Joint -> coordinate; of a ball joint J the rotation vector, ``J.rotation.x`` and so on, or ``J.roll``,
             ``J.pitch``, ``J.yaw``; a floating joint J has ``J.x``, ``J.y``, ``J.z`` too.
-        velocity: Joint, or another coordinate such as ``L.angle`` of a loop joint L -> velocity; of a ball joint J
+        velocity: Joint, or another coordinate, as ``L.angle`` of a loop joint L, -> velocity; of a ball joint J
             ``J.angular_velocity.x`` and so on, in the link's own axes.
     """
 

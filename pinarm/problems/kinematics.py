@@ -40,8 +40,8 @@ class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematic
     Attributes:
         time: Instants of the table.
         motion: Coordinate of a joint or of a task -> law over time, or over another one of these coordinates.
-        resolve: Which of its motions a mechanism makes that has more degrees of freedom than laws, such as an arm of
-            seven joints whose hand follows a path: the one nearest to a posture.
+        resolve: Which of its motions a mechanism makes that has more degrees of freedom than laws, as an arm of seven
+            joints whose hand follows a path: the one nearest to a posture, such as ``{nearest_to: {elbow: 90 deg}}``.
         start: Rough joint coordinates at the first instant: they choose the branch where there are several.
     """
 

@@ -74,8 +74,9 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
     Attributes:
         over: The coordinate that is swept, with its range; none for a single position.
         hold: Coordinate -> value, for all the others.
-        drives: Coordinates that the drives act along; see ``kind: inverse``.
-        share: How drives share the load where there are more of them than degrees of freedom; see ``kind: inverse``.
+        drives: Coordinates that the drives act along, such as ``[knee]``; the kind ``inverse`` has the same key.
+        share: How drives share the load where there are more of them than degrees of freedom, such as
+            ``least_squares``; the kind ``inverse`` has the same key.
         start: Rough joint coordinates at the first position: they choose the branch where there are several.
         loads: Applied forces and springs of this run.
     """
@@ -136,8 +137,9 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
         hold: Coordinate -> value, for all the others.
         velocity: Coordinate -> velocity, at every row.
         acceleration: Coordinate -> acceleration, at every row.
-        drives: Coordinates that the drives act along; see ``kind: inverse``.
-        share: How drives share the load where there are more of them than degrees of freedom; see ``kind: inverse``.
+        drives: Coordinates that the drives act along, such as ``[knee]``; the kind ``inverse`` has the same key.
+        share: How drives share the load where there are more of them than degrees of freedom, such as
+            ``least_squares``; the kind ``inverse`` has the same key.
         start: Rough joint coordinates at the first position: they choose the branch where there are several.
         loads: Applied forces, springs and dampers of this run.
     """

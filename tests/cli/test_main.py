@@ -354,20 +354,6 @@ def test_the_schema_is_a_json_schema(capsys: pytest.CaptureFixture[str], of: str
     assert all(ref.startswith("#/$defs/") and ref[8:] in schema["$defs"] for ref in references(schema))
 
 
-@pytest.mark.parametrize("of", ["scenario", "mechanism"])
-def test_every_key_of_the_schema_has_a_text_for_editors(of: str) -> None:
-    """Of the key, or for want of words about a single number, what kind of quantity it is."""
-    schema = pinarm.schema(of)  # type: ignore[arg-type]
-    for name, definition in [("", schema), *schema["$defs"].items()]:
-        for key, entry in definition.get("properties", {}).items():
-            assert entry.get("description") or {"const", "enum"} & entry.keys(), f"{name}.{key}"
-    if of == "mechanism":
-        inertia = schema["$defs"]["Drive"]["properties"]["rotor_inertia"]
-        assert inertia["description"].startswith("J of everything that turns with the motor")
-        assert inertia["examples"] == ["1 kg*m^2"]
-        assert "Attributes" not in schema["$defs"]["Drive"]["description"]
-
-
 def test_the_schema_knows_the_words_of_files(capsys: pytest.CaptureFixture[str]) -> None:
     """``from``, not ``start``: what an editor offers must be what the reader takes."""
     main(["schema"])

@@ -39,6 +39,19 @@ def test_every_kind_has_an_example_and_every_example_is_of_a_kind(kinds):
     assert wanted == scenarios
 
 
+def test_every_tag_of_the_schemas_is_a_kind_with_a_page(kinds):
+    """The value of ``kind`` or ``law`` that says which structure a map is."""
+    tagged = {
+        (tag, name)
+        for name, definition in definitions().items()
+        for key in ("kind", "law")
+        for tag in definition["properties"].get(key, {}).get("enum", ())
+    }
+    pages = {(member, family.members[member]) for family, member in kinds}
+    assert len(tagged) > 55
+    assert tagged - pages == set()
+
+
 def test_an_example_has_the_kind_that_it_is_of(kinds):
     for family, member in kinds:
         scenario = pinarm.load(example_of(family, member))

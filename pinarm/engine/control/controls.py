@@ -51,6 +51,11 @@ class Controls:
         return with_control(self.free, PresentEfforts(self.memory))
 
     @property
+    def advice(self) -> str:
+        """What to try with the controllers where the motion grows without bound."""
+        return " or ".join(_advice(one) for one in self.controllers)
+
+    @property
     def continuous(self) -> bool:
         """Whether a controller acts at every instant."""
         return bool(self.memory.continuous)
@@ -161,3 +166,14 @@ def _watch(load: PresentEfforts, number: int, switch: Switch[Given]) -> Watch:
 def with_control(dynamics: Dynamics, efforts: PresentEfforts | RecordedEfforts) -> Dynamics:
     """Return an equation of motion with the efforts of controllers in place of those it has."""
     return Dynamics.of(dynamics.model, {**dynamics.forces, CONTROL: efforts})
+
+
+def _advice(controller: Controller) -> str:
+    gains = {name: getattr(controller, name, None) for name in ("kp", "ki", "kd", "gains")}
+    written = {
+        name: " ".join(f"{x:.4g}" for x in np.ravel(value)) for name, value in gains.items() if value is not None
+    }
+    shown = ", ".join(f"{name} {text}" for name, text in written.items())
+    sampling = controller.sampling
+    period = f", or a period shorter than {sampling.period:g} s" if sampling else ""
+    return f"smaller gains of the controller of {', '.join(controller.drives)}{shown and f' ({shown} in SI)'}{period}"

@@ -25,7 +25,8 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
 
     Attributes:
         drive: What it drives: a motor of the mechanism's ``drives``, or a joint; several as a list.
-        period: Of a sampled controller, from one measurement to the next; continuous where it is left out.
+        period: Of a sampled controller, from one measurement to the next, such as ``1 ms``; continuous where it is left
+            out.
         delay: From a measurement to the change of the effort; of sampled controllers.
         limits: Least and largest command, such as ``[-20 N*m, 20 N*m]`` at the joint, or ``[-24 V, 24 V]`` of a drive
             with a motor; one pair for all drives, or pairs by their names.
@@ -129,7 +130,7 @@ class OneDriveDefinition(ControlDefinition, frozen=True, kw_only=True):
     """What controllers of one drive have in files, which measure one coordinate.
 
     Attributes:
-        measures: Coordinate y; that of the drive where it is left out.
+        measures: Coordinate y, such as ``hand_angle``; that of the drive where it is left out.
     """
 
     measures: str | None = None

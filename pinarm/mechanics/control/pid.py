@@ -39,7 +39,8 @@ class Pid(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind", tag="
         kp: Effort per error.
         ki: Effort per error and second.
         kd: Effort per rate of the error.
-        tracking_time: T_t [s]; kp/ki where it is left out.
+        tracking_time: Time T_t in which the integral follows a command that is cut off at its limit, such as ``50 ms``;
+            kp/ki where it is left out.
     """
 
     follows: References

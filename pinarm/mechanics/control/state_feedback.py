@@ -26,8 +26,8 @@ class StateFeedback(ControlDefinition, frozen=True, kw_only=True, tag_field="kin
     Attributes:
         states: The coordinates in x; their rates follow all of them: ``x = [y_1 .. y_s, y_1' .. y_s']``.
         gains: K, a row for each drive with 2 s columns: efforts per coordinate, then efforts per rate.
-        follows: Laws of the references, whose derivatives are those of the rates: coordinate -> law, 0 where one is
-            left out; or a list of laws, one for each state.
+        follows: Laws of the references, whose derivatives are those of the rates, such as ``{x: {law: constant, value:
+            0.2 m}}``: coordinate -> law, 0 where one is left out; or a list of laws, one for each state.
         bias: u_0, an effort for each drive, such as the one that holds the mechanism at the reference.
     """
 

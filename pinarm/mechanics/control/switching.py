@@ -27,7 +27,8 @@ class Switching(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind",
     events and needs a hysteresis: without one it would switch without end.
 
     Attributes:
-        follows: Law of the reference r of the measured coordinate y, ``e = r - y``; 0 where it is left out.
+        follows: Law of the reference r of the measured coordinate y, such as ``{law: constant, value: 20 deg}``, ``e =
+            r - y``; 0 where it is left out.
         above: Effort while s is above, mostly positive.
         below: Effort while s is below.
         hysteresis: Half the width within which the relay keeps its effort, in the unit of y.

@@ -35,8 +35,8 @@ class Belt(InputStruct, frozen=True, tag_field="kind", tag="belt"):
         offset: Coordinate of the second where the first is at 0.
         course: ``open``, or ``crossed`` between the wheels.
         pretension: F0, the tension of both strands while no moment is transmitted [N]; 0 N for a chain.
-        plane: Link whose origin lies in the middle of the belt's width; the origins of both joints where it is left
-            out.
+        plane: Link whose origin lies in the middle of the belt's width, such as ``wheel``; the origins of both joints
+            where it is left out.
     """
 
     joints: tuple[str, str]

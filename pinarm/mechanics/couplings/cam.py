@@ -42,8 +42,8 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
         roller: Link of the follower whose origin is the centre of its roller, or its edge.
         roller_radius: Radius of the roller [m]; 0 of a knife edge.
         face: Link of the follower whose origin lies on its flat face, in place of a roller.
-        normal: Normal of the face, in the axes of that link; the direction in which the origin moves where it is left
-            out.
+        normal: Normal of the face, in the axes of that link, such as ``y`` or ``[0, 1, 1]``; the direction in which the
+            origin moves where it is left out.
     """
 
     joints: tuple[str, str]

@@ -37,14 +37,14 @@ class Gear(InputStruct, frozen=True, tag_field="kind", tag="gear"):
     Attributes:
         joints: The two joints.
         ratio: Turns of the second per turn of the first: a number, or a fraction such as ``17/43``.
-        offset: Coordinate of the second where the first is at 0.
+        offset: Coordinate of the second where the first is at 0, such as ``10 deg``.
         carrier: Joint that moves the link in which the axes of both wheels are; none where it is at rest.
         pressure_angle: alpha, in the section normal to the teeth, such as 20 deg.
         helix_angle: beta of the first wheel, positive for a right-handed helix.
-        plane: Link whose origin lies in the middle of the width of the teeth, a link of a wheel or of the carrier; the
-            origins of both joints where it is left out. Of bevel wheels it is the pitch point.
-        planets: Number of planets, evenly spaced, between wheels on one axis, which are no links of the model: they
-            transmit moments, their forces cancel. In place of a pressure angle.
+        plane: Link whose origin lies in the middle of the width of the teeth, such as ``wheel``, a link of a wheel or
+            of the carrier; the origins of both joints where it is left out. Of bevel wheels it is the pitch point.
+        planets: Number of planets, such as ``3``, evenly spaced, between wheels on one axis, which are no links of the
+            model: they transmit moments, their forces cancel. In place of a pressure angle.
     """
 
     joints: tuple[str, str]

@@ -30,8 +30,8 @@ class Rack(InputStruct, frozen=True, tag_field="kind", tag="rack"):
         offset: Coordinate of the rack where the pinion is at 0 [m].
         pressure_angle: alpha, in the section normal to the teeth, such as 20 deg.
         helix_angle: beta of the pinion, positive for a right-handed helix.
-        plane: Link whose origin lies in the middle of the width of the teeth; the origin of the pinion's joint where it
-            is left out.
+        plane: Link whose origin lies in the middle of the width of the teeth, such as ``pinion``; the origin of the
+            pinion's joint where it is left out.
     """
 
     joints: tuple[str, str]

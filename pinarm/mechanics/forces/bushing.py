@@ -226,7 +226,8 @@ class SpringRates(InputStruct, frozen=True):
     Attributes:
         translation: Force per displacement along x, y, z [N/m].
         rotation: Moment per angle about x, y, z [N*m/rad].
-        coupling: Entries beside the diagonal, named by two of x, y, z, rx, ry, rz in this order: ``y_rz: -6 kN/rad``.
+        coupling: Entries beside the diagonal, named by two of x, y, z, rx, ry, rz in this order, such as ``{y_rz: -6
+            kN/rad}``.
     """
 
     translation: tuple[Stiffness, Stiffness, Stiffness] = (0.0, 0.0, 0.0)
@@ -244,7 +245,8 @@ class DampingRates(InputStruct, frozen=True):
     Attributes:
         translation: Force per velocity along x, y, z [N*s/m].
         rotation: Moment per angular velocity about x, y, z [N*m*s/rad].
-        coupling: Entries beside the diagonal, named by two of x, y, z, rx, ry, rz in this order: ``y_rz: 2 N*s/rad``.
+        coupling: Entries beside the diagonal, named by two of x, y, z, rx, ry, rz in this order, such as ``{y_rz: 2
+            N*s/rad}``.
     """
 
     translation: tuple[Damping, Damping, Damping] = (0.0, 0.0, 0.0)

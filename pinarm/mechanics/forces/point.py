@@ -310,7 +310,7 @@ class Wrench(InputStruct, frozen=True, tag_field="kind", tag="wrench"):
     Attributes:
         point: The link at whose origin it acts.
         force: Components [N].
-        moment: Components [N*m].
+        moment: Components [N*m], such as ``[0 N*m, 0 N*m, 5 N*m]``.
         axes: ``world``, or the link in whose axes the components are given.
         factor: Law over time that multiplies them.
     """

@@ -75,18 +75,19 @@ class Friction(InputStruct, frozen=True):
         radius: Of the journal, at which a joint that turns slips; of a joint that slides, lever of the key that carries
             the moment about its axis.
         thrust_radius: Mean radius of the shoulder that carries the axial force of a joint that turns.
-        span: Distance of two bearings that share force and moment across the axis, centred at the joint's origin.
+        span: Distance of two bearings that share force and moment across the axis, centred at the joint's origin, such
+            as ``80 mm``.
         flank: Angle of a thread's flank in the axial section: 0 of a square thread, 30 deg of a metric one; of a worm,
             its pressure angle there.
-        lead_angle: Of a worm.
+        lead_angle: Of a worm, such as ``5 deg``.
         teeth: Number of teeth of the first wheel, or of the pinion, of a coupling ``gear`` or ``rack`` with a
             ``pressure_angle``; friction is that of the mean slip of the flanks, in N and m/s.
         preload: Normal force that is there without any reaction.
-        constant: Part that does not depend on the reaction [N*m or N].
-        static_constant: The same at rest; ``constant`` where it is left out.
-        viscous: Per velocity [N*m*s/rad or N*s/m].
-        stribeck: Velocity by which friction has fallen from its value at rest to that of slip; at once where it is left
-            out.
+        constant: Part that does not depend on the reaction [N*m or N], such as ``0.2 N*m``.
+        static_constant: The same at rest, such as ``0.3 N*m``; ``constant`` where it is left out.
+        viscous: Per velocity [N*m*s/rad or N*s/m], such as ``0.01 N*m*s/rad``.
+        stribeck: Velocity by which friction has fallen from its value at rest to that of slip, such as ``0.1 rad/s``;
+            at once where it is left out.
         undetermined: ``refuse``, or ``minimum_norm``: what rigid bodies leave open of the load, as across a plane
             linkage, is then that of the least multipliers.
     """

@@ -39,8 +39,8 @@ class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rena
 
     Attributes:
         segments: The laws, each with its duration.
-        start: Initial value; that of the first law if ``None``.
-        begin: Time at which the first law begins [s].
+        start: Initial value, such as ``30 deg``; that of the first law where it is left out.
+        begin: Time at which the first law begins [s], such as ``0.5 s``.
     """
 
     segments: Annotated[list[Segment], msgspec.Meta(min_length=1)]

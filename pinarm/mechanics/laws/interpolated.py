@@ -83,7 +83,7 @@ class Spline(MotionLaw, frozen=True, tag_field="law", tag="spline", rename=FILE_
 
     Attributes:
         points: Instants and values.
-        speeds: At the first and the last point; 0 by default.
+        speeds: At the first and the last point, such as ``[0 rad/s, 2 rad/s]``; 0 by default.
     """
 
     points: list[tuple[Abscissa, Level]]
@@ -112,8 +112,8 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
 
     Attributes:
         file: The table, relative to the file that names it.
-        speeds: At the first and the last row, and beyond them; 0 by default, which distorts a motion that does not
-            rest there.
+        speeds: At the first and the last row, and beyond them, such as ``[0 rad/s, 2 rad/s]``; 0 by default, which
+            distorts a motion that does not rest there.
     """
 
     file: str

@@ -32,7 +32,7 @@ class ConstantSpeed(MotionLaw, frozen=True, tag_field="law", tag="constant_speed
     Attributes:
         speed: Rate of the value, such as ``300 rpm``.
         start: Value at ``begin``, ``from`` in files.
-        begin: Instant at which the value is ``from``.
+        begin: Instant at which the value is ``from``, such as ``0.5 s``.
     """
 
     speed: Rate
@@ -51,7 +51,7 @@ class ConstantAcceleration(MotionLaw, frozen=True, tag_field="law", tag="constan
         acceleration: Second rate of the value.
         start: Value at ``begin``, ``from`` in files.
         speed: Rate of the value at ``begin``.
-        begin: Instant at which the value is ``from``.
+        begin: Instant at which the value is ``from``, such as ``0.5 s``.
     """
 
     acceleration: SecondRate
@@ -73,7 +73,7 @@ class Harmonic(MotionLaw, frozen=True, tag_field="law", tag="harmonic", rename=F
         pulsation: Angular frequency, such as ``2 rad/s``; over an angle in rad/rad.
         mean: Mean of the value.
         phase: Angle at ``begin``.
-        begin: Instant at which the angle is ``phase``.
+        begin: Instant at which the angle is ``phase``, such as ``0.5 s``.
     """
 
     amplitude: Level

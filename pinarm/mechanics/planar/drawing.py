@@ -45,7 +45,7 @@ class Slider(InputStruct, frozen=True):
     Attributes:
         link: What slides.
         along: Two points whose line in the drawing is the direction.
-        on: What it slides on: a link, or ``ground``.
+        on: What it slides on: a link, such as ``carriage``, or ``ground``.
     """
 
     link: str
@@ -57,10 +57,11 @@ class Slot(InputStruct, frozen=True):
     """A pin in a straight slot: a point of a link moves along a line of another one, and the link turns freely.
 
     Attributes:
-        link: The link with the pin.
-        point: The pin, one of the points of ``link``.
-        along: Two points whose line in the drawing is the direction; the slot runs through ``point``.
-        on: The link with the slot, or ``ground``.
+        link: The link with the pin, such as ``fork``.
+        point: The pin, one of the points of ``link``, such as ``P``.
+        along: Two points whose line in the drawing is the direction, such as ``[O, P]``; the slot runs through
+            ``point``.
+        on: The link with the slot, such as ``crank``, or ``ground``.
     """
 
     link: str
@@ -83,11 +84,11 @@ class PlanarDrawing(InputStruct, frozen=True):
     that close no loop: a drawing does not say more of it.
 
     Attributes:
-        points: Name -> coordinates x and y in the drawing [m], such as ``A: [40 mm, 80 mm]``.
+        points: Name -> coordinates x and y in the drawing [m], such as ``{A: [40 mm, 80 mm]}``.
         ground: Points that do not move.
         links: Moving links, by name.
         sliders: Slides, by name.
-        slots: Pins in slots, by name.
+        slots: Pins in slots, by name, such as ``{s: {link: fork, point: P, along: [O, P], on: crank}}``.
     """
 
     points: dict[str, tuple[Position, Position]]

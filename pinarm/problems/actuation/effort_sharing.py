@@ -27,9 +27,9 @@ class EffortSharing(InputStruct, frozen=True):
     """The efforts tau with the least ``sum_i (w_i tau_i)^2`` over the drives i, with ``|tau_i|`` within limits.
 
     Attributes:
-        weights: Drive -> w, of every drive; the larger, the less it carries. Numbers without unit where all drives give
-            torques, or all give forces; else in 1/N/m and 1/N, such as the reciprocals of the rated efforts. 1 where
-            left out.
+        weights: Drive -> w, of every drive, such as ``{left: 1, right: 2}``; the larger, the less it carries. Numbers
+            without unit where all drives give torques, or all give forces; else in 1/N/m and 1/N: the reciprocals of
+            the rated efforts, for example. 1 where left out.
         limits: Drive -> largest effort, of some drives, such as ``{A: 20 N*m}``; or ``model``, the effort limits that
             the model gives its joints. None where left out.
     """

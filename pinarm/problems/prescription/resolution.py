@@ -30,8 +30,9 @@ class NearestPosture(InputStruct, frozen=True):
 
     Attributes:
         nearest_to: Joint -> q0, such as ``{elbow: 90 deg}``. Joints that are left out are free to help the others.
-        weights: Joint -> w, of every joint of ``nearest_to``; the larger, the nearer it stays. Numbers without unit
-            where all of them turn, or all slide; else in 1/rad (or none) and 1/m. 1 where left out.
+        weights: Joint -> w, of every joint of ``nearest_to``, such as ``{elbow: 1, wrist: 2}``; the larger, the nearer
+            it stays. Numbers without unit where all of them turn, or all slide; else in 1/rad (or none) and 1/m. 1
+            where left out.
         within: ``limits`` keeps the joints within the limits of the model; ``{elbow: [0 deg, 120 deg]}`` keeps some
             joints within others. None are kept where it is left out.
     """

@@ -47,12 +47,15 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
     Attributes:
         file: CSV table with a heading such as ``t [s],joint.knee.position [deg],joint.knee.velocity [deg/s]``: one
             column for every joint, by the names of quantities; other columns are not read.
-        columns: The same in place of a file: heading -> numbers, in a list or as text.
+        columns: The same in place of a file: heading -> numbers, in a list or as text, such as ``{'t [s]': [0, 0.1,
+            0.2], 'knee [deg]': [10, 12, 15]}``.
         derivatives: ``given``, as far as there are columns of them, or those of a ``spline``.
-        drives: Coordinates that the drives act along, where no efforts are given; every joint of an open chain where
-            none is named. Without any a mechanism with loops tells no forces.
-        share: How drives share the load where there are more of them than degrees of freedom; see ``kind: inverse``.
-        loads: Applied forces, springs and dampers of this run.
+        drives: Coordinates that the drives act along, such as ``[knee]``, where no efforts are given; every joint of an
+            open chain where none is named. A mechanism with loops has no forces in its answer without any.
+        share: How drives share the load where there are more of them than degrees of freedom, such as
+            ``least_squares``; the kind ``inverse`` has the same key.
+        loads: Applied forces, springs and dampers of this run, such as ``{spring: {kind: joint_spring, joint: O,
+            stiffness: 20 N*m/rad}}``.
     """
 
     kind: ClassVar[str] = "recorded"

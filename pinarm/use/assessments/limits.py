@@ -36,7 +36,7 @@ class Limits(InputStruct, frozen=True):
     """Limits of numbers of the run.
 
     Attributes:
-        keep: Number of the run, such as ``C_B @ rms`` or ``loads.B.life.time`` -> ``< 30 N*m`` or ``'> 20000 h'``.
+        keep: Number of the run -> its bound, such as ``{C_B @ rms: < 30 N*m, loads.B.life.time: '> 20000 h'}``.
     """
 
     keep: Annotated[dict[str, str], msgspec.Meta(min_length=1, max_length=100)]

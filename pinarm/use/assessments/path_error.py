@@ -58,7 +58,8 @@ class PathError(InputStruct, frozen=True):
         point: A link, or a point of it, whose origin is meant.
         wanted: Coordinates of the points in their order, by axis of the world: ``{x: [20 mm, 20 mm], y: [0, 5 mm]}``;
             or a CSV file with the columns ``x [mm]`` and so on. Axes that are left out do not count.
-        times: At which instants the points are to be met; the best ones in their order where they are left out.
+        times: At which instants the points are to be met, such as ``[0 s, 0.5 s, 1 s]``; the best ones in their order
+            where they are left out.
     """
 
     point: str

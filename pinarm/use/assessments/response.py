@@ -45,10 +45,10 @@ class Response(InputStruct, frozen=True):
 
     Attributes:
         of: The quantity, or a formula of quantities.
-        begin: Instant of the step; the start of the run where it is left out.
-        initial: Value that it starts from; that at the beginning where it is left out.
+        begin: Instant of the step, such as ``0.1 s``; the start of the run where it is left out.
+        initial: Value that it starts from, such as ``0 deg``; that at the beginning where it is left out.
         final: Value that it goes to; that at the end of the run where it is left out.
-        band: Half the width of the band in which it has settled, as a part of the step.
+        band: Half the width of the band in which it has settled, as a part of the step, such as ``0.05``.
     """
 
     of: str

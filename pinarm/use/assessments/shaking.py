@@ -49,7 +49,8 @@ class Shaking(InputStruct, frozen=True):
     """Shaking force and moment of the mechanism on its frame.
 
     Attributes:
-        about: The link about whose origin the moment is taken; the world's origin where it is left out.
+        about: The link about whose origin the moment is taken, such as ``frame``; the world's origin where it is left
+            out.
         harmonics: How many harmonics of the run's length are told; 0 for runs that are not periodic.
     """
 

@@ -31,7 +31,7 @@ class Expectation(InputStruct, frozen=True):
         at: ``all`` for every row; ``start``, ``end``; ``max``, ``min``, ``largest`` (of the absolute value) over the
             run; an instant: ``{t: 1.5 s, side: left}``, ``{phi: 0 deg, occurrence: 1}``; or a figure of the curve over
             the run: ``mean``, ``rms``, ``integral``, ``peak``, or a percentile such as ``p95``.
-        value: The right value, from a closed form or a derivation that does not use this program.
+        value: The right value, from a closed form or a derivation that does not use this program, such as ``12.5 N*m``.
         formula: The same as a formula of symbols, arguments and quantities.
         rtol: Relative tolerance of value and formula.
         atol: Absolute tolerance, with its unit. Where neither is given a value must be met to half a unit of its last
@@ -42,9 +42,10 @@ class Expectation(InputStruct, frozen=True):
             or the wrong assumption of a ``model_error``, which needs it.
         verdict: What is claimed of the published figure; a ``reading`` was taken off a plot, a ``model_error`` is
             printed as its authors meant it, from a model that leaves out or misplaces something.
-        erratum: Name of a misprint or model error; entries with one name, in all scenarios that are checked, are one.
-        source: Where the value or the published figure comes from.
-        note: What to know.
+        erratum: Name of a misprint or model error, such as ``table 11-2, sign``; entries with one name, in all
+            scenarios that are checked, are one.
+        source: Where the value or the published figure comes from, such as ``Norton, table 11-2``.
+        note: What to know, such as ``read off the plot``.
     """
 
     quantity: str

@@ -98,17 +98,17 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
     Attributes:
         unknown: ``for`` in files: path of a number of the scenario, as ``--set`` writes it -> where to start from; for
             an optimum its bounds, ``[0 kg, 500 kg]``, or ``{from: 0 kg, to: 500 kg, start: 100 kg}``.
-        wanted: ``so_that`` in files: quantity or formula -> its value at every row; or number of the run, such as
-            ``C_B @ rms`` -> its value.
+        wanted: ``so_that`` in files: quantity or formula -> its value at every row, or number of the run -> its value,
+            such as ``{C_B @ rms: 20 N*m}``.
         minimise: Number of the run that is to be least, such as ``C_B @ rms``.
-        maximise: Number of the run that is to be largest.
-        subject_to: For an optimum: number of the run -> what it must keep to, ``< 0.52 m``, ``= 0.52 m`` or
-            ``'> 0.52 m'``, in quotes.
-        starts: For an optimum: how many points the search starts from: the given one, or the middle of the bounds, and
-            others that fill the space between the bounds evenly.
+        maximise: Number of the run that is to be largest, such as ``C_B @ min``.
+        subject_to: For an optimum: number of the run -> what it must keep to, such as ``{loop.B.force.norm @ max: < 300
+            N}``; an equality is ``= 0.52 m``, and a bound with ``>`` stands in quotes.
+        starts: For an optimum: how many points the search starts from, such as ``16``: the given one, or the middle of
+            the bounds, and others that fill the space between the bounds evenly.
         search: For an optimum: ``local``, down along the slopes from every start; ``global``, differential evolution
             of a population first, which costs hundreds of runs.
-        seed: For an optimum: of the choice of starts.
+        seed: For an optimum: of the choice of starts, a whole number, such as ``1``.
     """
 
     unknown: Annotated[dict[str, Unknown], msgspec.Meta(min_length=1)]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import inspect
+import json
 import re
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, Literal, Union
 
 import msgspec
@@ -15,6 +17,9 @@ from pinarm.input.yaml.schema import InputStruct, json_schema
 from pinarm.mechanics.description import MechanismDescription
 from pinarm.problems import KINDS, problem_class
 from pinarm.use.scenario.scenario_file import ScenarioFile
+
+EXAMPLES = Path(__file__).with_name("key_examples.json")
+"""Definition -> key -> a value that a tested file gives it; ``docs/key_examples.py`` writes it."""
 
 
 def schema(of: Literal["scenario", "mechanism"] = "scenario") -> dict[str, Any]:
@@ -37,10 +42,10 @@ def schema(of: Literal["scenario", "mechanism"] = "scenario") -> dict[str, Any]:
     )  # fmt: skip
     if kinds:
         definitions["ScenarioFile"]["properties"]["problem"] = roots[1]
-    meanings = _meanings(InputStruct)
+    meanings, examples = _meanings(InputStruct), json.loads(EXAMPLES.read_text(encoding="utf-8"))
     for name, definition in definitions.items():
         if name in meanings:
-            _explain(definition, *meanings[name])
+            _explain(definition, *meanings[name], examples.get(name, {}))
     own = definitions.pop(file.__name__)
     return {**own, "$defs": definitions, "$schema": "https://json-schema.org/draft/2020-12/schema"}
 
@@ -81,11 +86,29 @@ INDENT = 4
 """Of the keys below ``Attributes:`` in a docstring."""
 
 
-def _explain(definition: dict[str, Any], meaning: str, keys: Mapping[str, str]) -> None:
+def _explain(definition: dict[str, Any], meaning: str, keys: Mapping[str, str], examples: Mapping[str, Any]) -> None:
     """Put the meanings of a struct and of its keys into its schema, which editors show where the mouse is."""
     definition["description"] = meaning
-    for key, text in keys.items():
-        if key in definition.get("properties", {}):
-            own = definition["properties"][key]
-            unit = f" ({own['description']})" if "description" in own else ""
-            definition["properties"][key] = {**own, "description": f"{text}{unit}"}
+    for key, own in definition.get("properties", {}).items():
+        unit = f" ({own['description']})" if "description" in own else ""
+        text = keys.get(key) or (_first_sentence(meaning) if key in TAGS else "")
+        shown = {"examples": [examples[key]]} if key in examples else {}
+        definition["properties"][key] = {**own, "description": f"{text}{unit}".strip(), **shown}
+
+
+TAGS = ("kind", "law")
+"""Keys that say which structure it is: their text is what that is."""
+
+
+def _first_sentence(text: str) -> str:
+    return re.split(r"(?<=[.:])\s", " ".join(text.split()), maxsplit=1)[0].rstrip(":")
+
+
+def has_example(key: Mapping[str, Any]) -> bool:
+    """Tell whether the schema of a key shows what may stand there: an example, in its text or beside it, or all values.
+
+    Args:
+        key: Its JSON Schema.
+    """
+    listed = "enum" in key or key.get("type") == "boolean"
+    return listed or bool(key.get("examples")) or "such as ``" in key["description"].lower()

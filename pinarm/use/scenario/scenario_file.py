@@ -47,10 +47,10 @@ class ScenarioFile(InputStruct, frozen=True):
 
     Attributes:
         pinarm: Version of the format.
-        title: For headings.
-        mechanism: A mechanism file, a URDF or xacro file, relative to this one, or the name of a robot of
-            example-robot-data.
-        arguments: Values for the model's arguments, with units.
+        title: For headings, such as ``Slider-crank with gas force``.
+        mechanism: A mechanism file, a URDF or xacro file, relative to this one, such as ``arm.yaml``; or the name of a
+            robot of example-robot-data, such as ``panda``.
+        arguments: Values for the model's arguments, with units, such as ``{m_A: 0.2 kg}``.
         gravity: Replaces that of the mechanism; ``none`` for none.
         payloads: What links carry in this run, beside the payloads of the mechanism.
         changes: Values that replace others of the mechanism file, such as ``{drives: {knee: {ratio: 100}}}``.
@@ -60,24 +60,31 @@ class ScenarioFile(InputStruct, frozen=True):
         units: Quantity -> the unit that it is shown in, such as ``{N_m: rpm, F: kN}``: in the terminal, plots, replays,
             reports, checks, CSV files and tables of pandas. Without it angles are shown to people in degrees, all else
             in SI.
-        labels: Quantity -> what stands for its name in plots, replays and the terminal: text, or TeX such as
-            ``\dot\psi``.
-        numbers: Numbers of the run to tell, such as ``C_B @ rms`` or ``loads.B.life.time``: see ``read_number``.
-        shaking: Shaking force and moment on the frame; see ``assessments.shaking``.
-        sizing: Motor and gear of a drive, out of a catalogue; see ``assessments.sizing``.
-        loads: Loads of joints, lives of bearings, balance of rotors, sets of loads for FEM; see ``assessments.loads``.
-        path_error: How far a point passes from wanted ones; see ``assessments.path_error``.
-        limits: What numbers of the run must keep to; see ``assessments.limits``.
-        response: Overshoot, rise and settling time of a step response; see ``assessments.response``.
-        sensitivity: What numbers of the run depend on, and bands from tolerances; see ``assessments.sensitivity``.
+        labels: Quantity -> what stands for its name in plots, replays and the terminal: text, or TeX, such as ``{psid:
+            \dot\psi}``.
+        numbers: Numbers of the run to print, such as ``[C_B @ rms, loads.B.life.time]``: a quantity at a place or as a
+            figure of its curve, or a number of an assessment.
+        shaking: Shaking force and moment on the frame over the run, such as ``{harmonics: 3}``.
+        sizing: Motor and gear of a drive, out of a catalogue, such as ``{drive: knee, catalogue: motors.csv, ratios:
+            [20, 40, 80]}``.
+        loads: Loads of joints, lives of bearings, balance of rotors, sets of loads for FEM, such as ``{joints: {O:
+            {bushing: {diameter: 20 mm, length: 25 mm}}}}``.
+        path_error: How far a point passes from wanted ones, such as ``{point: B, wanted: {x: [20 mm, 30 mm], y: [0, 5
+            mm]}}``.
+        limits: What numbers of the run must keep to, such as ``{keep: {joint.O.effort @ rms: < 20 N*m}}``.
+        response: Overshoot, rise and settling time of a step response, such as ``{of: theta, final: 30 deg}``.
+        sensitivity: What numbers of the run depend on, and bands from tolerances, such as ``{of: [C_B @ max], to:
+            {arguments.m_A: 5 %}}``.
         modelled: ``required``, what the question requires: joints that it holds still are locked, and dropped those
             that it moves and nothing depends on; or the ``whole`` mechanism. The answer is the same.
         undetermined: What to do with reactions that rigid bodies do not determine: ``refuse`` them, or give those of
             the least multipliers (``minimum_norm``), marked as such.
         accuracy: How accurate the answer is wanted.
-        variants: Simplified models to compare with this one (see ``tradeoff``): name -> values replaced, by their path.
+        variants: Simplified models that the command ``tradeoff`` compares with this one: name -> values replaced, by
+            their path, such as ``{massless_rod: {arguments.m_BA: 0 kg}}``.
         find: Numbers of the scenario to find first, and what they are to bring about.
-        expect: The answer key: what the answer must be, and what was published.
+        expect: The answer key: what the answer must be, and what was published, such as ``[{quantity: theta, at: end,
+            value: 30 deg, atol: 0.01 deg, source: closed form}]``.
     """
 
     deferred: ClassVar[Deferred] = {

@@ -1,6 +1,7 @@
 """Controllers on mechanisms: loops, laws, friction, end stops, several freedoms, and functions in Python."""
 
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from scipy.linalg import expm
 
 import pinarm
 from pinarm.engine.kernel.library import library
-from pinarm.errors import InputError
+from pinarm.errors import InputError, IntegrationError
 
 CART = """<robot name="cart"><link name="base"/>
 <link name="cart"><inertial><mass value="2"/>
@@ -474,3 +475,10 @@ def test_a_sample_may_break_loose_what_friction_holds(slide):
     commands = iter([30.0] * 13 + [None] * 12)
     x, _ = stepped(0.0, 0.0, lambda x, v: next(commands) or 300.0 * (0.5 - x) - 120.0 * v, 60.0, 40.0, 50.0, 0.02, 25)
     assert result["x"].values == pytest.approx(at_rows(result, x), abs=1e-12)
+
+
+def test_a_run_that_takes_too_many_steps_names_its_controllers() -> None:
+    example = Path(__file__).parents[3] / "docs/kind_examples/controllers/pid.yaml"
+    with pytest.raises(IntegrationError) as caught:
+        pinarm.run(example, values={"accuracy.max_steps": 20, "problem.control.0.kp": "1e6 N*m/rad"})
+    assert "controller of O (kp 1e+06, ki 40, kd 4 in SI), or a period shorter than 0.005 s" in caught.value.hint

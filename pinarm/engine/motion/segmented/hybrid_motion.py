@@ -425,6 +425,8 @@ class HybridSystem(Record, frozen=True):
                 motion.segments.append(MotionSegment(system, error.partial, acting, self._holding(mode.held)))
             error.partial = motion if motion.segments else None
             self._locate(error, system)
+            if self.controls and isinstance(error, IntegrationError):
+                error.hint = f"{self.controls.advice}, or {error.hint}"
             raise
         motion.segments.append(MotionSegment(system, solution, acting, self._holding(mode.held)))
         end = self._note_events(motion, solution, system, [key for key, _ in watched])

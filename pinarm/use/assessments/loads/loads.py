@@ -49,7 +49,8 @@ class Loads(InputStruct, frozen=True):
     Attributes:
         joints: Joints of the tree and loop joints, by name (``joint.NAME`` or ``loop.NAME`` where both have it).
         sets: At which peaks of each joint every body's loads are written, in balance with its weight and inertia.
-        rotors: Revolute joints whose bodies are rotors, for the grade of their balance.
+        rotors: Revolute joints whose bodies are rotors, for the grade of their balance, such as ``{O: {speed: 3000
+            rpm}}``.
     """
 
     joints: dict[str, JointLoads] = {}

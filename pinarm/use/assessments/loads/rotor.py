@@ -36,9 +36,9 @@ class Rotor(InputStruct, frozen=True):
     """A rigid rotor: the body that a revolute joint moves.
 
     Attributes:
-        speed: At which it works; the largest of the run where it is left out.
+        speed: At which it works, such as ``3000 rpm``; the largest of the run where it is left out.
         planes: Places of two tolerance planes along the joint's axis, from its origin, on both sides of the centre of
-            mass; only the static unbalance is graded where they are left out.
+            mass, such as ``[-50 mm, 50 mm]``; only the static unbalance is graded where they are left out.
     """
 
     speed: ServiceSpeed | None = None

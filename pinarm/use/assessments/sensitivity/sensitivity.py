@@ -55,15 +55,15 @@ class Sensitivity(InputStruct, frozen=True):
     """What numbers of the run depend on.
 
     Attributes:
-        of: Numbers of the run, such as ``C_B @ max`` or ``loads.B.life.time``.
+        of: Numbers of the run, such as ``[C_B @ max, loads.B.life.time]``.
         to: Numbers of the scenario and their tolerances: argument of the model, or path as ``--set`` writes it ->
             ``250 ± 0.1 mm``, ``0.1 mm`` or ``5 %``.
-        monte_carlo: How many runs with drawn inputs are compared with root-sum-square; 0 for none.
-        sobol: Base samples of Sobol' indices, a power of 2, which take that many runs times the inputs and two; 0 for
-            none. Needs SALib.
+        monte_carlo: How many runs with drawn inputs are compared with root-sum-square, such as ``1000``; 0 for none.
+        sobol: Base samples of Sobol' indices, a power of 2, such as ``64``, which take that many runs times the inputs
+            and two; 0 for none. Needs SALib.
         distribution: Of drawn inputs: ``normal``, with a third of the tolerance as standard deviation, or ``uniform``
             within the tolerance.
-        seed: Of the drawing.
+        seed: Of the drawing: a whole number, such as ``1``. The same number draws the same inputs.
     """
 
     of: Annotated[tuple[str, ...], msgspec.Meta(min_length=1, max_length=100)]

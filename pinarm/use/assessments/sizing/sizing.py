@@ -59,10 +59,10 @@ class Sizing(InputStruct, frozen=True):
 
     Attributes:
         drive: A drive of the mechanism, whose joint follows the motion of the run.
-        catalogue: A CSV file of motors; its columns are described in ``assessments.sizing.catalogue``.
+        catalogue: A CSV file of motors, such as ``motors.csv``; docs/assessments.md describes its columns.
         ratios: Ratios of the gear to try; ``20:200`` for 25 of them between these two, ``20:200:10`` for 10, each the
             same factor above the one before.
-        efficiency: Of the gear; that of the drive where it is left out.
+        efficiency: Of the gear, such as ``0.8``; that of the drive where it is left out.
         rest: How long the joint rests between two cycles, held by a brake, the motor without torque.
         ambient: Temperature around the motor [degC], such as ``40 degC``.
         safety: Factor on torques and speeds.
