@@ -97,7 +97,7 @@ class Schedule:
 
 
 def _in_order(actions: Sequence[ScheduledAct]) -> list[ScheduledAct]:
-    """Return what is done at one instant: earlier commands are applied, then all measure, then apply what that gives."""
+    """Return what is done at one instant: earlier commands apply, then all measure, then apply what that gives."""
     measured = {(act.controller, act.sample) for act in actions if act.measures}
 
     def place(act: ScheduledAct) -> tuple[int, ScheduledAct]:
