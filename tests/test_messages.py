@@ -337,6 +337,8 @@ MECHANISMS = [
       for old, new, place, most in [("1 kg*mm^2", "1e308 kg*m^2", "9:68", "1e+100"),
                                     ("100 N/m", "1e308 N/m", "11:57", "1e+100"),
                                     ("9.81 m/s^2", "1e308 m/s^2", "4:37", "1e+100"),
+                                    ("ratio: 50", "ratio: 1e308", "9:32", "1e+100"),
+                                    ("rest: 0 m", "rest: 1e308 m", "11:90", "1e+100"),
                                     ("symbols:", "payloads: {p: {point: rod, mass: 1e308 kg}}\nsymbols:", "12:34",
                                      "1e+50")]],
     ("x: joint.track.position", "x: joint.track.", ["slider.yaml:13:6: "]),

@@ -40,6 +40,13 @@ class MotorInput(NamedTuple):
     mode: Array | int = FREE
 
 
+class CommandOfEffort(NamedTuple):
+    """The command that gives an effort at the joint at a velocity: ``per_effort effort + per_velocity v``."""
+
+    per_effort: float
+    per_velocity: float
+
+
 class Actuator(Protocol):
     """A motor behind its gear."""
 
@@ -86,6 +93,10 @@ class MotorDefinition(Protocol):
         """Return the motor with a gear, by N, its turns per turn of the joint, or radians per metre."""
         ...
 
+    def inverse(self, ratio: float) -> CommandOfEffort | None:
+        """Return what command gives an effort behind the gear; ``None`` where commands do not determine efforts."""
+        ...
+
 
 class DcMotor(InputStruct, frozen=True, tag_field="kind", tag="dc"):
     """A motor with brushes, or a brushless one with its electronics: ``L i' = V - R i - k w``, torque ``k i``.
@@ -117,6 +128,11 @@ class DcMotor(InputStruct, frozen=True, tag_field="kind", tag="dc"):
     def behind(self, ratio: float) -> Actuator:
         """Return the motor with a gear."""
         return (InductiveWinding if self.inductance else Winding)(self, ratio)
+
+    def inverse(self, ratio: float) -> CommandOfEffort | None:
+        """Return the voltage of an effort T, ``V = R T / (N k) + k N v``; ``None`` with an inductance."""
+        behind = self.constant * ratio
+        return None if self.inductance else CommandOfEffort(self.resistance / behind, behind)
 
 
 class IdealMotor(InputStruct, frozen=True, tag_field="kind", tag="ideal"):
@@ -154,6 +170,10 @@ class IdealMotor(InputStruct, frozen=True, tag_field="kind", tag="ideal"):
     def behind(self, ratio: float) -> Actuator:
         """Return the motor with a gear."""
         return TorqueSource(ratio, *(None if x is None else TorqueCurve.of(x) for x in (self.peak, self.continuous)))
+
+    def inverse(self, ratio: float) -> CommandOfEffort | None:
+        """Return the torque of an effort in front of the gear."""
+        return CommandOfEffort(1.0 / ratio, 0.0)
 
 
 AnyMotor = DcMotor | IdealMotor

@@ -134,8 +134,8 @@ def test_mistakes_are_told(servo):
     with pytest.raises(InputError, match="not a unit"):
         run(servo(), effort)
     torque = {"kind": "computed_torque", "drive": "servo", "follows": {"law": "constant", "value": "1 rad"}}
-    with pytest.raises(InputError, match="takes a voltage"):
-        run(servo(), torque)
+    with pytest.raises(InputError, match="with inductance"):
+        run(servo(inductance="5 mH"), torque)
     with pytest.raises(InputError, match="constant 0"):
         servo(constant="0 N*m/A")
 
@@ -214,6 +214,18 @@ def test_a_torque_above_the_continuous_one_is_told(servo, tmp_path):
     assert result["control.servo.continuous_margin"].values[0] == pytest.approx(-0.1, abs=1e-12)
     quiet = run(mechanism, constant(0.1), "0.1 s", ("x",))
     assert not any("continuous" in note for note in quiet.notes())
+
+
+def test_computed_torque_of_a_dc_motor_without_inductance_is_that_of_the_joint(servo):
+    """The errors obey ``e'' + 40 e' + 400 e = 0``, and the voltage is that of torque and speed."""
+    control = {"kind": "computed_torque", "drive": "servo", "follows": {"law": "constant", "value": "1 rad"},
+               "kp": "400 1/s^2", "kd": "40 1/s"}  # fmt: skip
+    result = run(servo(), control, outputs=("x", "control.servo.voltage"))
+    t = result["t"].values
+    error, speed = (1.0 + 20.0 * t) * np.exp(-20.0 * t), 400.0 * t * np.exp(-20.0 * t)
+    torque = INERTIA * (400.0 * error - 40.0 * speed)
+    assert np.abs(result["x"].values - (1.0 - error)).max() < 1e-7
+    assert np.abs(result["control.servo.voltage"].values - (R * torque / (N * K) + K * N * speed)).max() < 1e-5
 
 
 @pytest.mark.parametrize("period", [{}, {"period": "10 ms"}])

@@ -104,7 +104,7 @@ class ControlMemory:
                     command = self.samplers[number].sample(sample, t, q, v, self._excess(number, t, q, v))
                     self.waiting[number][sample] = command
                     self.commands[self.places[number]] = command
-                if not measures or not self.samplers[number].sampling.delay:
+                else:
                     self.apply(number, self.waiting[number].pop(sample))
             self.done += 1
         self.note(t)

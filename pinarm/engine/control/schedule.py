@@ -64,7 +64,7 @@ class Schedule:
 
     Attributes:
         instants: Ascending [s].
-        actions: What is done at each, in order: commands are applied before others are measured.
+        actions: What is done at each, in order: commands of earlier samples are applied before others are measured.
         slack: Difference below which instants are the same [s].
         samples: Instants of the samples of every controller [s].
     """
@@ -79,19 +79,29 @@ class Schedule:
         """Return the schedule of sampled controllers from start to end [s]."""
         timed = [each.sampling for each in controllers if each.sampling]
         slack = SAME * min((each.period for each in timed), default=0.0)
-        marks, samples = list[tuple[float, bool, ScheduledAct]](), list[Array]()
+        marks, samples = list[tuple[float, ScheduledAct]](), list[Array]()
         for number, sampling in enumerate(timed):
             count = int((end - start - slack) / sampling.period) + 1
             samples.append(start + sampling.period * np.arange(float(count)))
             for k, t in enumerate(samples[-1].tolist()):
-                marks.append((t, True, ScheduledAct(number, k, True)))
-                if sampling.delay:
-                    marks.append((t + sampling.delay, False, ScheduledAct(number, k, False)))
+                marks.append((t, ScheduledAct(number, k, True)))
+                marks.append((t + sampling.delay, ScheduledAct(number, k, False)))
         marks.sort()
-        instants, actions = list[float](), list[list[tuple[bool, ScheduledAct]]]()
-        for t, measures, action in marks:
+        instants, actions = list[float](), list[list[ScheduledAct]]()
+        for t, action in marks:
             if not instants or t > instants[-1] + slack:
                 instants.append(t)
                 actions.append([])
-            actions[-1].append((measures, action))
-        return cls(instants, [[action for _, action in sorted(here)] for here in actions], slack, samples)
+            actions[-1].append(action)
+        return cls(instants, [_in_order(here) for here in actions], slack, samples)
+
+
+def _in_order(actions: Sequence[ScheduledAct]) -> list[ScheduledAct]:
+    """Return what is done at one instant: earlier commands apply, then all measure, then apply what that gives."""
+    measured = {(act.controller, act.sample) for act in actions if act.measures}
+
+    def place(act: ScheduledAct) -> tuple[int, ScheduledAct]:
+        at_once = not act.measures and (act.controller, act.sample) in measured
+        return (2 if at_once else int(act.measures)), act
+
+    return sorted(actions, key=place)

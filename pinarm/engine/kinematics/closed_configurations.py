@@ -87,7 +87,7 @@ def mobility_when_closed(mechanism: Mechanism) -> int:
         AssemblyError: The loops cannot be closed.
     """
     closure = mechanism.closure
-    return int(closure.split(closure.rows(closure.state(closed_generic(mechanism, {})))).free.shape[1])
+    return int(closure.split(closure.rows(closure.state(closed_generic(mechanism, mechanism.start)))).free.shape[1])
 
 
 def beside(mechanism: Mechanism, q: Array) -> list[Array]:

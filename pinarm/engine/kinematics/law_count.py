@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.errors import AssemblyError
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -25,7 +26,7 @@ def determining(mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> Prescr
     prescribed, closure = PrescribedCoordinates.bound(mechanism, motion), mechanism.closure
     least = mechanism.model.nv - closure.size  # redundant rows leave more freedom than this says
     if len(prescribed.names) < least:
-        raise prescribed.miscounted(mechanism, least)
+        raise prescribed.miscounted(mechanism, _mobility(mechanism, least))
     if len(prescribed.names) > mechanism.model.nv - int(closure.ties):
         check_excess(mechanism, prescribed)
     return prescribed
@@ -43,3 +44,13 @@ def check_excess(mechanism: Mechanism, prescribed: PrescribedCoordinates) -> Non
     mobility = mobility_when_closed(mechanism)
     if len(prescribed.names) > mobility:
         raise prescribed.miscounted(mechanism, mobility)
+
+
+def _mobility(mechanism: Mechanism, least: int) -> int:
+    """Return the degrees of freedom where the loops are closed; the least there may be where they cannot be."""
+    from pinarm.engine.kinematics.closed_configurations import mobility_when_closed
+
+    try:
+        return mobility_when_closed(mechanism)
+    except AssemblyError:
+        return least

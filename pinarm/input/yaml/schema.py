@@ -41,7 +41,7 @@ FARTHEST = 1e50
 """Largest length [m], in files of all kinds: squares and products of it stay numbers."""
 
 HEAVIEST, LARGEST = 1e50, 1e100
-"""Largest mass [kg]; largest moment of inertia, stiffness and damping [SI]: as ``FARTHEST``, and its square."""
+"""Largest mass [kg], as ``FARTHEST``; largest quantity of any other kind [SI], as forces and ratios: its square."""
 
 
 class Measured(float):
@@ -65,7 +65,7 @@ class Measured(float):
     along: ClassVar[int | None] = None
     least: ClassVar[float | None] = None
     above: ClassVar[float | None] = None
-    within: ClassVar[float | None] = None
+    within: ClassVar[float] = LARGEST
     forms: ClassVar[Sequence[Mapping[str, Any]]] = ({"type": "number"}, {"type": "string"})
     examples: ClassVar[str] = "30 deg; 50 % or 0.5 1 for one without"
 
@@ -106,7 +106,7 @@ class Measured(float):
         if (cls.least is not None and number < cls.least) or (cls.above is not None and number <= cls.above):
             bound = f"at least {cls.least:g}" if cls.above is None else f"more than {cls.above:g}"
             raise InputError(f"{number:g} is out of bounds", expected=bound)
-        if cls.within is not None and abs(number) > cls.within:
+        if abs(number) > cls.within:
             raise InputError(f"{number:g} is out of bounds", expected=f"a size of at most {cls.within:g}",
                              hint="check the exponent and the unit")  # fmt: skip
         return measured
@@ -147,22 +147,22 @@ def quantity(text: str = "", **expected: float | str | None) -> Any:
 
 
 AnyQuantity = quantity()
-NotNegative, Positive = quantity(least=0.0, within=LARGEST), quantity(above=0.0, within=LARGEST)
+NotNegative, Positive = quantity(least=0.0), quantity(above=0.0)
 Level, Rate, SecondRate, ThirdRate = quantity(order=0), quantity(order=1), quantity(order=2), quantity(order=3)
 Time, Duration, Pause = quantity("s"), quantity("s", above=0.0), quantity("s", least=0.0)
 Abscissa, Extent, Pulsation = quantity(along=1), quantity(along=1, above=0.0), quantity(along=-1)
 Angle, Length = quantity("rad"), quantity("m", least=0.0, within=FARTHEST)
-Force, Moment, Acceleration = quantity("N"), quantity("N*m"), quantity("m/s^2", least=0.0, within=LARGEST)
-Inertia, Mass = quantity("kg*m^2", least=0.0, within=LARGEST), quantity("kg", least=0.0, within=HEAVIEST)
+Force, Moment, Acceleration = quantity("N"), quantity("N*m"), quantity("m/s^2", least=0.0)
+Inertia, Mass = quantity("kg*m^2", least=0.0), quantity("kg", least=0.0, within=HEAVIEST)
 Span, Lead = quantity("m", above=0.0, within=FARTHEST), quantity("m", within=FARTHEST)
 Position, Tension = Lead, quantity("N", least=0.0)
 LoadRating, ServiceSpeed = quantity("N", above=0.0), quantity("rad/s", above=0.0)
-Stiffness, Damping = quantity("N/m", least=0.0, within=LARGEST), quantity("N*s/m", least=0.0, within=LARGEST)
+Stiffness, Damping = quantity("N/m", least=0.0), quantity("N*s/m", least=0.0)
 MotorSpeed, MotorTorque = quantity("rad/s", least=0.0), quantity("N*m", least=0.0)
 Current = quantity("A", above=0.0)
 Resistance, Inductance, TorqueConstant = quantity("ohm", above=0.0), quantity("H", least=0.0), quantity("N*m/A")
-RotationStiffness = quantity("N*m/rad", least=0.0, within=LARGEST)
-RotationDamping = quantity("N*m*s/rad", least=0.0, within=LARGEST)
+RotationStiffness = quantity("N*m/rad", least=0.0)
+RotationDamping = quantity("N*m*s/rad", least=0.0)
 GAINS = "20 N*m{0}/rad or 1500 N{0}/m; 1500 V{0}/m where the drive takes a voltage"
 Gain, IntegralGain, RateGain = (
     quantity(examples=GAINS.format("")), quantity(examples=GAINS.format("/s")), quantity(examples=GAINS.format("*s")),

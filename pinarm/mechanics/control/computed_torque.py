@@ -48,16 +48,17 @@ class ComputedTorque(ControlDefinition, frozen=True, kw_only=True, tag_field="ki
             with within(key):
                 check_unit(getattr(self, key), unit(per))
         with within("drive"):
-            effects = [plant.gain(name) for name in self.drives]
-            if None in effects:
-                raise InputError("a drive with a motor takes a voltage, not an effort",
-                                 expected="a drive without one, or an ideal motor",
+            found = [plant.motor_inverse(name) for name in self.drives]
+            motors = [motor for motor in found if motor is not None]
+            if len(motors) < len(found):
+                raise InputError("the current of a motor with inductance follows its voltage late: no voltage gives an "
+                                 "effort at once", expected="a motor without inductance, or an ideal one",
                                  hint="kind: pid, or the joint's name in place of the drive's")  # fmt: skip
             inverse = plant.inverse(joints)
         bounds, sampling = self.bounds(self.units(plant)), self.sampling(signals)
-        gains, gain = (float(self.kp), float(self.kd)), np.array(effects, float)
+        gains = float(self.kp), float(self.kd)
         return ComputedTorqueController(
-            tuple(self.drives), joints, signals, laws, *bounds, sampling, *gains, gain, inverse
+            tuple(self.drives), joints, signals, laws, *bounds, sampling, *gains, np.array(motors).T, inverse
         )
 
 
@@ -68,17 +69,20 @@ class ComputedTorqueController(Controller):
     Attributes:
         kp: Acceleration per error [1/s^2].
         kd: Acceleration per rate of the error [1/s].
-        gain: Effort at the joint per command of each drive, shape (k,): 1, or the ratio of the gear behind a motor.
+        motors: Command of each drive per effort and per velocity of its joint, shape (2, k); see ``CommandOfEffort``.
         inverse: ``(t, q, v, a) -> efforts`` of the drives; see ``Plant.inverse``.
     """
 
     kp: float
     kd: float
-    gain: Array = field(repr=False)
+    motors: Array = field(repr=False)
     inverse: Callable[[Array | float, Array, Array, Array], Array] = field(repr=False)
 
     def command(self, given: Given) -> Array:
-        """Return the efforts of the accelerations ``r'' + kd e' + kp e``."""
+        """Return the efforts of the accelerations ``r'' + kd e' + kp e``, or the commands of motors that give them."""
         error = given.error
         wanted = given.reference[..., 2] + self.kd * error[..., 1] + self.kp * error[..., 0]
-        return self.inverse(given.t, given.q, given.v, wanted) / self.gain
+        per_effort, per_velocity = self.motors
+        velocities = given.v[..., [joint.v for joint in self.joints]]
+        efforts = self.inverse(given.t, given.q, given.v, wanted)
+        return np.asarray(per_effort * efforts + per_velocity * velocities)

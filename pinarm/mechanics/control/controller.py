@@ -21,6 +21,7 @@ from pinarm.mechanics.control.signals import JointSignal, Signal
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.mechanics.limited_states import Switch
+from pinarm.mechanics.motors import CommandOfEffort
 
 Reader = Callable[[float, Array, Array], float]
 """``(t, q, v) -> `` a named quantity of one state [SI]."""
@@ -41,8 +42,8 @@ class Plant(Protocol):
         """Return the unit of the command of a drive: that of its motor, else that of efforts at its joint."""
         ...
 
-    def gain(self, name: str) -> float | None:
-        """Return the effort at the joint per command of a drive; ``None`` where commands do not determine efforts."""
+    def motor_inverse(self, name: str) -> CommandOfEffort | None:
+        """Return what command of a drive gives an effort at its joint; ``None`` where commands do not determine it."""
         ...
 
     def signal(self, name: str) -> Signal:

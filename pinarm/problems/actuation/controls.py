@@ -28,7 +28,7 @@ from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.mechanics.limited_states import FREE
-from pinarm.mechanics.motors import Actuator, MotorDefinition
+from pinarm.mechanics.motors import Actuator, CommandOfEffort, MotorDefinition
 from pinarm.problems.actuation.inverses import InverseOfLoops, InverseOfTree, inverse_of_couplings
 from pinarm.records import replace
 
@@ -88,12 +88,10 @@ class MechanismPlant:
         drive = self.mechanism.drives.get(name)
         return drive.motor.command if drive is not None and drive.motor else effort_unit(self.drive(name))
 
-    def gain(self, name: str) -> float | None:
-        """Return the effort at the joint per command of a drive; see ``Plant``."""
+    def motor_inverse(self, name: str) -> CommandOfEffort | None:
+        """Return what command of a drive gives an effort at its joint; see ``Plant``."""
         drive = self.mechanism.drives.get(name)
-        if drive is None or drive.motor is None:
-            return 1.0
-        return drive.ratio if drive.motor.supply == "torque" else None
+        return CommandOfEffort(1.0, 0.0) if drive is None or drive.motor is None else drive.motor.inverse(drive.ratio)
 
     def signal(self, name: str) -> Signal:
         """Return a coordinate that can be measured; see ``Plant``."""

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
+from msgspec.structs import force_setattr
 
 from pinarm.arrays import Array
 from pinarm.records import Record, ValueRecord
@@ -22,6 +23,9 @@ WIDTH, HEIGHT, HEAD = 7.0, 1.7, 0.9
 FLAT = 1e-9
 """Range below which a curve is drawn as constant: rounding must not be blown up to the height of the panel."""
 
+DRAWABLE = 1e300
+"""Size from which on numbers are left out of pictures, as infinite ones are: ends of axes about them would overflow."""
+
 
 Style = Literal["-", "--", ":", "-.", ""]
 """Full, dashed, dotted or dash-dotted, as in matplotlib; no line where it is empty."""
@@ -34,7 +38,7 @@ Marker = Literal["", "o", "s", "x", "mount"]
 
 
 class Line(ValueRecord, frozen=True):
-    """A line through points, or marks at points, or both.
+    """A line through points, or marks at points, or both; with gaps where a place is not ``drawable``.
 
     Attributes:
         x: Places along the horizontal axis, shape (n,).
@@ -59,6 +63,11 @@ class Line(ValueRecord, frozen=True):
     fill: str = ""
     label: str = ""
     opacity: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Leave out what cannot be drawn."""
+        for axis in ("x", "y"):
+            force_setattr(self, axis, drawable(getattr(self, axis)))
 
 
 class Note(ValueRecord, frozen=True):
@@ -149,6 +158,11 @@ class Chart(ValueRecord, frozen=True):
     width: float
     height: float
     legend: Literal["inside", "below"] = "inside"
+
+
+def drawable(values: Array) -> Array:
+    """Return values with gaps, NaN, where they are infinite or as large as ``DRAWABLE``."""
+    return np.where(np.abs(values) < DRAWABLE, values, np.nan)
 
 
 def limits(values: Array, margin: float = 0.0) -> tuple[float, float]:

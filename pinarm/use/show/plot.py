@@ -69,7 +69,7 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
     for index, name in enumerate(names):
         series = result[name]
         factor, unit = shown(series, how)
-        curve = Line(along.values / scale, _drawn(series.values) / factor, COLOURS[index % len(COLOURS)], **look)
+        curve = Line(along.values / scale, series.values / factor, COLOURS[index % len(COLOURS)], **look)
         bounds = _bounds(result, curve, name, factor)
         marks = _marks([entry for entry in keys if entry.quantity == name], scale, factor)
         panels.append(Panel(
@@ -84,14 +84,9 @@ def _bounds(result: Result, curve: Line, name: str, factor: float) -> list[Line]
     """Return the least and the greatest values of a quantity that frictions at rest leave open; none of another one."""
     if not result.quantities.open_rows(name).any():
         return []
-    least, greatest = (replace(curve, y=_drawn(each.values) / factor, width=0.8, style="--")
+    least, greatest = (replace(curve, y=each.values / factor, width=0.8, style="--")
                        for each in result.quantities.bounds(name))  # fmt: skip
     return [replace(least, label="least and greatest, as several frictions hold one motion"), greatest]
-
-
-def _drawn(values: Array) -> Array:
-    """Return values with a gap where they are infinite, as ends of bands may be."""
-    return np.where(np.isinf(values), np.nan, values)
 
 
 def graph(drawn: Graph, how: Presentation = PLAIN) -> Chart:

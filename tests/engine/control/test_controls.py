@@ -266,6 +266,19 @@ def test_a_delay_may_be_one_and_a_half_periods(inertia):
     assert found == pytest.approx(x, abs=1e-13)
 
 
+@pytest.mark.parametrize(("delay", "periods"), [("1e-11 s", 0), ("5e-11 s", 0), ("49.9999999999 ms", 1),
+                                               ("50.00000000001 ms", 1), ("99.99999999999 ms", 2)])  # fmt: skip
+def test_delays_that_are_periods_but_for_rounding_are_periods(inertia, delay, periods):
+    """Those of no period too: what a sample commands is in force from the sample on."""
+    found = last(pinarm.run(scenario(inertia, [{**PD, "period": "50 ms", "delay": delay}])))
+    x, v, commands = 1.0, 0.0, [0.0] * periods
+    for sample in range(20):
+        commands.append(-25.0 * x - 6.0 * v)
+        u = commands[sample]
+        x, v = x + 0.05 * v + 0.5 * 0.05**2 * u, v + 0.05 * u
+    assert found == pytest.approx(x, abs=1e-8)  # 25 N*m for 1e-10 s, twenty times, grown with two periods of delay
+
+
 def test_a_coarse_saturated_sampled_pid_is_stepped_by_hand(inertia):
     """Rounded positions, rates as differences, integral's part and effort within 2 N m, all at once."""
     asked = {**PD, "kp": "4 N*m/rad", "ki": "30 N*m/rad/s", "kd": "3 N*m*s/rad", "limits": ["-2 N*m", "2 N*m"],

@@ -34,6 +34,22 @@ def test_too_many_laws(leg):
     assert caught.value.expected == "3 of ankle, knee, hip, hip_height"
 
 
+CONNECTED = """<mujoco><worldbody>
+<body name="A"><joint name="a" axis="0 1 0"/><geom size=".05" pos="0 0 .1"/>
+  <body name="B" pos="0 0 .2"><joint name="b" axis="0 1 0"/><geom size=".05" pos=".2 0 0"/></body></body>
+<body name="C" pos=".5 0 0"><joint name="c" axis="0 1 0"/><geom size=".05" pos="0 0 .1"/></body>
+<body name="D" pos="1 0 1"><joint name="d" type="ball"/><geom size=".05" pos="0 0 -.1"/></body></worldbody>
+<equality><connect body1="B" body2="C" anchor=".5 0 .15"/></equality></mujoco>"""
+
+
+def test_missing_laws_are_counted_by_mobility_and_not_by_rows(tmp_path):
+    """A four-bar, whose three rows hold two motions in the plane, and a ball joint: 3 - 2 + 3."""
+    (tmp_path / "m.xml").write_text(CONNECTED)
+    with pytest.raises(InputError, match="4 coordinates have to follow a law and 1 do") as caught:
+        determining(Mechanism.load(tmp_path / "m.xml"), {"a": Constant(value=0.0)})
+    assert caught.value.expected.startswith("laws for 3 more")
+
+
 @pytest.mark.parametrize("names", [["theta2", "theta4"], ["theta2", "A", "theta4"]])
 def test_too_many_laws_of_a_loop_are_counted_by_its_mobility(names):
     """Of three joints one is free in a four-bar; values of two would fit one another by chance only."""

@@ -1,5 +1,6 @@
 """Charts as SVG: the numbers at their places, texts as texts, nothing that a file could smuggle in."""
 
+import io
 import re
 from itertools import pairwise
 from xml.etree import ElementTree
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from pinarm.use.show.chart import Chart, Line, Note, Panel
+from pinarm.use.show.figure import figure
 from pinarm.use.show.svg import Scale, round_numbers, svg, tick_texts
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -111,6 +113,20 @@ def test_ticks_are_round_numbers_within_the_axis(low: float, high: float, wanted
     assert wanted is None or found == pytest.approx(wanted)
     assert 2 <= len(found) <= 6
     assert low - 1e-9 <= found[0] and found[-1] <= high + 1e-9
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("y", [np.full(9, 1e308), 1.7e308 * np.linspace(-1.0, 1.0, 9), np.linspace(0.0, 1e308, 9),
+                               np.full(9, 0.99e300), np.linspace(-0.99e300, 0.99e300, 9)])  # fmt: skip
+def test_what_is_near_the_largest_number_leaves_a_gap(y: np.ndarray) -> None:
+    """What is not above 1e300 is drawn, and whatever it is, by both ways that pictures are made."""
+    x = np.linspace(0.0, 1.0, 9)
+    for line in (Line(x, y, "#123456"), Line(y, x, "#123456")):
+        chart = Chart("", [Panel([line])], 7.0, 3.0)
+        drawn = paths(ElementTree.fromstring(svg(chart)), "#123456")
+        assert [len(path) for path in drawn] == [int((np.abs(y) < 1e300).sum())]
+        assert np.isfinite(np.concatenate(drawn)).all()
+        figure(chart).savefig(io.BytesIO(), format="png", dpi=20)
 
 
 def test_a_scale_goes_both_ways_up() -> None:

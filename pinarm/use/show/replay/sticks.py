@@ -106,7 +106,8 @@ def _joint(node: Node, index: int, size: float) -> Iterator[Shape]:
 def _foot(model: pin.Model, at: Array, size: float) -> Shape:
     """Return what a joint on the ground stands on: a short block below it."""
     gravity = np.asarray(model.gravity.linear)
-    down = gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, -1.0])
+    down = gravity / np.abs(gravity).max() if gravity.any() else np.array([0.0, 0.0, -1.0])  # its square may underflow
+    down /= np.linalg.norm(down)
     edges = (FOOT[0] * size, FOOT[0] * size, FOOT[1] * size)
     return Shape(0, _along(at + (PIN * size + edges[2] / 2.0) * down, down), "box", edges, GROUND)
 

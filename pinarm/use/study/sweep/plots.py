@@ -62,14 +62,14 @@ def _kind(sweep: Sweep) -> Draw:
 
 def _family(axis: Axes, sweep: Sweep, series: Series) -> None:
     """Draw curves over the longer axis, one for each value of the other."""
-    from pinarm.use.show.chart import COLOURS
+    from pinarm.use.show.chart import COLOURS, drawable
     from pinarm.use.show.figure import label, limit
     from pinarm.use.show.labels import axis_label, plain, shown
 
     along, other, values = _grid(sweep, series)
     scale, measured = shown(series, sweep.presentation)
-    x = _ticks(axis.xaxis, along)
-    for k, row in enumerate(values / scale):
+    x, lost, values = _ticks(axis.xaxis, along), np.isnan(values).any(axis=0), drawable(values / scale)
+    for k, row in enumerate(values):
         name = _value(other, k) if other else None
         few = "o" if len(x) <= 60 else None
         axis.plot(
@@ -80,18 +80,18 @@ def _family(axis: Axes, sweep: Sweep, series: Series) -> None:
             markersize=3,
             label=label(plain(name)) if name else None,
         )
-    lost = x[np.isnan(values).any(axis=0)]
-    axis.vlines(lost, 0.0, 1.0, color="0.85", linewidth=3, zorder=0, transform=axis.get_xaxis_transform())
+    axis.vlines(x[lost], 0.0, 1.0, color="0.85", linewidth=3, zorder=0, transform=axis.get_xaxis_transform())
     axis.set_xlabel(_named(along))
     axis.set_ylabel(label(axis_label(series.name, measured, sweep.presentation)))
     if np.isfinite(values).any():
-        limit(axis, float(np.nanmin(values) / scale), float(np.nanmax(values) / scale))
+        limit(axis, float(np.nanmin(values)), float(np.nanmax(values)))
     if other:
         axis.legend(title=label(plain(other.columns[0].path)), fontsize=8, title_fontsize=8)
 
 
 def _map(axis: Axes, sweep: Sweep, series: Series) -> None:
     """Draw the values over two numbers, a cell for each case; those that failed stay grey."""
+    from pinarm.use.show.chart import drawable
     from pinarm.use.show.figure import label
     from pinarm.use.show.labels import axis_label, shown
 
@@ -100,7 +100,7 @@ def _map(axis: Axes, sweep: Sweep, series: Series) -> None:
     scale, measured = shown(series, sweep.presentation)
     x, y = _ticks(axis.xaxis, along), _ticks(axis.yaxis, other)
     columns, rows = np.argsort(x), np.argsort(y)
-    x, y, values = x[columns], y[rows], values[np.ix_(rows, columns)] / scale
+    x, y, values = x[columns], y[rows], drawable(values[np.ix_(rows, columns)] / scale)
     mesh = axis.pcolormesh(x, y, np.ma.masked_invalid(values), shading="nearest", cmap="viridis", rasterized=True)
     if np.isfinite(values).all() and np.ptp(values) > 0.0:
         axis.clabel(axis.contour(x, y, values, colors="white", linewidths=0.6), fontsize=7)
@@ -113,12 +113,13 @@ def _map(axis: Axes, sweep: Sweep, series: Series) -> None:
 
 def _histogram(axis: Axes, sweep: Sweep, series: Series) -> None:
     """Draw how often which value came out."""
-    from pinarm.use.show.chart import COLOURS
+    from pinarm.use.show.chart import COLOURS, drawable
     from pinarm.use.show.figure import label
     from pinarm.use.show.labels import axis_label, shown
 
     scale, measured = shown(series, sweep.presentation)
-    values = series.values[np.isfinite(series.values)] / scale
+    values = drawable(series.values / scale)
+    values = values[np.isfinite(values)]
     axis.set_xlabel(label(axis_label(series.name, measured, sweep.presentation)))
     axis.set_ylabel("cases")
     if not len(values):
@@ -143,12 +144,13 @@ def _grid(sweep: Sweep, series: Series) -> tuple[Axis, Axis | None, Array]:
 
 def _ticks(direction: Any, axis: Axis) -> Array:
     """Return the places of an axis's values; words stand side by side."""
+    from pinarm.use.show.chart import drawable
     from pinarm.use.show.figure import label
     from pinarm.use.show.labels import plain
 
     column = axis.columns[0]
     if column.is_numeric:
-        return np.array(column.values, float)
+        return drawable(np.array(column.values, float))
     direction.set_ticks(range(len(axis)), [label(plain(str(value))) for value in column.values])
     return np.arange(len(axis), dtype=float)
 
