@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
@@ -13,13 +12,9 @@ from pinarm.input.yaml.schema import Duration, InputStruct
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Method
-    from pinarm.engine.mechanism import Mechanism
 
 TOLERANCE = 1e-9
 """Tolerance of an adaptive method where none is given."""
-
-ROUNDING = 1e-15
-"""Rounding of a coordinate or velocity over a step, in SI, where weights act."""
 
 
 class Accuracy(InputStruct, frozen=True):
@@ -68,17 +63,6 @@ class Accuracy(InputStruct, frozen=True):
         by = METHODS[self.method].setting
         wanted = self.step if by == "step" else self.tolerance
         return by, TOLERANCE if wanted is None else float(wanted)
-
-    def least_size(self, mechanism: Mechanism) -> float:
-        """Return the least size of a motion that errors of steps can be relative to; see ``Interval.size``.
-
-        Where there is gravity, places are known to rounding of 1 in SI, and no error of a step is smaller. Infinite
-        for steps of one length, whatever their error.
-        """
-        by, value = self.setting
-        if by == "step":
-            return math.inf
-        return ROUNDING / value if mechanism.gravity else 0.0
 
     @property
     def setting_keys(self) -> dict[str, Any]:

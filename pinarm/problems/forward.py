@@ -147,8 +147,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             acting, span = controls.dynamics if controls else dynamics, (self.time.start, self.time.end)
             hybrid = HybridSystem(
                 mechanism.closure, acting, prescribed, initial, span, bounds, watches,
-                accuracy.integrator(), accuracy.max_steps, least_size=accuracy.least_size(mechanism),
-                frictions=mechanism.frictions, controls=controls,
+                accuracy.integrator(), accuracy.max_steps, frictions=mechanism.frictions, controls=controls,
             )  # fmt: skip
             hybrid.closed_system  # noqa: B018  refuses laws that contradict each other
         return hybrid
@@ -218,7 +217,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             *_rest(hybrid, motion),
             *profile_remarks(mechanism, self.motion),
         ]
-        return replace(whole, figures={**motion.cost(), **energy}, notes=(*remarks, *notes))
+        return replace(whole, figures={**motion.cost(), **energy, **motion.rounding}, notes=(*remarks, *notes))
 
     def _require_branch(self, mechanism: Mechanism, hybrid: HybridSystem, motion: SegmentedMotion) -> None:
         """Raise where rounding has chosen between motions that meet; the motion until then is kept."""

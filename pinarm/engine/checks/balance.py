@@ -304,10 +304,11 @@ def energy_of(motion: SegmentedMotion) -> dict[str, float]:
 def energy_balance(*accounts: EnergyAccount) -> dict[str, float]:
     """Return the largest change of energy that nothing accounts for, at the ends of all steps and within some.
 
-    ``E(t) - E(0) + integral of the dissipated power``, less the rounding of its terms, relative to the largest energy
-    exchanged: between kinetic and potential, and through dampers and drives. For a motion without loads it is the drift
-    of the energy. Where a motion has several parts, what impacts between them take is none of its errors. It is 0 where
-    so little is exchanged, as at rest, that ``LOST`` of it is rounding.
+    ``E(t) - E(0) + integral of the dissipated power``, at least the rounding of its terms, relative to the largest
+    energy exchanged: between kinetic and potential, and through dampers and drives. For a motion without loads it is
+    the drift of the energy. Where a motion has several parts, what impacts between them take is none of its errors.
+    Nothing where so little is exchanged, at rest or by a very small motion, that ``LOST`` of it is rounding: it is
+    unknown.
     """
     found = [account.columns() for account in accounts if account.solution.steps]
     if not found:
@@ -320,5 +321,5 @@ def energy_balance(*accounts: EnergyAccount) -> dict[str, float]:
     exchanged = max(*(float(np.ptp(column)) for column in columns), float(np.abs(columns[0]).max()))
     rounding = ROUNDING * max(float(np.abs(column).max()) for column in columns)
     if exchanged * LOST <= rounding:
-        return {"energy": 0.0}
-    return {"energy": max(largest - rounding, 0.0) / exchanged}
+        return {}
+    return {"energy": max(largest, rounding) / exchanged}

@@ -250,6 +250,11 @@ class Method(Protocol):
         ...
 
     @property
+    def tolerance(self) -> float:
+        """Local error per step, relative to ``size + |y|``, see ``Interval.size``; 0 where steps have one length."""
+        ...
+
+    @property
     def pair(self) -> EmbeddedPair | None:
         """The method itself where it is an embedded pair, with which many motions can be integrated at once."""
         ...
@@ -281,11 +286,6 @@ class EmbeddedPair(Method, Protocol):
     @property
     def tableau(self) -> Tableau:
         """Coefficients."""
-        ...
-
-    @property
-    def tolerance(self) -> float:
-        """Local error per step, relative to ``size + |y|``; see ``Interval.size``."""
         ...
 
     def output_of(

@@ -16,6 +16,7 @@ from pinarm.engine.motion.integrated_variants import IntegratedVariants
 from pinarm.engine.motion.small_motions import integrate_to_size
 from pinarm.engine.motion.systems.free import FreeSystem
 from pinarm.input.yaml.values import varied
+from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.forward import Forward
 from pinarm.records import replace
@@ -111,8 +112,14 @@ class ForwardCases:
         return IntegratedVariants(rows, mechanism, [each.motion for each in motions], grids)
 
     def figures(self, motions: Sequence[ForwardCase]) -> dict[str, Array]:
-        """Return the energy that nothing accounts for."""
-        found = [energy_of(each.motion.motion) for each in motions]
+        """Return the energy that nothing accounts for, and what rounding does to small motions.
+
+        Raises:
+            VariantsDiffer: Not all motions have the same of these.
+        """
+        found = [{**energy_of(each.motion.motion), **each.motion.motion.rounding} for each in motions]
+        if any(one.keys() != found[0].keys() for one in found):
+            raise VariantsDiffer("which figures can be measured")
         return {name: np.array([each[name] for each in found]) for name in found[0]}
 
 

@@ -191,8 +191,8 @@ class TestEnergyBalance:
         run = outcome(Forward(time=time, initial={"position": {"O": 0.4}}), arm, 1e-12)
         assert 0.0 < run.figures["energy"] < 1e-10
 
-    def test_a_body_that_is_held_at_rest_loses_nothing(self, mechanism):
-        """Within steps it moves by the rounding at which its loop closes, 1e-14 m: its only change of energy."""
+    def test_of_a_body_that_is_held_at_rest_no_energy_is_known(self, mechanism):
+        """Within steps it moves by the rounding at which its loop closes, 1e-14 m: no energy is known of that."""
         held = mechanism(
             '<robot name="r"><link name="base"/><link name="a"><inertial><origin xyz="0.3 0.1 0.2"/><mass value="2"/>'
             '<inertia ixx="0.1" iyy="0.2" izz="0.15" ixy="0.01" ixz="0" iyz="0"/></inertial></link><joint name="root" '
@@ -202,7 +202,7 @@ class TestEnergyBalance:
             loops={"hold": {"kind": "fixed", "between": ["g", "t"]}},
         )
         run = outcome(Forward(time=TimeGrid(end=1.0, samples=5)), held)
-        assert run.figures["energy"] == 0.0
+        assert "energy" not in run.figures
 
 
 @pytest.mark.parametrize("count", [1, 4])

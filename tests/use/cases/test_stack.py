@@ -76,7 +76,7 @@ COLUMNS: list[tuple[str, Sequence[str], dict[str, tuple[float, float, str]]]] = 
     ("gen411_arm_swing", ("phi", "A_y @ min"),
      {"problem.initial.velocity.B": (-3.0, 3.0, "rad/s"), "arguments.m_A": (0.1, 0.5, "kg")}),
     ("gen411_arm_swing", (),
-     {"problem.initial.position.O": (-90.0, -30.0, "deg"), "problem.time.end": (1.0, 2.0, "s")}),
+     {"problem.initial.position.O": (-89.0, -30.0, "deg"), "problem.time.end": (1.0, 2.0, "s")}),
     ("rssr_turning", (), {"problem.motion.theta.speed": (40.0, 60.0, "rpm"), "problem.time.end": (0.9, 1.1, "s")}),
     ("crank_rocker_turning", ["t @ max(T)", "T @ theta2=2 rad", "theta4 @ mean"],
      {"arguments.b": (0.33, 0.37, "m"), "problem.motion.theta2.speed": (90.0, 120.0, "rpm")}),

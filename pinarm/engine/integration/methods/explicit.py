@@ -153,6 +153,7 @@ class FixedStep(ValueRecord, frozen=True):
     step: float
     tableau: Tableau = RK4
     subdivisions = 4
+    tolerance = 0.0
     remedy = "a shorter accuracy.step, or an adaptive method"
     pair = None
 

@@ -7,7 +7,6 @@ or opens a constraint is added or removed. Then the next segment begins.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property, partial
 from itertools import pairwise
@@ -80,7 +79,6 @@ class HybridSystem(Record, frozen=True):
         method: The integrator.
         max_steps: Number of steps after which to give up.
         size: What errors of steps are relative to besides the states; see ``Interval.size``.
-        least_size: The least that they can be relative to; see ``Accuracy.least_size``.
         frictions: Joints with friction that sticks.
         controls: Controllers, whose efforts are among the loads of ``dynamics``; ``None`` for none.
     """
@@ -95,7 +93,6 @@ class HybridSystem(Record, frozen=True):
     method: Method
     max_steps: int
     size: float = 1.0
-    least_size: float = math.inf
     frictions: tuple[FrictionContact, ...] = ()
     controls: Controls | None = None
     _systems: dict[Held, System] = {}

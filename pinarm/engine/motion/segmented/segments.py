@@ -25,6 +25,14 @@ CROWDED = 200
 """Number of segments that together take longer than rounding: a machine has far fewer events at one instant."""
 
 
+SMALL = 0.1
+"""Size over that which errors are relative to, below which a motion is integrated again: its errors are then more than
+ten times as large as the tolerance says."""
+
+REST = 1e-15
+"""Size of a motion in SI that rounding of the accelerations explains: the mechanism is at rest."""
+
+
 class MotionSegment(Record, frozen=True):
     """A part of a motion during which the same constraints hold.
 
@@ -68,6 +76,19 @@ class SegmentedMotion(Record, frozen=True):
     def size(self) -> float:
         """Return the largest coordinate or velocity that was integrated, in SI."""
         return max(segment.solution.size for segment in self.segments)
+
+    @property
+    def rounding(self) -> dict[str, float]:
+        """Return what errors of steps add up to where they are not relative to the size of the motion, as a figure.
+
+        Relative to that size, they would be as the tolerance says. Rounding does not allow it where it is large beside
+        the motion; a finer tolerance then does not make any error smaller. Nothing where they are, and at rest.
+        """
+        size = self.size
+        solutions = [segment.solution for segment in self.segments]
+        errors = [each.method.tolerance * each.intervals[0].size * len(each.steps) for each in solutions
+                  if size < SMALL * each.intervals[0].size]  # fmt: skip
+        return {"rounding": sum(errors) / size} if size > REST and any(errors) else {}
 
     def require_progress(self) -> None:
         """Raise where events follow one another without end, at one instant but for rounding.

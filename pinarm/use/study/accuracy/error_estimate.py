@@ -20,8 +20,14 @@ from pinarm.errors import NumericsError
 from pinarm.input.units import Unit
 from pinarm.records import replace
 from pinarm.use.study.accuracy.common_rows import common_rows
-from pinarm.use.study.accuracy.error_growth import e_folding
-from pinarm.use.study.accuracy.integration_settings import comparison_settings, format_setting, step_limit, with_setting
+from pinarm.use.study.accuracy.error_growth import e_folding, saturation
+from pinarm.use.study.accuracy.integration_settings import (
+    comparison_settings,
+    format_setting,
+    reference_settings,
+    step_limit,
+    with_setting,
+)
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -38,6 +44,10 @@ is left.
 ZERO = 1e-14
 """Size of an output, relative to what the masses, lengths and times of the run make of its unit, that rounding
 explains; outputs that are 0 are up to 4e-15 in the scenarios that come with pinarm."""
+
+LONGER, ROWS = 10.0, 401
+"""Time of tight solutions that tell how fast errors grow, over that until coarse ones are far apart: from 1e-13 it
+takes at most ten times as many e-folds as from 1e-2. Their rows."""
 
 UNSEEN = 1e-15
 """Relative error that no comparison in double precision can tell from none."""
@@ -84,12 +94,48 @@ def with_errors(result: Result, other: Result | None, setting: str) -> Result:
     """
     if other is None:
         return replace(result, errors=dict.fromkeys(result.content.outputs, np.inf), setting=setting)
-    errors = {name: BOUND * difference for name, difference in output_differences(result, other).items()}
+    errors = error_bounds(result, other)
     zeros = [name for name, zero in _rounded_to_zero(result).items() if zero]
     setting += f"; 0 but for rounding: {', '.join(zeros)}" if zeros else ""
-    time = e_folding(result.trajectory, other.trajectory)
+    rounding = max(_rounding(result), _rounding(other))
+    setting += f"; rounding lets errors of steps add up to {rounding:.1e} of so small a motion" if rounding else ""
+    time = _growth_time(result, other)
     growth = {} if time is None else {"e-folding": time}
     return replace(result, errors=errors, setting=setting, figures={**result.figures, **growth})
+
+
+def _growth_time(result: Result, other: Result) -> float | None:
+    """Return the time in which errors grow e-fold [s]; ``None`` where they do not grow exponentially.
+
+    Where the solutions are far apart before that is seen, of two tight ones of as much of the motion as these need.
+    """
+    time, apart = e_folding(result.trajectory, other.trajectory), saturation(result.trajectory, other.trajectory)
+    if time is not None or apart is None or "evaluations" not in result.figures:
+        return time
+    start, end = result.trajectory.grid.t[[0, -1]].tolist()
+    span = {"start": f"{start!r} s", "end": f"{min(start + LONGER * apart, end)!r} s", "samples": ROWS}
+    beginning = other.scenario.varied({"problem.time": span})
+    most = result.content.accuracy.max_steps
+    first, second = (_other(beginning, setting, most) for setting in reference_settings()[::2])
+    return e_folding(first.trajectory, second.trajectory) if first and second else None
+
+
+def error_bounds(result: Result, other: Result) -> dict[str, float]:
+    """Return the bound of every output's error, relative to its scale, by another solution.
+
+    ``BOUND`` times the difference, and where rounding has decided the steps of either, so that it is no finer, their
+    own error: as much of what the output varies by as they may be wrong by of the motion.
+    """
+    rounding, differences = max(_rounding(result), _rounding(other)), output_differences(result, other)
+    return {
+        name: BOUND * differences[name] + rounding * float(np.ptp(result[name].values)) / scale
+        for name, scale in output_scales(result).items()
+    }
+
+
+def _rounding(result: Result) -> float:
+    """Return the figure of ``SegmentedMotion.rounding``, 0 where steps are as accurate as the tolerance says."""
+    return result.figures.get("rounding", 0.0)
 
 
 def unaccounted_energy(result: Result) -> float:

@@ -2,7 +2,8 @@
 
 Two solutions of one motion differ by errors of steps and by last digits. Where the motion is regular their difference
 grows like a power of the time, at most about the second. Where it is chaotic, or falls from an unstable position, it
-grows by ``exp(t / tau)``, until it is as large as the motion itself.
+grows by ``exp(t / tau)``, until it is as large as the motion itself. Two solutions that are coarse, or of long motions,
+are so far apart too soon to tell how they came to be; then tight ones of its beginning do.
 """
 
 from __future__ import annotations
@@ -54,6 +55,15 @@ def e_folding(one: Trajectory, two: Trajectory) -> float | None:
         return None
     t, grown = t[rows] - t[rows].mean(), grown - grown.mean()
     return float(t @ t / (t @ grown))
+
+
+def saturation(one: Trajectory, two: Trajectory) -> float | None:
+    """Return the time until two solutions of a motion have no digit in common [s]; ``None`` where they always have."""
+    if one.parameter != "t":
+        return None
+    t, difference = _differences(one, two)
+    apart = t[difference >= SATURATED]
+    return float(apart[0]) if len(apart) else None
 
 
 def _steady(grown: Array) -> bool:

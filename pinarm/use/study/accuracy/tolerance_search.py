@@ -13,9 +13,8 @@ from pinarm.errors import NumericsError
 from pinarm.problems.forward import Forward
 from pinarm.records import replace
 from pinarm.use.study.accuracy.error_estimate import (
-    BOUND,
+    error_bounds,
     estimate_errors,
-    output_differences,
     unaccounted_energy,
     with_errors,
 )
@@ -159,7 +158,7 @@ class _Search:
         if rung not in self.errors:
             one, two = self.run(rung), self.finer(rung)
             self.errors[rung] = np.inf if one is None or two is None else max(
-                BOUND * max(output_differences(one, two).values()), unaccounted_energy(one))  # fmt: skip
+                max(error_bounds(one, two).values()), unaccounted_energy(one))  # fmt: skip
         return self.errors[rung]
 
     def best_rung(self, target: float) -> int:

@@ -45,6 +45,9 @@ READING = 0.02
 ONE_UNIT = 1.0 + 1e-9
 """One unit of the last printed digit is two half units; the rest is rounding of the comparison itself."""
 
+UNITS = 4.0 * float(np.finfo(float).eps)
+"""Rounding of a few operations, relative to a number: half a unit of its last of 17 digits is less than that."""
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -194,12 +197,17 @@ def _wanted(quantities: Quantities, expectation: Expectation, measured: Unit | N
     with within("value"):
         wanted = np.full(1, in_si(expectation.value, measured))
         if expectation.rtol is None and expectation.atol is None:
-            absolute = half_last_digit(str(expectation.value)) * ONE_UNIT
+            absolute = _half_unit(str(expectation.value), float(wanted[0]))
             if not wanted.any() and "." not in str(expectation.value):
                 raise InputError(f"'{expectation.value}' does not say how near to it the number must be",
                                  expected="atol beside it, or decimals, half a unit of the last of which counts",
                                  hint=f"atol: 1e-9 {measured or ''}".rstrip())  # fmt: skip
     return wanted, absolute + (expectation.rtol or 0.0) * np.abs(wanted)
+
+
+def _half_unit(text: str, value: float) -> float:
+    """Return half a unit of the last digit of a printed number, no less than rounding of its value, both in SI."""
+    return max(half_last_digit(text) * ONE_UNIT, UNITS * abs(value))
 
 
 def _published(
@@ -216,7 +224,8 @@ def _published(
     if expectation.published is None:
         return None, False, False
     with within("published"):
-        printed, half = in_si(expectation.published, measured), half_last_digit(expectation.published) * ONE_UNIT
+        printed = in_si(expectation.published, measured)
+        half = _half_unit(expectation.published, printed)
     distance = float(np.abs(values - printed).max())
     explained = distance <= (READING * abs(printed) if expectation.verdict == "reading" else 2 * half)
     if expectation.because is not None:

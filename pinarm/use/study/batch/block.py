@@ -15,7 +15,7 @@ from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.integration.batch_solution import Ensemble
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.segmented.hybrid_motion import HybridSystem
-from pinarm.engine.motion.small_motions import finer_size
+from pinarm.engine.motion.small_motions import is_small
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
@@ -113,7 +113,7 @@ class Block:
         hybrid, ensemble = self.question.hybrid, self.ensemble
         if hybrid.bounds or ensemble is None:
             return None
-        small = any(finer_size(hybrid, size) is not None for size in ensemble.sizes.tolist())
+        small = any(is_small(hybrid, size) for size in ensemble.sizes.tolist())
         return None if small else ensemble
 
     def run(self, number: int) -> Result:

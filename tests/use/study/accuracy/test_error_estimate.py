@@ -125,3 +125,25 @@ def test_energy_that_nothing_accounts_for_is_noted(chaos):
     assert loose.figures["energy"] > 1e-3 > tight.figures["energy"]
     (note,) = set(loose.notes()) - set(tight.notes())
     assert note.startswith("energy: ")
+
+
+SLIDE = {
+    "points": {"O": [0, 0], "X": ["1 m", 0], "P": [0, 0]},
+    "ground": ["O", "X"],
+    "links": {"d": {"points": ["P"], "mass": "2 kg"}},
+    "sliders": {"x": {"link": "d", "along": ["O", "X"]}},
+}
+SPRING = {"kind": "joint_spring", "joint": "x", "stiffness": "200 N/m"}  # fmt: skip
+
+
+@pytest.mark.parametrize("amplitude", [1e-9, 1e-12])
+@pytest.mark.parametrize("accuracy", [{"tolerance": 1e-9}, {"target": 1e-6}])
+def test_bounds_hold_of_small_motions_under_gravity(amplitude, accuracy):
+    """A mass on a level slide: x = A cos(10 t)."""
+    start = {"position": {"x": f"{amplitude!r} m"}}
+    problem = {"kind": "forward", "time": {"end": "5 s", "samples": 51}, "initial": start}
+    mechanism = {"pinarm": 1, "planar": SLIDE, "forces": {"spring": SPRING}}
+    result = pinarm.load({"pinarm": 1, "mechanism": mechanism, "problem": problem, "outputs": ["x"],
+                          "accuracy": accuracy}).verified()  # fmt: skip
+    true = np.abs(result["x"].values / amplitude - np.cos(10.0 * result["t"].values)).max()
+    assert true < result.error < accuracy.get("target", 1e-7)

@@ -39,6 +39,9 @@ AGREES, ROUNDING, MISPRINT, MODEL_ERROR, MISS = "agrees", "rounding", "misprint"
         ({"value": "20.4 N*m", "rtol": "0.02"}, AGREES), ({"value": "20.4 N*m", "rtol": "0.019"}, MISS),
         ({"value": "20.4 N*m", "atol": "0.41 N*m"}, AGREES), ({"value": "20.4 N*m", "atol": "390 N*mm"}, MISS),
         ({"value": "20.4 N*m", "rtol": "0", "atol": "0 N*m"}, MISS),
+        # the last of 17 digits is below rounding
+        ({"value": "20.000000000000007 N*m"}, AGREES), ({"published": "20.000000000000007 N*m"}, AGREES),
+        ({"value": "20.00000000000004 N*m"}, MISS), ({"published": "20.00000000000004 N*m"}, MISS),
         # a published figure is met to half a unit of its last digit
         ({"published": "20 N*m"}, AGREES), ({"published": "20.0 N*m"}, AGREES), ({"published": "0.02 kN*m"}, AGREES),
         ({"published": "20.1 N*m"}, MISS), ({"published": "21 N*m"}, MISS),
