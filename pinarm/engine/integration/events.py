@@ -228,8 +228,12 @@ def _refined(solution: Solution, index: int, watch: Watch, bracket: tuple[float,
     def value(t: Array) -> Array:
         return watch.value(t, *solution.states_in(np.full(len(t), index), t))
 
-    if (value(np.array([low]))[0] >= 0.0) != above:
-        low, high = solution.steps[index].t, low
+    begins = solution.steps[index].t
+    first_above, low_above = value(np.array([begins, low])) >= 0.0
+    if low_above != above and first_above == above:
+        low, high = begins, low
+    else:
+        above = bool(low_above)
     for _ in range(REFINEMENTS):
         t = np.linspace(low, high, PARTS + 1)
         beyond = np.flatnonzero((value(t[1:-1]) >= 0.0) != above)
