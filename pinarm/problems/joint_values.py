@@ -10,7 +10,6 @@ from pinarm.errors import Key, Place
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import check_unit
 from pinarm.mechanics.ball_joints import places_of, positions_of, unit_of, velocities_of
-from pinarm.mechanics.rotors import wheel_name
 
 
 def check_levels(mechanism: Mechanism, levels: Mapping[str, float], place: Place, *at: str) -> None:
@@ -52,6 +51,8 @@ def followers_of(mechanism: Mechanism, positions: Container[str], velocities: Co
     found: list[Follower] = []
     for name, drive in mechanism.drives.items():
         if drive.elasticity:
+            from pinarm.mechanics.rotors import wheel_name
+
             rotor, driven = mechanism.driven_joint(name), mechanism.coordinate(drive.coordinate)
             begins = rotor.name not in positions, rotor.name not in velocities
             parts = (mechanism.joints.get(part) for part in (rotor.name, wheel_name(name)))

@@ -113,6 +113,8 @@ def _best(
     """
     places, (x, y) = list[tuple[float, Array, Array]](), covered
     for k, (distance, turn) in enumerate((d, t) for d in DISTANCES for t in TURNS):
+        if any(cost <= AWAY * distance for cost, _, _ in places):  # no place that far away costs less
+            break
         direction = np.array([np.cos(turn), np.sin(turn)])
         offset = direction * distance + np.sign(np.round(direction, 9)) * size / 2.0
         low, high = point + offset - size / 2.0, point + offset + size / 2.0
