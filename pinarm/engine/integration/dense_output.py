@@ -53,19 +53,17 @@ class DenseOutput(NamedTuple):
             count = self.counts[step]
             part = np.clip((x * count).astype(np.intp), 0, count - 1)
             step, x = (np.cumsum(self.counts) - self.counts)[step] + part, x * count - part
-        return interpolated(self.base[step], self.terms[step], x)
+        return self._interpolated(step, x)
 
+    def _interpolated(self, part: Indices, x: Array) -> Array:
+        """Return states at places x on parts, shape (m, nq + nv), by Horner's scheme.
 
-def interpolated(base: Array, terms: Array, x: Array) -> Array:
-    """Return states on polynomials, shape (n, nq + nv): ``base + x (r_0 + (1 - x) (r_1 + x (r_2 + ...)))``.
-
-    Args:
-        base: States at the start of each, shape (n, nq + nv).
-        terms: Terms r of each, shape (n, d, nq + nv).
-        x: Place on each, shape (n,).
-    """
-    x = x[:, None]
-    y = np.zeros_like(base)
-    for k in range(terms.shape[1] - 1, -1, -1):  # Horner's scheme
-        y = (y + terms[:, k]) * (1.0 - x if k % 2 else x)
-    return np.where(x == 0.0, base, base + y)  # the terms of a step that failed may be infinite
+        Components are first while they are computed: numpy then works on long rows.
+        """
+        base = self.base.T.take(part, axis=1)
+        y, back = np.zeros_like(base), 1.0 - x
+        terms = np.ascontiguousarray(self.terms.transpose(1, 2, 0)) if len(part) > len(self.base) else None
+        for k in range(self.terms.shape[1] - 1, -1, -1):
+            y += self.terms[part, k].T if terms is None else terms[k].take(part, axis=1)
+            y *= back if k % 2 else x
+        return np.where(x == 0.0, base, base + y).T  # the terms of a step that failed may be infinite
