@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, turned
 from pinarm.mechanics.geometry.model_variants import Model
-from pinarm.mechanics.geometry.vectors import cross, crossed, rotated
+from pinarm.mechanics.geometry.vectors import components_apart, cross, crossed, rotated
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -119,8 +119,21 @@ def _asked(links: LinkPlacements, columns: Array, wrenches: Array) -> tuple[Arra
     if links.model.nv > MANY:
         return _asked_of_many(links, columns, wrenches)
     moved = LinkTree.of(links.model).supports
-    powers = np.where(moved, wrenches @ columns, 0.0)  # part by part and link by link
+    powers = np.where(moved, _products(wrenches, columns), 0.0)  # part by part and link by link
     return powers.sum(axis=(0, -2)), np.abs(powers).sum(axis=(0, -2)) + _paths(links, columns, moved)
+
+
+def _products(wrenches: Array, columns: Array) -> Array:
+    """Return the powers of wrenches, shape (3, n, .., njoints, 6), along twists, (n, .., 6, nv).
+
+    Shape (3, n, .., njoints, nv). Of variants component by component: numpy multiplies small matrices one by one.
+    """
+    if columns.ndim == 3:
+        return np.asarray(wrenches @ columns)
+    found = components_apart(wrenches[..., 0], columns.shape[-1])
+    for velocity in range(columns.shape[-1]):
+        found[..., velocity] = sum(wrenches[..., k] * columns[..., k, velocity, None] for k in range(6))
+    return found
 
 
 def _paths(links: LinkPlacements, columns: Array, moved: Flags) -> Array:
@@ -318,8 +331,21 @@ def energy_balance(*accounts: EnergyAccount) -> dict[str, float]:
         here = drift + np.sum([part - part[0] for part in parts], axis=0)
         largest, drift = max(largest, float(np.abs(here).max())), float(here[-1])
     columns = [np.concatenate(column) for column in zip(*found, strict=True)]
-    exchanged = max(*(float(np.ptp(column)) for column in columns), float(np.abs(columns[0]).max()))
-    rounding = ROUNDING * max(float(np.abs(column).max()) for column in columns)
-    if exchanged * LOST <= rounding:
-        return {}
-    return {"energy": max(largest, rounding) / exchanged}
+    energy = float(unaccounted(np.array(largest), columns))
+    return {} if np.isnan(energy) else {"energy": energy}
+
+
+def unaccounted(largest: Array, columns: Sequence[Array]) -> Array:
+    """Return the largest change of energy that nothing accounts for relative to what is exchanged, shape (..).
+
+    NaN where it is unknown.
+
+    Args:
+        largest: That change [J], shape (..).
+        columns: Kinetic, potential and so far dissipated energy [J], each of shape (n, ..).
+    """
+    sizes = [np.abs(column).max(axis=0) for column in columns]
+    exchanged = np.maximum(np.max([np.ptp(column, axis=0) for column in columns], axis=0), sizes[0])
+    rounding = ROUNDING * np.max(sizes, axis=0)
+    known = exchanged * LOST > rounding
+    return np.where(known, np.maximum(largest, rounding) / np.where(known, exchanged, 1.0), np.nan)

@@ -18,6 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
+from pinarm.engine.dynamics.parallel import Parallel
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.model_cache import cached_by_model
@@ -47,6 +48,22 @@ class SideBySide:
             own, others = self._shares(first, q, v, a)
             return self._weighed(own, others + first.armature * a)
         return self._called(_forest(self.variants.first), pin.rneaInParallel, q, v, a)
+
+    def aba(self, q: Array, v: Array, tau: Array) -> Array:
+        """Return accelerations, shape (n, k, nv); see ``Parallel.aba``."""
+        if self.variants.bodies or self.variants.moved:
+            return self._called(_forest(self.variants.first), pin.abaInParallel, q, v, tau)
+        flat = (np.ascontiguousarray(x).reshape(-1, x.shape[-1]) for x in (q, v, tau))
+        return Parallel(self.variants.first).aba(*flat).reshape(v.shape)
+
+    def aba_one_by_one(self, q: Array, v: Array, tau: Array) -> Array:
+        """Return the same by the recursion for single states, which loses no digits far from the origin."""
+        forest, found = _forest(self.variants.first), list[Array]()
+        model, data = forest.pool.getModel(0), forest.pool.getData(0)
+        for some, states in self._filled(forest, q, v, tau):
+            rows = np.array([pin.aba(model, data, *state) for state in zip(*states, strict=True)])
+            found.append(rows.reshape(len(q), forest.count, -1)[:, : len(some)])
+        return np.concatenate(found, axis=1)
 
     def transmitted(self, links: LinkPlacements, q: Array, v: Array, a: Array, acting: Array) -> Array:
         """Return wrenches of parents on children, shape (n, k, njoints, 6); see ``Parallel.transmitted``.

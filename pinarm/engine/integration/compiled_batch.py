@@ -66,14 +66,13 @@ class CompiledRounds:
             tries: Number of steps of all motions until now, rejected ones included, shape (b,); it is brought up to
                 date.
         """
-        record = _Record.of(active, self.ensemble.method.tableau.stages)
-        courses = record.courses(active, self.interval, self.max_steps - tries[active.number])
+        record = StepRecord.of(active, self.ensemble.method.tableau.stages)
+        tried = tries[active.number]
+        courses = record.courses(active, self.interval.start, self.interval.end, self.max_steps - tried)
         self._take(courses)
         record.add_to(self.ensemble, courses, active.number, self.index)
         tries[active.number] += courses["written"] + courses["rejected"]
-        slopes = record.slopes[np.arange(len(courses)), courses["written"], 0]
-        t, h, ceiling = (courses[name].copy() for name in ("t", "h", "ceiling"))
-        return ActiveMotions(active.number, t, h, ceiling, record.present.T, slopes.T)
+        return record.moved(active, courses)
 
     def _take(self, courses: NDArray[np.void]) -> None:
         """Take the steps of all motions."""
@@ -111,7 +110,7 @@ class CompiledRounds:
 
 
 @dataclass(frozen=True, eq=False)
-class _Record:
+class StepRecord:
     """Where the library writes up to r steps of each of m motions, of s stages with n numbers in y.
 
     Attributes:
@@ -131,19 +130,22 @@ class _Record:
     scratch: Array
 
     @classmethod
-    def of(cls, active: ActiveMotions, stages: int) -> _Record:
+    def of(cls, active: ActiveMotions, stages: int, room: int | None = None) -> StepRecord:
+        """Return room for so many steps of each motion, or for as many as suit their number."""
         n, m = active.y.shape
-        room = min(max(ROOM // m, FEWEST), MOST)
+        room = room or min(max(ROOM // m, FEWEST), MOST)
         slopes = np.empty((m, room + 1, stages + 1, n))
         slopes[:, 0, 0] = active.slope.T
         times, states = np.empty((3, m, room)), np.empty((m, room, n))
         return cls(contiguous(active.y.T), times, states, slopes, np.empty((2, m, room), np.intp), np.empty((m, 2, n)))
 
-    def courses(self, active: ActiveMotions, interval: Interval, tries: Indices) -> NDArray[np.void]:
-        """Return the motions for the library, shape (m,)."""
+    def courses(
+        self, active: ActiveMotions, start: float | Array, end: float | Array, tries: int | Indices
+    ) -> NDArray[np.void]:
+        """Return the motions for the library, shape (m,), each on its interval and with the steps that it may try."""
         courses = np.zeros(len(active.number), COURSE)
         courses["t"], courses["h"], courses["ceiling"] = active.t, active.h, active.ceiling
-        courses["start"], courses["end"] = interval.start, interval.end
+        courses["start"], courses["end"] = start, end
         courses["tries"], courses["room"] = tries, self.states.shape[1]
         starts, lengths, ends = self.times
         rejections, floored = self.unused
@@ -154,6 +156,12 @@ class _Record:
         for name, array in places.items():
             courses[name] = pointer(array) + array.strides[0] * np.arange(len(courses))
         return courses
+
+    def moved(self, active: ActiveMotions, courses: NDArray[np.void]) -> ActiveMotions:
+        """Return the motions behind their steps."""
+        slopes = self.slopes[np.arange(len(courses)), courses["written"], 0]
+        t, h, ceiling = (courses[name].copy() for name in ("t", "h", "ceiling"))
+        return ActiveMotions(active.number, t, h, ceiling, self.present.T, slopes.T)
 
     def add_to(self, ensemble: Ensemble, courses: NDArray[np.void], number: Indices, index: int) -> None:
         """Record the steps of motions, and where these are now."""

@@ -14,14 +14,14 @@ NOISELESS = 1e-8
 
 
 def first_step(
-    start: float,
-    end: float,
+    start: float | Array,
+    end: float | Array,
     y: Array,
     slope: Array,
     rates: Callable[[Any, Array], Array],
     tolerance: float,
     order: int,
-    size: float = 1.0,
+    size: float | Array = 1.0,
 ) -> Array:
     """Return the first steps of motions [s], shape (...,), each from the slopes at two states.
 
@@ -30,14 +30,14 @@ def first_step(
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.4.
 
     Args:
-        start: First instant [s].
-        end: Last instant [s].
+        start: First instant [s], or one of each motion.
+        end: Last instant, likewise.
         y: Initial states, shape (..., n).
         slope: f(start, y), shape (..., n).
         rates: f, of times of shape (...,) and states.
         tolerance: Error of a step, relative to ``size + |y|``.
         order: The error behaves like ``h^(order + 1)``.
-        size: See ``Interval.size``.
+        size: See ``Interval.size``; or one of each motion, shape (..., 1).
     """
     scale = tolerance * y.shape[-1] ** 0.5 * (size + np.abs(y))
 

@@ -8,8 +8,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 from pinarm.engine.kernel.structures import LINK, SCREW
+from pinarm.mechanics.geometry.model_variants import ModelVariants
 
 UNIAXIAL, CONTINUOUS, BALL, FLOATING, PLANAR, TRANSLATION = range(6)
 """Kinds of joints, see ``joints.h``."""
@@ -79,18 +80,38 @@ def links_of(model: pin.Model) -> Links | None:
     if len(frames) < len(joints):
         return None
     parents, links = np.array(model.parents.tolist())[1:], np.zeros(len(frames), LINK)
-    axes = np.array([np.eye(3), *(frame.rotation for frame in frames)])
-    turned, outwards = axes[1:], axes[parents].swapaxes(1, 2)
+    axes, every = np.array([np.eye(3), *(frame.rotation for frame in frames)]), np.arange(len(frames))
     placements = np.array([one.homogeneous for one in model.jointPlacements.tolist()[1:]])
     bodies = np.array([one.toDynamicParameters() for one in model.inertias.tolist()[1:]])
     links["parent"], links["kind"] = parents - 1, [frame.kind for frame in frames]
     links["q"], links["v"] = model.idx_qs.tolist()[1:], model.idx_vs.tolist()[1:]
-    links["rotation"] = outwards @ placements[:, :3, :3] @ turned
-    links["translation"] = np.matvec(outwards, placements[:, :3, 3])
-    links["mass"], links["moment"] = bodies[:, 0], np.vecmat(bodies[:, 1:4], turned)
-    inertias = turned.swapaxes(1, 2) @ bodies[:, SYMMETRIC].reshape(-1, 3, 3) @ turned
-    links["inertia"] = inertias[:, *np.triu_indices(3)]
+    _place(links, every, axes, placements[:, :3, :3], placements[:, :3, 3])
+    _weigh(links, every, axes, bodies)
     return Links(links, np.array([screw for frame in frames for screw in frame.screws], SCREW), axes)
+
+
+def links_of_variants(first: Links, variants: ModelVariants) -> NDArray[np.void]:
+    """Return the links of variants of a model, shape (k, njoints - 1), given those of the first of them."""
+    links = np.repeat(first.links[None], len(variants), axis=0)
+    moved, bodies = (np.array(joints, dtype=np.intp) - 1 for joints in (variants.moved, variants.bodies))
+    _place(links, moved, first.axes, variants.turns, variants.shifts)
+    _weigh(links, bodies, first.axes, variants.parameters)
+    return links
+
+
+def _place(links: NDArray[np.void], some: Indices, axes: Array, turns: Array, shifts: Array) -> None:
+    """Set the placements of some of the links, shape (.., njoints - 1), from those of their joints."""
+    turned, outwards = axes[1:][some], axes[links["parent"][..., some] + 1].swapaxes(-1, -2)
+    links["rotation"][..., some, :, :] = outwards @ turns @ turned
+    links["translation"][..., some, :] = np.matvec(outwards, shifts)
+
+
+def _weigh(links: NDArray[np.void], some: Indices, axes: Array, bodies: Array) -> None:
+    """Set the bodies of some of the links, shape (.., njoints - 1), from their dynamic parameters, shape (.., 10)."""
+    turned = axes[1:][some]
+    links["mass"][..., some], links["moment"][..., some, :] = bodies[..., 0], np.vecmat(bodies[..., 1:4], turned)
+    inertias = bodies[..., SYMMETRIC].reshape(*bodies.shape[:-1], 3, 3)
+    links["inertia"][..., some, :] = (turned.swapaxes(-1, -2) @ inertias @ turned)[..., *np.triu_indices(3)]
 
 
 def _frame(model: pin.Model, joint: pin.JointModel) -> JointFrame | None:

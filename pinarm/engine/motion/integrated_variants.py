@@ -1,27 +1,53 @@
-"""Integrated motions of variants of a mechanism: states with an axis of variants after the rows.
+"""Free motions of variants of a tree, integrated together: states with an axis of variants after the rows.
 
-Each motion is integrated, and its states are completed, by itself: the steps follow from its own errors. What is asked
-of the states is computed of all of them at once.
+Each motion takes the steps that it takes alone, which follow from its own errors. All else is computed of all of them
+at once: dense output, accelerations, energy, and what is asked of the states.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.side_by_side import SideBySide
+from pinarm.engine.integration.integrator import BATCH_ROUNDING
+from pinarm.engine.integration.variant_steps import VariantSolution, integrate_variants
+from pinarm.engine.kernel.tree import AGREEMENT, TreeFlow
+from pinarm.engine.kernel.tree_variants import TreeVariants
 from pinarm.engine.motion.integrated_motion import IntegratedMotion
+from pinarm.engine.motion.segmented.segments import SMALL
+from pinarm.engine.motion.small_motions import MOST, MOST_ROUNDING
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
+    from pinarm.engine.motion.segmented.hybrid_motion import HybridSystem
+
+
+class FreeMotion(NamedTuple):
+    """A free motion that is to be integrated.
+
+    Attributes:
+        q: Configuration at the start, shape (nq,).
+        v: Velocity, shape (nv,).
+        time: First and last instant [s].
+        grid: Its rows.
+    """
+
+    q: Array
+    v: Array
+    time: tuple[float, float]
+    grid: Grid
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,40 +56,147 @@ class IntegratedVariants:
 
     Attributes:
         run: The rows of the first variant.
+        motion: Its motion.
         mechanism: The variants.
-        motions: Their motions, without jumps and events.
+        solution: Motions of these and others, without jumps and events.
+        chosen: Which of the motions are theirs, shape (k,).
         grids: The rows of each of them, as many; the same object where they are the same.
     """
 
     run: Trajectory
+    motion: IntegratedMotion
     mechanism: Mechanism
-    motions: Sequence[IntegratedMotion]
+    solution: VariantSolution
+    chosen: Indices
     grids: Sequence[Grid]
 
-    @property
-    def motion(self) -> IntegratedMotion:
-        """The motion of the first variant."""
-        return self.motions[0]
+    @classmethod
+    def integrated(
+        cls, run: Trajectory, motion: IntegratedMotion, mechanism: Mechanism, motions: Sequence[FreeMotion]
+    ) -> IntegratedVariants:
+        """Integrate motions of variants, given the rows and the motion of the first.
+
+        Raises:
+            VariantsDiffer: The motion of the first is not compiled.
+        """
+        flow = compiled(motion.hybrid)
+        if flow is None:
+            raise VariantsDiffer("the motion of a tree that is not compiled")
+        solution = _integrated(motion.hybrid, TreeVariants.of(flow, mechanism.model), motions)
+        grids = [each.grid for each in motions]
+        return cls(run, motion, mechanism, solution, np.arange(len(motions)), grids)
 
     def some(self, mechanism: Mechanism, variants: Indices, grids: Sequence[Grid]) -> IntegratedVariants:
         """Return some of the variants, of which these are the mechanism, at other rows."""
-        motions = [self.motions[k] for k in variants.tolist()]
-        return replace(self, mechanism=mechanism, motions=motions, grids=grids)
+        return replace(self, mechanism=mechanism, chosen=self.chosen[variants], grids=grids)
 
     def rows(self) -> tuple[Trajectory, Flags]:
-        """Return the states, and that all of them are sound, shape (k,)."""
-        found = [motion.motion.complete(grid) for motion, grid in zip(self.motions, self.grids, strict=True)]
-        q, v, a = (np.stack([getattr(states, name) for states in found], axis=1) for name in ("q", "v", "a"))
-        closure = self.mechanism.closure
-        lam = Multipliers.known(np.zeros((*q.shape[:2], 0)), 0)
-        dynamics = Dynamics.of_variants(self.mechanism.model, self.motion.hybrid.dynamics.forces)
-        rows = replace(self.run, grid=grid_of_variants(self.grids), mechanism=self.mechanism, q=q, v=v, a=a,
-                       tau=np.zeros_like(v), lam=lam, closure=closure, dynamics=dynamics)  # fmt: skip
-        return rows, np.ones(len(found), dtype=bool)
+        """Return the states, and which of them are sound, shape (k,)."""
+        dynamics, t = self.dynamics, self._grid.t.reshape(len(self._grid.t), -1)
+        found = self.solution.states_in(self._steps, np.broadcast_to(t, self._steps.shape))
+        q, v = (np.ascontiguousarray(x) for x in np.split(found, [self.mechanism.model.nq], axis=-1))
+        a = _accelerations(dynamics, q, v)
+        lam, still = Multipliers.known(np.zeros((*q.shape[:2], 0)), 0), np.zeros_like(v)
+        rows = replace(self.run, grid=self._grid, mechanism=self.mechanism, q=q, v=v, a=a, tau=still, lam=lam,
+                       closure=self.mechanism.closure, dynamics=dynamics)  # fmt: skip
+        return rows, self.solution.arrived[self.chosen] & self._agree
 
     def at(self, near: Array) -> tuple[Trajectory, Flags]:
         """Return the states; what they are near to is not needed."""
         return self.rows()
+
+    @property
+    def interpolated(self) -> Flags:
+        """The steps of the motions within which rows are, shape (steps,)."""
+        found = np.zeros(len(self.solution.t), dtype=bool)
+        t = np.broadcast_to(self._grid.t.reshape(len(self._grid.t), -1), self._steps.shape)
+        found[self._steps[self.solution.within(self._steps, t)]] = True
+        return found
+
+    @cached_property
+    def dynamics(self) -> Dynamics:
+        """The equation of motion of the variants."""
+        return Dynamics.of_variants(self.mechanism.model, self.motion.hybrid.dynamics.forces)
+
+    @cached_property
+    def _grid(self) -> Grid:
+        return grid_of_variants(self.grids)
+
+    @cached_property
+    def _steps(self) -> Indices:
+        """The steps in which the rows are, shape (n, k)."""
+        return self.solution.located(self.chosen, self._grid.t)
+
+    @cached_property
+    def _agree(self) -> Flags:
+        """Of which motions Pinocchio's accelerations are those of the library, in a state of no special kind."""
+        nv, count = self.mechanism.model.nv, len(self.chosen)
+        one = np.sin(1.0 + 1.3 * np.arange(nv)), np.cos(2.0 + 2.9 * np.arange(nv))
+        q, v = (np.broadcast_to(x, (1, count, nv)) for x in one)
+        (expected,) = _recursions(self.dynamics).aba_one_by_one(q, v, self.dynamics.loads(0.0, q, v))
+        slopes = self.solution.flows.slopes(self.chosen, np.concatenate([q[0], v[0]], axis=-1))
+        return _close(slopes[:, nv:] - expected, expected, (v * v).sum(axis=-1)[0], AGREEMENT)
+
+
+def compiled(hybrid: HybridSystem) -> TreeFlow | None:
+    """Return the motion of a free tree in compiled code; ``None`` where it is not, or steps are not those of a pair."""
+    flow = hybrid.closed_system.interval(hybrid.dynamics, *hybrid.time).compiled
+    flat = hybrid.closed_system.manifold.nq == hybrid.closed_system.manifold.nv
+    return flow if isinstance(flow, TreeFlow) and flat and hybrid.method.pair is not None else None
+
+
+def _integrated(hybrid: HybridSystem, flows: TreeVariants, motions: Sequence[FreeMotion]) -> VariantSolution:
+    """Return motions whose errors are relative to their own sizes where these are below 1; see ``small_motions``.
+
+    Those so small that rounding of their accelerations may matter have not arrived: they are to be solved alone.
+    """
+    pair = hybrid.method.pair
+    assert pair is not None
+    start, end = np.array([each.time for each in motions]).T
+    y = np.array([np.concatenate([each.q, each.v]) for each in motions])
+    solution = integrate_variants(flows, pair, start, end, y, np.full(len(y), hybrid.size), hybrid.max_steps)
+    solution.arrived[~flows.finite] = False
+    while len(small := np.flatnonzero(solution.arrived & _small(solution))):
+        size = solution.sizes[small]
+        some, most = replace(flows, flows=flows.flows[small]), min(hybrid.max_steps, MOST)
+        finer = integrate_variants(some, pair, start[small], end[small], y[small], size, most)
+        finer.arrived[size * pair.tolerance < MOST_ROUNDING] = False
+        solution = solution.with_finer(small, finer)
+        solution.arrived[small[~finer.arrived]] = False
+    return solution
+
+
+def _small(solution: VariantSolution) -> Flags:
+    """Return which motions are small beside what the errors of their steps are relative to, shape (k,)."""
+    return np.asarray((solution.sizes > 0.0) & (solution.sizes < SMALL * solution.size))
+
+
+def _accelerations(dynamics: Dynamics, q: Array, v: Array) -> Array:
+    """Return the accelerations of the equation of motion, shape (n, k, nv).
+
+    Those of variants in which the recursion for many states errs in one of four rows follow row by row; see
+    ``BATCH_ROUNDING``.
+    """
+    recursions, tau, count = _recursions(dynamics), dynamics.loads(0.0, q, v), len(q)
+    a, every = recursions.aba(q, v, tau), np.arange(q.shape[1])
+    farthest = np.abs(q).max(axis=-1).argmax(axis=0)
+    rows = np.stack([np.full_like(every, 0), np.full_like(every, count // 2), np.full_like(every, count - 1), farthest])
+    exact = recursions.aba_one_by_one(*(x[rows, every] for x in (q, v, tau)))
+    inexact = np.flatnonzero(~_close(a[rows, every] - exact, exact, 0.0, BATCH_ROUNDING).all(axis=0))
+    if len(inexact):
+        some = SideBySide(recursions.variants.some(inexact))
+        a[:, inexact] = some.aba_one_by_one(*(x[:, inexact] for x in (q, v, tau)))
+    return a
+
+
+def _close(apart: Array, expected: Array, more: Array | float, accuracy: float) -> Flags:
+    """Return which vectors, shape (.., nv), are as small as accuracy times the size of others, and more."""
+    return np.asarray(np.linalg.norm(apart, axis=-1) <= accuracy * (np.linalg.norm(expected, axis=-1) + more))
+
+
+def _recursions(dynamics: Dynamics) -> SideBySide:
+    assert isinstance(dynamics.recursions, SideBySide)
+    return dynamics.recursions
 
 
 def grid_of_variants(grids: Sequence[Grid]) -> Grid:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, states_first, turned
+from pinarm.mechanics.geometry.link_tree import LinkTree, RelativeMotion, components_first, states_first, turned
 from pinarm.mechanics.geometry.model_variants import Model
 from pinarm.mechanics.geometry.vectors import cross, crossed, joined, rotated
 from pinarm.records import Record
@@ -102,24 +104,49 @@ def moving(model: Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, 
         the joints as twists in the world frame, shape (n, 6, nv).
     """
     tree = LinkTree.of(model)
+    relative, turns, arms, places, (d, w), omega, swept, u = _speeds(tree, model, q, v)
+    dd, dw = _turned(turns, tree.motions(relative, a) + components_first(relative.biases))
+    before = omega[:, tree.parents]
+    alpha = tree.summed(dw + cross(before, w))
+    du = tree.summed(cross(alpha[:, tree.parents], arms) + cross(before, swept) + cross(before + omega, d) + dd)
+    links = LinkPlacements(model, states_first(turns, 3), states_first(places), q)
+    twists, rates = _inwards(turns, u, omega), _inwards(turns, du - cross(omega, u), alpha)
+    return links, twists, rates, _columns(tree, turns, places, relative.subspaces)
+
+
+def speeding(model: Model, q: Array, v: Array) -> tuple[LinkPlacements, Array]:
+    """Return the placements of links and their twists in link frames, shape (n, njoints, 6); see ``moving``."""
+    _, turns, _, places, _, omega, _, u = _speeds(LinkTree.of(model), model, q, v)
+    return LinkPlacements(model, states_first(turns, 3), states_first(places), q), _inwards(turns, u, omega)
+
+
+class _Speeds(NamedTuple):
+    """Placements and velocities of links, in world axes; see ``moving`` for the letters."""
+
+    relative: RelativeMotion
+    turns: Array
+    arms: Array
+    places: Array
+    parts: tuple[Array, Array]
+    omega: Array
+    swept: Array
+    u: Array
+
+
+def _speeds(tree: LinkTree, model: Model, q: Array, v: Array) -> _Speeds:
     relative = tree.relative(model, q, v)
     turns = tree.multiplied(relative.turns)
     arms = turned(turns[:, :, tree.parents], relative.arms)
-    places = tree.summed(arms)
     d, w = _turned(turns, tree.motions(relative, v))
-    dd, dw = _turned(turns, tree.motions(relative, a) + components_first(relative.biases))
     omega = tree.summed(w)
-    before = omega[:, tree.parents]
-    swept = cross(before, arms)
-    u, alpha = tree.summed(swept + d), tree.summed(dw + cross(before, w))
-    du = tree.summed(cross(alpha[:, tree.parents], arms) + cross(before, swept) + cross(before + omega, d) + dd)
+    swept = cross(omega[:, tree.parents], arms)
+    return _Speeds(relative, turns, arms, tree.summed(arms), (d, w), omega, swept, tree.summed(swept + d))
+
+
+def _inwards(turns: Array, linear: Array, angular: Array) -> Array:
+    """Return motions in link frames from those in world axes, shape (3, njoints, n), as (n, njoints, 6)."""
     inwards = turns.swapaxes(0, 1)
-    twists, rates = (
-        states_first(np.concatenate([turned(inwards, linear), turned(inwards, angular)]))
-        for linear, angular in ((u, omega), (du - cross(omega, u), alpha))
-    )
-    links = LinkPlacements(model, states_first(turns, 3), states_first(places), q)
-    return links, twists, rates, _columns(tree, turns, places, relative.subspaces)
+    return states_first(np.concatenate([turned(inwards, linear), turned(inwards, angular)]))
 
 
 def _turned(turns: Array, motions: Array) -> tuple[Array, Array]:

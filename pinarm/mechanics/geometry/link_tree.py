@@ -219,7 +219,7 @@ def _tree(model: Model) -> LinkTree:
         jumps.append(ahead)
         ahead = ahead[ahead]
     counts = np.array([joint.nv for joint in joints[1:]], dtype=np.intp)
-    masses, levers, inertias = bodies_of(model)
+    masses, levers, inertias = map(np.asfortranarray, bodies_of(model))  # the variants last in memory, as states are
     inertias[..., 0, :, :] = 0.0
     return LinkTree(
         parents, tuple(jumps), np.repeat(np.arange(1, len(joints)), counts), np.cumsum(counts) - counts,

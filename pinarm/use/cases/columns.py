@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from pinarm.input.units import unit
+from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.use.cases.case import Case, Value
 
 ARGUMENT = "arguments."
@@ -40,3 +44,24 @@ def of_kind(anchor: Case, values: Case) -> Case | None:
 def moving(values: Case) -> dict[str, Value]:
     """Return the values that say how a case moves: those of laws, rows and initial states."""
     return {path: value for path, value in values.items() if path.startswith(COLUMNS[1:])}
+
+
+def column_of(first: Value, values: Sequence[Value]) -> list[float]:
+    """Return numbers [SI], given as a scenario has them; the first says their unit.
+
+    Raises:
+        VariantsDiffer: They are not all numbers with the unit of the first.
+    """
+    if not isinstance(first, str):
+        if any(isinstance(value, str | bool) for value in values):
+            raise VariantsDiffer("numbers with and without a unit")
+        return [float(value) for value in values]
+    measured = first.partition(" ")[2]
+    factor, size = unit(measured).factor if measured else 1.0, len(measured) + 1 if measured else 0
+    texts = [value for value in values if isinstance(value, str) and value.partition(" ")[2] == measured]
+    if len(texts) < len(values):
+        raise VariantsDiffer("several units")
+    try:
+        return [float(text[: len(text) - size]) * factor for text in texts]
+    except ValueError:
+        raise VariantsDiffer("values that are no plain numbers") from None

@@ -5,23 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.checks.balance import energy_of
+from pinarm.engine.checks.variant_energy import variant_energies
 from pinarm.engine.motion.integrated_motion import IntegratedMotion
-from pinarm.engine.motion.integrated_variants import IntegratedVariants
-from pinarm.engine.motion.small_motions import integrate_to_size
+from pinarm.engine.motion.integrated_variants import FreeMotion, IntegratedVariants, compiled
 from pinarm.engine.motion.systems.free import FreeSystem
 from pinarm.input.yaml.values import varied
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
-from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.forward import Forward
-from pinarm.records import replace
-from pinarm.use.cases.case import Case
-from pinarm.use.cases.columns import INITIAL
+from pinarm.use.cases.case import Case, Value
+from pinarm.use.cases.columns import INITIAL, column_of
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -31,18 +28,6 @@ if TYPE_CHECKING:
     from pinarm.use.scenario.scenario import Scenario
 
 
-class ForwardCase(NamedTuple):
-    """A case that has been integrated.
-
-    Attributes:
-        motion: Its motion.
-        grid: Its rows.
-    """
-
-    motion: IntegratedMotion
-    grid: Grid
-
-
 @dataclass(frozen=True, eq=False)
 class ForwardCases:
     """Cases that move freely from initial states, without loops, laws, end stops, friction, events and controllers.
@@ -50,18 +35,22 @@ class ForwardCases:
     Attributes:
         result: The first case.
         motion: Its motion.
+        values: Its values.
     """
 
     result: Result
     motion: IntegratedMotion
+    values: Case
 
     @classmethod
-    def of(cls, result: Result) -> ForwardCases | None:
-        """Return the cases of a first one; ``None`` where its motion is another."""
+    def of(cls, result: Result, values: Case) -> ForwardCases | None:
+        """Return the cases of a first one; ``None`` where its motion is another, or takes no compiled steps."""
         motion, whole = result.outcome.motion, result.scenario.mechanism
-        if not isinstance(motion, IntegratedMotion) or motion.mechanism is not whole or not _is_free(motion.hybrid):
+        if not isinstance(motion, IntegratedMotion) or motion.mechanism is not whole or motion.pace is not None:
             return None
-        return cls(result, motion)
+        if not _is_free(motion.hybrid) or compiled(motion.hybrid) is None:
+            return None
+        return cls(result, motion, values)
 
     @property
     def forces(self) -> Mapping[str, ForceElement]:
@@ -74,53 +63,66 @@ class ForwardCases:
         return max(len(self.result.trajectory), int(self.motion.motion.cost()["steps"]))
 
     @cached_property
-    def first(self) -> ForwardCase:
+    def first(self) -> FreeMotion:
         """The first case."""
-        return ForwardCase(self.motion, self.result.trajectory.grid)
+        hybrid = self.motion.hybrid
+        return FreeMotion(*hybrid.start, hybrid.time, self.result.trajectory.grid)
 
-    def read(self, values: Case, mechanism: Mechanism, place: int) -> ForwardCase | None:
+    def read(self, values: Case, mechanism: Mechanism, place: int) -> FreeMotion | None:
         """Return the motion of a case; ``None`` where it is of another kind or has other rows.
 
         Raises:
-            PinarmError: The case has a mistake, or its motion cannot be followed to its end.
+            PinarmError: The case has a mistake.
         """
+        if not values:
+            return self.first
+        if values.keys() <= self._joints.keys():
+            return self._from(values)
         scenario = self.result.scenario
-        own = scenario.with_document(varied(scenario.document, values)) if values else scenario
-        hybrid, grid = self._prepared(own, values, mechanism, place), self.first.grid
-        if hybrid is None:
+        own = scenario.with_document(varied(scenario.document, values))
+        problem = _forward(own)
+        hybrid = problem.prepare(self.motion.mechanism, own.content.accuracy, own.place)
+        if not _is_free(hybrid):
             return None
-        motion = integrate_to_size(hybrid, *hybrid.start)
-        if hybrid.time != self.motion.hybrid.time:
-            grid = hybrid.grid(_forward(own).time.instants())
-        if len(grid.t) != len(self.first.grid.t) or len(motion.segments) > 1 or motion.end < hybrid.time[1]:
-            return None
-        return ForwardCase(IntegratedMotion(self.motion.mechanism, hybrid, motion), grid)
+        grid = hybrid.grid(problem.time.instants())
+        return FreeMotion(*hybrid.start, hybrid.time, grid) if len(grid.t) == len(self.first.grid.t) else None
 
-    def _prepared(self, scenario: Scenario, values: Case, mechanism: Mechanism, place: int) -> HybridSystem | None:
-        """Return what is integrated, ``None`` where it is another motion; mostly only the start is a new one."""
-        whole, variants, problem = self.motion.mechanism, mechanism.model, _forward(scenario)
-        same = not variants.bodies and not variants.moved
-        if same and all(path.startswith(INITIAL) for path in values):
-            return replace(self.motion.hybrid, initial=problem.initial_state(whole, scenario.place))
-        moved = whole if same else replace(whole, model=variants.tree(place))
-        hybrid = problem.prepare(moved, scenario.content.accuracy, scenario.place)
-        return hybrid if _is_free(hybrid) else None
+    def _from(self, values: Case) -> FreeMotion | None:
+        """Return the motion of a case that differs in coordinates and velocities of joints at the start only."""
+        state = np.concatenate(self.first[:2])
+        for path, value in values.items():
+            try:
+                (state[self._joints[path]],) = column_of(self.values[path], [value])
+            except VariantsDiffer:
+                return None
+        q, v = np.split(state, [self.motion.mechanism.model.nq])
+        return self.first._replace(q=q, v=v)
 
-    def variants(self, mechanism: Mechanism, motions: Sequence[ForwardCase]) -> IntegratedVariants:
+    @cached_property
+    def _joints(self) -> dict[str, int]:
+        """Paths of the first case to coordinates and velocities of joints, and the places of these in the state."""
+        joints, nq = self.motion.mechanism.joints, self.motion.mechanism.model.nq
+        places = {f"{INITIAL}position.{name}": joint.q for name, joint in joints.items()}
+        places |= {f"{INITIAL}velocity.{name}": nq + joint.v for name, joint in joints.items()}
+        state = np.concatenate(self.first[:2])
+        given = {path: place for path, place in places.items() if path in self.values}
+        return {path: place for path, place in given.items() if _number(self.values[path]) == state[place]}
+
+    def variants(self, mechanism: Mechanism, motions: Sequence[FreeMotion]) -> IntegratedVariants:
         """Return the motions of variants."""
-        rows, grids = self.result.trajectory, [each.grid for each in motions]
-        return IntegratedVariants(rows, mechanism, [each.motion for each in motions], grids)
+        return IntegratedVariants.integrated(self.result.trajectory, self.motion, mechanism, motions)
 
-    def figures(self, motions: Sequence[ForwardCase]) -> dict[str, Array]:
-        """Return the energy that nothing accounts for, and what rounding does to small motions.
+    def figures(self, variants: IntegratedVariants) -> dict[str, Array]:
+        """Return the energy that nothing accounts for."""
+        return {"energy": variant_energies(variants.dynamics, variants.solution, variants.interpolated)}
 
-        Raises:
-            VariantsDiffer: Not all motions have the same of these.
-        """
-        found = [{**energy_of(each.motion.motion), **each.motion.motion.rounding} for each in motions]
-        if any(one.keys() != found[0].keys() for one in found):
-            raise VariantsDiffer("which figures can be measured")
-        return {name: np.array([each[name] for each in found]) for name in found[0]}
+
+def _number(value: Value) -> float | None:
+    """Return a value [SI]; ``None`` where it is no plain number."""
+    try:
+        return column_of(value, [value])[0]
+    except VariantsDiffer:
+        return None
 
 
 def _forward(scenario: Scenario) -> Forward:
@@ -133,4 +135,5 @@ def _is_free(hybrid: HybridSystem) -> bool:
     """Whether one smooth motion of a tree is integrated, and nothing else is looked for."""
     if hybrid.bounds or hybrid.watches or hybrid.frictions or hybrid.controls or len(hybrid.cuts) > 2:
         return False
-    return isinstance(hybrid.closed_system, FreeSystem) and not hybrid.closure.size
+    given = hybrid.initial.rates or hybrid.initial.followers  # these depend on lengths
+    return isinstance(hybrid.closed_system, FreeSystem) and not hybrid.closure.size and not given

@@ -68,6 +68,6 @@ class PrescribedCases:
         """Return the motions of variants."""
         return PrescribedVariants(self.motion, self.result.trajectory, mechanism, motions)
 
-    def figures(self, motions: Sequence[PrescribedTable]) -> dict[str, Array]:
+    def figures(self, variants: PrescribedVariants) -> dict[str, Array]:
         """Return nothing: what is measured are the states."""
         return {}

@@ -27,10 +27,9 @@ from pinarm.engine.mechanism_variants import (
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import PinarmError
-from pinarm.input.units import unit
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
-from pinarm.use.cases.case import QUADRATURE, WORTH, Case, Row, Task, Value, solved_case
-from pinarm.use.cases.columns import ARGUMENT, moving
+from pinarm.use.cases.case import QUADRATURE, WORTH, Case, Row, Task, solved_case
+from pinarm.use.cases.columns import ARGUMENT, column_of, moving
 from pinarm.use.cases.prescribed_cases import PrescribedCases
 from pinarm.use.cases.variant_numbers import MovingVariants, VariantNumbers
 from pinarm.use.result.failures import failures_in_words
@@ -43,6 +42,7 @@ if TYPE_CHECKING:
     from pinarm.use.result.result import Result
 
 MotionT = TypeVar("MotionT")
+VariantsT = TypeVar("VariantsT", bound=MovingVariants)
 
 NUMBERS = 800_000
 """Numbers of one array over the cases of a stack, at most: larger ones leave the caches of processors."""
@@ -62,7 +62,7 @@ Attempt = Callable[[Callable[[Sequence[Any]], "list[Row | None]"], Sequence[Any]
 """Returns what a function says of cases, and what is told of those for which it raises something."""
 
 
-class Motions(Protocol[MotionT]):
+class Motions(Protocol[MotionT, VariantsT]):
     """How the cases of a stack move."""
 
     @property
@@ -93,12 +93,12 @@ class Motions(Protocol[MotionT]):
         """
         ...
 
-    def variants(self, mechanism: Mechanism, motions: Sequence[MotionT]) -> MovingVariants:
+    def variants(self, mechanism: Mechanism, motions: Sequence[MotionT]) -> VariantsT:
         """Return the motions of variants."""
         ...
 
-    def figures(self, motions: Sequence[MotionT]) -> dict[str, Array]:
-        """Return what is measured of each motion by itself, by name, shape (k,)."""
+    def figures(self, variants: VariantsT) -> dict[str, Array]:
+        """Return what is measured of these motions, and not of their rows, by name, shape (k,); NaN where unknown."""
         ...
 
 
@@ -118,7 +118,7 @@ class Stack:
     values: Case
     first: Result
     files: tuple[str, ...]
-    motions: Motions[Any]
+    motions: Motions[Any, Any]
 
     @classmethod
     def begin(cls, task: Task, values: Case) -> tuple[Stack | None, Row]:
@@ -128,7 +128,7 @@ class Stack:
             return None, solved.row
         result = solved.result
         asks = result.content.find or result.content.accuracy.target is not None or result.trajectory.columns
-        motions = None if asks else _motions(result)
+        motions = None if asks else _motions(result, values)
         stack = None if motions is None else cls(task, values, result, solved.row.files, motions)
         return stack, solved.row
 
@@ -185,7 +185,7 @@ class Stack:
         scenario = self.first.scenario
         given = {name: scenario.mechanism.arguments[name] for name in scenario.content.arguments}
         columns = {
-            path.removeprefix(ARGUMENT): _column(value, [case[path] for case in (self.values, *cases)])
+            path.removeprefix(ARGUMENT): column_of(value, [case[path] for case in (self.values, *cases)])
             for path, value in self.values.items() if path.startswith(ARGUMENT)
         }  # fmt: skip
         if columns:
@@ -210,12 +210,12 @@ class Stack:
         outputs = [quantities[name].values for name in scenario.content.outputs]
         for values in (*outputs, *told.numbers):
             finite &= np.isfinite(values).all(axis=0) if values.ndim > 1 else np.isfinite(values)
-        figures = {**self.motions.figures(motions), **power_balance(run), **residual_figures(run)}
-        figures |= quantities.figures()
-        if figures.keys() != self.first.figures.keys() - COSTS:
-            raise VariantsDiffer("which figures can be measured")
+        figures = {**power_balance(run), **residual_figures(run), **quantities.figures()}
         for figure in figures.values():
             finite &= np.isfinite(figure)
+        figures |= self.motions.figures(variants)
+        if _known_first(figures) != self.first.figures.keys() - COSTS:
+            raise VariantsDiffer("which figures can be measured")
         figures[QUADRATURE] = told.quadrature
         columns = [*told.numbers, *(figures.get(name, np.nan) for name in WORTH)]
         return np.stack([np.broadcast_to(column, count) for column in columns], axis=1), finite & told.sound
@@ -238,13 +238,18 @@ class Stack:
         return bool((np.isnan(own) == np.isnan(other)).all() and np.nanmax(np.abs(own - other)) <= AGREED * size)
 
 
-def _motions(result: Result) -> Motions[Any] | None:
+def _known_first(figures: Mapping[str, Array]) -> set[str]:
+    """Return the names of the figures that are known of the first case."""
+    return {name for name, figure in figures.items() if not np.isnan(figure.flat[0])}
+
+
+def _motions(result: Result, values: Case) -> Motions[Any, Any] | None:
     """Return how cases move that are like a first one; ``None`` where they are solved one by one."""
     if isinstance(result.outcome.motion, PrescribedMotion):
         return PrescribedCases.of(result)
     from pinarm.use.cases.forward_cases import ForwardCases
 
-    return ForwardCases.of(result)
+    return ForwardCases.of(result, values)
 
 
 def _tried(solve: Callable[[Sequence[Any]], list[Row | None]], cases: Sequence[Any]) -> list[Row | None]:
@@ -255,24 +260,3 @@ def _tried(solve: Callable[[Sequence[Any]], list[Row | None]], cases: Sequence[A
     except Exception:
         half = len(cases) // 2
         return [*_tried(solve, cases[:half]), *_tried(solve, cases[half:])] if half else [None] * len(cases)
-
-
-def _column(first: Value, values: Sequence[Value]) -> list[float]:
-    """Return the values of an argument [SI], given as a scenario has them.
-
-    Raises:
-        VariantsDiffer: They are not all numbers with the unit of the first.
-    """
-    if not isinstance(first, str):
-        if any(isinstance(value, str | bool) for value in values):
-            raise VariantsDiffer("numbers with and without a unit")
-        return [float(value) for value in values]
-    measured = first.partition(" ")[2]
-    factor, size = unit(measured).factor if measured else 1.0, len(measured) + 1 if measured else 0
-    texts = [value for value in values if isinstance(value, str) and value.partition(" ")[2] == measured]
-    if len(texts) < len(values):
-        raise VariantsDiffer("several units")
-    try:
-        return [float(text[: len(text) - size]) * factor for text in texts]
-    except ValueError:
-        raise VariantsDiffer("values that are no plain numbers") from None

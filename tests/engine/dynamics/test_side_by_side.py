@@ -35,12 +35,16 @@ def test_the_recursions_are_those_of_each_tree_alone(seed: int, bodies: bool) ->
     outside = rng.normal(size=(n, count, joints + 1, 6)) * (rng.random(joints + 1) < 0.5)[:, None]
     together = SideBySide(variants)
     tau, mass = together.rnea(q, v, a), together.mass_matrices(q)
+    accelerations = together.aba(q, v, tau), together.aba_one_by_one(q, v, tau)
     inner = together.transmitted(LinkPlacements.at(variants, q), q, v, a, outside)
     for k, model in enumerate(models):
         alone = Dynamics.of(model).recursions
         states = q[:, 0], v[:, 0], a[:, 0]
         np.testing.assert_allclose(tau[:, k], alone.rnea(*states), atol=ROUNDING, rtol=ROUNDING)
         np.testing.assert_allclose(mass[:, k], alone.mass_matrices(q[:, 0]), atol=ROUNDING, rtol=ROUNDING)
+        back = alone.aba(*states[:2], tau[:, k])
+        for given in accelerations:
+            np.testing.assert_allclose(given[:, k], back, atol=ROUNDING * np.abs(back).max())
         own = alone.transmitted(LinkPlacements.at(model, q[:, 0]), *states, outside[:, k])
         np.testing.assert_allclose(inner[:, k], own, atol=ROUNDING, rtol=ROUNDING)
 

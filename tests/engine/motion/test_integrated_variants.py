@@ -6,38 +6,63 @@ import numpy as np
 import pytest
 
 import pinarm
+from pinarm.engine.kernel.library import absence
 from pinarm.engine.mechanism_variants import alike_variants, some_variants
 from pinarm.engine.motion.integrated_motion import IntegratedMotion
-from pinarm.engine.motion.integrated_variants import IntegratedVariants
+from pinarm.engine.motion.integrated_variants import FreeMotion, IntegratedVariants
 from pinarm.mechanics.laws.motion_law import Grid
+
+pytestmark = pytest.mark.skipif(bool(absence()), reason=f"compiled kernel: {absence()}")
 
 SWING = Path(__file__).parents[3] / "scenarios" / "gen411_arm_swing.yaml"
 
 
 @pytest.fixture(scope="module")
-def variants() -> IntegratedVariants:
+def motions() -> list[IntegratedMotion]:
     values = ["problem.time={end: 0.3 s, samples: 7}", "accuracy.tolerance=1e-6"]
     results = [pinarm.run(SWING, [*values, f"problem.initial.velocity.B={speed} rad/s"]) for speed in (0, 1, -2)]
-    motions = [motion for one in results if isinstance(motion := one.outcome.motion, IntegratedMotion)]
-    first = results[0].trajectory
-    return IntegratedVariants(first, alike_variants(results[0].scenario.mechanism, 3), motions, [first.grid] * 3)
+    return [motion for one in results if isinstance(motion := one.outcome.motion, IntegratedMotion)]
 
 
-def test_rows_are_those_of_each_motion(variants: IntegratedVariants) -> None:
+@pytest.fixture(scope="module")
+def variants(motions: list[IntegratedMotion]) -> IntegratedVariants:
+    first, t = motions[0], np.linspace(0.0, 0.3, 7)
+    grid = first.hybrid.grid(t)
+    given = [FreeMotion(*one.hybrid.start, one.hybrid.time, grid) for one in motions]
+    return IntegratedVariants.integrated(first.at(grid), first, alike_variants(first.mechanism, 3), given)
+
+
+def test_rows_are_those_of_each_motion(variants: IntegratedVariants, motions: list[IntegratedMotion]) -> None:
     rows, sound = variants.rows()
     assert sound.all()
     assert rows.grid.t.shape == (7,)
-    for k, motion in enumerate(variants.motions):
+    for k, motion in enumerate(motions):
         alone = motion.at(variants.run.grid)
         for own, other in ((rows.q, alone.q), (rows.v, alone.v), (rows.a, alone.a)):
-            np.testing.assert_array_equal(own[:, k], other)
+            np.testing.assert_allclose(own[:, k], other, rtol=0.0, atol=1e-12 * np.abs(other).max())
 
 
-def test_some_of_them_at_other_instants_have_instants_of_their_own(variants: IntegratedVariants) -> None:
+def test_some_of_them_at_other_instants_have_instants_of_their_own(
+    variants: IntegratedVariants, motions: list[IntegratedMotion]
+) -> None:
     places, cuts = np.array([2, 0]), variants.run.grid.cuts
     grids = [Grid(np.array(t), cuts, (0, 2)) for t in ((0.01, 0.02), (0.11, 0.25))]
     some = variants.some(some_variants(variants.mechanism, places), places, grids)
     rows, _ = some.at(np.zeros((2, 2, 2)))
     np.testing.assert_array_equal(rows.grid.t, [[0.01, 0.11], [0.02, 0.25]])
     for k, (place, grid) in enumerate(zip(places, grids, strict=True)):
-        np.testing.assert_array_equal(rows.q[:, k], variants.motions[place].at(grid).q)
+        np.testing.assert_allclose(rows.q[:, k], motions[place].at(grid).q, rtol=0.0, atol=1e-13)
+
+
+def test_motions_that_the_library_gets_wrong_are_not_sound(
+    variants: IntegratedVariants, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flows = variants.solution.flows
+    slopes = flows.slopes
+
+    def wrong(motions: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return slopes(motions, y) * np.where(motions == 1, 1.0 + 1e-9, 1.0)[:, None]
+
+    monkeypatch.setattr(type(flows), "slopes", lambda _, motions, y: wrong(motions, y))
+    fresh = variants.some(variants.mechanism, np.arange(3), variants.grids)
+    assert fresh.rows()[1].tolist() == [True, False, True]

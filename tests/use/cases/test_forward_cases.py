@@ -6,9 +6,15 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.use.cases.case import WORTH, Value
+from pinarm.engine.kernel.library import absence
+from pinarm.records import replace
+from pinarm.use.cases.case import WORTH, RowValues, Value
 from pinarm.use.cases.forward_cases import ForwardCases
+from pinarm.use.cases.stack import Stack
 from tests.use.cases.conftest import Chunk
+from tests.use.cases.test_stack import compared, task_of
+
+pytestmark = pytest.mark.skipif(bool(absence()), reason=f"compiled kernel: {absence()}")
 
 SWING = """\
 pinarm: 1
@@ -45,6 +51,39 @@ def test_pendulums_swing_as_high_as_the_energy_theorem_says(swing: Path, chunk: 
 
 
 @pytest.mark.parametrize(
+    ("values", "together"),
+    [
+        ([], 5),
+        (["problem.loads={drag: {kind: joint_spring, joint: pivot, stiffness: 3 N*m/rad, damping: 0.4 N*m*s/rad}}"], 5),
+        (["problem.loads={drag: {kind: joint_spring, joint: pivot, damping: 40 N*m*s/rad}}", "accuracy.tolerance=1e-6"], 6),
+        (["problem.initial.velocity.pivot=0.01 rad/s"], 5),
+        (["problem.initial.velocity.pivot=0 rad/s"], 5),
+    ],
+    ids=["free", "damped", "steps divided", "small", "at rest"],
+)
+def test_they_are_those_of_each_alone(swing: Path, values: list[str], together: int) -> None:
+    """By a spring and a damper, in steps that are divided since they are stiff, and with errors relative to little.
+
+    At rest the energy that nothing accounts for is unknown; where rounding may matter, cases are left to each alone.
+    """
+    cases: list[dict[str, Value]] = [
+        {"problem.initial.velocity.pivot": f"{speed!r} rad/s"} for speed in (1.0, 0.25, -0.7, 0.01, 0.0, 1e-6)
+    ]
+    task = task_of(swing, ["alpha", "alpha @ max"], values)
+    rows = replace(task, wanted=(*task.wanted, RowValues("joint.pivot.velocity")))
+    assert compared(rows, cases) == together
+
+
+def test_a_case_that_cannot_be_followed_falls_back_alone(swing: Path) -> None:
+    cases: list[dict[str, Value]] = [
+        {"problem.initial.velocity.pivot": f"{speed} rad/s"} for speed in ("1.0", "1e200", "2.0")
+    ]
+    stack, _ = Stack.begin(task_of(swing), cases[0])
+    assert stack is not None
+    assert [row is None for row in stack.rows(cases)] == [False, True, False]
+
+
+@pytest.mark.parametrize(
     ("value", "taken"),
     [("problem.time.end=2 s", True),
      ("problem.end_stops={pivot: {upper: 75 deg}}", False),
@@ -53,4 +92,4 @@ def test_pendulums_swing_as_high_as_the_energy_theorem_says(swing: Path, chunk: 
       "effort: {law: steps, points: [[0 s, 0 N*m], [1 s, 1 N*m]]}}}", False)],
 )  # fmt: skip
 def test_only_smooth_free_motions_are_integrated_so(swing: Path, value: str, taken: bool) -> None:
-    assert (ForwardCases.of(pinarm.run(swing, [value])) is not None) == taken
+    assert (ForwardCases.of(pinarm.run(swing, [value]), {}) is not None) == taken

@@ -1,0 +1,108 @@
+"""The energy balance of motions of variants, of all of them at once: see ``balance.energy_balance``."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags, Indices
+from pinarm.engine.checks.balance import STEPS, gauss_nodes, part_weights, unaccounted
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.mechanics.geometry.link_placements import speeding
+from pinarm.mechanics.geometry.link_tree import LinkTree, components_first
+from pinarm.mechanics.geometry.vectors import rotated
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.variant_steps import VariantSolution
+
+
+class VariantParts(NamedTuple):
+    """Parts of the steps of k motions, in order; those of motions that have fewer end in parts of no length.
+
+    Attributes:
+        step: The step of each, shape (n, k).
+        start: Its start [s], shape (n, k).
+        h: Its length [s], shape (n, k).
+    """
+
+    step: Indices
+    start: Array
+    h: Array
+
+    @classmethod
+    def of(cls, solution: VariantSolution, divided: Flags) -> VariantParts:
+        """Return the steps of motions, some of which are divided, shape (steps,)."""
+        counts = np.where(divided, solution.pair.subdivisions, 1)
+        step = np.repeat(np.arange(len(counts)), counts)
+        number = np.arange(len(step))
+        part = number - np.repeat(np.cumsum(counts) - counts, counts)
+        h = ((solution.until - solution.t) / counts)[step]
+        motion = solution.motion[step]
+        own = np.bincount(motion, minlength=len(solution.counts))
+        place = number - np.repeat(np.cumsum(own) - own, own)
+        last = np.maximum(solution.firsts + solution.counts - 1, 0)
+        shape = int(own.max(initial=1)), len(own)
+        found = cls(np.tile(last, (shape[0], 1)), np.tile(solution.until[last], (shape[0], 1)), np.zeros(shape))
+        for values, given in zip(found, (step, solution.t[step] + part * h, h), strict=True):
+            values[place, motion] = given
+        return found
+
+
+def variant_energies(dynamics: Dynamics, solution: VariantSolution, interpolated: Flags) -> Array:
+    """Return the energy that nothing accounts for of motions of variants, relative to what is exchanged, shape (k,).
+
+    NaN where it is unknown.
+
+    Args:
+        dynamics: The equation of motion of the variants, whose force elements are springs and dampers of joints.
+        solution: Their motions.
+        interpolated: Steps within which there are rows of the table, shape (steps,).
+    """
+    exchanging = dynamics.exchanging
+    divided = np.ones_like(interpolated) if exchanging else interpolated | _even(solution)
+    parts = VariantParts.of(solution, divided)
+    last = np.maximum(solution.firsts + solution.counts - 1, 0)
+    step, ends = np.vstack([parts.step, last]), np.vstack([parts.start, solution.until[last]])
+    q, v = np.split(solution.states_in(step, ends), [dynamics.model.nq], axis=-1)
+    lost = _losses(exchanging, solution, parts) if exchanging else np.zeros_like(parts.h)
+    columns = *_energies(dynamics, q, v), np.concatenate([0.0 * lost[:1], np.cumsum(lost, axis=0)])
+    drift = np.sum([column - column[0] for column in columns], axis=0)
+    return unaccounted(np.abs(drift).max(axis=0), columns)
+
+
+def _even(solution: VariantSolution) -> Flags:
+    """Return an even choice of the steps of each motion, shape (steps,)."""
+    chosen = np.zeros(len(solution.t), dtype=bool)
+    for first, count in zip(solution.firsts.tolist(), solution.counts.tolist(), strict=True):
+        chosen[first + _choice(count)] = True
+    return chosen
+
+
+@cache
+def _choice(count: int) -> Indices:
+    return np.linspace(0, count - 1, min(count, STEPS)).astype(np.intp)
+
+
+def _energies(dynamics: Dynamics, q: Array, v: Array) -> tuple[Array, Array]:
+    """Return kinetic and potential energy [J] of states, shape (n, k, nv), each of shape (n, k)."""
+    model = dynamics.model
+    tree, (links, twists) = LinkTree.of(model), speeding(model, q, v)
+    motions = components_first(twists)
+    (momenta,) = tree.momenta(motions[None])
+    kinetic = 0.5 * (np.einsum("aj...,aj...->...", motions, momenta) + v**2 @ model.armature)
+    centres = links.places + rotated(links.turns, tree.levers)
+    potential = -(tree.masses * (centres @ model.gravity.linear)).sum(axis=-1)
+    for force in dynamics.forces.values():
+        potential = potential + force.potential_energy(q)
+    return kinetic, potential
+
+
+def _losses(dynamics: Dynamics, solution: VariantSolution, parts: VariantParts) -> Array:
+    """Return the energy that elements take out in parts of steps [J], shape (n, k)."""
+    nodes = 0.5 * (gauss_nodes() + 1.0)
+    t = parts.start + nodes[:, None, None] * parts.h
+    q, v = np.split(solution.states_in(np.broadcast_to(parts.step, t.shape), t), [dynamics.model.nq], axis=-1)
+    power = np.sum([force.dissipated_power(t, q, v) for force in dynamics.forces.values()], axis=0)
+    return np.asarray(np.tensordot(part_weights(1)[0], power, 1) * parts.h)
