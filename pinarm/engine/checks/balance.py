@@ -17,7 +17,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, turned
 from pinarm.mechanics.geometry.model_variants import Model
-from pinarm.mechanics.geometry.vectors import components_apart, cross, crossed, rotated
+from pinarm.mechanics.geometry.vectors import cross, crossed, rotated
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -118,22 +118,12 @@ def _asked(links: LinkPlacements, columns: Array, wrenches: Array) -> tuple[Arra
     """
     if links.model.nv > MANY:
         return _asked_of_many(links, columns, wrenches)
-    moved = LinkTree.of(links.model).supports
-    powers = np.where(moved, _products(wrenches, columns), 0.0)  # part by part and link by link
-    return powers.sum(axis=(0, -2)), np.abs(powers).sum(axis=(0, -2)) + _paths(links, columns, moved)
-
-
-def _products(wrenches: Array, columns: Array) -> Array:
-    """Return the powers of wrenches, shape (3, n, .., njoints, 6), along twists, (n, .., 6, nv).
-
-    Shape (3, n, .., njoints, nv). Of variants component by component: numpy multiplies small matrices one by one.
-    """
-    if columns.ndim == 3:
-        return np.asarray(wrenches @ columns)
-    found = components_apart(wrenches[..., 0], columns.shape[-1])
-    for velocity in range(columns.shape[-1]):
-        found[..., velocity] = sum(wrenches[..., k] * columns[..., k, velocity, None] for k in range(6))
-    return found
+    moved, ways = LinkTree.of(links.model).supports, columns.transpose(-2, -1, *range(columns.ndim - 2))
+    parts = wrenches.transpose(0, -1, -2, *range(1, wrenches.ndim - 2))
+    powers = np.einsum("kaj...,av...->kjv...", parts, ways)  # part by part and link by link
+    powers *= moved.reshape(*moved.shape, *(1,) * (columns.ndim - 2))
+    asked, most = powers.sum(axis=(0, 1)), np.abs(powers, out=powers).sum(axis=(0, 1))
+    return np.moveaxis(asked, 0, -1), np.moveaxis(most, 0, -1) + _paths(links, columns, moved)
 
 
 def _paths(links: LinkPlacements, columns: Array, moved: Flags) -> Array:
@@ -161,7 +151,7 @@ def _asked_of_many(links: LinkPlacements, columns: Array, wrenches: Array) -> tu
     Of each link along each joint below it, it would take the square of the time. For the others it is at least what
     the sums of the parts and of the weights could have, so that residuals are compared with less, not with more.
     """
-    tree = LinkTree.of(links.model)
+    tree, wrenches, columns = LinkTree.of(links.model), np.ascontiguousarray(wrenches), np.ascontiguousarray(columns)
     carried = tree.carried(wrenches)[..., tree.moved, :]
     powers = np.vecdot(carried, columns.swapaxes(-2, -1))
     weighed = np.append(tree.masses[:, None], np.ones((len(tree.masses), 1)), axis=1)

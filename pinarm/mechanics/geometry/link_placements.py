@@ -68,11 +68,15 @@ class LinkPlacements(Record, frozen=True):
     def at_world(self, wrenches: Array) -> Array:
         """Return wrenches [f; m] at the world origin from those in link frames: ``R f``, ``R m + p x R f``.
 
-        Shape (.., n, njoints, 6).
+        Several for each link, shape (k, n, njoints, 6).
         """
-        turned = _rotated(self.turns, wrenches)
-        turned[..., 3:] += crossed(self.places, turned[..., :3])
-        return turned
+        turns, places = components_first(self.turns, 3), components_first(self.places)
+        given = wrenches.transpose(0, -1, -2, *range(1, wrenches.ndim - 2))
+        found = np.empty(given.shape)
+        for part in (slice(0, 3), slice(3, 6)):
+            np.einsum("ab...,kb...->ka...", turns, given[:, part], out=found[:, part])
+        found[:, 3:] += cross(places, found[:, :3].swapaxes(0, 1)).swapaxes(0, 1)
+        return found.transpose(0, *range(3, found.ndim), 2, 1)
 
 
 def _rotated(turns: Array, wrenches: Array) -> Array:
@@ -161,4 +165,4 @@ def _columns(tree: LinkTree, turns: Array, places: Array, subspaces: Array) -> A
     columns = subspaces.transpose(-2, -1, *states)
     d, w = _turned(turns[:, :, tree.moved], columns)
     found = np.concatenate([d + cross(places[:, tree.moved], w), w])
-    return np.ascontiguousarray(found.transpose(*(2 + k for k in states), 0, 1))
+    return found.transpose(*(2 + k for k in states), 0, 1)

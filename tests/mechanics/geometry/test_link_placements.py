@@ -42,7 +42,7 @@ def test_links_and_their_twists_are_those_of_pinocchio(model, states):
 def test_wrenches_change_their_frame_as_pinocchio_changes_it(model, states):
     links = LinkPlacements.at(model, states[0])
     own = np.random.default_rng(2).normal(size=(N, model.njoints, 6))
-    world, outwards = links.at_world(own), links.outwards(own)
+    (world,), outwards = links.at_world(own[None]), links.outwards(own)
     assert links.inwards(world) == pytest.approx(own, abs=1e-12)
     for row in range(N):
         for joint in range(1, model.njoints):
