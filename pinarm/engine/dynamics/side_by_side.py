@@ -125,10 +125,11 @@ class SideBySide:
         nv, forest = self.variants.nv, _forest(self.variants.first)
         model, data = forest.pool.getModel(0), forest.pool.getData(0)
         upper, every = np.empty((len(q), len(self.variants), nv, nv)), np.arange(forest.count)
+        wholes = np.empty((len(q), forest.count, nv, forest.count, nv))
         for some, (states,) in self._filled(forest, q):
-            for row, state in enumerate(states):
-                whole = pin.crba(model, data, state)
-                upper[row, some] = whole.reshape(forest.count, nv, forest.count, nv)[every, :, every][: len(some)]
+            for whole, state in zip(wholes.reshape(len(q), model.nv, model.nv), states, strict=True):
+                whole[:] = pin.crba(model, data, state)
+            upper[:, some] = wholes[:, every, :, every].swapaxes(0, 1)[:, : len(some)]
         above = np.triu(np.ones((nv, nv)), 1)
         return np.asarray(upper * (np.eye(nv) + above) + (upper * above).swapaxes(-2, -1))
 

@@ -253,9 +253,9 @@ def _terms(
     scratch, held = np.empty((tableau.stages + 2 + len(tableau.dense_c), y.shape[1])), HeldStructure(None, 0, 0, None)
     arrays = [contiguous(x) for x in (t, h, y, slopes)]
     firsts = np.flatnonzero(np.diff(motion, prepend=-1))
-    counts, begun = np.diff(np.append(firsts, len(t))).tolist(), firsts.tolist()
+    counts = np.diff(np.append(firsts, len(t))).tolist()
     same = ctypes.addressof(coefficients.structure), ctypes.addressof(held), pointer(scratch)
-    places = ([pointer(x) + x.strides[0] * k for k in begun] for x in (*arrays, found))
+    places = ((pointer(x) + x.strides[0] * firsts).tolist() for x in (*arrays, found))
     for flow, count, times, lengths, states, known, terms in zip(
         flows.places(motion[firsts]), counts, *places, strict=True
     ):

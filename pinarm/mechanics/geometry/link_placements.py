@@ -108,29 +108,36 @@ def moving(model: Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, 
         the joints as twists in the world frame, shape (n, 6, nv).
     """
     tree = LinkTree.of(model)
-    relative, turns, arms, places, (d, w), omega, swept, u = _speeds(tree, model, q, v)
-    dd, dw = _turned(turns, tree.motions(relative, a) + components_first(relative.biases))
+    relative, turns, arms, places, columns, (d, w), omega, swept, u = _speeds(tree, model, q, v)
+    dd, dw = (tree.along(part, a) for part in columns)
+    if tree.others:
+        sliding, turning = _turned(turns, components_first(relative.biases))
+        dd, dw = dd + sliding, dw + turning
     before = omega[:, tree.parents]
     alpha = tree.summed(dw + cross(before, w))
     du = tree.summed(cross(alpha[:, tree.parents], arms) + cross(before, swept) + cross(before + omega, d) + dd)
     links = LinkPlacements(model, states_first(turns, 3), states_first(places), q)
     twists, rates = _inwards(turns, u, omega), _inwards(turns, du - cross(omega, u), alpha)
-    return links, twists, rates, _columns(tree, turns, places, relative.subspaces)
+    return links, twists, rates, _columns(places[:, tree.moved], *columns)
 
 
 def speeding(model: Model, q: Array, v: Array) -> tuple[LinkPlacements, Array]:
     """Return the placements of links and their twists in link frames, shape (n, njoints, 6); see ``moving``."""
-    _, turns, _, places, _, omega, _, u = _speeds(LinkTree.of(model), model, q, v)
+    _, turns, _, places, _, _, omega, _, u = _speeds(LinkTree.of(model), model, q, v)
     return LinkPlacements(model, states_first(turns, 3), states_first(places), q), _inwards(turns, u, omega)
 
 
 class _Speeds(NamedTuple):
-    """Placements and velocities of links, in world axes; see ``moving`` for the letters."""
+    """Placements and velocities of links, in world axes; see ``moving`` for the letters.
+
+    Columns are ``S``, at the origins of the links, shape (3, nv, ..) each; parts are ``d`` and ``w``.
+    """
 
     relative: RelativeMotion
     turns: Array
     arms: Array
     places: Array
+    columns: tuple[Array, Array]
     parts: tuple[Array, Array]
     omega: Array
     swept: Array
@@ -141,28 +148,34 @@ def _speeds(tree: LinkTree, model: Model, q: Array, v: Array) -> _Speeds:
     relative = tree.relative(model, q, v)
     turns = tree.multiplied(relative.turns)
     arms = turned(turns[:, :, tree.parents], relative.arms)
-    d, w = _turned(turns, tree.motions(relative, v))
+    columns = _turned(turns[:, :, tree.moved], components_first(relative.subspaces.swapaxes(-2, -1)))
+    d, w = (tree.along(part, v) for part in columns)
     omega = tree.summed(w)
     swept = cross(omega[:, tree.parents], arms)
-    return _Speeds(relative, turns, arms, tree.summed(arms), (d, w), omega, swept, tree.summed(swept + d))
+    return _Speeds(relative, turns, arms, tree.summed(arms), columns, (d, w), omega, swept, tree.summed(swept + d))
 
 
 def _inwards(turns: Array, linear: Array, angular: Array) -> Array:
     """Return motions in link frames from those in world axes, shape (3, njoints, n), as (n, njoints, 6)."""
-    inwards = turns.swapaxes(0, 1)
-    return states_first(np.concatenate([turned(inwards, linear), turned(inwards, angular)]))
+    inwards, found = turns.swapaxes(0, 1), np.empty((6, *linear.shape[1:]))
+    for part, motions in ((found[:3], linear), (found[3:], angular)):
+        np.einsum("ab...,b...->a...", inwards, motions, out=part)
+    return states_first(found)
 
 
 def _turned(turns: Array, motions: Array) -> tuple[Array, Array]:
-    """Return the linear and the angular part of motions in link axes, shape (6, njoints, n), in world axes."""
+    """Return the linear and the angular part of motions in link axes, shape (6, k, n), in world axes."""
     found = turned(turns[:, :, None], motions.reshape(2, 3, *motions.shape[1:]).swapaxes(0, 1))
     return found[:, 0], found[:, 1]
 
 
-def _columns(tree: LinkTree, turns: Array, places: Array, subspaces: Array) -> Array:
-    """Return the columns S of all velocities as twists in the world frame, shape (n, 6, nv)."""
-    states = range(subspaces.ndim - 2)
-    columns = subspaces.transpose(-2, -1, *states)
-    d, w = _turned(turns[:, :, tree.moved], columns)
-    found = np.concatenate([d + cross(places[:, tree.moved], w), w])
-    return found.transpose(*(2 + k for k in states), 0, 1)
+def _columns(places: Array, linear: Array, angular: Array) -> Array:
+    """Return the columns S of all velocities as twists in the world frame, shape (n, 6, nv).
+
+    Args:
+        places: Origins of the links that they move first [m], shape (3, nv, n).
+        linear: Velocities of these origins, shape (3, nv, n).
+        angular: Angular velocities, likewise.
+    """
+    found = np.concatenate([linear + cross(places, angular), angular])
+    return found.transpose(*range(2, found.ndim), 0, 1)

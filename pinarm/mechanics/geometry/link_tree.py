@@ -135,11 +135,14 @@ class LinkTree(Record, frozen=True):
             turns = np.einsum("ab...,bc...->ac...", turns[:, :, jump], turns)
         return turns
 
-    def gathered(self, columns: Array) -> Array:
-        """Return the sums over the velocities of every joint, 0 of the world: (.., 6, nv) to (.., njoints, 6)."""
-        found = np.zeros((*columns.shape[:-2], len(self.parents), 6))
-        if columns.shape[-1]:
-            found[..., 1:, :] = np.add.reduceat(columns, self.starts, axis=-1).swapaxes(-2, -1)
+    def along(self, columns: Array, x: Array) -> Array:
+        """Return the sums of columns times velocities over those of every joint, 0 of the world.
+
+        (3, nv, ..) and (.., nv) to (3, njoints, ..).
+        """
+        each = columns * components_first(x, 1)
+        found = np.zeros((3, len(self.parents), *each.shape[2:]))
+        found[:, 1:] = np.add.reduceat(each, self.starts, axis=1) if self.others else each
         return found
 
     def relative(self, model: Model, q: Array, v: Array) -> RelativeMotion:
@@ -163,15 +166,6 @@ class LinkTree(Record, frozen=True):
             add = _add_floating if model.joints[k].shortname() == "JointModelFreeFlyer" else _add_joint
             add(motion, model, k, q, v)
         return motion
-
-    def motions(self, relative: RelativeMotion, x: Array) -> Array:
-        """Return ``S x`` of the velocities of every joint, in its own axes: (.., nv) to (6, njoints, ..)."""
-        if self.others:
-            return components_first(self.gathered(relative.subspaces * x[..., None, :]))
-        rank = x.ndim - 1
-        found = np.zeros((6, len(self.parents), *x.shape[:-1]))
-        found[:, self.moved] = states_last(self.subspace.T, rank, 2) * components_first(x, 1)
-        return found
 
 
 def turned(turns: Array, vectors: Array) -> Array:

@@ -55,7 +55,13 @@ def test_pendulums_swing_as_high_as_the_energy_theorem_says(swing: Path, chunk: 
     [
         ([], 5),
         (["problem.loads={drag: {kind: joint_spring, joint: pivot, stiffness: 3 N*m/rad, damping: 0.4 N*m*s/rad}}"], 5),
-        (["problem.loads={drag: {kind: joint_spring, joint: pivot, damping: 40 N*m*s/rad}}", "accuracy.tolerance=1e-6"], 6),
+        (
+            [
+                "problem.loads={drag: {kind: joint_spring, joint: pivot, damping: 40 N*m*s/rad}}",
+                "accuracy.tolerance=1e-6",
+            ],
+            6,
+        ),
         (["problem.initial.velocity.pivot=0.01 rad/s"], 5),
         (["problem.initial.velocity.pivot=0 rad/s"], 5),
     ],
