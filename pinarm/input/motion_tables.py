@@ -11,6 +11,7 @@ from pinarm.input.csv_rows import rows, split_heading
 from pinarm.input.numbers import decimal
 from pinarm.input.roots import Stamp
 from pinarm.input.units import Unit, unit
+from pinarm.input.yaml.schema import LARGEST
 
 Column = tuple[float, ...]
 
@@ -108,8 +109,9 @@ def _number(row: list[str], column: int, file: str, line: int) -> float:
         number = decimal(row[column])
     except (ValueError, IndexError):
         number = math.nan
+    place = Location(file, line, 1, ",".join(row))
     if not math.isfinite(number):
-        raise InputError("a finite number is missing", expected="two numbers").at(
-            Location(file, line, 1, ",".join(row))
-        )
+        raise InputError("a finite number is missing", expected="two numbers").at(place)
+    if abs(number) > LARGEST:
+        raise InputError(f"{number:g} is out of bounds", expected=f"a size of at most {LARGEST:g}").at(place)
     return number

@@ -105,6 +105,7 @@ class TestTable:
             ("t [s],x [m]\n0,0\n1,nan\n", r"table\.csv:3:1: a finite number is missing"),
             ("t [s],x [m]\n0,0\n1,-inf\n", r"table\.csv:3:1: a finite number is missing"),
             ("t [s],x [m]\n0,0\n1,1e999\n", r"table\.csv:3:1: a finite number is missing"),
+            ("t [s],x [m]\n0,0\n1,1e300\n", r"table\.csv:3:1: 1e\+300 is out of bounds"),
             ("t [s],x [m]\n0,zero\n1,1\n", r"table\.csv:2:1: a finite number is missing"),
             ("t [s],x [m]\n0,0\n1,\n", r"table\.csv:3:1: a finite number is missing"),
             ("t [s],x [m]\n0,0\n1\n", r"table\.csv:3:1: a finite number is missing"),

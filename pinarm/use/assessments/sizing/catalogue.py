@@ -33,6 +33,9 @@ from pinarm.input.units import unit
 MAX_BYTES, MOST = 5_000_000, 10_000
 """Size of a catalogue at most, and number of its motors."""
 
+SMALLEST, GREATEST = 1e-30, 1e30
+"""Of what a catalogue says of a motor, and of ratios: products of their squares stay numbers."""
+
 UNITS = {
     "stall_torque": "N*m", "rated_torque": "N*m", "rated_speed": "rpm", "peak_torque": "N*m", "max_speed": "rpm",
     "rotor_inertia": "kg*m^2", "temperature_rise": "", "max_temperature": "", "time_constant": "s", "mass": "kg",
@@ -125,6 +128,10 @@ def _motor(row: list[str], columns: dict[str, tuple[int, float]], line: Location
         number = float(text) if _is_number(text) else math.nan
         if not 0.0 <= number < math.inf or (number == 0.0 and field.name != "rotor_inertia"):
             raise InputError(f"{field.name} is '{text}'", expected="a positive number with a decimal point").at(line)
+        if number and not SMALLEST <= number <= GREATEST:
+            raise InputError(f"{field.name} is {number:g}", expected=f"a size from {SMALLEST:g} to {GREATEST:g}").at(
+                line
+            )
         values[field.name] = number * factor
     motor = Motor(row[columns["name"][0]].strip(), **values)
     for low, high in (("rated_torque", "stall_torque"), ("rated_torque", "peak_torque"), ("rated_speed", "max_speed")):

@@ -18,7 +18,7 @@ from pinarm.input.numbers import decimal, is_whole
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Pause, current_folder
-from pinarm.use.assessments.sizing.catalogue import Motor, read_catalogue
+from pinarm.use.assessments.sizing.catalogue import GREATEST, SMALLEST, Motor, read_catalogue
 from pinarm.use.assessments.sizing.duty import Duty, duty_of
 from pinarm.use.result.figures.curve_figures import made_a_motion
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.scenario import Scenario
 
+Ratio = Annotated[float, msgspec.Meta(ge=SMALLEST, le=GREATEST)]
 TORQUE, SPEED, INERTIA, ENERGY = unit("N*m"), unit("rad/s"), unit("kg*m^2"), unit("J")
 
 COLUMNS = (
@@ -70,8 +71,8 @@ class Sizing(InputStruct, frozen=True):
 
     drive: str
     catalogue: str
-    ratios: Annotated[list[Annotated[float, msgspec.Meta(gt=0)]], msgspec.Meta(min_length=1, max_length=1000)] | str
-    efficiency: Annotated[float, msgspec.Meta(gt=0, le=1)] | None = None
+    ratios: Annotated[list[Ratio], msgspec.Meta(min_length=1, max_length=1000)] | str
+    efficiency: Annotated[float, msgspec.Meta(ge=SMALLEST, le=1)] | None = None
     rest: Pause = 0.0
     ambient: str = "40 degC"
     safety: Annotated[float, msgspec.Meta(ge=1)] = 1.0
@@ -100,7 +101,12 @@ class Sizing(InputStruct, frozen=True):
             low, high = map(decimal, parts[:2])
         except ValueError:
             low = high = np.nan
-        if len(parts) > 3 or not 0.0 < low < high < np.inf or not is_whole(counted) or not 2 <= int(counted) <= 1000:
+        if (
+            len(parts) > 3
+            or not SMALLEST <= low < high <= GREATEST
+            or not is_whole(counted)
+            or not 2 <= int(counted) <= 1000
+        ):
             raise InputError(f"'{self.ratios}' is no range of ratios", expected="such as 20:200, or 20:200:10")
         return [float(f"{ratio:.6g}") for ratio in np.geomspace(low, high, int(counted))]
 

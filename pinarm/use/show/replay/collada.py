@@ -172,7 +172,10 @@ def _floats(element: Element | None) -> Array:
 
 
 def _input(part: Element, semantic: str) -> Element:
-    return next(element for element in part.findall("input") if element.get("semantic") == semantic)
+    for element in part.findall("input"):
+        if element.get("semantic") == semantic:
+            return element
+    raise ValueError(f"its {part.tag} have no input {semantic}")
 
 
 def _triangles(part: Element) -> Triangles:

@@ -126,7 +126,10 @@ def framing(
     everything = np.concatenate([still, moving])
     low, high = everything.min(axis=0), everything.max(axis=0)
     gravity = np.asarray(model.gravity.linear)
-    up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, 1.0])
+    up = np.array([0.0, 0.0, 1.0])
+    if gravity.any():
+        direction = gravity / np.abs(gravity).max()  # whose squares do not vanish
+        up = -direction / np.linalg.norm(direction)
     axis = _common_axis(nodes, places[0])
     if axis is None:
         axis = _plane_of_slides(nodes, places, paths)

@@ -73,7 +73,8 @@ def read_mesh(path: Path) -> list[Mesh]:
     if path.stat().st_size > MOST_BYTES:
         raise InputError(f"the mesh {path.name} is too large", expected=f"at most {MOST_BYTES} bytes")
     try:
-        meshes = [mesh for mesh in _read(path) if len(mesh.triangles)]
+        with np.errstate(all="ignore"):  # what is too large becomes infinite, which is refused below
+            meshes = [mesh for mesh in _read(path) if len(mesh.triangles)]
     except (ElementTree.ParseError, ValueError, KeyError, IndexError, TypeError) as error:
         raise InputError(f"the mesh {path.name} cannot be read: {error}") from None
     if not meshes or not all(np.isfinite(mesh.vertices).all() for mesh in meshes):

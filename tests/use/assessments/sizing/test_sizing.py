@@ -132,6 +132,7 @@ def test_a_winding_warms_as_its_differential_equation_says() -> None:
         (HEADING.replace("[rad/s]", "[kg]") + SMALL, ["no unit of this quantity", "rpm"]),
         (HEADING + SMALL.replace("0.3", "nan"), ["motors.csv:2", "peak_torque is 'nan'"]),
         (HEADING + SMALL.replace("0.3", "1_0"), ["peak_torque is '1_0'"]),
+        (HEADING + SMALL.replace("0.3", "1e300"), ["motors.csv:2", "peak_torque is 1e+300"]),
         (HEADING + SMALL.replace("0.3", "0.01"), ["rated_torque is beyond peak_torque"]),
         (HEADING + SMALL + SMALL, ["'small' twice"]),
         (HEADING + '"small,1', ["not CSV text"]),
@@ -147,7 +148,8 @@ def test_mistakes_in_a_catalogue_are_told(sized: Callable[..., Any], catalogue: 
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ("ratios: [0]", "ratios"), ("ratios: [50], ambient: 40 K", "no temperature"),
+        ("ratios: [0]", "ratios"), ("ratios: [1e300]", "ratios"), ("ratios: '1:1e300'", "no range of ratios"),
+        ("ratios: [50], ambient: 40 K", "no temperature"),
         ("ratios: [50], efficiency: 2", "efficiency"), ("ratios: '200:20'", "no range of ratios"),
         ("ratios: '20:200:1'", "no range of ratios"), ("ratios: fast", "no range of ratios"),
     ],

@@ -9,16 +9,7 @@ from pinarm.errors import InputError
 from pinarm.input.roots import example_robot_data
 from pinarm.use.show.replay.meshes import read_mesh
 
-from .test_meshes import volume
-
-TETRAHEDRON = """<COLLADA><asset><unit meter="0.001"/></asset><library_geometries><geometry id="g"><mesh>
-<source id="s"><float_array id="f">0 0 0 1 0 0 0 1 0 0 0 1</float_array><technique_common><accessor stride="3"/>
-</technique_common></source><vertices id="v"><input semantic="POSITION" source="#s"/></vertices>
-<polylist><input semantic="NORMAL" source="#n" offset="1"/><input semantic="VERTEX" source="#v" offset="0"/>
-<vcount>3 3 3 3</vcount><p>0 9 2 9 1 9  0 9 1 9 3 9  0 9 3 9 2 9  1 9 2 9 3 9</p></polylist></mesh></geometry>
-</library_geometries><library_visual_scenes><visual_scene id="w"><node><translate>100 0 0</translate>
-<node><rotate>0 0 1 90</rotate><scale>2 1 -3</scale><instance_geometry url="#g"/></node></node></visual_scene>
-</library_visual_scenes><scene><instance_visual_scene url="#w"/></scene></COLLADA>"""
+from .test_meshes import TETRAHEDRON, volume
 
 
 def test_collada_nodes_are_nested_scaled_and_mirrored(tmp_path: Path) -> None:

@@ -18,6 +18,15 @@ def volume(vertices: np.ndarray, triangles: np.ndarray) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
+TETRAHEDRON = """<COLLADA><asset><unit meter="0.001"/></asset><library_geometries><geometry id="g"><mesh>
+<source id="s"><float_array id="f">0 0 0 1 0 0 0 1 0 0 0 1</float_array><technique_common><accessor stride="3"/>
+</technique_common></source><vertices id="v"><input semantic="POSITION" source="#s"/></vertices>
+<polylist><input semantic="NORMAL" source="#n" offset="1"/><input semantic="VERTEX" source="#v" offset="0"/>
+<vcount>3 3 3 3</vcount><p>0 9 2 9 1 9  0 9 1 9 3 9  0 9 3 9 2 9  1 9 2 9 3 9</p></polylist></mesh></geometry>
+</library_geometries><library_visual_scenes><visual_scene id="w"><node><translate>100 0 0</translate>
+<node><rotate>0 0 1 90</rotate><scale>2 1 -3</scale><instance_geometry url="#g"/></node></node></visual_scene>
+</library_visual_scenes><scene><instance_visual_scene url="#w"/></scene></COLLADA>"""
+
 MESHES = {
     "panda_description/meshes/visual/link4.dae": True,  # several materials, a rotated node
     "ur_description/meshes/ur3/visual/forearm.dae": True,
@@ -53,9 +62,12 @@ def test_meshes_are_read_as_assimp_reads_them(name: str) -> None:
         ("a.dae", "<COLLADA"), ("a.dae", "<!DOCTYPE a [<!ENTITY b 'c'>]><COLLADA/>"), ("a.dae", "<COLLADA/>"),
         ("a.stl", "no mesh"), ("a.obj", ""), ("a.ply", "ply"),
         ("a.obj", "v 0 0 0\nf 1 2 3"), ("a.obj", "v 0 0 x\nf 1 1 1"), ("a.stl", "solid\nvertex 1 2 3"),
-        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 inf 0\nf 1 2 3"),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 inf 0\nf 1 2 3"), ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1e300 0\nf 1 2 3"),
+        ("a.dae", TETRAHEDRON.replace("VERTEX", "CORNER")), ("a.dae", TETRAHEDRON.replace("POSITION", "PLACE")),
+        ("a.dae", TETRAHEDRON.replace("1 0 0", "1e300 0 0")),
     ],
 )  # fmt: skip
+@pytest.mark.filterwarnings("error")
 def test_a_damaged_mesh_is_refused(tmp_path: Path, name: str, text: str) -> None:
     (tmp_path / name).write_text(text)
     with pytest.raises(InputError):
