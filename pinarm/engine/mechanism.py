@@ -599,7 +599,7 @@ def _build(
     parts = named_parts(robot, description, model, key, here)
     if (geared := rotors_along(model, description, parts.coordinates, here)) is not model:
         model, parts = geared, named_parts(robot, description, geared, key, here)
-    joints, balls, loops, coordinates = parts
+    joints, balls, loops, coordinates = parts.joints, parts.balls, parts.loops, parts.coordinates
     mimics = [mimic_coupling(mimic, joints, model) for mimic in robot.mimics]
     constraints: tuple[Constraint, ...] = (
         *mimics, *loops, *couplings_of(robot, description, model, joints, key, here),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import pinocchio as pin
 
@@ -20,6 +20,7 @@ from pinarm.mechanics.forces.force_element import ForceElement, check_new
 from pinarm.mechanics.joints import Joint, joints_of
 from pinarm.mechanics.loading.pinocchio_model import RobotModel
 from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.constraint import Constraint
@@ -55,7 +56,7 @@ def frictions_of(
     return tuple(contacts)
 
 
-class NamedParts(NamedTuple):
+class NamedParts(Record, frozen=True):
     """What has a name in a model and may move.
 
     Attributes:

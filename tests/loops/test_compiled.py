@@ -28,6 +28,7 @@ from pinarm.engine.motion.systems.point_constrained import PointSystem
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.records import replace
 
 pytestmark = pytest.mark.skipif(bool(absence()), reason=f"compiled kernel: {absence()}")
 
@@ -309,10 +310,10 @@ class TestWrongKernel:
         tied = [compiled_rows._tied(mechanism.model, one) for one in mechanism.constraints]
         loaded, nothing = tree.loaded(np.zeros(mechanism.model.nv), ()), np.full(3, np.nan)
         assert CompiledLoops(tree, tied).loaded(loaded) is not None
-        for broken in (tied[0]._replace(along=tied[0].along * np.nan), tied[0]._replace(about=tied[0].about + np.inf)):
+        for broken in (replace(tied[0], along=tied[0].along * np.nan), replace(tied[0], about=tied[0].about + np.inf)):
             assert CompiledLoops(tree, [broken]).loaded(loaded) is None
         moved = pin.SE3(np.eye(3), nothing)
-        assert CompiledLoops(tree, [tied[0]._replace(places=(moved, moved))]).loaded(loaded) is None
+        assert CompiledLoops(tree, [replace(tied[0], places=(moved, moved))]).loaded(loaded) is None
 
 
 class TestLeftToPython:

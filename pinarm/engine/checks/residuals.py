@@ -65,8 +65,10 @@ def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: 
         from pinarm.engine.checks.singularity import nearest_singularity
 
         values = run.mechanism.closure.values_of(found.own)
-        names = ("regularity", "least regular at", "relative regularity")
-        figures |= zip(names, nearest_singularity(run, motion, rows, values), strict=True)
+        nearest = nearest_singularity(run, motion, rows, values)
+        figures |= {
+            "regularity": nearest.regularity, "least regular at": nearest.at, "relative regularity": nearest.relative,
+        }  # fmt: skip
     if run.no_efforts:
         return figures
     alike = found.of_one_freedom(run)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from pinarm.arrays import Array, Indices, distinct
 from pinarm.engine.constraints.nullspaces.nullspace import RANK
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import PinarmError
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.outcome import SolvedMotion
@@ -34,7 +35,7 @@ SIDES = np.array([[1.0, -1.0, -1.0], [1.0, 1.0, -1.0]])
 """Signs of a quantity at three instants that goes through 0 before the middle one, or behind it."""
 
 
-class NearestSingularity(NamedTuple):
+class NearestSingularity(Record, frozen=True):
     """Where a run is nearest to a singular position; of variants in arrays of shape (k,).
 
     Attributes:

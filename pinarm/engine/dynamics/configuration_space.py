@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
-from pinarm.records import ValueRecord
+from pinarm.records import Record, ValueRecord
 
 TURN = 0.5 * np.array([
     [0, 0, 0, -1], [0, 0, 1, 0], [0, -1, 0, 0],
@@ -20,7 +19,7 @@ TURN = 0.5 * np.array([
 """Products of x, y, z, w with each component of an angular velocity to the quaternion's rate: half their product."""
 
 
-class _Places(NamedTuple):
+class _Places(Record, frozen=True):
     """Where the numbers of joints are.
 
     Attributes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -117,7 +117,7 @@ def _carried(model: pin.Model, q: Array) -> tuple[Array, Array, Array]:
     return outwards, np.broadcast_to(motions, (len(q), *motions.shape[1:])), composite
 
 
-class _Step(NamedTuple):
+class _Step(Record, frozen=True):
     """Entries of M between joints that are a number of joints apart.
 
     Attributes:
@@ -133,7 +133,7 @@ class _Step(NamedTuple):
     links: Indices
 
 
-class _Pattern(NamedTuple):
+class _Pattern(Record, frozen=True):
     """Where M has entries.
 
     Attributes:
@@ -165,7 +165,8 @@ def _pattern(model: pin.Model) -> _Pattern:
         going = tree.parents[links] > 0
         steps.append(_Step(before[upper], beyond[pairs][upper], beyond[going], links[going]))
         beyond, links = beyond[going], tree.parents[links[going]]
-    before, after = (np.concatenate([step[k] for step in steps]) for k in (0, 1))
+    before = np.concatenate([step.before for step in steps])
+    after = np.concatenate([step.beyond for step in steps])
     apart = np.flatnonzero(before != after)
     rows, columns = np.append(before, after[apart]), np.append(after, before[apart])
     order = np.lexsort((rows, columns))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from pinarm.engine.series import Series
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.joints import METRE, Joint
-from pinarm.records import replace
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.trajectory import Trajectory
@@ -35,7 +35,7 @@ def friction_columns(contacts: Sequence[FrictionContact], friction: Array) -> di
             for name, contact, values in zip(names, contacts, friction.T, strict=True)} if contacts else {}  # fmt: skip
 
 
-class EffortBand(NamedTuple):
+class EffortBand(Record, frozen=True):
     """The efforts that friction holds at rest, of a quantity.
 
     Attributes:

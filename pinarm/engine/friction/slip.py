@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
+
+from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
     from pinarm.engine.friction.balance import SlipGroup
 
 
-class Slip(NamedTuple):
+class Slip(ValueRecord, frozen=True):
     """What the joints with friction do on a stretch of the motion.
 
     Attributes:

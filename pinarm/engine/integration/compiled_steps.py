@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 from functools import cache
 from itertools import groupby
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec import Struct
@@ -17,6 +17,7 @@ from pinarm.engine.integration.step_control import FASTEST, GAIN, HUGE, LOST, NO
 from pinarm.engine.integration.tableaus import Tableau
 from pinarm.engine.kernel.library import Flow, contiguous, library, pointer
 from pinarm.engine.kernel.structures import ControlStructure, CourseStructure, PairStructure
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.methods.explicit import AdaptiveStepper
@@ -26,7 +27,7 @@ FEWEST, MOST = 16, 512
 the motion makes the steps after it useless, and memory is taken for all of them."""
 
 
-class Coefficients(NamedTuple):
+class Coefficients(Record, frozen=True):
     """The coefficients of a pair for the library.
 
     Attributes:
@@ -54,7 +55,7 @@ def control_of(pair: EmbeddedPair, interval: Interval) -> ControlStructure:
     )
 
 
-class _Record(NamedTuple):
+class _Record(Record, frozen=True):
     """Where the library writes up to m steps of s stages with n numbers in y.
 
     Attributes:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import accumulate
-from typing import NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array, Indices
+from pinarm.records import Record
 
 
-class DenseOutput(NamedTuple):
+class DenseOutput(Record, frozen=True):
     """The dense output of n steps: a polynomial over each, or one over each of the equal parts that a step has.
 
     With x from 0 to 1 over a part it is ``base + x (r_0 + (1 - x) (r_1 + x (r_2 + (1 - x) (...))))``.
@@ -34,7 +34,8 @@ class DenseOutput(NamedTuple):
     @classmethod
     def joined(cls, outputs: Sequence[DenseOutput]) -> DenseOutput:
         """Return that of the steps of several, one after the other."""
-        return cls(*(np.concatenate(parts) for parts in zip(*outputs, strict=True)))
+        base, terms, counts = zip(*((each.base, each.terms, each.counts) for each in outputs), strict=True)
+        return cls(np.concatenate(base), np.concatenate(terms), np.concatenate(counts))
 
     def split(self) -> list[DenseOutput]:
         """Return that of each step."""

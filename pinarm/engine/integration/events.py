@@ -9,7 +9,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.integration.integrator import Crossing, Solution
-from pinarm.records import ValueRecord
+from pinarm.records import ValueRecord, replace
 
 PARTS, REFINEMENTS = 16, 14
 """Parts into which a bracket is divided, and how often: 16^-14 is below the rounding of a double."""
@@ -104,7 +104,7 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
         q, v = solution.states_in(np.array([index]), np.array([instant]))
         solution.crossings.append(Crossing(number, instant, q[0], v[0]))
     if stop is not None:
-        solution.steps[index] = step._replace(until=stop)
+        solution.steps[index] = replace(step, until=stop)
     return stop is not None
 
 

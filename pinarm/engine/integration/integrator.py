@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from msgspec import Struct, field
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.integration.dense_output import DenseOutput
-from pinarm.records import ValueRecord, replace
+from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.tableaus import Tableau
@@ -149,7 +149,7 @@ class Interval(ValueRecord, frozen=True):
         return a
 
 
-class Step(NamedTuple):
+class Step(Record, frozen=True):
     """An accepted step, with the data of its dense output.
 
     Attributes:

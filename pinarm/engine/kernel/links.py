@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
@@ -11,6 +9,7 @@ from numpy.typing import NDArray
 from pinarm.arrays import Array, Indices
 from pinarm.engine.kernel.structures import LINK, SCREW
 from pinarm.mechanics.geometry.model_variants import ModelVariants
+from pinarm.records import Record
 
 UNIAXIAL, CONTINUOUS, BALL, FLOATING, PLANAR, TRANSLATION = range(6)
 """Kinds of joints, see ``joints.h``."""
@@ -41,7 +40,7 @@ ALONG = {"X": np.eye(3)[:, [1, 2, 0]], "Y": np.eye(3)[:, [2, 0, 1]], "Z": np.eye
 """Last letter of the name of a joint, its axis -> a rotation whose last column is that axis."""
 
 
-class JointFrame(NamedTuple):
+class JointFrame(Record, frozen=True):
     """A joint in the frame in which the library knows its link.
 
     Attributes:
@@ -55,7 +54,7 @@ class JointFrame(NamedTuple):
     rotation: Array
 
 
-class Links(NamedTuple):
+class Links(Record, frozen=True):
     """The links of a model.
 
     Attributes:

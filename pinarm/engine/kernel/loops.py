@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -29,7 +29,7 @@ POINT, LOWER, UNIVERSAL, ROD = range(4)
 """Kinds of loop joints: see ``loops.h``."""
 
 
-class Tied(NamedTuple):
+class Tied(Record, frozen=True):
     """A loop joint of a model.
 
     Attributes:
@@ -55,7 +55,7 @@ class Tied(NamedTuple):
         return cls(LOWER, (0, 0), (here, here), nothing, nothing, weights[None])
 
 
-class LoadedLoops(NamedTuple):
+class LoadedLoops(Record, frozen=True):
     """A tree with loops and its loads, for the library.
 
     Attributes:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -55,7 +55,7 @@ DEGREES = 1
 DISAGREES = "the compiled kernel is not used: its accelerations differ from Pinocchio's by {:.1e}"
 
 
-class LoadedTree(NamedTuple):
+class LoadedTree(Record, frozen=True):
     """A tree with its loads, for the library.
 
     Attributes:
@@ -152,7 +152,7 @@ class CompiledTree(Record, frozen=True):
     def of(cls, model: pin.Model) -> CompiledTree | None:
         """Return the tree of a model; ``None`` where there is no library, or it does not know a joint of the model."""
         known = links_of(model) if library() is not None and model.nv else None
-        return cls(model, *known) if known else None
+        return cls(model, known.links, known.screws, known.axes) if known else None
 
     def flow(self, steady: Array, changing: Sequence[ForceElement]) -> Flow | None:
         """Return the free motion under loads; ``None`` where the library does not know one of them, or refuses.

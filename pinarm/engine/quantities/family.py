@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -63,7 +63,7 @@ class Asked(ValueRecord, frozen=True):
         return UnknownQuantity(self.name)
 
 
-class Offered(NamedTuple):
+class Offered(ValueRecord, frozen=True):
     """A quantity of a family, with its components.
 
     Attributes:

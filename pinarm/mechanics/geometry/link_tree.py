@@ -14,7 +14,6 @@ long rows of numbers some ten times as fast as vectors of three.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -26,7 +25,7 @@ from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.records import Record
 
 
-class SingleJoints(NamedTuple):
+class SingleJoints(Record, frozen=True):
     """The joints with one coordinate, which turn about an axis, slide along it, or both.
 
     Attributes:
@@ -48,7 +47,7 @@ class SingleJoints(NamedTuple):
     slide: Array
 
 
-class RelativeMotion(NamedTuple):
+class RelativeMotion(Record, frozen=True):
     """Every link seen from its parent, at n configurations.
 
     Attributes:

@@ -16,7 +16,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import OPERATORS, Quantities
 from pinarm.errors import InputError, Key, PinarmError, within
 from pinarm.input.yaml.schema import in_si
-from pinarm.records import Record
+from pinarm.records import Record, replace
 from pinarm.use.result.figures.bracket_fit import BracketFit
 from pinarm.use.result.figures.crossings import crossings
 from pinarm.use.result.figures.peak_search import CurvePart, Endless, Peak, PeakSearch, bounded_below
@@ -285,7 +285,7 @@ class Lookup(Record, frozen=True):
             if not search.knows(self._interval_of(rival), t[rival], values[rival]) and not self._is_beside(rival, top)
         ]  # fmt: skip
         top = search.highest(top, [piece for rival in rivals for piece in self._beside(rival)])
-        return row if top.height <= row.height + slack else top._replace(error=top.error if top.error > slack else 0.0)
+        return row if top.height <= row.height + slack else replace(top, error=top.error if top.error > slack else 0.0)
 
     def _heights(self, height: Callable[[Quantities], Array], interval: int, t: Array) -> Array:
         return height(self.quantities_at(interval, t))

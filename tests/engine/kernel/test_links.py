@@ -22,7 +22,8 @@ def test_a_tree_with_another_joint_is_not_known(name):
 def test_a_sample_is_the_joint_that_it_is_named_after(name):
     model = tree([name], 0)
     assert model.joints[1].shortname() == f"JointModel{name}"
-    ((link,), screws, _) = links_of(model)
+    known = links_of(model)
+    (link,), screws = known.links, known.screws
     assert (link["parent"], link["q"], link["v"], len(screws)) == (-1, 0, 0, model.nv)
 
 
@@ -30,7 +31,7 @@ def test_a_sample_is_the_joint_that_it_is_named_after(name):
 def test_the_axis_of_a_joint_is_the_z_axis_of_its_link(axis):
     model = pin.Model()
     model.addJoint(0, pin.JointModelRevoluteUnaligned(np.array(axis, float)), pin.SE3.Identity(), "j")
-    links, _, _ = links_of(model)
+    links = links_of(model).links
     rotation = links["rotation"][0]
     assert rotation[:, 2] == pytest.approx(axis, abs=1e-15)
     assert rotation @ rotation.T == pytest.approx(np.eye(3), abs=1e-15)
@@ -41,7 +42,7 @@ def test_bodies_keep_their_principal_moments():
     """They are invariant to the axes in which the body stands; the inertia is about the frame's origin."""
     model = tree(["RevoluteUnaligned"], 3)
     body = model.inertias[1]
-    links, _, _ = links_of(model)
+    links = links_of(model).links
     xx, xy, xz, yy, yz, zz = links["inertia"][0]
     ours = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     assert ours == pytest.approx(np.linalg.eigvalsh(body.matrix()[3:, 3:]), rel=1e-13)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -37,7 +37,7 @@ from pinarm.mechanics.forces.force_element import ForceElement, refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid
-from pinarm.records import Record, replace
+from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.control.controls import Controls
@@ -53,7 +53,7 @@ Held = frozenset[int]
 """Indices of the stops on which joints rest, and of the one-sided constraints that hold."""
 
 
-class Mode(NamedTuple):
+class Mode(ValueRecord, frozen=True):
     """What holds joints on a stretch of the motion.
 
     Attributes:
@@ -211,10 +211,10 @@ class HybridSystem(Record, frozen=True):
             v = velocity_with_rates(initial, self.closure_of(held), self.prescribed, whole_q[0], self.cuts[:2])
             given = replace(initial, q=whole_q[0], v=v, velocities=tuple(range(len(v))))
             whole_q, whole_v = system.whole(start, *(x[None] for x in system.begin(given, *self.cuts[:2])))
-        for rotor, coordinate, position, velocity in initial.followers:
-            state = self.closure.state(whole_q[0])
-            whole_q[0, rotor.q] = coordinate.value(state) if position else whole_q[0, rotor.q]
-            whole_v[0, rotor.v] = coordinate.row(state) @ whole_v[0] if velocity else whole_v[0, rotor.v]
+        for follower in initial.followers:
+            rotor, coordinate, state = follower.rotor, follower.coordinate, self.closure.state(whole_q[0])
+            whole_q[0, rotor.q] = coordinate.value(state) if follower.position else whole_q[0, rotor.q]
+            whole_v[0, rotor.v] = coordinate.row(state) @ whole_v[0] if follower.velocity else whole_v[0, rotor.v]
         for bound in self.bounds:
             if bound.gap(whole_q[0]) < -bound.slack:
                 raise InputError(bound.passed_at_start(whole_q[0]))
@@ -353,14 +353,14 @@ class HybridSystem(Record, frozen=True):
             if end.hit is not None:
                 q, v = self._met(mode.held, end)
                 motion.events.append(EventRecord(self.bounds[end.hit].name, t, q, v, end.v))
-                end = end._replace(q=q)
+                end = replace(end, q=q)
             if t >= self.cuts[-1]:
                 break
             if end.control is not None and self.controls:
                 self.controls.switch(end.control)
             self._enter(t, q, v)
             held = mode.held & self.separations
-            v, mode = self.following(mode, end._replace(v=v))
+            v, mode = self.following(mode, replace(end, v=v))
             opened = sorted(held - mode.held)
             motion.events.extend(EventRecord(self.bounds[k].name + OPENED, t, q, v) for k in opened)
         return motion
@@ -567,7 +567,7 @@ CAUSES = ("hit", "released", "slip", "control")
 """Fields of ``SegmentEnd`` that tell why a segment ended."""
 
 
-class SegmentEnd(NamedTuple):
+class SegmentEnd(Record, frozen=True):
     """What ended a segment.
 
     Attributes:

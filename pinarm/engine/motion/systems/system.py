@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from msgspec import field
@@ -13,7 +13,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.records import Record, replace
+from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Interval, Manifold
@@ -46,7 +46,7 @@ class Initial(Record, frozen=True):
     followers: tuple[Follower, ...] = ()
 
 
-class Follower(NamedTuple):
+class Follower(ValueRecord, frozen=True):
     """A rotor behind an elastic gear, which begins without deflection where nothing else is said.
 
     Attributes:

@@ -11,12 +11,11 @@ curves fall geometrically, those of a kink as 1/n², those of a jump as 1/n, and
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.records import Record, ValueRecord
 from pinarm.use.result.figures.bracket_fit import FLAT, BracketFit
 from pinarm.use.result.figures.crossings import POINTS
 
@@ -69,7 +68,7 @@ class Endless(Exception):
         self.place = place
 
 
-class Peak(NamedTuple):
+class Peak(ValueRecord, frozen=True):
     """A height of a curve, and where it is.
 
     Attributes:
@@ -85,7 +84,7 @@ class Peak(NamedTuple):
     error: float = 0.0
 
 
-class CurvePart(NamedTuple):
+class CurvePart(ValueRecord, frozen=True):
     """A part of one interval.
 
     Attributes:
@@ -117,8 +116,7 @@ class CurvePart(NamedTuple):
         return fit.bound(fit.error if fit.is_falling else max(fit.error, self.error))
 
 
-@dataclass(frozen=True, eq=False)
-class PeakSearch:
+class PeakSearch(Record, frozen=True):
     """A search for the largest value of a curve.
 
     Attributes:
@@ -133,7 +131,7 @@ class PeakSearch:
     fit: Callable[[Bracket, Array], BracketFit]
     announce: Callable[[Sequence[tuple[int, Array]]], None]
     slack: float
-    seen: list[tuple[int, BracketFit]] = field(default_factory=list)
+    seen: list[tuple[int, BracketFit]] = []
 
     def highest(self, top: Peak, pieces: Sequence[CurvePart]) -> Peak:
         """Return the largest value in some pieces, or one that is known.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +17,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kernel.library import Flow, address, pointer
 from pinarm.engine.kernel.loops import LoadedLoops
 from pinarm.engine.kernel.structures import ClosingStructure, FlowStructure, LimitsStructure, ProximalStructure
+from pinarm.records import Record
 
 State = tuple[Array, Array]
 """Configuration, shape (nq,), and velocity, shape (nv,)."""
@@ -32,7 +33,7 @@ STATES = 2
 """Number of these states."""
 
 
-class LoopSystem(NamedTuple):
+class LoopSystem(Record, frozen=True):
     """A motion along loops, for the library.
 
     Attributes:
