@@ -33,7 +33,7 @@ class LinkPlacements(Record, frozen=True):
         tree, still = LinkTree.of(model), np.zeros((*q.shape[:-1], model.nv))
         relative = tree.relative(model, q, still)
         turns = tree.multiplied(relative.turns)
-        places = tree.summed(turned(turns[:, :, tree.parents], relative.arms))
+        places = tree.summed(turned(turns.take(tree.parents, axis=2), relative.arms))
         return cls(model, states_first(turns, 3), states_first(places), q)
 
     def some(self, rows: Indices) -> LinkPlacements:
@@ -104,15 +104,15 @@ def moving(model: Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, 
     tree = LinkTree.of(model)
     relative = tree.relative(model, q, v)
     turns = tree.multiplied(relative.turns)
-    arms = turned(turns[:, :, tree.parents], relative.arms)
+    arms = turned(turns.take(tree.parents, axis=2), relative.arms)
     places = tree.summed(arms)
     d, w = _turned(turns, tree.motions(relative, v))
     dd, dw = _turned(turns, tree.motions(relative, a) + components_first(relative.biases))
     omega = tree.summed(w)
-    before = omega[:, tree.parents]
+    before = omega.take(tree.parents, axis=1)
     swept = cross(before, arms)
     u, alpha = tree.summed(swept + d), tree.summed(dw + cross(before, w))
-    du = tree.summed(cross(alpha[:, tree.parents], arms) + cross(before, swept) + cross(before + omega, d) + dd)
+    du = tree.summed(cross(alpha.take(tree.parents, axis=1), arms) + cross(before, swept) + cross(before + omega, d) + dd)
     inwards = turns.swapaxes(0, 1)
     twists, rates = (
         states_first(np.concatenate([turned(inwards, linear), turned(inwards, angular)]))
