@@ -35,7 +35,7 @@ class LinkPlacements(Record, frozen=True):
         tree, still = LinkTree.of(model), np.zeros((*q.shape[:-1], model.nv))
         relative = tree.relative(model, q, still)
         turns = tree.multiplied(relative.turns)
-        places = tree.summed(turned(turns[:, :, tree.parents], relative.arms))
+        places = tree.summed(turned(turns.take(tree.parents, axis=2), relative.arms))
         return cls(model, states_first(turns, 3), states_first(places), q)
 
     def some(self, rows: Indices) -> LinkPlacements:
@@ -111,14 +111,15 @@ def moving(model: Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, 
     relative, turns, arms, places, columns, (d, w), omega, swept, u = _speeds(tree, model, q, v)
     dd, dw = (tree.along(part, a) for part in columns)
     if tree.others:
-        sliding, turning = _turned(turns, components_first(relative.biases))
-        dd, dw = dd + sliding, dw + turning
-    before = omega[:, tree.parents]
+        sliding, spinning = _turned(turns, components_first(relative.biases))
+        dd, dw = dd + sliding, dw + spinning
+    before = omega.take(tree.parents, axis=1)
     alpha = tree.summed(dw + cross(before, w))
-    du = tree.summed(cross(alpha[:, tree.parents], arms) + cross(before, swept) + cross(before + omega, d) + dd)
+    swinging = cross(alpha.take(tree.parents, axis=1), arms)
+    du = tree.summed(swinging + cross(before, swept) + cross(before + omega, d) + dd)
     links = LinkPlacements(model, states_first(turns, 3), states_first(places), q)
     twists, rates = _inwards(turns, u, omega), _inwards(turns, du - cross(omega, u), alpha)
-    return links, twists, rates, _columns(places[:, tree.moved], *columns)
+    return links, twists, rates, _columns(places.take(tree.moved, axis=1), *columns)
 
 
 def speeding(model: Model, q: Array, v: Array) -> tuple[LinkPlacements, Array]:
@@ -147,11 +148,11 @@ class _Speeds(NamedTuple):
 def _speeds(tree: LinkTree, model: Model, q: Array, v: Array) -> _Speeds:
     relative = tree.relative(model, q, v)
     turns = tree.multiplied(relative.turns)
-    arms = turned(turns[:, :, tree.parents], relative.arms)
-    columns = _turned(turns[:, :, tree.moved], components_first(relative.subspaces.swapaxes(-2, -1)))
+    arms = turned(turns.take(tree.parents, axis=2), relative.arms)
+    columns = _turned(turns.take(tree.moved, axis=2), components_first(relative.subspaces.swapaxes(-2, -1)))
     d, w = (tree.along(part, v) for part in columns)
     omega = tree.summed(w)
-    swept = cross(omega[:, tree.parents], arms)
+    swept = cross(omega.take(tree.parents, axis=1), arms)
     return _Speeds(relative, turns, arms, tree.summed(arms), columns, (d, w), omega, swept, tree.summed(swept + d))
 
 

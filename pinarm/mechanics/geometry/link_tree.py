@@ -117,7 +117,7 @@ class LinkTree(Record, frozen=True):
     def summed(self, x: Array) -> Array:
         """Return the sums over the paths from the world to every link, whose own term is 0; shape (3, njoints, ..)."""
         for jump in self.jumps:
-            x = x + x[:, jump]
+            x = x + x.take(jump, axis=1)
         return x
 
     def carried(self, x: Array) -> Array:
@@ -131,7 +131,7 @@ class LinkTree(Record, frozen=True):
     def multiplied(self, turns: Array) -> Array:
         """Return the products of rotations along these paths; that of the world is 1; shape (3, 3, njoints, ..)."""
         for jump in self.jumps:
-            turns = np.einsum("ab...,bc...->ac...", turns[:, :, jump], turns)
+            turns = np.einsum("ab...,bc...->ac...", turns.take(jump, axis=2), turns)
         return turns
 
     def along(self, columns: Array, x: Array) -> Array:

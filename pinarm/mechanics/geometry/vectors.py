@@ -22,6 +22,9 @@ MEETING, SLANTED = 1e-12, np.array([0.48, 0.6, 0.64])
 """Distance of points that meet [m]; the unit vector that stands for the direction from one to the other then, along no
 axis of any frame, so that a rod that is to come between them can push them apart."""
 
+FEW, AROUND = 2048, np.array([0, 1, 2, 0, 1])
+"""Numbers of vectors up to which calls of numpy take longer than their work; components, the first two repeated."""
+
 
 def dot(a: Array, b: Array) -> Array:
     """Return ``a . b``, shape () or (n,)."""
@@ -32,6 +35,9 @@ def dot(a: Array, b: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Return ``a x b``, shape (3,) or (3, n)."""
+    if a.size < FEW and b.size < FEW:
+        a, b = a.take(AROUND, axis=0), b.take(AROUND, axis=0)
+        return np.asarray(a[1:4] * b[2:5] - a[2:5] * b[1:4])
     (a0, a1, a2), (b0, b1, b2) = a, b
     x = a1 * b2 - a2 * b1
     product = np.empty((3, *np.shape(x)))
