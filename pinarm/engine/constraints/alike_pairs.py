@@ -81,8 +81,8 @@ class EvaluatedAlike(Struct, eq=False, dict=True, weakref=True):
         return self._drift[1]
 
     def stacked(self, n: int, x: Array) -> Array:
-        """Return what belongs to all pairs at n configurations, shape (n, L) or (1, L)."""
-        return np.broadcast_to(x, len(self.joints) * n).reshape(-1, n).T
+        """Return what belongs to all pairs at n configurations, shape (n, L) or (1, 1)."""
+        return x.reshape(-1, n).T if len(x) == len(self.joints) * n else x[:, None]
 
     def of_pair(self, k: int, x: Array) -> Array:
         """Return what belongs to one of the pairs, shape (n,) or (1,)."""
