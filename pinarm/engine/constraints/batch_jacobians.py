@@ -124,17 +124,14 @@ class EvaluatedJacobians(Record, frozen=True):
 
     def matrices(self, shape: tuple[int, ...]) -> Array:
         """Return J with all rows, of the shape (n, m, nv)."""
-        found, n = np.zeros(shape), shape[0]
+        found = np.zeros(shape)
         for start, part in self._apart:
             for i, row in part.rows(EVERY).items():
                 for column, x in row.items():
                     found[:, start + i, column] = x
         for starts, alike in self._stacked:
-            for i, row in alike.rows.items():
-                values = np.zeros((n, *alike.joints.shape))
-                for stage, x in row.items():
-                    values[:, :, stage] = alike.stacked(n, x)
-                found[:, starts[:, None] + i, alike.joints] = values
+            rows = starts[:, None, None] + np.arange(len(alike.every))[:, None]
+            found[:, rows, alike.joints[:, None]] = alike.matrices(shape[0])
         return found
 
     def sparse_matrices(self, shape: tuple[int, int, int]) -> list[csr_array]:
