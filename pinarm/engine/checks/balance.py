@@ -247,7 +247,7 @@ class EnergyAccount(Record, frozen=True):
     def _even(self, every: bool) -> list[int]:
         """Return steps that are looked into in any case: all of them, or an even choice."""
         n = len(self.solution.steps)
-        return list(range(n)) if every else np.linspace(0, n - 1, min(n, STEPS)).astype(int).tolist()
+        return list(range(n)) if every or n <= STEPS else np.linspace(0, n - 1, STEPS).astype(int).tolist()
 
     def _parts(self, divided: list[int]) -> tuple[Indices, Array, Array]:
         """Return the step of every part, its start and its length [s], each of shape (n,)."""

@@ -73,6 +73,18 @@ class EvaluatedAlike(Struct, eq=False, dict=True, weakref=True):
         """The rows of J, by the number of the joint in the chain."""
         return dict(self.pair.rows(self.every))
 
+    def matrices(self, n: int) -> Array:
+        """Return all rows of J at n configurations by the number of the joint in the chain, shape (n, L, m, s)."""
+        pairs, stages = self.joints.shape
+        found = np.zeros((len(self.every), stages, pairs * n))
+        if self.pair.pair.constant is not None:
+            found[:] = self.pair.placed.rows(*self.pair.pair.constant)
+        else:
+            for i, row in self.rows.items():
+                for stage, x in row.items():
+                    found[i, stage] = x
+        return found.reshape(-1, stages, pairs, n).transpose(3, 2, 0, 1)
+
     def drift(self, v: Array) -> dict[int, Array]:
         """Return J' v for velocities v, shape (nv, n)."""
         if self._drift is None or self._drift[0] is not v:
@@ -81,8 +93,8 @@ class EvaluatedAlike(Struct, eq=False, dict=True, weakref=True):
         return self._drift[1]
 
     def stacked(self, n: int, x: Array) -> Array:
-        """Return what belongs to all pairs at n configurations, shape (n, L) or (1, L)."""
-        return np.broadcast_to(x, len(self.joints) * n).reshape(-1, n).T
+        """Return what belongs to all pairs at n configurations, shape (n, L) or (1, 1)."""
+        return x.reshape(-1, n).T if len(x) == len(self.joints) * n else x[:, None]
 
     def of_pair(self, k: int, x: Array) -> Array:
         """Return what belongs to one of the pairs, shape (n,) or (1,)."""

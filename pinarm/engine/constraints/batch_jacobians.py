@@ -111,21 +111,27 @@ class EvaluatedJacobians(Record, frozen=True):
 
     def gaps(self, n: int) -> Array:
         """Return the values of all rows at n configurations [m or rad], shape (n, m)."""
-        values = [(np.array([row]), np.broadcast_to(x, n)[:, None])
-                  for start, part in self._apart for row, x in enumerate(part.gap(), start)]  # fmt: skip
-        values += [
-            (starts + i, alike.stacked(n, x)) for starts, alike in self._stacked for i, x in enumerate(alike.gap)
-        ]
-        found = np.empty((n, sum(len(rows) for rows, _ in values)))
-        for rows, x in values:
-            found[:, rows] = x
+        apart = [(start, part.gap()) for start, part in self._apart]
+        stacked = [(starts, alike, alike.gap) for starts, alike in self._stacked]
+        found = np.empty((n, sum(len(gap) for _, gap in apart) + sum(len(gap) * len(s) for s, _, gap in stacked)))
+        for start, gap in apart:
+            for row, x in enumerate(gap, start):
+                found[:, row] = x
+        for starts, alike, gap in stacked:
+            for i, x in enumerate(gap):
+                found[:, starts + i] = alike.stacked(n, x)
         return found
 
     def matrices(self, shape: tuple[int, ...]) -> Array:
         """Return J with all rows, of the shape (n, m, nv)."""
         found = np.zeros(shape)
-        for rows, columns, values in self._entries(shape[0]):
-            found[:, rows, columns] = values
+        for start, part in self._apart:
+            for i, row in part.rows(EVERY).items():
+                for column, x in row.items():
+                    found[:, start + i, column] = x
+        for starts, alike in self._stacked:
+            rows = starts[:, None, None] + np.arange(len(alike.every))[:, None]
+            found[:, rows, alike.joints[:, None]] = alike.matrices(shape[0])
         return found
 
     def sparse_matrices(self, shape: tuple[int, int, int]) -> list[csr_array]:
@@ -164,7 +170,8 @@ class EvaluatedJacobians(Record, frozen=True):
         for starts, alike in self._stacked:
             for i, row in alike.rows.items():
                 for stage, x in row.items():
-                    yield starts + i, alike.joints[:, stage], alike.stacked(n, x)
+                    values = np.broadcast_to(alike.stacked(n, x), (n, len(starts)))
+                    yield starts + i, alike.joints[:, stage], values
 
     @cached_property
     def _apart(self) -> list[tuple[int, EvaluatedRows]]:

@@ -275,7 +275,8 @@ class Closure(Record, frozen=True):
 
     def values(self, q: Array) -> Array:
         """Return the singular values of G at configurations, shape (n, .., nq), as ``singular_values`` does."""
-        return self.values_of(self.matrices(q)[1])
+        measured = None if self.model.nv > MANY else self._measured(q)
+        return self.values_of(measured.matrices if measured else self.matrices(q)[1])
 
     def singular_values(self, q: Array) -> Array:
         """Return the singular values of G at a configuration, descending, lengths in the unit of the mechanism.

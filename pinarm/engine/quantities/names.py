@@ -322,6 +322,8 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
     def _words(self, text: str) -> list[str]:
         """Return the words of a name between its dots, those of a joint's or link's own name together."""
         words, joined = text.split("."), []
+        if not self._dotted:
+            return words
         while words:
             ends = range(len(words), 1, -1)
             size = next((end for end in ends if ".".join(words[:end]) in self._dotted), 1)

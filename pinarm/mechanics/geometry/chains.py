@@ -157,6 +157,21 @@ class Placed(Record, frozen=True):
         turning = [(stage, screw) for stage, screw in zip(self.chain.stages, self.screws, strict=True) if stage.turns]
         return _present({stage.index: dot(w, screw) for stage, screw in turning})
 
+    def rows(self, e: Array, w: Array) -> Array:
+        """Return the rows of ``e . p' + w . omega`` by stages, shape (m, s, n), or (m, s, 1) where all are the same.
+
+        Args:
+            e: Constant directions, shape (m, 3).
+            w: Constant directions of rotations, shape (m, 3).
+        """
+        count = max([x.shape[1] for x in (*self.travels, *self.screws)], default=1)
+        motions = np.zeros((6, len(self.screws), count))
+        for k, (stage, travel, screw) in enumerate(zip(self.chain.stages, self.travels, self.screws, strict=True)):
+            motions[:3, k] = travel
+            if stage.turns:
+                motions[3:, k] = screw
+        return (np.hstack([e, w]) @ motions.reshape(6, -1)).reshape(len(e), -1, count)
+
     def rates(self, v: Array) -> tuple[Array, Array, Array, Array]:
         """Return the motion of frame 2 in frame 1 for joint velocities v, shape (nv, n), and zero joint accelerations.
 

@@ -152,9 +152,11 @@ class LinkTree(Record, frozen=True):
         shift, slide = (states_last(x, rank, 2) for x in (one.shift, one.slide))
         turned = constant + np.cos(along) * cosine + np.sin(along) * sine
         shifted = shift + along * slide
-        states = np.broadcast_shapes(turned.shape[3:], shifted.shape[2:])
+        states = turned.shape[3:]
+        if states != shifted.shape[2:]:
+            states = np.broadcast_shapes(states, shifted.shape[2:])
         turns, arms = np.zeros((3, 3, count, *states)), np.zeros((3, count, *states))
-        turns[(0, 1, 2), (0, 1, 2), 0] = 1.0
+        turns[0, 0, 0] = turns[1, 1, 0] = turns[2, 2, 0] = 1.0
         turns[:, :, one.links] = turned
         arms[:, one.links] = shifted
         if not self.others:

@@ -35,7 +35,7 @@ def dot(a: Array, b: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Return ``a x b``, shape (3,) or (3, n)."""
-    if a.size < FEW and b.size < FEW:
+    if a.ndim == b.ndim and max(a.size, b.size) < FEW:
         a, b = a.take(AROUND, axis=0), b.take(AROUND, axis=0)
         return np.asarray(a[1:4] * b[2:5] - a[2:5] * b[1:4])
     (a0, a1, a2), (b0, b1, b2) = a, b

@@ -118,9 +118,10 @@ class Adaptive(ValueRecord, frozen=True):
             return []
         h, slopes = np.array([step.h for step in steps]), np.array([step.slopes for step in steps])
         s = tableau.stages
-        apart = h[:, None] * np.einsum("j,njk->nk", tableau.b - tableau.a[-1], slopes[:, :s])
-        change = h * np.linalg.norm(slopes[:, s] - slopes[:, s - 1], axis=1)
-        limited = change > tableau.stability * np.maximum(np.linalg.norm(apart, axis=1), TINY)
+        apart = h[:, None] * np.vecmat(tableau.b - tableau.a[-1], slopes[:, :s])
+        last = slopes[:, s] - slopes[:, s - 1]
+        change, size = h * np.sqrt(np.vecdot(last, last)), np.sqrt(np.vecdot(apart, apart))
+        limited = change > tableau.stability * np.maximum(size, TINY)
         share = float(limited.mean())
         if share < STIFF:
             return []
