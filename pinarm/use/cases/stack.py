@@ -30,6 +30,7 @@ from pinarm.errors import PinarmError
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.use.cases.case import QUADRATURE, WORTH, Case, Row, Task, solved_case
 from pinarm.use.cases.columns import ARGUMENT, column_of, moving
+from pinarm.use.cases.memory import keep_freed_memory
 from pinarm.use.cases.prescribed_cases import PrescribedCases
 from pinarm.use.cases.variant_numbers import MovingVariants, VariantNumbers
 from pinarm.use.result.failures import failures_in_words
@@ -129,8 +130,10 @@ class Stack:
         result = solved.result
         asks = result.content.find or result.content.accuracy.target is not None or result.trajectory.columns
         motions = None if asks else _motions(result, values)
-        stack = None if motions is None else cls(task, values, result, solved.row.files, motions)
-        return stack, solved.row
+        if motions is None:
+            return None, solved.row
+        keep_freed_memory()
+        return cls(task, values, result, solved.row.files, motions), solved.row
 
     @property
     def follows(self) -> bool:
