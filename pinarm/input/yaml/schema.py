@@ -1,6 +1,6 @@
 """Base class and quantity types of everything that is read from files: validated, immutable, strict about units."""
 
-from __future__ import annotations
+# Annotations are no text here (``from __future__ import annotations``): msgspec would compile each in every run.
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
