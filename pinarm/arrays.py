@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from pinarm.errors import InputError
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-Indices = NDArray[np.intp]
-Flags = NDArray[np.bool_]
+if TYPE_CHECKING:  # it writes documentation when it is imported
+    from numpy.typing import ArrayLike, NDArray
+
+Array = np.ndarray[tuple[Any, ...], np.dtype[np.float64]]
+Complex = np.ndarray[tuple[Any, ...], np.dtype[np.complex128]]
+Indices = np.ndarray[tuple[Any, ...], np.dtype[np.intp]]
+Flags = np.ndarray[tuple[Any, ...], np.dtype[np.bool_]]
 
 
 def real(x: ArrayLike, name: str) -> Array:

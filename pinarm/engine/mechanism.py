@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import pinocchio as pin
 from msgspec import field
-from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
@@ -51,6 +50,8 @@ from pinarm.mechanics.perturbation import perturbed
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from pinarm.engine.constraints.constraint import Constraint
     from pinarm.engine.quantities.catalogue import QuantityCatalogue
     from pinarm.engine.quantities.states import States

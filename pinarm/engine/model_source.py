@@ -147,12 +147,12 @@ RobotReader = Callable[
 ]
 """What reads the model of a mechanism; see ``read_robot``."""
 
-_NAMED = re.compile(r"(link|joint|body) '([^']+)'")
+_NAMED = r"(link|joint|body) '([^']+)'"
 
 
 def _place(error: ModelError, path: Path) -> Location:
     """Return the line of a model's file with an unknown name, or with the link or joint which a message begins with."""
-    source, named = str(path), _NAMED.match(error.message)
+    source, named = str(path), re.match(_NAMED, error.message)
     if isinstance(error, UnknownName):
         return error.place(read(path, source, MAX_BYTES), source)
     if named:

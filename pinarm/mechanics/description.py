@@ -1,6 +1,6 @@
 """The mechanism file: the properties of a mechanism that its model file does not contain."""
 
-from __future__ import annotations
+# Annotations are no text here (``from __future__ import annotations``): msgspec would compile each in every run.
 
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 

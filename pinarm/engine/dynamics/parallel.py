@@ -118,11 +118,12 @@ class Parallel(Record, frozen=True):
         model, data, inner = self.model, new_data(self.model), np.empty_like(outside)
         forces, loaded = pin.StdVec_Force(), np.flatnonzero(outside.any(axis=(0, 2))).tolist()
         forces.extend([pin.Force.Zero() for _ in range(model.njoints)])
-        for k in range(len(q)):
-            for joint in loaded:
-                forces[joint] = pin.Force(outside[k, joint])
+        given, found = [forces[joint] for joint in loaded], [data.f[joint] for joint in range(model.njoints)]
+        for k, loads in enumerate(outside[:, loaded]):
+            for force, load in zip(given, loads, strict=True):
+                force.vector = load
             pin.rnea(model, data, q[k], v[k], a[k], forces)
-            inner[k] = [wrench.vector for wrench in data.f.tolist()]
+            inner[k] = [wrench.vector for wrench in found]
         inner[:, 0] = 0.0  # of the world, not of a joint
         return links.outwards(inner)
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.integration.integrator import EmbeddedPair, Interval, Solution, Step
@@ -20,6 +19,8 @@ from pinarm.engine.kernel.structures import ControlStructure, CourseStructure, P
 from pinarm.records import Record
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from pinarm.engine.integration.methods.explicit import AdaptiveStepper
 
 FEWEST, MOST = 16, 512

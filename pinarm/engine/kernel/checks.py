@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinarm.engine.kernel.structures import MOST_ROWS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 COORDINATES, VELOCITIES = np.array([1, 2, 4, 7, 4, 3]), np.array([1, 1, 3, 6, 3, 3])
 """Numbers in q and in v of the kinds of joints: see ``joints.h``."""

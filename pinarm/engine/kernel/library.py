@@ -8,14 +8,16 @@ import sys
 from collections.abc import Sequence
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinarm.arrays import Array
 from pinarm.engine.kernel.structures import SIZES, FlowStructure, HeldStructure
 from pinarm.records import Record
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 SWITCH = "PINARM_KERNEL"
 """Environment variable: ``off`` leaves the library out, when pinarm is built and when it runs."""

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.kernel.structures import LINK, SCREW
 from pinarm.mechanics.geometry.model_variants import ModelVariants
 from pinarm.records import Record
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 UNIAXIAL, CONTINUOUS, BALL, FLOATING, PLANAR, TRANSLATION = range(6)
 """Kinds of joints, see ``joints.h``."""

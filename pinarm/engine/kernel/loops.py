@@ -5,11 +5,10 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from pinarm.arrays import Array, Indices, distinct
 from pinarm.engine.kernel.checks import loops_are_sound
@@ -24,6 +23,9 @@ from pinarm.engine.kernel.structures import (
 )
 from pinarm.engine.kernel.tree import CompiledTree, LoadedTree
 from pinarm.records import Record
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 POINT, LOWER, UNIVERSAL, ROD = range(4)
 """Kinds of loop joints: see ``loops.h``."""

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from pinarm.arrays import Array
 from pinarm.engine.kernel.checks import links_are_sound, loads_are_sound
@@ -32,6 +31,8 @@ from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
 from pinarm.records import Record
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from pinarm.engine.integration.integrator import Acceleration
     from pinarm.mechanics.forces.joint_springs import SpringDamper
     from pinarm.mechanics.forces.point import TwoPointSpring

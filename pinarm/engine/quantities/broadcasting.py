@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array, real
 from pinarm.errors import InputError
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from pinarm.engine.mechanism import Mechanism
     from pinarm.mechanics.loading.pinocchio_layout import PinocchioLayout
 

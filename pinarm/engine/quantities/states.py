@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.batch_jacobians import BLOCK, BatchJacobians
@@ -31,6 +30,8 @@ from pinarm.mechanics.loading.pinocchio_layout import UNIT
 from pinarm.records import replace
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from pinarm.engine.mechanism import Mechanism
 
 CLOSED = 1e-8

@@ -16,8 +16,8 @@ from pinarm.records import ValueRecord
 _NUMBER = r"(?<![\w.])(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _POWER = r"(?:(?:\^|\*\*)-?[0-9]{1,2})?"
 _NAME = r"[A-Za-z]+(?!\w|\.\w| *\()"
-_MEASURED = re.compile(rf"{_NUMBER} +({_NAME}{_POWER}(?: *[*/] *(?:{_NAME}|1){_POWER})*)")
-_WORD = re.compile(r"[A-Za-z]+")
+_MEASURED = rf"{_NUMBER} +({_NAME}{_POWER}(?: *[*/] *(?:{_NAME}|1){_POWER})*)"
+_WORD = r"[A-Za-z]+"
 _KEYWORDS = ("if", "else", "and", "or", "not", "in", "is")
 
 
@@ -37,7 +37,7 @@ class MeasuredNumber(ValueRecord, frozen=True):
     @property
     def words(self) -> frozenset[str]:
         """The names in its unit."""
-        return frozenset(_WORD.findall(str(self.unit)))
+        return frozenset(re.findall(_WORD, str(self.unit)))
 
 
 def find_measured(text: str) -> list[tuple[int, MeasuredNumber]]:
@@ -47,7 +47,7 @@ def find_measured(text: str) -> list[tuple[int, MeasuredNumber]]:
         ExpressionError: One stands beside ``*``, ``/`` or ``**``, or has no unit that is known.
     """
     found = []
-    for match in _MEASURED.finditer(text):
+    for match in re.finditer(_MEASURED, text):
         if match[1] in _KEYWORDS:
             continue
         try:

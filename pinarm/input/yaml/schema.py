@@ -1,6 +1,6 @@
 """Base class and quantity types of everything that is read from files: validated, immutable, strict about units."""
 
-from __future__ import annotations
+# Annotations are no text here (``from __future__ import annotations``): msgspec would compile each in every run.
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -193,7 +193,7 @@ class Readable:
         raise NotImplementedError
 
 
-_FRACTION = re.compile(rf"({DECIMAL})\s*/\s*({DECIMAL})")
+_FRACTION = rf"({DECIMAL})\s*/\s*({DECIMAL})"
 
 
 class _Fraction(Measured):
@@ -208,7 +208,7 @@ class _Fraction(Measured):
         """
         if not isinstance(value, str):
             return super().read(value)
-        given = _FRACTION.fullmatch(value.strip())
+        given = re.fullmatch(_FRACTION, value.strip())
         if not given:
             raise InputError(f"'{value[:40]}' is no ratio", expected="a number, or a fraction of two such as 17/43")
         if not float(given[2]):

@@ -16,7 +16,7 @@ from pinarm.input.units import read_quantity, unit
 from pinarm.input.yaml.schema import InputStruct, convert
 
 Keys = tuple[str | int, ...]
-_STEP = re.compile(r"\.(?P<key>[^.\[\]]+)|\[(?P<index>\d+)\]|\[(?P<any>\.\.\.)\]")
+_STEP = r"\.(?P<key>[^.\[\]]+)|\[(?P<index>\d+)\]|\[(?P<any>\.\.\.)\]"
 _WORDS = {
     "int": "a whole number",
     "float": "a number",
@@ -36,7 +36,7 @@ def failing_path(error: msgspec.ValidationError, data: Any, struct: type[InputSt
     path: list[str | int] = []
     if not placed:  # it is about the whole, and its message may look like a path
         return ()
-    for step in _STEP.finditer(text.rstrip("`")):
+    for step in re.finditer(_STEP, text.rstrip("`")):
         if step["any"]:
             path.append(_failing_key(str(error), data, path, struct))
         else:

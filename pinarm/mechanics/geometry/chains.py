@@ -20,11 +20,14 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, VariantPlacement, joint_placement
-from pinarm.mechanics.geometry.vectors import Axes, Weights, combined, cross, dot
+from pinarm.mechanics.geometry.vectors import Axes, Weights, combined, dot
 from pinarm.records import Record, replace
 
 ROUNDING = 1e-15
 """Deviation from 0 and 1 in rotation matrices of a model that is rounding; removed, it leaves exact products."""
+
+NEXT, AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
+"""The axis after x, y and z, and the one after that."""
 
 FIXED = tuple(np.eye(3)[:, :, None])
 """The axes of frame 1 in frame 1, each of shape (3, 1)."""
@@ -44,6 +47,11 @@ class Stage(Record, frozen=True):
     turns: bool
     shift: Weights
     turn: Sequence[Weights]
+
+    def beside(self, place: Array, axes: Axes) -> tuple[Array, Array, Array, Array]:
+        """Return its origin and axes, before its own motion, behind a stage of given origin and axes."""
+        x, y, z = (combined(axes, column) for column in self.turn)
+        return place + combined(axes, self.shift), x, y, z
 
     def repeated(self, n: int) -> Stage:
         """Return the stage for n rows of all variants."""
@@ -97,6 +105,11 @@ class Chain(Record, frozen=True):
         stages = tuple(stage.repeated(n) for stage in self.stages)
         return Chain(stages, _repeated(self.shift, n), [_repeated(axis, n) for axis in self.turn], n * self.count)
 
+    @cached_property
+    def _first(self) -> tuple[Array, Array, Array, Array]:
+        """Origin and axes of the first stage before its own motion, which are the same in all configurations."""
+        return self.stages[0].beside(np.zeros((3, 1)), FIXED)
+
     def placed(self, q: Array, cosine: Array, sine: Array) -> Placed:
         """Return the placements of the stages and of frame 2 in frame 1, stage by stage: ``R <- R turn Rz(q)``.
 
@@ -108,9 +121,8 @@ class Chain(Record, frozen=True):
         place: Array = np.zeros((3, 1))
         axes: Axes = FIXED
         origins, screws = [], []
-        for stage in self.stages:
-            place = place + combined(axes, stage.shift)
-            x, y, z = (combined(axes, column) for column in stage.turn)
+        for k, stage in enumerate(self.stages):
+            place, x, y, z = stage.beside(place, axes) if k else self._first
             origins.append(place)
             screws.append(z)
             if stage.turns:
@@ -144,7 +156,7 @@ class Placed(Record, frozen=True):
     def travels(self) -> list[Array]:
         """Velocity of the origin of frame 2 for unit velocity of every stage: ``z x r`` or ``z``, shape (3, n)."""
         parts = zip(self.chain.stages, self.screws, self.arms, strict=True)
-        return [cross(screw, arm) if stage.turns else screw for stage, screw, arm in parts]
+        return [_cross(screw, arm) if stage.turns else screw for stage, screw, arm in parts]
 
     def along(self, e: Array) -> dict[int, Array]:
         """Return the row of ``e . p'``: index in v -> coefficient, shape (n,); e has the shape (3, n)."""
@@ -188,16 +200,21 @@ class Placed(Record, frozen=True):
         for k, stage in enumerate(stages):
             u = v[stage.index] * self.screws[k]
             if stage.turns:
-                domega = domega + cross(omega, u)
+                domega = domega + _cross(omega, u)
                 omega = omega + u
             else:
-                ddp = ddp + 2.0 * cross(omega, u)
+                ddp = ddp + 2.0 * _cross(omega, u)
                 dp = dp + u
             r = arms[k] - arms[k + 1]
-            turned = cross(omega, r)
+            turned = _cross(omega, r)
             dp = dp + turned
-            ddp = ddp + cross(domega, r) + cross(omega, turned)
+            ddp = ddp + _cross(domega, r) + _cross(omega, turned)
         return dp, omega, ddp, domega
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Return ``a x b``, shape (3, n): by whole arrays, half the time of ``vectors.cross`` for up to 2,000 columns."""
+    return np.asarray(a.take(NEXT, 0) * b.take(AFTER, 0) - a.take(AFTER, 0) * b.take(NEXT, 0))
 
 
 def _present(row: dict[int, Array]) -> dict[int, Array]:
@@ -229,7 +246,7 @@ def _with_z_along(axis: Array) -> Array:
 def _weights(x: Array) -> Weights:
     """Return the components of a vector, shape (3,), or of those of k variants, shape (k, 3)."""
     if x.ndim == 1:
-        return x
+        return [float(part) for part in x]  # numpy multiplies arrays by floats in less time than by its own numbers
     return [part if len(part) > 1 and (part != part[0]).any() else float(part[0]) for part in np.ascontiguousarray(x.T)]
 
 

@@ -40,7 +40,7 @@ def cross(a: Array, b: Array) -> Array:
         return np.asarray(a[1:4] * b[2:5] - a[2:5] * b[1:4])
     (a0, a1, a2), (b0, b1, b2) = a, b
     x = a1 * b2 - a2 * b1
-    product = np.empty((3, *np.shape(x)))
+    product = np.empty((3, *x.shape))
     product[0] = x
     product[1] = a2 * b0 - a0 * b2
     product[2] = a0 * b1 - a1 * b0
@@ -91,7 +91,7 @@ def combined(axes: Axes, weights: Weights) -> Array:
     total: Array | None = None
     for axis, weight in zip(axes, weights, strict=True):
         if isinstance(weight, np.ndarray) or weight:
-            part = axis if not isinstance(weight, np.ndarray) and weight == 1.0 else weight * axis
+            part = weight * axis if isinstance(weight, np.ndarray) or weight != 1.0 else axis
             total = part if total is None else total + part
     return np.zeros_like(axes[0]) if total is None else total
 

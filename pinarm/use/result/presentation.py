@@ -22,10 +22,10 @@ DEGREE = unit("deg")
 ACCENTS = {"dot": "\u0307", "ddot": "\u0308", "dddot": "\u20db", "hat": "\u0302", "bar": "\u0304", "tilde": "\u0303"}
 """Commands of TeX for accents, and the marks of Unicode that combine with the letter before them."""
 
-_ACCENT = re.compile(r"\\(dddot|ddot|dot|hat|bar|tilde)\s*(?:\{([^{}]*)\}|(\\[A-Za-z]+|[A-Za-z]))")
-_LETTER = re.compile(r"\\(var)?([A-Za-z]+)")
-_NUMBER = re.compile(r"(?P<before>(?:min |max )?)(?P<quantity>.*?)(?P<after>(?:\.least|\.greatest)?(?: @ .*)?)")
-_GROUP = re.compile(r"([_^])\{([^{}]*)\}")
+_ACCENT = r"\\(dddot|ddot|dot|hat|bar|tilde)\s*(?:\{([^{}]*)\}|(\\[A-Za-z]+|[A-Za-z]))"
+_LETTER = r"\\(var)?([A-Za-z]+)"
+_NUMBER = r"(?P<before>(?:min |max )?)(?P<quantity>.*?)(?P<after>(?:\.least|\.greatest)?(?: @ .*)?)"
+_GROUP = r"([_^])\{([^{}]*)\}"
 
 
 class Presentation(ValueRecord, frozen=True):
@@ -76,7 +76,7 @@ class Presentation(ValueRecord, frozen=True):
 
 def parts(name: str, known: Container[str]) -> tuple[str, str, str]:
     """Return the quantity of a number such as ``C_B @ max`` or ``min C_B``, with what stands before and after it."""
-    found = _NUMBER.fullmatch(name)
+    found = re.fullmatch(_NUMBER, name)
     if name in known or found is None:
         return "", name, ""
     return found["before"], found["quantity"], found["after"]
@@ -84,14 +84,14 @@ def parts(name: str, known: Container[str]) -> tuple[str, str, str]:
 
 def unicode_text(label: str) -> str:
     r"""Return a label without TeX: ``\dot\psi_1`` as ψ̇₁; commands that have no letter keep their names."""
-    text = _GROUP.sub(lambda m: m[1] + m[2], unicode_letters(label))
+    text = re.sub(_GROUP, lambda m: m[1] + m[2], unicode_letters(label))
     return re.sub(r"_([0-9]+)", lambda m: m[1].translate(SUBSCRIPTS), text)
 
 
 def unicode_letters(tex: str) -> str:
     """Return a formula without indices by its characters: Greek letters, and marks above letters."""
-    text = _ACCENT.sub(lambda m: f"{m[2] or m[3]}{ACCENTS[m[1]]}", tex)
-    return _LETTER.sub(lambda m: _greek(m[2]), text)
+    text = re.sub(_ACCENT, lambda m: f"{m[2] or m[3]}{ACCENTS[m[1]]}", tex)
+    return re.sub(_LETTER, lambda m: _greek(m[2]), text)
 
 
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")

@@ -1,8 +1,8 @@
 """Content of scenario files."""
 
-from __future__ import annotations
+# Annotations are no text here (``from __future__ import annotations``): msgspec would compile each in every run.
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import msgspec
 
@@ -28,7 +28,7 @@ class Argument(Measured):
     """A value of an argument; the mechanism decides whether it needs a unit."""
 
     @classmethod
-    def read(cls, value: object, *, bare: bool = True) -> Argument:
+    def read(cls, value: object, *, bare: bool = True) -> Self:
         """Read a number with or without a unit.
 
         Raises:

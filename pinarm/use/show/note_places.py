@@ -119,11 +119,14 @@ def _best(
         offset = direction * distance + np.sign(np.round(direction, 9)) * size / 2.0
         low, high = point + offset - size / 2.0, point + offset + size / 2.0
         own = np.array([point, point + _nearest(offset, size)])
-        struck = ((boxes[:, :2] < high + CLEAR) & (boxes[:, 2:] > low - CLEAR)).all(axis=1).any()
-        struck |= _meets(leading, np.concatenate([low, high])[None]).any()
-        if np.linalg.norm(own[1] - own[0]) > BESIDE:
-            struck |= _meets(own[None], boxes).any() or _cross(own, leading).any()
-        if not struck and (low >= page[:2]).all() and (high <= page[2:]).all():
+        struck = (
+            not ((low >= page[:2]).all() and (high <= page[2:]).all())
+            or ((boxes[:, :2] < high + CLEAR) & (boxes[:, 2:] > low - CLEAR)).all(axis=1).any()
+            or (len(leading) and _meets(leading, np.concatenate([low, high])[None]).any())
+            or (np.linalg.norm(own[1] - own[0]) > BESIDE
+                and (_meets(own[None], boxes).any() or _cross(own, leading).any()))
+        )  # fmt: skip
+        if not struck:
             inside = (x > low[0] - CLEAR) & (x < high[0] + CLEAR) & (y > low[1] - CLEAR) & (y < high[1] + CLEAR)
             hidden = np.count_nonzero(inside)
             if hidden <= MOST:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array, distinct
 from pinarm.engine.mechanism import Mechanism
@@ -101,9 +102,18 @@ def sketch(result: Result) -> Chart:
     poses = [Pose(places[row], _where(result, row), COLOURS[k % len(COLOURS)]) for k, row in enumerate(chosen)]
     if not run.numbered and _same(scene, poses):
         poses = [replace(poses[0], label=f"{poses[0].label}, {poses[1].label}")] if len(run) > 1 else poses[:1]
-    paths = [] if run.numbered else [tip.path(placed(model, run.q, FINE)) for tip in scene.figure.tips]
     between = [place for row, place in places.items() if row not in chosen]
-    return _chart(scene, poses, between, paths, result.content.title or result.name)
+    return _chart(
+        scene, poses, between, [] if run.numbered else _paths(scene, model, run.q), result.content.title or result.name
+    )
+
+
+def _paths(scene: Scene, model: pin.Model, q: Array) -> list[Array]:
+    """Return the paths of the ends of a mechanism through configurations, each of shape (FINE, 3)."""
+    if not (tips := scene.figure.tips):
+        return []
+    places = placed(model, q, FINE)
+    return [tip.path(places) for tip in tips]
 
 
 def structure(mechanism: Mechanism, q: Array, label: str) -> Chart:

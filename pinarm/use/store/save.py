@@ -166,14 +166,14 @@ def mechanism_text(source: Source, folder: Path, model: str) -> str:
     return yaml_text({**data, "robot": model, **base, "defects": source.defects})
 
 
-_MESH = re.compile(r"""(<mesh\b[^<>]*?\bfilename\s*=\s*)(["'])(?!\w+://|/)([^<]*?)\2""")
+_MESH = r"""(<mesh\b[^<>]*?\bfilename\s*=\s*)(["'])(?!\w+://|/)([^<]*?)\2"""
 """A search ends at the next element: over a comment of many beginnings it would take quadratic time."""
 
 
 def _model(mechanism: Mechanism, folder: Path) -> str:
     """Return the model's text with the files of its meshes named from another folder."""
     home = mechanism.source.robot.parent
-    return _MESH.sub(lambda m: f"{m[1]}{m[2]}{os.path.relpath(home / m[3], folder)}{m[2]}", mechanism.xml)
+    return re.sub(_MESH, lambda m: f"{m[1]}{m[2]}{os.path.relpath(home / m[3], folder)}{m[2]}", mechanism.xml)
 
 
 def _moved(data: Any, source: Path, target: Path) -> Any:

@@ -55,5 +55,5 @@ def test_a_pair_with_another_length_is_another_one():
     mechanism = built("forty_four_bars")
     measures = [measure for _, measure in BatchJacobians.of(mechanism.model, mechanism.constraints).parts]
     chain = measures[3].chain
-    measures[3] = replace(measures[3], chain=replace(chain, shift=chain.shift + 1e-15))
+    measures[3] = replace(measures[3], chain=replace(chain, shift=[x + 1e-15 for x in chain.shift]))
     assert sorted(len(pairs.places) for pairs in alike_pairs(measures)) == [1, 39]

@@ -155,9 +155,8 @@ def _moving(nodes: Sequence[Node], shapes: Sequence[Shape], places: Array, paths
     for node in carrying:
         corners = [shape.extent() for shape in shapes if shape.node == node]
         if corners:
-            outer = np.concatenate(corners)
-            points.append((np.einsum("rij,kj->rki", places[:, node, :3, :3], outer)
-                           + places[:, node, None, :3, 3]).reshape(-1, 3))  # fmt: skip
+            outer = np.concatenate(corners) @ places[:, node, :3, :3].swapaxes(1, 2) + places[:, node, None, :3, 3]
+            points.append(outer.reshape(-1, 3))
     return np.asarray(np.concatenate(points))
 
 

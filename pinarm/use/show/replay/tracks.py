@@ -109,9 +109,8 @@ def placed(model: pin.Model, q: Array, most: int = SAMPLED) -> Array:
     """Return the placements of all joints in the world at some of the rows, shape (samples, njoints, 4, 4)."""
     data = new_data(model)
     chosen = q[distinct(np.linspace(0, len(q) - 1, most).round().astype(np.intp))]
-    found = np.empty((len(chosen), model.njoints, 4, 4))
+    found, places = np.empty((len(chosen), model.njoints, 4, 4)), [data.oMi[joint] for joint in range(model.njoints)]
     for row, state in zip(found, chosen, strict=True):
         pin.forwardKinematics(model, data, state)
-        for joint in range(model.njoints):
-            row[joint] = data.oMi[joint].homogeneous
+        row[:] = [place.homogeneous for place in places]
     return found
