@@ -329,7 +329,7 @@ MECHANISMS = [
     ("kind: joint_spring", "kind: spring",
      ["slider.yaml:11:18: unknown kind 'spring'", "joint_spring, point_spring", "try: "]),
     ("symbols:", "loops: {L: {kind: universal, between: [rod, rod], axes: [A, y]}}\nsymbols:",
-     ["slider.yaml:12:59: unknown axes 'A'", "one of -x, -y, -z, x, y, z"]),
+     ["slider.yaml:12:58: unknown axes 'A'", "one of -x, -y, -z, x, y, z"]),
     ("joint: track", "joint: trak", ["slider.yaml:11:39: the model has no joint 'trak'", "try: track"]),
     ("100 N/m", "100 N*m/rad", ["slider.yaml:11:57: 'N*m/rad' is not a unit", "such as N/m"]),
     ("100 N/m", "-100 N/m", ["slider.yaml:11:57: -100 is out of bounds", "at least 0"]),
