@@ -328,6 +328,8 @@ MECHANISMS = [
     ("1 kg*mm^2", "-1 kg*mm^2", ["slider.yaml:9:68: -1e-06 is out of bounds", "at least 0"]),
     ("kind: joint_spring", "kind: spring",
      ["slider.yaml:11:18: unknown kind 'spring'", "joint_spring, point_spring", "try: "]),
+    ("symbols:", "loops: {L: {kind: universal, between: [rod, rod], axes: [A, y]}}\nsymbols:",
+     ["slider.yaml:12:58: unknown axes 'A'", "one of -x, -y, -z, x, y, z"]),
     ("joint: track", "joint: trak", ["slider.yaml:11:39: the model has no joint 'trak'", "try: track"]),
     ("100 N/m", "100 N*m/rad", ["slider.yaml:11:57: 'N*m/rad' is not a unit", "such as N/m"]),
     ("100 N/m", "-100 N/m", ["slider.yaml:11:57: -100 is out of bounds", "at least 0"]),

@@ -18,24 +18,29 @@ import re
 import resource
 import shutil
 import signal
+import struct
 import sys
 import tempfile
 import time
 import traceback
 import warnings
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 from random import Random
+from unittest.mock import patch
 
 import pinarm
 from pinarm.cli.main import main as command
 from pinarm.errors import PinarmError
 from pinarm.use.cases.case import Row
+from pinarm.use.show.replay.meshes import read_mesh
 from pinarm.use.store.restore import restore
 from pinarm.use.study.sweep.journal import Journal, Sources
 from pinarm.use.study.sweep.value_syntax import read_cases
+from pinarm.use.workers.executor_workers import ExecutorWorkers
 
 EFFORT, PATIENCE = 60.0, 1200.0
 """Time of the processor after which a mutant hangs, and time without an answer [s]; honest ones take 2 s."""
@@ -78,6 +83,61 @@ MJCF = """\
   <equality><joint joint1="elbow" joint2="shoulder" polycoef="0 1"/></equality>
 </mujoco>
 """
+SDF = """\
+<sdf version="1.9">
+<model name="arm">
+  <joint name="stand" type="fixed"><parent>world</parent><child>base</child></joint>
+  <link name="base"><inertial><mass>1</mass></inertial></link>
+  <link name="upper"><pose>0 0 0.1 0 0.2 0</pose><inertial><pose>0.1 0 0 0 0 0</pose><mass>1</mass>
+    <inertia><ixx>.01</ixx><iyy>.01</iyy><izz>.02</izz></inertia></inertial></link>
+  <link name="lower"><pose relative_to="upper">0.3 0 0 0 0 0</pose><inertial><mass>1</mass></inertial></link>
+  <joint name="shoulder" type="revolute"><parent>base</parent><child>upper</child><axis><xyz>0 1 0</xyz>
+    <limit><lower>-3</lower><upper>3</upper></limit><dynamics><damping>0.1</damping></dynamics></axis></joint>
+  <joint name="elbow" type="revolute"><parent>upper</parent><child>lower</child><axis><xyz>0 1 0</xyz></axis></joint>
+</model>
+</sdf>
+"""
+STL = """\
+solid corner
+facet normal 0 0 1
+outer loop
+vertex 0 0 0
+vertex 1 0 0
+vertex 0 1 0
+endloop
+endfacet
+endsolid corner
+"""
+OBJ = """\
+# a pyramid
+v 0 0 0
+v 1.5 0 0
+v 1 1 0
+v 0 1 0
+v 5e-1 .5 1
+vn 0 0 -1
+f 4//1 3//1 2//1 1//1
+f 1 2 5
+f 2/1/1 3/2/1 -1/3/1
+"""
+COLLADA = """\
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema"><asset><unit name="m" meter="0.5"/></asset>
+<library_effects><effect id="e"><profile_COMMON><technique><lambert><diffuse><color>0.2 0.4 0.6 1</color></diffuse>
+</lambert></technique></profile_COMMON></effect></library_effects>
+<library_materials><material id="m"><instance_effect url="#e"/></material></library_materials>
+<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="pa" count="12">0 0 0 1 0 0 0 1 0 0 0 1
+</float_array><technique_common><accessor source="#pa" count="4" stride="3"/></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles count="2" material="s"><input semantic="VERTEX" source="#v" offset="0"/><p>0 2 1 0 1 3</p></triangles>
+<polylist count="2" material="s"><input semantic="NORMAL" source="#n" offset="1"/>
+<input semantic="VERTEX" source="#v" offset="0"/><vcount>3 3</vcount><p>0 9 3 9 2 9 1 9 2 9 3 9</p></polylist>
+</mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="w"><node id="n"><matrix>1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</matrix>
+<instance_geometry url="#g"><bind_material><technique_common><instance_material symbol="s" target="#m"/>
+</technique_common></bind_material></instance_geometry><node><translate>0 0 1</translate><rotate>0 0 1 90</rotate>
+<scale>1 2 -1</scale><instance_geometry url="#g"/></node></node></visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#w"/></scene></COLLADA>
+"""
 MECHANISM = """\
 pinarm: 1
 robot: arm.urdf.xacro
@@ -107,6 +167,15 @@ expect:
   - {quantity: alpha, at: {t: 1 s, side: left}, value: 0.5 rad, atol: 1 rad, source: s}
   - {quantity: M, at: max, published: 20.0 N*m, verdict: rounding, value: 20 N*m, source: s}
 """
+FIND = (
+    SCENARIO.partition("expect:")[0]
+    + """\
+find:
+  for: {arguments.m: 1 kg}
+  so_that: {joint.shoulder.effort @ max: 30 N*m}
+sensitivity: {of: [joint.shoulder.effort @ max], to: {arguments.m: 5 %}}
+"""
+)
 FORWARD = SCENARIO.replace("kind: inverse", "kind: forward").replace(
     "motion: {shoulder: {law: trapezoid, from: 0 rad, to: 60 deg, acceleration: 1 rad/s^2}}",
     "initial: {position: {shoulder: 30 deg}, velocity: {shoulder: 1 rad/s}}",
@@ -119,9 +188,9 @@ problem.time.end=3 s
 --set
 arguments.m=0.2 kg
 --over
-arguments.m=0.1:0.5:3 kg
+arguments.m=0.1:0.5:2 kg
 --over
-problem.time.end=1, 2 s
+problem.time.end=2 s
 --result
 M @ max
 --result
@@ -244,6 +313,13 @@ def _replayed(scenario: str) -> Attempt:
     return attempt
 
 
+def _drawn(name: str) -> Attempt:
+    def attempt(folder: Path) -> None:
+        read_mesh(folder / name)
+
+    return attempt
+
+
 def _journal(folder: Path) -> None:
     journal = Journal(folder / "journal.jsonl", "task", width=2)
     for case in range(3):
@@ -256,17 +332,30 @@ def _restored(folder: Path) -> None:
 
 
 def _commanded(folder: Path) -> None:
-    """Use the options in the file; the command itself catches errors of pinarm, and argparse exits."""
-    options = (folder / "options").read_text(errors="replace").replace("\0", "").split("\n")
-    sweep = ["sweep", str(folder / "s.yaml"), "--no-plots", "-j", "1", "-o", str(folder / "swept"), *options]
-    for words in (["validate", str(folder / "s.yaml"), *options], sweep if any(map(str.strip, options)) else []):
-        with contextlib.suppress(SystemExit), contextlib.redirect_stderr(io.StringIO()) as said:
-            command(words)
-        assert "the program failed" not in said.getvalue()
+    """Use the options in the file; the command itself catches errors of pinarm, and argparse exits.
+
+    Its cases are solved by a thread: to start a process takes as long as fifty of them.
+    """
+    options = (folder / "options").read_text(errors="replace").replace("\0", "").splitlines()
+    words = ["sweep", str(folder / "s.yaml"), "--no-plots", "-j", "1", "-o", str(folder / "swept"), *options]
+    with (
+        ThreadPoolExecutor(1) as pool,
+        patch("pinarm.use.study.sweep.sweep.chosen_workers", lambda number, executor: ExecutorWorkers(pool, 1)),
+        contextlib.redirect_stderr(io.StringIO()) as said,
+        contextlib.suppress(SystemExit),
+    ):
+        command(words)
+    assert "the program failed" not in said.getvalue()
 
 
 def _cases(folder: Path) -> None:
     read_cases(folder / "cases.csv", lambda path: "")
+
+
+def _binary(stl: str) -> bytes:
+    """Return an STL file of one triangle in its binary form."""
+    corners = [float(x) for vertex in re.findall("vertex (.*)", stl) for x in vertex.split()]
+    return b" " * 80 + struct.pack("<I12fH", 1, 0.0, 0.0, 1.0, *corners, 0)
 
 
 def result_files(folder: Path) -> dict[str, bytes]:
@@ -279,12 +368,12 @@ def prepare(folder: Path) -> None:
     """Write the files that are right into a folder."""
     (folder / ".pinarm-root").touch()
     for name, text in (("arm.urdf.xacro", XACRO), ("arm.yaml", MECHANISM), ("s.yaml", SCENARIO), ("law.csv", TABLE),
-                       ("f.yaml", FORWARD)):  # fmt: skip
+                       ("f.yaml", FORWARD), ("n.yaml", FIND), ("m.xml", MJCF), ("d.sdf", SDF)):  # fmt: skip
         (folder / name).write_text(text)
-    (folder / "m.yaml").write_text(SCENARIO.replace("mechanism: arm.yaml\narguments: {m: 3 kg}", "mechanism: m.xml")
-                                   .replace("M, alpha, twice, sqrt(alpha**2 + 1)", "joint.elbow.effort")
-                                   .partition("symbols")[0] + "outputs: [joint.elbow.effort]\n")  # fmt: skip
-    (folder / "m.xml").write_text(MJCF)
+    plain = SCENARIO.partition("symbols")[0] + "outputs: [joint.elbow.effort]\n"
+    free = plain.replace("motion: {", "motion: {elbow: {law: constant, value: 0.3 rad}, ")
+    for name, model, text in (("m.yaml", "m.xml", plain), ("d.yaml", "d.sdf", free)):
+        (folder / name).write_text(text.replace("mechanism: arm.yaml\narguments: {m: 3 kg}", f"mechanism: {model}"))
     pinarm.load(folder / "s.yaml").run().save(folder / "out", plots=False)
     (folder / "plain.urdf").write_text(pinarm.load(folder / "s.yaml").mechanism.xml)
     (folder / "plain.yaml").write_text(
@@ -307,6 +396,11 @@ def kinds(folder: Path) -> dict[str, Kind]:
         "urdf": Kind(((folder / "plain.urdf").read_bytes(),), "plain.urdf", _replayed("p.yaml")),
         "xacro": Kind((XACRO.encode(),), "arm.urdf.xacro", _replayed("s.yaml")),
         "mjcf": Kind((MJCF.encode(),), "m.xml", _solved("m.yaml")),
+        "sdf": Kind((SDF.encode(),), "d.sdf", _solved("d.yaml")),
+        "stl": Kind((STL.encode(), _binary(STL)), "part.stl", _drawn("part.stl")),
+        "obj": Kind((OBJ.encode(),), "part.obj", _drawn("part.obj")),
+        "dae": Kind((COLLADA.encode(),), "part.dae", _drawn("part.dae")),
+        "find": Kind((FIND.encode(),), "n.yaml", _solved("n.yaml")),
         "table": Kind((TABLE.encode(),), "law.csv", _solved("s.yaml")),
         "cases": Kind((CASES.encode(),), "cases.csv", _cases),
         "summary": Kind((made["summary.json"],), "out/summary.json", _restored),

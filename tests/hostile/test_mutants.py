@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from mutants import kinds, prepare, tried
 
-NAMES = ("scenario", "forward", "mechanism", "urdf", "xacro", "mjcf", "table", "cases", "summary", "resolved", "arrays",
-         "journal", "options")  # fmt: skip
+NAMES = ("scenario", "forward", "mechanism", "urdf", "xacro", "mjcf", "sdf", "stl", "obj", "dae", "find", "table",
+         "cases", "summary", "resolved", "arrays", "journal", "options")  # fmt: skip
 SAMPLE = 12
 
 

@@ -72,7 +72,8 @@ def explain(error: msgspec.ValidationError, data: Any, path: Keys, struct: type[
     if match := re.fullmatch(r"Invalid (?:enum )?value (.*)", message, re.DOTALL):
         names = _values(struct, data, path)
         expected, hint = choices(match[1].strip("'"), names, most=40)
-        return InputError(f"unknown {path[-1] if path else 'value'} {match[1]}", expected=expected, hint=hint)
+        key = next((step for step in reversed(path) if isinstance(step, str)), "value")
+        return InputError(f"unknown {key} {match[1]}", expected=expected, hint=hint)
     wanted, _, found_kind = message.removeprefix("Expected ").partition(", got ")
     shown = _at(data, list(path))
     expected, what = _in_words(wanted), _in_words(found_kind) or repr(shown)[:40]
@@ -180,8 +181,9 @@ def _values(struct: type[InputStruct], data: Any, path: Keys) -> list[str]:
     """Return the values allowed at a path: tags of a union, or literals."""
     kinds = [kind for kind in _kinds(struct, data, path) if get_origin(kind) is Literal]
     names = [str(literal) for kind in kinds for literal in get_args(kind)]
-    if path:
-        without = {key: value for key, value in _at(data, list(path[:-1])).items() if key != path[-1]}
+    holder = _at(data, list(path[:-1]))
+    if path and isinstance(holder, dict):
+        without = {key: value for key, value in holder.items() if key != path[-1]}
         replaced = _replaced(data, list(path[:-1]), without)
         for kind in _structs(struct, replaced, path[:-1]):
             if kind.__struct_config__.tag_field == path[-1]:

@@ -215,7 +215,7 @@ class PinocchioLayout:
 
     @classmethod
     def of(cls, xml: str, model: pin.Model, joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> PinocchioLayout:
-        """Compare a mechanism with what Pinocchio's reader makes of the same text.
+        """Compare a mechanism with what Pinocchio's reader makes of the joints in the same text.
 
         Args:
             xml: The URDF text.
@@ -224,7 +224,7 @@ class PinocchioLayout:
             balls: Its ball joints, by name.
 
         Raises:
-            InputError: The text is MJCF, or Pinocchio's reader makes other joints of it.
+            InputError: The text is MJCF, or Pinocchio's reader refuses it or makes other joints of it.
         """
         root = ElementTree.fromstring(xml)
         if root.tag != "robot":
@@ -233,7 +233,11 @@ class PinocchioLayout:
         if any(joint.get("type") == "spherical" for joint in root.findall("joint")):
             raise InputError("the model has spherical joints, which pin.buildModelFromUrdf does not know",
                              expected="types of URDF, or a mechanism of a pin.Model")  # fmt: skip
-        theirs = pin.buildModelFromXML(xml, pin.JointModelFreeFlyer()) if floats else pin.buildModelFromXML(xml)
+        free = [pin.JointModelFreeFlyer()] if floats else []
+        try:
+            theirs = pin.buildModelFromXML(_joints_alone(root), *free)
+        except ValueError as error:
+            raise InputError(f"pin.buildModelFromUrdf does not read the model: {error}") from None
         return cls.between(theirs, model, joints, balls, {FREE_FLYER: BASE} if floats else {})
 
     @classmethod
@@ -286,6 +290,22 @@ class PinocchioLayout:
         for part in self.parts:
             part.give(p_q, p_v, q, v)
         return p_q, p_v
+
+
+def _joints_alone(root: ElementTree.Element) -> str:
+    """Return the URDF text of links and joints alone, all with a limit.
+
+    How states stand does not depend on anything else, of which the reader refuses more than pinarm, and writes to the
+    terminal about it: joints without a limit, colours beyond 1.
+    """
+    robot = ElementTree.Element("robot", name="joints")
+    for link in root.findall("link"):
+        ElementTree.SubElement(robot, "link", name=link.get("name", ""))
+    for joint in root.findall("joint"):
+        copied = ElementTree.SubElement(robot, "joint", joint.attrib)
+        copied.extend(child for child in joint if child.tag in ("parent", "child", "origin", "axis"))
+        ElementTree.SubElement(copied, "limit", lower="-1", upper="1", effort="0", velocity="0")
+    return ElementTree.tostring(robot, encoding="unicode")
 
 
 PARTS: Mapping[str, tuple[str, ...]] = {

@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import pinarm
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError
 
@@ -163,3 +164,17 @@ def test_configurations_in_the_shape_of_pinocchio_are_refused_with_what_converts
         with pytest.raises(InputError, match="as Pinocchio has it") as refused:
             use(q)
         assert "mechanism.from_pinocchio(q, v): of j1, j4 q has the angle" in refused.value.hint
+
+
+def test_a_joint_without_limits_and_a_colour_beyond_one(tmp_path, capfd):
+    """Pinocchio's reader refuses the one, which was a traceback of ``explain``, and writes about the other."""
+    text = urdf(("revolute", "0 1 0"), ("continuous", "0 1 0"))
+    limit = '<limit lower="-2" upper="2" effort="1" velocity="1"/>'
+    colour = '<visual><geometry><sphere radius="1"/></geometry><material name="m"><color rgba="255 0 0 1"/></material>'
+    text = text.replace(limit, "").replace('<link name="l0"/>', f'<link name="l0">{colour}</visual></link>')
+    (tmp_path / "chain.urdf").write_text(text)
+    with pytest.raises(ValueError, match="does not contain a valid URDF model"):
+        pin.buildModelFromXML(text)
+    capfd.readouterr()
+    assert "q and v: of j1 q has the angle" in str(pinarm.explain(tmp_path / "chain.urdf"))
+    assert capfd.readouterr().err == ""

@@ -75,7 +75,7 @@ def read_mesh(path: Path) -> list[Mesh]:
     try:
         with np.errstate(all="ignore"):  # what is too large becomes infinite, which is refused below
             meshes = [mesh for mesh in _read(path) if len(mesh.triangles)]
-    except (ElementTree.ParseError, ValueError, KeyError, IndexError, TypeError) as error:
+    except (ElementTree.ParseError, ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
         raise InputError(f"the mesh {path.name} cannot be read: {error}") from None
     if not meshes or not all(np.isfinite(mesh.vertices).all() for mesh in meshes):
         raise InputError(f"the mesh {path.name} has no triangles, or some that are not finite")

@@ -17,6 +17,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, ModelError, PinarmError
 from pinarm.input.numbers import decimal, is_decimal
 from pinarm.input.roots import contained_file, example_robot_data, root_of
+from pinarm.input.yaml.schema import FARTHEST
 from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
@@ -206,8 +207,9 @@ def _origin(element: ElementTree.Element | None) -> pin.SE3:
 
 def _numbers(text: str, count: int) -> Array:
     numbers = np.array([decimal(part) if is_decimal(part) else np.nan for part in text.split()])
-    if numbers.shape != (count,) or not np.isfinite(numbers).all():
-        raise InputError(f"'{text}' is not what a visual needs here", expected=f"{count} finite numbers")
+    if numbers.shape != (count,) or not (np.abs(numbers) <= FARTHEST).all():
+        raise InputError(f"'{text}' is not what a visual needs here",
+                         expected=f"{count} finite numbers, sizes of at most {FARTHEST:g}")  # fmt: skip
     return numbers
 
 

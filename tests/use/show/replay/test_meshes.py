@@ -63,6 +63,8 @@ def test_meshes_are_read_as_assimp_reads_them(name: str) -> None:
         ("a.stl", "no mesh"), ("a.obj", ""), ("a.ply", "ply"),
         ("a.obj", "v 0 0 0\nf 1 2 3"), ("a.obj", "v 0 0 x\nf 1 1 1"), ("a.stl", "solid\nvertex 1 2 3"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 inf 0\nf 1 2 3"), ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1e300 0\nf 1 2 3"),
+        ("a.obj", "v 0 0 0\nf 1 1 99999999999999999999"),
+        ("a.dae", TETRAHEDRON.replace("3 3 3 3", "3 3 3 " + 20 * "9")),
         ("a.dae", TETRAHEDRON.replace("VERTEX", "CORNER")), ("a.dae", TETRAHEDRON.replace("POSITION", "PLACE")),
         ("a.dae", TETRAHEDRON.replace("1 0 0", "1e300 0 0")),
     ],
