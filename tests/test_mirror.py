@@ -51,7 +51,7 @@ ELSEWHERE = {
     ),
     "engine/integration/methods/test_collocation.py": ("a part of it", "engine/integration/methods/collocation_window"),
     "engine/integration/methods/test_orders.py": (
-        "the order of every method", "engine/integration/integrator engine/integration/methods/conserving "
+        "the order of every method", "engine/integration/integrator "
         "engine/integration/methods/explicit",
     ),
     "engine/kernel/test_library.py": ("its structures", "engine/kernel/structures"),

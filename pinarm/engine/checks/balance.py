@@ -32,7 +32,8 @@ ROUNDING = 1e-15
 
 LOST = 1e-3
 """Energy that nothing accounts for, relative to the energy exchanged, from which on it is noted, and contradicts bounds
-of the error that are far below it."""
+of the error that are far below it. Rounding alone may make up any figure below it, and no figure above: it is left out
+there."""
 
 LOOKED_AT = 64
 """Velocities of mechanisms with many of which the virtual powers of all links are looked at one by one."""

@@ -9,7 +9,7 @@ of one slip, as of a cylindrical joint, count with its length: as members of one
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -130,6 +130,12 @@ class FrictionBalance:
                          for mu, constant in [contact.law.resting]])  # fmt: skip
 
     def solve(self, direction: Array, stuck: Sequence[SlipGroup], resting: Flags) -> FrictionSolution | None:
+        """Return the friction in this state; see ``solve_under_any_load``, which needs one under other loads, too."""
+        return self._solution(direction, stuck, resting, Slipping.require_one_root_here)
+
+    def solve_under_any_load(
+        self, direction: Array, stuck: Sequence[SlipGroup], resting: Flags
+    ) -> FrictionSolution | None:
         """Return the friction while some slips take place and some groups are stuck; ``None`` where there is none.
 
         Args:
@@ -140,6 +146,11 @@ class FrictionBalance:
         Raises:
             DynamicsError: There is more than one solution, or it is not known that there is only one.
         """
+        return self._solution(direction, stuck, resting, Slipping.require_one_root)
+
+    def _solution(
+        self, direction: Array, stuck: Sequence[SlipGroup], resting: Flags, has_root: Callable[[Slipping], bool]
+    ) -> FrictionSolution | None:
         mu, constant = np.array([contact.law.resting if rest else contact.law.slipping(speed) for contact, rest, speed
                                  in zip(self.contacts, resting, self.speed, strict=True)]).reshape(-1, 2).T  # fmt: skip
         slips = (direction != 0.0).astype(float)
@@ -147,7 +158,7 @@ class FrictionBalance:
         fixed, response = self._eliminated(slips, self._shares(limits, stuck), stuck)
         loads = self.response.loads.reduced(fixed, response)
         slipping = Slipping(self.contacts, direction, mu * slips, constant * slips, loads)
-        if not slipping.require_one_root():
+        if not has_root(slipping):
             return None
         f = fixed + response @ slipping.friction()
         held = np.array([group.ratios @ f[list(group.members)] for group in stuck])

@@ -120,7 +120,7 @@ def _limit(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup
     forced, resting = direction.copy(), np.zeros(len(direction), dtype=bool)
     forced[i], resting[i] = -sign, True
     try:
-        solution = balance.solve(forced, stuck, resting)
+        solution = balance.solve_under_any_load(forced, stuck, resting)
     except DynamicsError:
         return None
     return None if solution is None else float(solution.f[i])
@@ -230,7 +230,7 @@ def _at(
             ratios=group.ratios[corner.rest] / group.ratios[first],
             units=group.units[corner.rest] * np.sign(group.ratios[first]),
         ))  # fmt: skip
-    solution = balance.solve(forced, groups, resting)
+    solution = balance.solve_under_any_load(forced, groups, resting)
     if solution is None or (np.abs(solution.held) > solution.bounds * (1.0 + WITHIN)).any():
         return None
     return solution.f

@@ -233,6 +233,7 @@ class _Solved:
     multipliers: Array
     alpha: Array
     driven: Flags
+    terms: Array
 
     @classmethod
     def of(cls, equation: SlipEquation, t: float, q: Array, v: Array) -> _Solved:
@@ -252,7 +253,8 @@ class _Solved:
         driven = np.linalg.norm(free, axis=1) <= DRIVEN * np.linalg.norm(slips, axis=1)
         lam = split.multipliers(mass @ a - force)
         multipliers = np.array([split.multipliers(each) for each in accelerations.T @ mass - slips])
-        return cls(equation, t, q, v, split, slips, a, lam, accelerations, multipliers, slips @ a + drift, driven)
+        return cls(equation, t, q, v, split, slips, a, lam, accelerations, multipliers, slips @ a + drift, driven,
+                   np.abs(force) + np.abs(mass @ a))  # fmt: skip
 
     @property
     def mobility(self) -> Array:
@@ -261,9 +263,15 @@ class _Solved:
 
     def loads(self) -> CarriedLoads:
         """Return the wrenches that bearings carry."""
-        none = np.zeros(len(self.slips))
+        none, size = np.zeros(len(self.slips)), self._sizes()[:, None]
         wrenches = self.equation.transmission.wrenches(
-            self.t, self.q, self.v, np.vstack([self.a, self.a + self.accelerations.T]),
-            np.vstack([self.lam, self.lam + self.multipliers]), np.vstack([none, np.eye(len(none))]),
+            self.t, self.q, self.v, np.vstack([self.a, self.a + size * self.accelerations.T]),
+            np.vstack([self.lam, self.lam + size * self.multipliers]), np.vstack([none, np.diag(size[:, 0])]),
         )  # fmt: skip
-        return CarriedLoads(wrenches[0], (wrenches[1:] - wrenches[0]).swapaxes(0, 1))
+        return CarriedLoads(wrenches[0], ((wrenches[1:] - wrenches[0]) / size[:, None]).swapaxes(0, 1))
+
+    def _sizes(self) -> Array:
+        """Return frictions as large as the other efforts [N*m or N], powers of 2: differences lose no digits; (k,)."""
+        along = np.abs(self.slips)
+        sizes = along @ self.terms / np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
+        return np.exp2(np.round(np.log2(np.where(sizes > 0.0, sizes, 1.0))))

@@ -17,7 +17,13 @@ class Slip(ValueRecord, frozen=True):
         direction: 1 or -1 of a joint that slips, 0 of one at rest, for each of k joints; of a slip with several
             components a unit vector, the direction from which it does not turn away by more than 60 deg.
         stuck: Groups of joints that friction keeps at rest.
+        begun: When it begins [s].
+        rest: Slips [rad/s or m/s] that rounding of the instant of a switch leaves, shape (k,).
+        slack: Friction [N*m or N] of the groups that rounding leaves; see ``watches.NOTHING``, shape (g,).
     """
 
     direction: tuple[float, ...] = ()
     stuck: tuple[SlipGroup, ...] = ()
+    begun: float = 0.0
+    rest: tuple[float, ...] = ()
+    slack: tuple[float, ...] = ()

@@ -8,6 +8,8 @@ which are linear in the friction f, ``w = w0 + W f``, friction is a root of
 N is a sum of lengths, so ``N(w + x) - N(w) <= most(x)``: where the matrix ``C_ij = mu_i most_i(W_ij)`` has a spectral
 radius below 1 the map ``f -> -s (mu N + c)`` contracts in a suitable norm and (1) has exactly one root. Where it has
 not, (1) may have none, as of a drawer that jams, or several; of one joint, N being convex, it then has none or two.
+Where normal forces are along lines, as in a plane, N is a sum of absolute values and (1) is linear for each choice of
+their signs: all roots are those that have the signs that they are computed with.
 Source: Banach's theorem; the paradox is Painleve's (Lecons sur le frottement, 1895).
 """
 
@@ -16,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +31,12 @@ if TYPE_CHECKING:
 
 CONTRACTING = 1.0 - 1e-9
 """Spectral radius of C from which on (1) is not known to have one root."""
+
+SIGNS = 10
+"""Number of normal forces up to which all their signs are tried."""
+
+CONSISTENT, SAME = 1e-12, 1e-9
+"""Part of its terms by which a normal force may miss its sign, and part by which two roots of (1) are one."""
 
 SOLVED, ITERATIONS = 4e-16, 200
 """Residual of (1), relative to its terms, at which Newton's method ends, and its steps at most."""
@@ -94,8 +103,50 @@ class Slipping:
         bound = float(self._most.sum(axis=1).max(initial=0.0))  # of the spectral radius, and much cheaper
         return bound < CONTRACTING or self.contraction() < CONTRACTING
 
+    @cached_property
+    def roots(self) -> list[Array] | None:
+        """All roots f, shape (k,), where normal forces are along lines; ``None`` elsewhere."""
+        terms = [self.contacts[i].bearing.along_lines(np.vstack([self.loads.wrench[i], self.loads.response[i]]))
+                 for i in self._rubbing]  # fmt: skip
+        if any(term is None for term in terms) or sum(len(term) for term in terms if term is not None) > SIGNS:
+            return None
+        levers = np.zeros((len(self.mu), 0))
+        for i in self._rubbing:
+            own = np.zeros((len(self.mu), len(self.contacts[i].bearing.levers)))
+            own[i] = self.mu[i] * self.contacts[i].bearing.levers
+            levers = np.hstack([levers, own])
+        normals = np.vstack([term for term in terms if term is not None])
+        return self._roots_among(levers, normals[:, 0], normals[:, 1:])
+
+    def _roots_among(self, levers: Array, loads: Array, response: Array) -> list[Array]:
+        """Return the roots of ``f + s (levers |loads + response f| + c) = 0``, shapes (k, p), (p,) and (p, k)."""
+        found, constant = list[Array](), self.constant.copy()
+        for i in self._rubbing:
+            constant[i] += self.mu[i] * self.contacts[i].bearing.preload
+        for signs in product([1.0, -1.0], repeat=len(loads)):
+            signed = self.direction[:, None] * levers * np.array(signs)
+            matrix = np.eye(len(constant)) + signed @ response
+            if np.linalg.cond(matrix) > 1.0 / SAME:
+                continue
+            f = np.linalg.solve(matrix, -signed @ loads - self.direction * constant)
+            slack = CONSISTENT * (np.abs(loads) + np.abs(response) @ np.abs(f))
+            known = any(np.abs(f - one).max() <= SAME * np.abs(one).max() for one in found)
+            if (signs * (loads + response @ f) >= -slack).all() and not known:
+                found.append(f)
+        return found
+
+    def require_one_root_here(self) -> bool:
+        """Return whether (1) has a root for these loads, be it that it has several for others.
+
+        Raises:
+            DynamicsError: It has several, or that it has one is not known.
+        """
+        if not self.contracts and self.roots is not None and len(self.roots) < 2:
+            return bool(self.roots)
+        return self.require_one_root()
+
     def require_one_root(self) -> bool:
-        """Return whether (1) has a root.
+        """Return whether (1) has a root, which changes little with the loads.
 
         Raises:
             DynamicsError: It has several, or that it has one is not known.
@@ -137,6 +188,8 @@ class Slipping:
 
         Newton's method, and the contraction itself where it goes astray at a normal force that vanishes.
         """
+        if not self.contracts and self.roots:
+            return self.roots[0]
         f = -self.direction * self.resistance(np.zeros(len(self.mu)))
         left = self._left(f)
         for _ in range(ITERATIONS):

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from pinarm.arrays import Array
 from pinarm.engine.checks.sample import sampled
 from pinarm.engine.constraints.nullspaces.nullspace import split_rows
+from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.friction.columns import BANDS
 from pinarm.engine.friction.response import BearingReactions
-from pinarm.engine.friction.watches import REST
+from pinarm.engine.friction.watches import INSTANT, REST
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.errors import DynamicsError
@@ -46,6 +48,21 @@ def friction_doubts(run: Trajectory) -> dict[str, str]:
     return dict.fromkeys([*(contact.quantity for contact in some), "power.friction", *bands], doubt)
 
 
+def _resting_speed(run: Trajectory) -> float:
+    """Return the slip that rounding leaves of joints that come to rest, in SI: see ``watches.resting_speed``.
+
+    Its accelerations are not below those that friction makes alone, ``|f| / M_kk``.
+    """
+    inertia = np.diagonal(mass_matrix(run.mechanism.model, run.q[0]))
+    efforts = np.abs(slip_rows(run.mechanism.model, run.mechanism.frictions, run.q)).max(axis=0)
+    alone = _largest(run.friction) * _largest(efforts[:, inertia > 0.0] ** 2 / inertia[inertia > 0.0])
+    return 8.0 * (REST * _largest(run.v) + INSTANT * _largest(run.grid.t) * max(_largest(run.a), alone))
+
+
+def _largest(values: Array) -> float:
+    return float(np.abs(values).max(initial=0.0))
+
+
 def friction_figures(run: Trajectory) -> dict[str, float]:
     """Return ``friction``: what the law of friction misses at most, relative to the largest friction of the run.
 
@@ -64,6 +81,7 @@ def friction_figures(run: Trajectory) -> dict[str, float]:
     lam = {name: reactions.multipliers[:, rows] for name, rows in some.closure.slices().items()}
     every, ends = np.arange(len(some)), np.isin(some.grid.t, some.grid.cuts[1:-1])
     rest_speeds = np.where(ends, SWITCHING, SLOW)
+    rounding = _resting_speed(some)
     speeds, against, lengths = sizes(contacts, slips), unit_vectors(contacts, slips), sizes(contacts, some.friction)
     for contact, f, size, speed, s in zip(contacts, some.friction.T, lengths.T, speeds.T, against.T, strict=True):
         normal = np.zeros(len(some))
@@ -72,7 +90,7 @@ def friction_figures(run: Trajectory) -> dict[str, float]:
         mu, constant = contact.law.slipping(speed)
         rest = contact.law.static_mu * normal + contact.law.static_constant
         slipping, stuck = np.abs(f + s * (mu * normal + constant)), np.maximum(size - rest, 0.0)
-        slow = speed <= np.maximum(rest_speeds * speed.max(), 2.0 * REST)
+        slow = speed <= np.maximum(rest_speeds * speed.max(), rounding)
         missed = max(missed, float(np.where(slow, stuck, slipping).max()))
         largest = max(largest, float(rest.max()))
     left = missed / largest if largest else 0.0

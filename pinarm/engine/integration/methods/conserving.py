@@ -19,6 +19,12 @@ SLOW = 1e-2
 """Kinetic energy, over its largest value so far, below which velocities are not scaled: near standstill a small
 velocity would have to compensate the whole error of the potential energy."""
 
+SCALED = 1e-10
+"""Part of the kinetic energy by which rounding may change velocities in a step however fine the tolerance."""
+
+ULPS = tuple(2.0**-52 * ulp for ulp in range(-4, 5))
+"""Relative changes of configurations that are rounding."""
+
 
 @dataclass(frozen=True)
 class Conserving:
@@ -30,8 +36,10 @@ class Conserving:
     Integration, section IV.4.
 
     For runs over thousands of periods without dampers, drives and laws; it refuses those. It conserves the energy and
-    nothing else: other integrals and the phase have the errors of ``Adaptive``, of the tolerance per step, and the
-    energy no longer measures them. Tolerances above 1e-6 give motions of the right energy with a wrong course.
+    nothing else: where a motion is so small that rounding of its energies is too much beside the kinetic one,
+    velocities are left as they are, which is said. Other integrals and the phase have the errors of ``Adaptive``, of
+    the tolerance per step, and the energy no longer measures them. Tolerances above 1e-6 give motions of the right
+    energy with a wrong course.
 
     Chosen by measurement, on the double pendulum of two rods from (2.2, 1.0) rad (chaotic, to 30 rad/s; milliseconds a
     simulated second, in Python): Gauss-Legendre methods in (q, p), which are symplectic, of order 4, 6 and 8 take 28,
@@ -80,7 +88,8 @@ class Conserving:
                 hint="accuracy.method: dop853",
             )
         level = sum(intervals[0].energy(q, v)) if intervals[0].energy else 0.0
-        return [replace(each, settle=_keeping(level, each.energy, each.settle)) for each in intervals if each.energy]
+        return [replace(each, settle=_keeping(level, self.tolerance, each.energy, each.settle)) for each in intervals
+                if each.energy]  # fmt: skip
 
     def stepper(self, manifold: Manifold, count: Count) -> AdaptiveStepper:
         """Return a stepper of this method."""
@@ -91,22 +100,46 @@ class Conserving:
         return self.steps.dense_output(interval, manifold, steps)
 
     def diagnose(self, solution: Solution) -> list[str]:
-        """Return a note where the stability limit, not the error, keeps steps short."""
-        return self.steps.diagnose(solution)
+        """Return notes where the stability limit, not the error, keeps steps short, or energies are rounding."""
+        nq, energy = solution.manifold.nq, solution.intervals[0].energy
+        states = [(step.y[:nq], step.y[nq:]) for step in solution.steps]
+        notes = self.steps.diagnose(solution)
+        if energy and states:
+            kinetic = max(energy(*state)[0] for state in states)
+            rounding = _rounding(energy, *states[-1])
+            if not _is_resolved(kinetic, rounding, self.tolerance):
+                notes.append(
+                    f"conserving: rounding of the potential energy, {rounding:.1g} J, is too much beside the kinetic "
+                    f"energy, {kinetic:.1g} J: the energy is not conserved better than by {self.steps.name}"
+                )
+        return notes
 
 
-def _keeping(level: float, energy: Energy, settle: Projection | None) -> Projection:
+def _rounding(energy: Energy, q: Array, v: Array) -> float:
+    """Return what rounding leaves of the potential energy in a state [J]: its range over some ulps, at least one."""
+    potential = [energy(q * (1.0 + part), v)[1] for part in ULPS]
+    return max(max(potential) - min(potential), 2.0**-52 * abs(potential[0]))
+
+
+def _is_resolved(kinetic: float, rounding: float, tolerance: float) -> bool:
+    """Return whether rounding of the energies changes velocities by less than a step may."""
+    return rounding < kinetic * max(tolerance, SCALED)
+
+
+def _keeping(level: float, tolerance: float, energy: Energy, settle: Projection | None) -> Projection:
     """Return the projection onto the constraints and then onto the energy ``level`` [J]: ``v sqrt((E - V) / T)``."""
-    largest = 0.0
+    largest, rounding = 0.0, -1.0
 
     def project(t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        nonlocal largest
+        nonlocal largest, rounding
         if settle is not None:
             q, v = settle(t, q, v)
         kinetic, potential = energy(q, v)
         largest = max(largest, kinetic)
         wanted = level - potential
-        if kinetic > SLOW * largest and wanted > 0.0:
+        if rounding < 0.0:
+            rounding = _rounding(energy, q, v)
+        if kinetic > SLOW * largest and _is_resolved(kinetic, rounding, tolerance) and wanted > 0.0:
             v = v * (wanted / kinetic) ** 0.5
         return q, v
 

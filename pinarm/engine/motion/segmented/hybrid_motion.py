@@ -157,7 +157,13 @@ class HybridSystem(Record, frozen=True):
         from pinarm.engine.motion.segmented.stick_slip import StickSlip
 
         return StickSlip(
-            self.frictions, self.closure_of(held), self.dynamics, self._with_stops(held), self._stops(held)
+            self.frictions,
+            self.closure_of(held),
+            self.dynamics,
+            self._with_stops(held),
+            self._stops(held),
+            self.time,
+            self.size,
         )
 
     def stretch(self, mode: Mode, t: float, q: Array, v: Array) -> System:

@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
@@ -20,11 +21,11 @@ from pinarm.engine.constraints.nullspaces.nullspace import split_rows
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
-from pinarm.engine.friction.balance import SlipGroup, companions
+from pinarm.engine.friction.balance import FrictionBalance, SlipGroup, companions
 from pinarm.engine.friction.sliding import SlidingFriction
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.friction.switching import decided
-from pinarm.engine.friction.watches import REST, Approach, Reserve
+from pinarm.engine.friction.watches import DISPLACED, INSTANT, NOTHING, Approach, Reserve, resting_speed
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import DynamicsError
@@ -46,8 +47,8 @@ INSTANTS = np.array([0.0, 0.0823, 0.2391, 0.3817, 0.5379, 0.6181, 0.7639, 0.9103
 """Parts of an interval at which laws are looked at for whether they rest: uneven, not to meet a period."""
 
 TURNING = 1e-6
-"""Slip [rad/s or m/s] above which one with several components has turned rather than come to rest: the instant is
-known to the tolerance of the integration."""
+"""Slip above which one with several components has turned rather than come to rest, over what its acceleration makes in
+the time since the last switch: the instant is known to the tolerance of the integration."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +61,8 @@ class StickSlip:
         dynamics: The equation of motion without this friction.
         prescribed: Coordinates that follow laws, stops that are rested on included.
         stops: These stops.
+        time: First and last instant of the run [s].
+        size: What errors of steps are relative to; see ``Interval.size``.
     """
 
     contacts: Sequence[FrictionContact]
@@ -67,6 +70,8 @@ class StickSlip:
     dynamics: Dynamics
     prescribed: PrescribedCoordinates
     stops: Sequence[Bound] = ()
+    time: tuple[float, float] = (0.0, 1.0)
+    size: float = 1.0
 
     @cached_property
     def rows(self) -> Closure:
@@ -87,8 +92,9 @@ class StickSlip:
         Raises:
             DynamicsError: Rigid bodies with friction do not determine it.
         """
-        slips = self.slips(q[None], v[None])[0]
-        moving = unit_vectors(self.contacts, np.where(sizes(self.contacts, slips) > REST, slips, 0.0))
+        slips, balance = self.slips(q[None], v[None])[0], self._balance(span, q, v)
+        fast = sizes(self.contacts, slips) > resting_speed(Slip(rest=self._rest(balance)), v)
+        moving = unit_vectors(self.contacts, np.where(fast, slips, 0.0))
         return self._decided(span, q, v, moving, np.zeros(len(moving)))
 
     def switched(self, span: tuple[float, float], q: Array, v: Array, slip: Slip, index: int) -> tuple[Array, Slip]:
@@ -104,10 +110,11 @@ class StickSlip:
         """
         sliding, slips = self.sliding(slip, span), self.slips(q[None], v[None])[0]
         speeds, slipping = sizes(self.contacts, slips), sizes(self.contacts, sliding.direction) > 0.0
-        moving = np.where(speeds <= 2.0 * REST, 0.0, sliding.directions(slips))
-        broken = np.zeros(len(moving))
-        if index >= 0 and not (slipping[index] and several(self.contacts)[index] and speeds[index] > TURNING):
-            balance = sliding.balance(span[0], q, v)
+        balance = sliding.balance(span[0], q, v)
+        fast, pace = speeds > 2.0 * resting_speed(slip, v), self._pace(balance) * (span[0] - slip.begun)
+        moving, broken = np.where(fast, sliding.directions(slips), 0.0), np.zeros(len(speeds))
+        turned = slipping & several(self.contacts) & (speeds > np.maximum(TURNING * pace, 2.0 * resting_speed(slip, v)))
+        if index >= 0 and not turned[index]:
             same = same_joint(self.contacts)
             parts = np.flatnonzero(same[index]).tolist()
             ended = [i for part in parts for i in (part, *companions(balance.response, part))]
@@ -120,10 +127,34 @@ class StickSlip:
             broken = slip.stuck[~index].directions(-float(np.sign(found.held[~index])), len(moving))
         return v, self._decided(span, q, v, moving, broken)
 
+    def _balance(self, span: tuple[float, float], q: Array, v: Array) -> FrictionBalance:
+        return self.sliding(Slip(), span).balance(span[0], q, v)
+
+    def _pace(self, balance: FrictionBalance) -> Array:
+        """Return the size of the terms of the slips' accelerations [rad/s^2 or m/s^2], shape (k,)."""
+        response = balance.response
+        most = np.abs(response.mobility) @ balance.limits(np.zeros(len(self.contacts)))
+        return np.asarray(np.abs(response.acceleration) + most)
+
+    def _rest(self, balance: FrictionBalance) -> tuple[float, ...]:
+        """Return the slips that rounding of the instant of a switch leaves [rad/s or m/s], shape (k,)."""
+        return tuple((INSTANT * max(map(abs, self.time)) * self._pace(balance)).tolist())
+
+    def _slack(self, span: tuple[float, float], q: Array, v: Array, balance: FrictionBalance) -> Array:
+        """Return the friction of each slip that rounding leaves, shape (k,); see ``watches.NOTHING``."""
+        moved = pin.integrate(self.closure.model, q, np.full(len(v), DISPLACED * self.size))
+        changed = np.abs(self._balance(span, moved, v).response.acceleration - balance.response.acceleration)
+        unseen = NOTHING * self.size / (self.time[1] - self.time[0]) ** 2
+        return np.asarray((changed + unseen) / np.maximum(np.diag(balance.response.mobility), np.finfo(float).tiny))
+
     def _decided(self, span: tuple[float, float], q: Array, v: Array, moving: Array, broken: Array) -> Slip:
-        balance = self.sliding(Slip(tuple(moving.tolist())), span).balance(span[0], q, v)
+        balance = self._balance(span, q, v)
         try:
-            return decided(balance, moving, broken)
+            slip = decided(balance, moving, broken)
+            slack = (
+                self._slack(span, q, v, balance)[[group.first for group in slip.stuck]] if slip.stuck else np.zeros(0)
+            )
+            return slip._replace(begun=span[0], rest=self._rest(balance), slack=tuple(slack.tolist()))
         except DynamicsError as error:
             error.message = f"at t = {span[0]:.9g} s: {error.message}"
             raise
@@ -216,8 +247,8 @@ class StickSlip:
         for i in (i for i in range(len(same)) if int(same[i].argmax()) == i):
             parts = np.flatnonzero(same[i])
             if not held.intersection(parts.tolist()):
-                approach = Approach(self.slips, parts, np.array(slip.direction)[parts])
+                approach = Approach(self.slips, parts, slip)
                 found.append((i, Watch(approach.gap, -1, stops=True)))
-        for g in range(len(slip.stuck)):
-            found.append((~g, Watch(Reserve(system.sliding_at, g).left, -1, stops=True, loaded=True)))
+        for g, slack in enumerate(slip.slack):
+            found.append((~g, Watch(Reserve(system.sliding_at, g, slack).left, -1, stops=True, loaded=True)))
         return found

@@ -20,7 +20,6 @@ from pinarm.engine.friction.balance import FrictionSolution
 from pinarm.engine.friction.extremes import Extremes, filled, held_part, pushing_part
 from pinarm.engine.friction.sliding import SlidingFriction
 from pinarm.engine.friction.slip import Slip
-from pinarm.engine.friction.watches import NOTHING
 from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
 from pinarm.errors import IntegrationError
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -36,8 +35,9 @@ if TYPE_CHECKING:
 EXCEEDED = 1e-6
 """Part of its bound by which the friction of a row may exceed it: the row may stand at the switch."""
 
-BEFORE = 1e-10
-"""Time by which a last row is moved back where loads jump at its switch, as when flanks meet [s]."""
+BEFORE = 1e-13, 1e-12, 1e-11, 1e-10
+"""Times by which a last row is moved back where loads jump at its switch, as when flanks meet, over that of the run:
+the first that takes it before the jump."""
 
 FRICTION = "friction"
 """Name of the force element of joints that slip."""
@@ -121,9 +121,11 @@ class FrictionalSystem:
             IntegrationError: What holds a joint exceeds its bound.
         """
         inner, solved = self._solved(dynamics, grid, q, v)
-        if any(_beyond(part.solutions[-1]).any() for part in solved[-1:] if part.solutions):
-            q = np.vstack([q[:-1], q[-1:] - BEFORE * self.manifold.velocity(q[-1:], v[-1:])])
-            inner, solved = self._solved(dynamics, grid, q, v)
+        for time in BEFORE:
+            if not any(self._beyond(rows.solutions[-1]).any() for rows in solved[-1:] if rows.solutions):
+                break
+            back = time * (self.cuts[-1] - self.cuts[0]) * self.manifold.velocity(q[-1:], v[-1:])
+            inner, solved = self._solved(dynamics, grid, np.vstack([q[:-1], q[-1:] - back]), v)
         extremes = list[Extremes]()
         for rows, local, solutions in solved:
             for solution, t in zip(solutions, grid.t[rows].tolist(), strict=True):
@@ -181,13 +183,18 @@ class FrictionalSystem:
         Raises:
             IntegrationError: What holds it exceeds its bound.
         """
-        for group, over in zip(self.slip.stuck, _beyond(solution), strict=True):
+        for group, over in zip(self.slip.stuck, self._beyond(solution), strict=True):
             if over:
                 raise IntegrationError(
                     f"at t = {t:.9g} s the friction that holds {self.friction.contacts[group.first].name} exceeds its "
                     "bound: a step has gone past the instant at which it breaks loose",
                     expected="steps short enough for the loads that act on joints at rest", hint="accuracy.tolerance",
                 )  # fmt: skip
+
+    def _beyond(self, solution: FrictionSolution) -> Flags:
+        """Return which stuck groups are held by more than their friction can be, shape (g,)."""
+        slack = 2.0 * np.array(self.slip.slack)
+        return np.asarray(np.abs(solution.held) > solution.bounds * (1.0 + EXCEEDED) + slack)
 
     def _efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
         prescribed, own = self.friction.prescribed, self.friction.closure
@@ -201,11 +208,6 @@ class FrictionalSystem:
         linear = {name: one for name, one in named.items() if isinstance(one, LinearCoordinate)}
         others = {name: one for name, one in named.items() if name not in linear}
         return SelectedDrives(linear, others, own, self.closure).efforts(t, q, demand)
-
-
-def _beyond(solution: FrictionSolution) -> Flags:
-    """Return which stuck groups are held by more than their friction can be, shape (g,)."""
-    return np.abs(solution.held) > solution.bounds * (1.0 + EXCEEDED) + 2.0 * NOTHING
 
 
 def _demand(dynamics: Dynamics, grid: Grid, states: CompletedStates) -> Array:
