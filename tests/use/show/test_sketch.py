@@ -284,7 +284,8 @@ def test_a_drawing_of_no_size_is_a_point(tmp_path: Path) -> None:
         '<robot name="w"><link name="base"/><link name="wheel"><inertial><mass value="1"/>'
         '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
         '<visual><geometry><cylinder radius="1e-308" length="1e-308"/></geometry></visual></link>'
-        '<joint name="a" type="continuous"><parent link="base"/><child link="wheel"/><axis xyz="0 0 1"/></joint></robot>'
+        '<joint name="a" type="continuous"><parent link="base"/><child link="wheel"/><axis xyz="0 0 1"/></joint>'
+        "</robot>"
     )
     mechanism = pinarm.Mechanism.load(tmp_path / "wheel.urdf", values={"gravity": "none"})
     motion = {"a": {"law": "constant_speed", "speed": "1 rad/s"}}
