@@ -98,6 +98,10 @@ class IntegratedMotion(Record, frozen=True):
         """Return nothing: the efforts are given, and have no band."""
         return ()
 
+    def steps(self) -> Array:
+        """Return where the steps of the integrator end; see ``SolvedMotion``."""
+        return np.array([step.until for segment in self.motion.segments for step in segment.solution.steps])
+
 
 def states(mechanism: Mechanism, hybrid: HybridSystem, grid: Grid, motion: CompletedStates) -> Trajectory:
     """Return completed states as a table."""

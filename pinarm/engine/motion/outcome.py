@@ -33,6 +33,13 @@ class SolvedMotion(Protocol):
         """
         ...
 
+    def steps(self) -> Array:
+        """Return where the steps of an integrator end [s], ascending, shape (n,); none where nothing is integrated.
+
+        They are short where the motion changes quickly.
+        """
+        ...
+
 
 class Outcome(Record, frozen=True):
     """What a problem gives back.

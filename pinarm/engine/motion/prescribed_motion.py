@@ -253,6 +253,10 @@ class PrescribedMotion(Record, frozen=True):
         """
         return [self._rests(low, high) for low, high in pairwise(self.cuts)]
 
+    def steps(self) -> Array:
+        """Return nothing, as nothing is integrated; see ``SolvedMotion``."""
+        return np.empty(0)
+
     def _rests(self, start: float, end: float) -> Array:
         """Return the same of one interval, shape (m,)."""
         ends = np.array([start, end])

@@ -268,6 +268,10 @@ class SplinedMotion:
         """
         return [self._rests(low, high) for low, high in pairwise(self.cuts)]
 
+    def steps(self) -> Array:
+        """Return nothing, as nothing is integrated; see ``SolvedMotion``."""
+        return np.empty(0)
+
     def _rests(self, low: float, high: float) -> Array:
         """Return the same of one interval, shape (m,)."""
         inside = self.t[(self.t > low) & (self.t < high)]

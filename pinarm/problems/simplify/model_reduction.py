@@ -290,6 +290,10 @@ class RestoredMotion:
         """Return where joints with friction come to rest; see ``SolvedMotion``."""
         return self.motion.rests()
 
+    def steps(self) -> Array:
+        """Return where the steps of the integrator end; see ``SolvedMotion``."""
+        return self.motion.steps()
+
 
 @dataclass(frozen=True, eq=False)
 class Carried(ForceElement):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, distinct
 from pinarm.engine.motion.outcome import SolvedMotion, on_interval
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import OPERATORS, Quantities
@@ -19,7 +19,14 @@ from pinarm.input.yaml.schema import in_si
 from pinarm.records import Record, replace
 from pinarm.use.result.figures.bracket_fit import BracketFit
 from pinarm.use.result.figures.crossings import crossings
-from pinarm.use.result.figures.peak_search import CurvePart, Endless, Peak, PeakSearch, bounded_below
+from pinarm.use.result.figures.peak_search import (
+    MOST_PIECES,
+    CurvePart,
+    Endless,
+    Peak,
+    PeakSearch,
+    bounded_below,
+)
 
 if TYPE_CHECKING:
     from pinarm.use.result.expectation import Expectation
@@ -46,13 +53,17 @@ MOST_RIVALS = 20
 PARTS = 4
 """In how many parts, of 17 states each, an interval is looked into, however many rows it has."""
 
+STEPS_IN_PIECE = 16
+"""Steps of an integrator, which are short where the motion changes quickly, from one cut of an interval to the next:
+there is about a state for each of them, where the integrator took ten."""
+
 MOST_INTERVALS = 100
 """Intervals up to which they are; thousands, as between samples of controllers, are rows enough."""
 
 KEPT = 20
 """Sets of points whose states are kept: the integrals of several quantities begin with the same points."""
 
-FITS = 200
+FITS = 1000
 """Curves between two places whose polynomials are kept: several numbers of one quantity look into the same ones."""
 
 BAND_ENDS = (".effort.lower", ".effort.upper")
@@ -110,6 +121,18 @@ class Lookup(Record, frozen=True):
         if self.motion:
             return self.run.grid.intervals()
         return [(t, t, slice(k, k + 1)) for k, t in enumerate(self.run.grid.t.tolist())]
+
+    @cached_property
+    def steps(self) -> list[Array]:
+        """Where the steps of the integrator end, interval by interval, each ascending; empty of laws."""
+        ends = self.motion.steps() if self.motion else np.empty(0)
+        return [ends[(ends > start) & (ends < end)] for start, end, _ in self.intervals]
+
+    def cuts(self, interval: int) -> list[float]:
+        """Return where an interval is cut into pieces that are looked into: ends of steps, as many in each piece."""
+        ends = self.steps[interval]
+        pieces = min(-(-len(ends) // STEPS_IN_PIECE), MOST_PIECES)
+        return ends[np.arange(1, pieces) * len(ends) // pieces].tolist() if pieces > 1 else []
 
     def quantities_at(self, interval: int, t: Array) -> Quantities:
         """Return the quantities at values of the parameter in one interval, shape (n,); the last ones are kept."""
@@ -317,7 +340,7 @@ class Lookup(Record, frozen=True):
         pieces = []
         for interval in self._wide:
             start, end, _ = self.intervals[interval]
-            cuts = np.linspace(start, end, PARTS + 1)
+            cuts = distinct(np.concatenate([np.linspace(start, end, PARTS + 1), self.cuts(interval)]))
             pieces += [CurvePart(interval, (min(pair), max(pair))) for pair in pairwise(cuts.tolist())]
         return pieces
 

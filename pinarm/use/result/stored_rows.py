@@ -95,6 +95,10 @@ class SolvedAnew(Record, frozen=True):
         """Return where joints with friction come to rest; see ``SolvedMotion``."""
         return self._motion.rests()
 
+    def steps(self) -> Array:
+        """Return where the steps of the integrator end; see ``SolvedMotion``."""
+        return self._motion.steps()
+
 
 def trajectory_of(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array]) -> Trajectory:
     """Return the states of a result; see ``states``.

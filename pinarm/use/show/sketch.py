@@ -42,6 +42,9 @@ LOWEST = 150.0
 EDGE = 32.0
 """Around what is drawn, for names [points]."""
 
+POINT = 1e-100
+"""Size of a drawing below which it is one point [m]: a scale in points per metre would overflow."""
+
 FRAME, HEADING, ENTRIES = 42.0, 30.0, 22.0
 """Height of the numbers below a drawing, of its heading, and of a row of the legend [points]."""
 
@@ -164,7 +167,7 @@ def _window(lines: Sequence[Line]) -> tuple[Window, float]:
     """Return what of the plane is drawn, with room for names around the lines, and the scale [points per metre]."""
     low, high = extent(lines)
     size = high - low
-    per = float((INSIDE - 2.0 * EDGE) / max(size.max(), np.finfo(float).tiny)) if size.any() else 1.0
+    per = float((INSIDE - 2.0 * EDGE) / size.max()) if size.max() > POINT else 1.0
     room = np.array([INSIDE, max(LOWEST, float(per * size[1]) + 2.0 * EDGE)]) / per
     (left, bottom), (right, top) = (low + high - room) / 2.0, (low + high + room) / 2.0
     return ((float(left), float(right)), (float(bottom), float(top))), per

@@ -276,3 +276,22 @@ def test_a_slot_lies_around_its_pin_and_is_no_support(tmp_path: Path) -> None:
     assert [list(line.get_xdata()) for line in mounts] == [[0.0]]
     marks = [np.transpose(line.get_data()) for line in axis.lines if line.get_marker() == "o"]
     assert any(len(mark) == 1 and mark[0] == pytest.approx(pin, abs=EXACT) for mark in marks)
+
+
+def test_a_drawing_of_no_size_is_a_point(tmp_path: Path) -> None:
+    """A wheel with a radius of 1e-308 m: its scale was infinite."""
+    (tmp_path / "wheel.urdf").write_text(
+        '<robot name="w"><link name="base"/><link name="wheel"><inertial><mass value="1"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+        '<visual><geometry><cylinder radius="1e-308" length="1e-308"/></geometry></visual></link>'
+        '<joint name="a" type="continuous"><parent link="base"/><child link="wheel"/><axis xyz="0 0 1"/></joint>'
+        "</robot>"
+    )
+    mechanism = pinarm.Mechanism.load(tmp_path / "wheel.urdf", values={"gravity": "none"})
+    motion = {"a": {"law": "constant_speed", "speed": "1 rad/s"}}
+    result = pinarm.run({
+        "pinarm": 1, "mechanism": mechanism, "outputs": ["a"],
+        "problem": {"kind": "inverse", "motion": motion, "time": {"end": "1 s", "samples": 3}},
+    })  # fmt: skip
+    low, high = result.sketch().axes[0].get_xlim()
+    assert 0.0 < high - low < np.inf

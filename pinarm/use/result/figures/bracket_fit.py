@@ -67,17 +67,17 @@ class BracketFit(Record, frozen=True):
         found: Array = _to_coefficients() @ self.values
         return found
 
-    @property
+    @cached_property
     def tail(self) -> float:
         """Largest of the last three coefficients."""
         return float(np.abs(self.coefficients[-3:]).max())
 
-    @property
+    @cached_property
     def is_singular(self) -> bool:
         """Whether the coefficients fall as slowly as where the curve passes through infinity."""
         return self.tail > SINGULAR * float(np.abs(self.coefficients[6:9]).max())
 
-    @property
+    @cached_property
     def is_falling(self) -> bool:
         """Whether the coefficients fall faster than those of a kink."""
         return self.tail < FALLING * float(np.abs(self.coefficients[6:9]).max())
@@ -95,17 +95,17 @@ class BracketFit(Record, frozen=True):
         """Return what the curve does not exceed, of which the polynomial has an error, even at a cusp."""
         return self._largest + CUSP * error
 
-    @property
+    @cached_property
     def error(self) -> float:
         """Estimate of the largest difference between polynomial and curve: the last coefficients times their number."""
         return DEGREE * self.tail
 
-    @property
+    @cached_property
     def is_resolved(self) -> bool:
         """Whether the values vary, and the last coefficients have fallen to where the polynomial is the curve."""
         return bool(self.tail < RESOLVED * np.ptp(self.values))
 
-    @property
+    @cached_property
     def is_smooth(self) -> bool:
         """Whether the curve is resolved, or constant."""
         return self.is_resolved or bool(np.ptp(self.values) <= FLAT * np.abs(self.values).max())

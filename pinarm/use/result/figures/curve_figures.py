@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 
@@ -27,12 +28,15 @@ from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.records import ValueRecord
 from pinarm.use.result.figures.percentile import percentile
-from pinarm.use.result.figures.quadrature import Panels, integrate
+from pinarm.use.result.figures.quadrature import NODES, Panels, integrate
 from pinarm.use.result.row_lookup import Lookup
 
-RELATIVE, ABSOLUTE, MOST = 1e-10, 1e-13, 2000
-"""Errors at which an integral is good enough, relative to itself and to the largest value times the length; and most
-parts of an interval, after which the error that is left is reported."""
+RELATIVE, ABSOLUTE = 1e-10, 1e-13
+"""Errors at which an integral is good enough, relative to itself and to the largest value times the length."""
+
+PANELS, PER_STEP = 600, 2
+"""Panels of 21 states that the integrals of a run may take in bisections, and for each of its intervals and each step
+of its integrator: a kink takes 70, and between two steps a motion is a polynomial. The error that is left is told."""
 
 MOST_CUTS = 50
 """Places at most in an interval at which a quantity is infinite."""
@@ -130,11 +134,15 @@ def integrals(run: Lookup, integrand: Callable[[Quantities], Array]) -> tuple[Ar
         run: The run; its rows are states of one motion.
         integrand: Quantities of n rows -> values of the functions there, of the size of 1 or less, shape (n, k).
     """
-    parts = []
+    parts, left = [], PANELS + PER_STEP * (len(run.intervals) + sum(map(len, run.steps)))
     for interval, (start, end, _) in enumerate(run.intervals):
         low, high = sorted((start, end))
         if low < high:
-            parts += _integrals_between(partial(_evaluated, run, integrand, interval), [low, high])
+            curve = _Counted(partial(_evaluated, run, integrand, interval), left // (len(run.intervals) - interval))
+            allowed = curve.left
+            bounds = [low, *run.cuts(interval), high]
+            parts += _integrals_between(curve, [low, high], np.array(bounds))
+            left -= allowed - curve.left
     total, error = (np.sum(of, axis=0) for of in zip(*parts, strict=True))
     return total, error + ROUNDING * np.abs(total)
 
@@ -144,6 +152,24 @@ class _Unbounded(Exception):
 
     def __init__(self, place: float) -> None:
         self.place = place
+
+
+@dataclass(eq=False)
+class _Counted:
+    """Functions that are evaluated a limited number of times.
+
+    Attributes:
+        at: Points, shape (n,) -> values, shape (n, k).
+        left: Number of panels that may still be evaluated in bisections; less than 0 where they were taken before.
+    """
+
+    at: Callable[[Array], Array]
+    left: int
+
+    def __call__(self, t: Array) -> Array:
+        """Return the values at points of panels."""
+        self.left -= len(t) // len(NODES)
+        return self.at(t)
 
 
 def _evaluated(run: Lookup, integrand: Callable[[Quantities], Array], interval: int, t: Array) -> Array:
@@ -158,38 +184,51 @@ def _evaluated(run: Lookup, integrand: Callable[[Quantities], Array], interval: 
     return values
 
 
-def _integrals_between(at: Callable[[Array], Array], cuts: list[float]) -> list[tuple[Array, Array]]:
+def _integrals_between(at: _Counted, cuts: list[float], bounds: Array) -> list[tuple[Array, Array]]:
     """Return the integrals of functions of size 1 between cuts, and their errors; where one is infinite, it is cut.
+
+    Args:
+        at: The functions.
+        cuts: Where they are cut, ascending.
+        bounds: Between which there is at least one panel each, ascending.
 
     Raises:
         InputError: There is no end of such places.
     """
+    allowed = at.left
     try:
-        return [_integral_between(at, low, high) for low, high in pairwise(cuts)]
+        return [
+            _integral_between(
+                at, np.array([low, *bounds[(bounds > low) & (bounds < high)], high]), len(cuts) - 1 - part
+            )
+            for part, (low, high) in enumerate(pairwise(cuts))
+        ]
     except _Unbounded as found:
         if len(cuts) > MOST_CUTS or found.place in cuts:
             raise InputError(
                 f"it is not finite about {found.place:.9g}", expected="a quantity that is finite"
             ) from None
-        return _integrals_between(at, sorted([*cuts, found.place]))
+        at.left = allowed
+        return _integrals_between(at, sorted([*cuts, found.place]), bounds)
 
 
-def _integral_between(at: Callable[[Array], Array], low: float, high: float) -> tuple[Array, Array]:
+def _integral_between(at: _Counted, bounds: Array, parts: int) -> tuple[Array, Array]:
     """Return the integrals of functions of size 1, and their errors, both of shape (k,).
 
     A function is not integrated to less than its own rounding.
 
     Args:
-        at: Points, shape (n,) -> values of the functions, shape (n, k).
-        low: Where the interval begins.
-        high: Where it ends.
+        at: The functions.
+        bounds: Where panels begin and end, ascending, shape (m + 1,).
+        parts: How many integrals share the panels that are left.
     """
-    low_of, high_of, clusters = np.array([low]), np.array([high]), low + (high - low) * NEIGHBOURS
+    low, high = float(bounds[0]), float(bounds[-1])
+    low_of, high_of, clusters = bounds[:-1], bounds[1:], low + (high - low) * NEIGHBOURS
     points = Panels.points(low_of, high_of)
     values = at(np.concatenate([points, clusters.ravel()]))
     first = Panels.of(low_of, high_of, values[: len(points)])
     rounding = _rounding(values[len(points) :].reshape(*clusters.shape, -1))
-    return integrate(at, first, RELATIVE, (high - low) * np.maximum(rounding, ABSOLUTE), MOST)
+    return integrate(at, first, RELATIVE, (high - low) * np.maximum(rounding, ABSOLUTE), at.left // parts)
 
 
 def _rounding(values: Array) -> Array:

@@ -96,17 +96,18 @@ class Panels(Record, frozen=True):
                                    (self.errors, parts.errors)))  # fmt: skip
         return Panels(*merged)
 
-    def poor(self, allowed: Array) -> Indices:
+    def poor(self, allowed: Array, most: int) -> Indices:
         """Return the numbers of those that have to be bisected, as few as leave half of the allowed error, ascending.
 
         Args:
             allowed: Error of every integral that is good enough, shape (k,), positive.
+            most: How many may be: those with the largest errors.
         """
         share = (self.errors / allowed).max(axis=1)
         order = share.argsort(kind="stable")
         worst = order[np.cumsum(share[order]) > 0.5]
         wide = self.high - self.low > NARROWEST * (self.high[-1] - self.low[0])
-        return np.sort(worst[wide[worst]])
+        return np.sort(worst[wide[worst]][-most:] if most > 0 else worst[:0])
 
     @property
     def told_errors(self) -> Array:
@@ -149,28 +150,29 @@ def integrate(
 ) -> tuple[Array, Array]:
     """Return the integrals of k functions of size 1 over an interval, and bounds of their errors, both of shape (k,).
 
-    Bisections end where every error is allowed, where no panel can be bisected, or where they no longer help.
+    Bisections end where every error is allowed, where no panel can be bisected, where they no longer help, or where
+    ``most`` panels have been evaluated: the bounds then tell what is left.
 
     Args:
         at: Points, ascending, shape (n,) -> values of the functions, shape (n, k).
         first: The panel of the whole interval.
         relative: Allowed error relative to an integral.
         absolute: Allowed error of every integral beside that, shape (k,), positive.
-        most: Number of panels at which bisections end.
+        most: Number of panels that are evaluated at most, those of all rounds together.
     """
-    panels, before = first, list[Array]()
+    panels, before, evaluated = first, list[Array](), 0
     while True:
         value, error = panels.values.sum(axis=0), panels.told_errors
         before.append(panels.errors.sum(axis=0))
         allowed = absolute + relative * np.abs(value)
         if (error <= allowed).all():
             return value, error
-        poor = panels.poor(allowed)
-        if not len(poor) or len(panels.low) >= most:
+        poor = panels.poor(allowed, (most - evaluated) // 2)
+        if not len(poor):
             return value, panels.left_over(error > allowed)
         if _noisy(before, panels, allowed):
             return value, error
-        panels = panels.refined(at, poor)
+        panels, evaluated = panels.refined(at, poor), evaluated + 2 * len(poor)
 
 
 def _noisy(errors: list[Array], panels: Panels, allowed: Array) -> bool:

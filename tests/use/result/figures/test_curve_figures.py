@@ -5,12 +5,14 @@ On the trapezoid from 0 to 1 rad at 1 rad/s^2 the speed is t until 1 s and 2 - t
 
 from collections.abc import Callable
 from math import pi, sin, sqrt
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 import pinarm
 from pinarm.errors import InputError
+from pinarm.use.result.figures.curve_figures import figure
 from pinarm.use.show.terminal import report
 
 ROUNDING = 1e-13
@@ -176,3 +178,42 @@ def test_an_integral_without_end_is_refused(scenario: Callable[..., Any], quanti
     result = scenario("inverse").varied({**STEADY, "problem.time": {"end": "3 s", "samples": 7}}).run()
     with pytest.raises(InputError, match=rf"has no {name}, as its integral has no end.* infinity at t = (1\.57|0 s)"):
         result.number(f"{quantity} @ {name}")
+
+
+@pytest.mark.parametrize("samples", [2, 500])
+def test_what_does_not_settle_ends_after_a_number_of_states_and_tells_its_error(
+    scenario: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, samples: int
+) -> None:
+    """50,000 waves, of which 4,000 panels resolved none. Panels of one interval: 602 and the first."""
+    lookup = scenario("inverse").varied({**STEADY, "problem.time": {"end": "3 s", "samples": samples}}).run().lookup
+    states, solved = list[int](), type(lookup)._rows_at
+    monkeypatch.setattr(
+        type(lookup), "_rows_at", lambda run, interval, t: states.append(len(t)) or solved(run, interval, t)
+    )
+    found = figure(lookup, "sin(1e5*alpha)", "rms")
+    assert abs(found.value - sqrt(0.5)) <= found.error
+    assert sum(states) <= 21 * 604 + 20
+
+
+WHEEL = """<robot name="wheel"><link name="base"/><link name="disc"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="0.04" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="a" type="continuous"><parent link="base"/><child link="disc"/><axis xyz="0 0 1"/>
+<dynamics damping="40000" friction="0"/></joint></robot>"""
+
+
+@pytest.mark.parametrize("samples", [3, 50])
+def test_what_is_over_at_the_begin_of_a_solved_motion_counts(tmp_path: Path, samples: int) -> None:
+    """A disc stops as ``w = exp(-t/T)``, T = J/c = 1e-6 s: all is over before the second of 21 places in 1 s.
+
+    ``rms of w' = 1/T sqrt(T/2)``, and ``w (1 - w)`` has the largest value 1/4, at T ln 2. Steps have errors of 1e-9.
+    """
+    (tmp_path / "wheel.urdf").write_text(WHEEL)
+    mechanism = pinarm.Mechanism.load(tmp_path / "wheel.urdf", values={"gravity": "none"})
+    result = pinarm.run({
+        "pinarm": 1, "mechanism": mechanism, "outputs": ["a"], "accuracy": {"method": "stiff"},
+        "problem": {"kind": "forward", "initial": {"velocity": {"a": "1 rad/s"}},
+                    "time": {"end": "1 s", "samples": samples}},
+    })  # fmt: skip
+    assert result.number("joint.a.acceleration @ rms")[0] == pytest.approx(sqrt(0.5e6), rel=1e-6)
+    speed = "joint.a.velocity"
+    assert result.number(f"{speed}*(1 rad/s - {speed}) @ max")[0] == pytest.approx(0.25, rel=1e-6)
