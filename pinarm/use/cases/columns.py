@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from pinarm.use.cases.case import Case, Value
 
 ARGUMENT = "arguments."
@@ -20,6 +22,7 @@ Kind = tuple[tuple[str, Value], ...] | None
 """What cases have in common that may be solved together; ``None`` of one that varies none of ``COLUMNS``."""
 
 
+@lru_cache(1000)
 def is_column(path: str) -> bool:
     """Tell whether numbers at a path may differ: numbers of rows may not, which arrays have in common."""
     return path.startswith(COLUMNS) and not path.endswith(".samples")
@@ -27,7 +30,7 @@ def is_column(path: str) -> bool:
 
 def kind_of(values: Case) -> Kind:
     """Return the kind of a case: its values but for those of ``COLUMNS``."""
-    kept = tuple((path, "" if is_column(path) else value) for path, value in values.items())
+    kept = tuple([(path, "" if is_column(path) else value) for path, value in values.items()])
     return kept if any(map(is_column, values)) else None
 
 

@@ -268,11 +268,11 @@ def _column(first: Value, values: Sequence[Value]) -> list[float]:
             raise VariantsDiffer("numbers with and without a unit")
         return [float(value) for value in values]
     measured = first.partition(" ")[2]
-    factor, size = unit(measured).factor if measured else 1.0, len(measured) + 1 if measured else 0
-    texts = [value for value in values if isinstance(value, str) and value.partition(" ")[2] == measured]
+    factor, ending = unit(measured).factor if measured else 1.0, f" {measured}" if measured else ""
+    texts = [value for value in values if isinstance(value, str) and value.endswith(ending)]
     if len(texts) < len(values):
         raise VariantsDiffer("several units")
     try:
-        return [float(text[: len(text) - size]) * factor for text in texts]
+        return [float(text.removesuffix(ending)) * factor for text in texts]
     except ValueError:
         raise VariantsDiffer("values that are no plain numbers") from None
