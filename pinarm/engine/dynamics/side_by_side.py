@@ -18,6 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
+from pinarm.engine.dynamics.mass_matrix import weightless
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, states_first
 from pinarm.mechanics.geometry.model_cache import cached_by_model
@@ -99,6 +100,8 @@ class SideBySide:
 
     def mass_matrices(self, q: Array) -> Array:
         """Return M, shape (n, k, nv, nv); armatures are in it."""
+        if self._moving_alike(q):
+            return self._weighed_masses(q)
         nv, forest = self.variants.nv, _forest(self.variants.first)
         model, data = forest.pool.getModel(0), forest.pool.getData(0)
         upper, every = np.empty((len(q), len(self.variants), nv, nv)), np.arange(forest.count)
@@ -108,6 +111,13 @@ class SideBySide:
                 upper[row, some] = whole.reshape(forest.count, nv, forest.count, nv)[every, :, every][: len(some)]
         above = np.triu(np.ones((nv, nv)), 1)
         return np.asarray(upper * (np.eye(nv) + above) + (upper * above).swapaxes(-2, -1))
+
+    def _weighed_masses(self, q: Array) -> Array:
+        """Return M by its columns: the efforts of unit accelerations at rest, without weights."""
+        first, still = self.variants.first, np.zeros((len(q), 1, self.variants.nv))
+        units = (np.broadcast_to(unit, still.shape) for unit in np.eye(self.variants.nv))
+        columns = [self._weighed(*self._shares(weightless(first), q, still, unit)) for unit in units]
+        return np.stack(columns, axis=-1) + np.diag(first.armature)
 
     def masses(self, q: Array) -> Array:
         """Return M: as ``mass_matrices``, variants have few joints."""
