@@ -8,7 +8,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.model_source import numeric
+from pinarm.input.numbers import decimal
 from pinarm.input.roots import root_of
 from pinarm.input.xacro.expansion import expand_columns
 from pinarm.mechanics.forces.force_element import ForceElement
@@ -101,7 +101,8 @@ def _numbers(text: str | Sequence[str]) -> float | Array:
         VariantsDiffer: It is a word in some of them.
     """
     texts = [text] if isinstance(text, str) else text
-    found = [number for _, number in numeric({str(k): each for k, each in enumerate(texts)})]
-    if len(found) < len(texts):
-        raise VariantsDiffer("an argument that is a word in some variants")
+    try:
+        found = [*map(decimal, texts)]
+    except ValueError:
+        raise VariantsDiffer("an argument that is a word in some variants") from None
     return found[0] if isinstance(text, str) else np.array(found)

@@ -170,7 +170,7 @@ def with_rotors(model: pin.Model, drives: Mapping[str, Drive], coordinates: Mapp
     Raises:
         InputError: A joint has the name of one of them.
     """
-    found = model.copy()
+    found = pin.Model(model)
     for name, drive in drives.items():
         driven = coordinates[drive.coordinate]
         for joint, armature in DriveTrain.of(name, drive, driven).joints(drive.armature).items():

@@ -78,7 +78,18 @@ class VariantClosure(Closure, frozen=True):
 
     def evaluated(self, q: Array) -> EvaluatedJacobians:
         """Return the rows at configurations of n rows of k variants, shape (N, nq) with N = n k."""
-        return self.measures.repeated(max(1, len(q) // len(self.model))).each(np.ascontiguousarray(q.T))
+        return self._repeated(max(1, len(q) // len(self.model))).each(np.ascontiguousarray(q.T))
+
+    def _repeated(self, n: int) -> BatchJacobians:
+        """Return the measures for n rows of all variants; the last ones are kept, as one motion asks for them often."""
+        if n not in self._known:
+            self._known.clear()
+            self._known[n] = self.measures.repeated(n)
+        return self._known[n]
+
+    @cached_property
+    def _known(self) -> dict[int, BatchJacobians]:
+        return {}
 
     def spread(self, *arrays: Array) -> list[Array]:
         """Return arrays of shape (n, k or 1, w), spread over the variants where the constraints differ."""

@@ -297,7 +297,7 @@ class Dynamics(Record, frozen=True):
         """Half the armatures that ``pin.computeKineticEnergy`` forgets (about skew axes, in pin 4.1), shape (nv,)."""
         if not self.model.armature.any():
             return np.zeros(self.model.nv)
-        rotors = self.model.copy()
+        rotors = pin.Model(self.model)
         for joint in range(rotors.njoints):
             rotors.inertias[joint] = pin.Inertia.Zero()
         data, q = new_data(rotors), pin.neutral(rotors)

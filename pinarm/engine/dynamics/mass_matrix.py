@@ -190,9 +190,9 @@ def _levels(model: pin.Model) -> tuple[Indices, ...]:
 
 def mass_times(model: pin.Model, q: Array, x: Array) -> Array:
     """Return ``M x``, of shape (nv,), or of columns, shape (nv, k), by recursion; armatures are in M."""
-    weightless, data = _weightless(model), take(model)
+    light, data = weightless(model), take(model)
     still = np.zeros(model.nv)
-    found = [pin.rnea(weightless, data, q, still, one).copy() for one in x.reshape(model.nv, -1).T]
+    found = [pin.rnea(light, data, q, still, one).copy() for one in x.reshape(model.nv, -1).T]
     give_back(model, data)
     return np.reshape(np.array(found).T, x.shape)
 
@@ -200,16 +200,17 @@ def mass_times(model: pin.Model, q: Array, x: Array) -> Array:
 def mass_solved(model: pin.Model, q: Array, force: Array) -> Array:
     """Return ``M^-1 force`` of shape (nv,), by recursion."""
     data, still = take(model), np.zeros(model.nv)
-    found = pin.aba(_weightless(model), data, q, still, force).copy()
+    found = pin.aba(weightless(model), data, q, still, force).copy()
     give_back(model, data)
     return np.asarray(found)
 
 
 @cached_by_model
-def _weightless(model: pin.Model) -> pin.Model:
-    weightless = model.copy()
-    weightless.gravity.vector[:] = 0.0
-    return weightless
+def weightless(model: pin.Model) -> pin.Model:
+    """Return the model without gravity."""
+    found = pin.Model(model)  # its method ``copy`` takes twice the memory
+    found.gravity.vector[:] = 0.0
+    return found
 
 
 def mass_diagonals(model: pin.Model, q: Array) -> Array:

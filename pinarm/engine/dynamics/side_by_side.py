@@ -18,9 +18,10 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
+from pinarm.engine.dynamics.mass_matrix import weightless
 from pinarm.engine.dynamics.parallel import Parallel
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.geometry.link_tree import LinkTree
+from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, states_first
 from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.mechanics.geometry.model_variants import PARAMETERS, ModelVariants, VariantsDiffer
 
@@ -74,13 +75,7 @@ class SideBySide:
         tree = LinkTree.of(self.variants)
         if tree.others:
             raise VariantsDiffer("joints with several coordinates")
-        q, v, a = (x[..., tree.single.q] for x in (q, v, a))
-        slides, turns = tree.subspace[:3].T, tree.subspace[3:].T
-        half = 0.5 * q[..., None]
-        cosine = np.where(turns.any(axis=-1, keepdims=True), np.cos(half), 1.0)
-        places = np.concatenate([q[..., None] * slides, np.sin(half) * turns, cosine], axis=-1)
-        moved = (x[..., None] * tree.subspace.T for x in (v, a))
-        states = (x.reshape(*x.shape[:2], -1) for x in (places, *moved))
+        states = _free_states(tree, q, v, a)
         beyond = links.at_joints(tree.carried(acting))
         if self._moving_alike(q, v, a):
             own, others = self._shares(_free_tree(self.variants.first), *states)
@@ -122,6 +117,8 @@ class SideBySide:
 
     def mass_matrices(self, q: Array) -> Array:
         """Return M, shape (n, k, nv, nv); armatures are in it."""
+        if self._moving_alike(q):
+            return self._weighed_masses(q)
         nv, forest = self.variants.nv, _forest(self.variants.first)
         model, data = forest.pool.getModel(0), forest.pool.getData(0)
         upper, every = np.empty((len(q), len(self.variants), nv, nv)), np.arange(forest.count)
@@ -132,6 +129,13 @@ class SideBySide:
             upper[:, some] = wholes[:, every, :, every].swapaxes(0, 1)[:, : len(some)]
         above = np.triu(np.ones((nv, nv)), 1)
         return np.asarray(upper * (np.eye(nv) + above) + (upper * above).swapaxes(-2, -1))
+
+    def _weighed_masses(self, q: Array) -> Array:
+        """Return M by its columns: the efforts of unit accelerations at rest, without weights."""
+        first, still = self.variants.first, np.zeros((len(q), 1, self.variants.nv))
+        units = (np.broadcast_to(unit, still.shape) for unit in np.eye(self.variants.nv))
+        columns = [self._weighed(*self._shares(weightless(first), q, still, unit)) for unit in units]
+        return np.stack(columns, axis=-1) + np.diag(first.armature)
 
     def masses(self, q: Array) -> Array:
         """Return M: as ``mass_matrices``, variants have few joints."""
@@ -147,14 +151,16 @@ class SideBySide:
 
     def _filled(self, forest: Forest, *arrays: Array) -> Iterator[tuple[Indices, list[Array]]]:
         """Yield some variants, of which the forest has the numbers, and their rows of arrays, each of shape (n, ..)."""
-        every = np.arange(len(self.variants))
-        for start in range(0, len(every), forest.count):
-            some = every[start : start + forest.count]
-            trees = np.minimum(start + np.arange(forest.count), every[-1])  # those left over repeat the last variant
-            for copy, k in enumerate(trees.tolist()):
+        every, count = np.arange(len(self.variants)), forest.count
+        spread = [np.broadcast_to(x, (len(x), len(every), x.shape[-1])) for x in arrays]
+        for start in range(0, len(every), count):
+            some = every[start : start + count]
+            trees = slice(start, start + count)
+            if len(some) < count:  # those left over repeat the last variant
+                trees = np.minimum(start + np.arange(count), every[-1])
+            for copy, k in enumerate(every[trees].tolist()):
                 forest.fill(copy, self._numbers[k])
-            spread = (np.broadcast_to(x, (len(x), len(every), x.shape[-1]))[:, trees] for x in arrays)
-            yield some, [np.ascontiguousarray(x).reshape(len(x), -1) for x in spread]
+            yield some, [np.ascontiguousarray(x[:, trees]).reshape(len(x), -1) for x in spread]
 
     @cached_property
     def _numbers(self) -> list[Numbers]:
@@ -217,12 +223,33 @@ def _copied(tree: pin.Model, joints: Callable[[int], pin.JointModel], count: int
     return model
 
 
+def _free_states(tree: LinkTree, q: Array, v: Array, a: Array) -> list[Array]:
+    """Return the states of joints that leave everything free, moved as those of the tree: places, twists, their rates.
+
+    Shapes (n, k, 7 joints) and twice (n, k, 6 joints): of each a shift and a quaternion, ``S v`` and ``S a``.
+    """
+    q, v, a = (x[..., tree.single.q] for x in (q, v, a))
+    places = np.zeros((*q.shape, 7))
+    places[..., 6] = 1.0
+    twists, rates = np.zeros((2, *q.shape, FREE))
+    for joint, screw in enumerate(tree.subspace.T):
+        angle = 0.5 * q[..., joint]
+        for component in np.flatnonzero(screw).tolist():
+            along = q[..., joint] if component < 3 else np.sin(angle)
+            places[..., joint, component] = along * screw[component]
+            twists[..., joint, component] = v[..., joint] * screw[component]
+            rates[..., joint, component] = a[..., joint] * screw[component]
+        if screw[3:].any():
+            places[..., joint, 6] = np.cos(angle)
+    return [x.reshape(*x.shape[:2], -1) for x in (places, twists, rates)]
+
+
 def _wrenches(found: Array) -> Array:
     """Return efforts along all free joints, shape (n, k, 6 (njoints - 1)), as wrenches of links, (n, k, njoints, 6)."""
-    moved = np.moveaxis(found.reshape(*found.shape[:2], -1, 6), -1, 0)
-    wrenches = np.zeros((6, *found.shape[:2], moved.shape[-1] + 1))
-    wrenches[..., 1:] = moved
-    return np.moveaxis(wrenches, 0, -1)
+    moved = components_first(found.reshape(*found.shape[:2], -1, 6))
+    wrenches = np.zeros((6, 1 + moved.shape[1], *found.shape[:2]))
+    wrenches[:, 1:] = moved
+    return states_first(wrenches)
 
 
 @cached_by_model

@@ -9,6 +9,7 @@ included files lie under the root, and every step counts against a budget. Other
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from math import isfinite
 from pathlib import Path
 
 from pinarm.errors import InputError, choices
@@ -64,7 +65,7 @@ def expand_columns(
     """
     path = contained_file(path.absolute(), root, NO_PACKAGES)
     given = {name: _argument(name, value) for name, value in arguments.items()}
-    checked = {name: ArgumentColumn(_argument(name, value) for value in values) for name, values in columns.items()}
+    checked = {name: _column(name, values) for name, values in columns.items()}
     return expanded_columns(Request(path, str(path), root, NO_PACKAGES, given), checked)
 
 
@@ -74,6 +75,12 @@ def _argument(name: str, value: float | str) -> Number | str:
     if text in ("nan", "inf", "-inf") or len(text) > MAX_TEXT or OPEN in text or CLOSE in text:
         raise InputError(f"the argument '{name}' is {text[:20]!r}", expected="a finite number or a short text")
     return plain
+
+
+def _column(name: str, values: Sequence[float]) -> ArgumentColumn:
+    if all(type(value) is float for value in values) and all(map(isfinite, values)):
+        return ArgumentColumn(values)
+    return ArgumentColumn(_argument(name, value) for value in values)
 
 
 class UnknownArgument(InputError):

@@ -125,7 +125,9 @@ class Tape(Struct):
         """Turn text into the number that it is, as xacro does with properties."""
         if not isinstance(value, str) or OPEN not in value:
             return plain(value)
-        number = self.record(plain, value)
+        texts = _MARK.split(value)
+        alone = texts[::2] == ["", ""]
+        number = self.record(_Read(plain), Traced(self, int(texts[1]))) if alone else self.record(plain, value)
         bool(self.record(_is_text, number))
         return number
 
@@ -155,7 +157,7 @@ class Tape(Struct):
         for function, registers in self.steps:
             operands = [values[register] for register in registers]
             if any(isinstance(operand, ArgumentColumn) for operand in operands):
-                if isinstance(function, _Binary) and (column := function.of_columns(*operands)) is not None:
+                if isinstance(function, _Binary | _Read) and (column := function.of_columns(*operands)) is not None:
                     values.append(column)
                     continue
                 spread = (each if isinstance(each, ArgumentColumn) else repeat(each, count) for each in operands)
@@ -197,6 +199,23 @@ class _Binary(ValueRecord, frozen=True):
             return None
         with np.errstate(all="ignore"):  # what overflows is infinite in Python, too
             return ArgumentColumn(_EXACT[self.symbol](one, other).tolist())
+
+
+class _Read(ValueRecord, frozen=True):
+    """What text is read as that says one value and nothing else.
+
+    Attributes:
+        plain: Turns text into the number that it is, as xacro does.
+    """
+
+    plain: Literal
+
+    def __call__(self, value: Any) -> Any:
+        return self.plain(str(value))
+
+    def of_columns(self, values: ArgumentColumn) -> ArgumentColumn | None:
+        """Return the same column where it holds floats, which Python writes so that they are read as themselves."""
+        return values if _are_floats(values) else None
 
 
 _EXACT = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide}

@@ -46,7 +46,7 @@ class LinkPlacements(Record, frozen=True):
         """Return the rotation matrices, shape (n, 3, 3), and the origins [m], shape (n, 3), of a frame of the model."""
         frame = self.model.frames[index]
         turn, place = self.turns[..., frame.parentJoint, :, :], self.places[..., frame.parentJoint, :]
-        rotation, along = frame.placement.rotation, rotated(turn, frame.placement.translation)
+        rotation, along = frame.placement.rotation, rotated(turn, np.asfortranarray(frame.placement.translation))
         return turn if (rotation == np.eye(3)).all() else turn @ rotation, place + along
 
     def inwards(self, wrenches: Array) -> Array:

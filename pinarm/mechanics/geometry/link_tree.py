@@ -195,6 +195,11 @@ def components_first(x: Array, tail: int = 2) -> Array:
     return x.transpose(*range(lead + 1, x.ndim), lead, *range(lead))
 
 
+def components_far(x: Array, tail: int = 2) -> Array:
+    """Return the same array, laid out in memory component by component, as those of many states are."""
+    return states_first(np.ascontiguousarray(components_first(x, tail)), tail)
+
+
 def states_first(x: Array, tail: int = 2) -> Array:
     """Return an array of shape (w, links, ..) or (w, w, links, ..) as (.., links, w) or (.., links, w, w)."""
     return x.transpose(*range(tail, x.ndim), tail - 1, *range(tail - 1))
@@ -216,6 +221,7 @@ def _tree(model: Model) -> LinkTree:
     counts = np.array([joint.nv for joint in joints[1:]], dtype=np.intp)
     masses, levers, inertias = map(np.asfortranarray, bodies_of(model))  # the variants last in memory, as states are
     inertias[..., 0, :, :] = 0.0
+    levers, inertias = components_far(levers), components_far(inertias, 3)
     return LinkTree(
         parents, tuple(jumps), np.repeat(np.arange(1, len(joints)), counts), np.cumsum(counts) - counts,
         _single(model, single, subspace), tuple(k for k in range(1, len(joints)) if k not in set(single)),

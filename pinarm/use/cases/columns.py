@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 from pinarm.input.units import unit
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
@@ -24,6 +25,7 @@ Kind = tuple[tuple[str, Value], ...] | None
 """What cases have in common that may be solved together; ``None`` of one that varies none of ``COLUMNS``."""
 
 
+@lru_cache(1000)
 def is_column(path: str) -> bool:
     """Tell whether numbers at a path may differ: numbers of rows may not, which arrays have in common."""
     return path.startswith(COLUMNS) and not path.endswith(".samples")
@@ -31,7 +33,7 @@ def is_column(path: str) -> bool:
 
 def kind_of(values: Case) -> Kind:
     """Return the kind of a case: its values but for those of ``COLUMNS``."""
-    kept = tuple((path, "" if is_column(path) else value) for path, value in values.items())
+    kept = tuple([(path, "" if is_column(path) else value) for path, value in values.items()])
     return kept if any(map(is_column, values)) else None
 
 
@@ -57,11 +59,11 @@ def column_of(first: Value, values: Sequence[Value]) -> list[float]:
             raise VariantsDiffer("numbers with and without a unit")
         return [float(value) for value in values]
     measured = first.partition(" ")[2]
-    factor, size = unit(measured).factor if measured else 1.0, len(measured) + 1 if measured else 0
-    texts = [value for value in values if isinstance(value, str) and value.partition(" ")[2] == measured]
+    factor, ending = unit(measured).factor if measured else 1.0, f" {measured}" if measured else ""
+    texts = [value for value in values if isinstance(value, str) and value.endswith(ending)]
     if len(texts) < len(values):
         raise VariantsDiffer("several units")
     try:
-        return [float(text[: len(text) - size]) * factor for text in texts]
+        return [float(text.removesuffix(ending)) * factor for text in texts]
     except ValueError:
         raise VariantsDiffer("values that are no plain numbers") from None

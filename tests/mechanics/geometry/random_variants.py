@@ -13,10 +13,13 @@ JOINTS = (
 
 
 def random_tree(rng: np.random.Generator, joints: int) -> pin.Model:
-    """Return a tree with branches, joints of all kinds with one coordinate, and armatures."""
+    """Return a tree with branches, joints of all kinds with one coordinate, and armatures.
+
+    Joints are depth-first, as in all models: ``crba`` takes what lies beyond a joint to follow it.
+    """
     model = pin.Model()
     for k in range(joints):
-        parent, kind = int(rng.integers(0, k + 1)), JOINTS[rng.integers(len(JOINTS))]
+        parent, kind = int(rng.choice(list(model.supports[k]))), JOINTS[rng.integers(len(JOINTS))]
         joint = model.addJoint(parent, kind(), pin.SE3.Random(), f"joint {k}")
         model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
         model.addFrame(pin.Frame(f"link {k}", joint, 0, pin.SE3.Random(), pin.FrameType.BODY))

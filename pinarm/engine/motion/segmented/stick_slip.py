@@ -35,6 +35,7 @@ from pinarm.mechanics.friction.contact import FrictionContact, JointContact, sli
 from pinarm.mechanics.friction.coupling_contact import ConstantSlip
 from pinarm.mechanics.friction.slip_vectors import same_joint, several, sizes, unit_vectors
 from pinarm.mechanics.laws import Constant
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.segmented.end_stops import Bound
@@ -154,7 +155,7 @@ class StickSlip:
             slack = (
                 self._slack(span, q, v, balance)[[group.first for group in slip.stuck]] if slip.stuck else np.zeros(0)
             )
-            return slip._replace(begun=span[0], rest=self._rest(balance), slack=tuple(slack.tolist()))
+            return replace(slip, begun=span[0], rest=self._rest(balance), slack=tuple(slack.tolist()))
         except DynamicsError as error:
             error.message = f"at t = {span[0]:.9g} s: {error.message}"
             raise

@@ -25,7 +25,7 @@ import numpy as np
 
 from pinarm.errors import InputError, Location
 from pinarm.input.csv_rows import rows, split_heading
-from pinarm.input.numbers import DECIMAL, is_whole, leading_number
+from pinarm.input.numbers import DECIMAL, decimal, is_whole, leading_number
 from pinarm.input.units import MAX_QUANTITY, unit
 from pinarm.use.study.sweep.axes import MOST, Axis, Column, Distribution
 
@@ -100,6 +100,10 @@ def _grid(path: str, found: re.Match[str], unit_of: UnitOf) -> Column:
 
 def _column(path: str, items: Sequence[str], unit_of: UnitOf, *, last: bool = False) -> Column:
     """Return the values that texts say; with ``last`` a unit at the end of the last one is that of all."""
+    plain = _plain(items)
+    if plain is not None:
+        measured = _unit(path, "", unit_of)
+        return Column(path, array("d", plain) if measured else plain, measured)
     found = [_item(item) for item in items]
     words = [item.strip() for item in items]
     if not any(found) and all(words):
@@ -124,6 +128,19 @@ def _column(path: str, items: Sequence[str], unit_of: UnitOf, *, last: bool = Fa
     if len({unit(text).dimension for text in units}) > 1:
         raise InputError(f"the units {', '.join(sorted(set(units)))} are of different kinds", expected="one kind")
     return Column(path, [number * factor for number, factor in zip(numbers, factors, strict=True)], units[0])
+
+
+def _plain(items: Sequence[str]) -> list[int | float] | None:
+    """Return the numbers that texts are; ``None`` where one is none, or has a unit."""
+    if max(map(len, items)) > MAX_QUANTITY:
+        return None
+    try:
+        numbers = [*map(decimal, items)]
+    except ValueError:
+        return None
+    if not all(map(math.isfinite, numbers)):
+        return None
+    return [int(text) if is_whole(text.strip()) else number for text, number in zip(items, numbers, strict=True)]
 
 
 def _item(text: str) -> tuple[str, str] | None:

