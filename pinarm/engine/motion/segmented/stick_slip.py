@@ -132,10 +132,10 @@ class StickSlip:
         return self.sliding(Slip(), span).balance(span[0], q, v)
 
     def _pace(self, balance: FrictionBalance) -> Array:
-        """Return the size of the terms of the slips' accelerations [rad/s^2 or m/s^2], shape (k,)."""
+        """Return the size of the terms of the slips' accelerations [rad/s^2 or m/s^2], of all components, (k,)."""
         response = balance.response
         most = np.abs(response.mobility) @ balance.limits(np.zeros(len(self.contacts)))
-        return np.asarray(np.abs(response.acceleration) + most)
+        return np.asarray(sizes(self.contacts, np.abs(response.acceleration) + most))
 
     def _rest(self, balance: FrictionBalance) -> tuple[float, ...]:
         """Return the slips that rounding of the instant of a switch leaves [rad/s or m/s], shape (k,)."""
