@@ -51,7 +51,8 @@ MOST_RIVALS = 20
 """Rows beside the highest one that are refined at most: those that may rise most."""
 
 PARTS = 4
-"""In how many parts, of 17 states each, an interval is looked into, however many rows it has."""
+"""In how many parts, of 17 states each, an interval is looked into, however many rows it has: a peak of a law's motion
+that is narrower than the largest distance of such states, a 40th of the interval, may be missed."""
 
 STEPS_IN_PIECE = 16
 """Steps of an integrator, which are short where the motion changes quickly, from one cut of an interval to the next:
@@ -288,7 +289,8 @@ class Lookup(Record, frozen=True):
         except Endless as pole:
             run = self.run
             raise InputError(
-                f"{lacks}: it passes through infinity at {run.parameter} = {pole.place:.9g} {run.unit}",
+                f"{lacks}: it passes through infinity at {run.parameter} = {pole.place:.9g} {run.unit}, "
+                "or through a peak there that is narrower than 1e-9 of the run",
                 expected="a quantity that is finite everywhere, or its value at a place, or a percentage such as @ p95",
             ) from None
 

@@ -83,3 +83,29 @@ def test_rounding_is_no_pole():
     assert 0.0 <= search(lambda t: 1e-17 * np.abs(noise.standard_normal(len(t))))[0].height < 1e-16
     x = 1e-16
     assert search(lambda t: 5.0 + x / (np.abs(t - 1.0) + 1e-15))[0].height < 5.2
+
+
+UNSEEN = (0.318309886, 1.7724538, 2.5066)
+"""Places of curves that no threshold was chosen by: 1/pi, the roots of pi and of 2 pi."""
+
+
+@pytest.mark.parametrize("place", UNSEEN)
+def test_other_curves_have_their_largest_values(place):
+    """Powers of the distance are cusps; the tops of bells of 1/10 to 1/300 of the run are 1 but for their place."""
+    for power in (0.25, 0.5, 1.0, 1.5):
+        top, _ = search(lambda t, p=power: -(np.abs(t - place) ** p))
+        assert -top.height <= 4.0 * top.error + 1e-12
+    for width in (0.3, 0.1, 0.03, 0.01):
+        assert search(lambda t, w=width: np.exp(-(((t - place) / w) ** 2)))[0].height == pytest.approx(1.0, abs=1e-6)
+        assert search(lambda t, w=width: 1.0 / (1.0 + ((t - place) / w) ** 2))[0].height == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.parametrize("place", UNSEEN)
+@pytest.mark.parametrize(
+    "curve",
+    [lambda x: np.abs(x) ** -1.5, lambda x: np.abs(x) ** -3.0, lambda x: np.cos(x) / x,
+     lambda x: -np.log(np.abs(x)) * (2.0 + np.sin(x))],
+)  # fmt: skip
+def test_other_poles_have_none(curve, place):
+    with pytest.raises(Endless):
+        search(lambda t: curve(t - place))
