@@ -26,7 +26,7 @@ WITHIN, BLOCK, USUAL = 16, 500, 8
 """Instants within a step that are looked at, steps that are looked at together, and states that tell what is usual."""
 
 TOGETHER = 16
-"""Slow instants that are looked at together, unless there are many joints: most of those that follow are passed over."""
+"""Slow instants that are looked at together, unless there are many joints."""
 
 MARGIN = 1.5
 """How much larger than it is the least speed within a step is estimated at most."""

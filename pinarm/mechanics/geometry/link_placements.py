@@ -112,7 +112,9 @@ def moving(model: Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, 
     before = omega.take(tree.parents, axis=1)
     swept = cross(before, arms)
     u, alpha = tree.summed(swept + d), tree.summed(dw + cross(before, w))
-    du = tree.summed(cross(alpha.take(tree.parents, axis=1), arms) + cross(before, swept) + cross(before + omega, d) + dd)
+    du = tree.summed(
+        cross(alpha.take(tree.parents, axis=1), arms) + cross(before, swept) + cross(before + omega, d) + dd
+    )
     inwards = turns.swapaxes(0, 1)
     twists, rates = (
         states_first(np.concatenate([turned(inwards, linear), turned(inwards, angular)]))
