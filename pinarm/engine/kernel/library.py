@@ -146,6 +146,8 @@ def pointer(array: NDArray[Any]) -> int:
     """
     if not array.flags.c_contiguous:
         raise ValueError("the numbers of an array that the library reads must follow one another")
+    if array.size and array.flags.writeable:  # a quarter of the time
+        return ctypes.addressof(ctypes.c_char.from_buffer(array.data))
     return int(array.ctypes.data)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Indices, distinct
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspaces.nullspace import MANY, RANK
+from pinarm.engine.constraints.nullspaces.nullspace import RANK
 from pinarm.engine.motion.segmented.segments import MotionSegment, SegmentedMotion
 from pinarm.records import Record, ValueRecord
 
@@ -24,9 +24,6 @@ order 1 where it passes this at 0.03 of its largest speed, and none at 0.1."""
 
 WITHIN, BLOCK, USUAL = 16, 500, 8
 """Instants within a step that are looked at, steps that are looked at together, and states that tell what is usual."""
-
-TOGETHER = 16
-"""Slow instants that are looked at together, unless there are many joints: most that follow are passed over."""
 
 MARGIN = 1.5
 """How much larger than it is the least speed within a step is estimated at most."""
@@ -63,17 +60,14 @@ def undetermined_rest(closure: Closure, motion: SegmentedMotion) -> Undetermined
     paces = [_Pace.of(segment, scale) for segment in segments]
     fastest = max(float(pace.speed.max()) for pace in paces)
     usual, looked = None, -np.inf
-    together = 1 if closure.model.nv > MANY else TOGETHER
     for t, q, least in _slow(paces, SLOW * fastest):
+        if t < looked:
+            continue
         usual = usual or _Usual.of(closure, segments)
-        while len(ahead := np.flatnonzero(t >= looked)[:together]):
-            for k, regularity in zip(ahead.tolist(), usual.regularity(q[ahead]).tolist(), strict=True):
-                if t[k] < looked:
-                    continue
-                if regularity < least:
-                    return UndeterminedRest(float(t[k]), regularity)
-                looked = float(t[k]) + AHEAD * regularity / fastest
-            t, q = t[ahead[-1] + 1 :], q[ahead[-1] + 1 :]
+        regularity = usual.regularity(q)
+        if regularity < least:
+            return UndeterminedRest(t, regularity)
+        looked = t + AHEAD * regularity / fastest
     return None
 
 
@@ -129,19 +123,18 @@ def _least(first: Array, mean: Array, last: Array) -> Array:
     return np.asarray(np.linalg.norm(v, axis=2).min(axis=0))
 
 
-def _slow(paces: Sequence[_Pace], limit: float) -> Iterator[tuple[Array, Array, float]]:
+def _slow(paces: Sequence[_Pace], limit: float) -> Iterator[tuple[float, Array, float]]:
     """Yield instants at which a motion is slow, the configurations, and how regular they have to be at least."""
     first, since = paces[0], -np.inf
     if limit and not first.speed[0]:
-        yield first.t[:1], first.q[None], RANK
+        yield float(first.t[0]), first.q, RANK
         since = float(min(first.t[first.speed >= limit], default=np.inf))
     for pace in paces:
         steps = np.flatnonzero((pace.least < MARGIN * limit) & (np.append(pace.t[1:], np.inf) > since))
         for start in range(0, len(steps), BLOCK):
             t, q, speed = pace.within(steps[start : start + BLOCK])
-            slow = (speed < limit) & (t >= since)
-            if slow.any():
-                yield t[slow], q[slow], REGULAR
+            for k in np.flatnonzero((speed < limit) & (t >= since)):
+                yield float(t[k]), q[k], REGULAR
 
 
 class _Usual(Record, frozen=True):
@@ -170,6 +163,6 @@ class _Usual(Record, frozen=True):
         rank = closure.rank(values)
         return cls(closure, rank, float(values[:, rank - 1].max()) if rank else 1.0)
 
-    def regularity(self, q: Array) -> Array:
-        """Return the smallest singular values at configurations, shape (n, nq), relative to the usual one, (n,)."""
-        return self.closure.values(q)[:, self.rank - 1] / self.value if self.rank else np.ones(len(q))
+    def regularity(self, q: Array) -> float:
+        """Return the smallest singular value at a configuration, relative to the usual one."""
+        return float(self.closure.singular_values(q)[self.rank - 1] / self.value) if self.rank else 1.0

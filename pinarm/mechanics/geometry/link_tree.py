@@ -164,8 +164,7 @@ class LinkTree(Record, frozen=True):
             return RelativeMotion(turns, arms, self.subspace.reshape(*alike, 6, -1), np.zeros((*alike, count, 6)))
         motion = RelativeMotion(turns, arms, np.tile(self.subspace, (n, 1, 1)), np.zeros((n, count, 6)))
         for k in self.others:
-            add = _add_floating if model.joints[k].shortname() == "JointModelFreeFlyer" else _add_joint
-            add(motion, model, k, q, v)
+            BY_KIND.get(model.joints[k].shortname(), _add_joint)(motion, model, k, q, v)
         return motion
 
 
@@ -247,14 +246,28 @@ def _single(model: Model, links: list[int], subspace: Array) -> SingleJoints:
 
 
 def _add_floating(motion: RelativeMotion, model: pin.Model, k: int, q: Array, v: Array) -> None:
-    """Set the motion of a link that floats: ``R = 1 + 2 w [u]x + 2 [u]x^2`` for the unit quaternion (u, w)."""
+    """Set the motion of a link that floats."""
     joint, place = model.joints[k], model.jointPlacements[k]
-    shift, u, w = np.split(q[:, joint.idx_q : joint.idx_q + joint.nq], [3, 6], axis=1)
-    crossing = crossed(u[:, None], np.eye(3)).swapaxes(1, 2)
-    own = np.eye(3) + 2.0 * (w[..., None] * crossing + crossing @ crossing)
-    motion.turns[:, :, k] = (place.rotation @ own).transpose(1, 2, 0)
+    shift, quaternion = np.split(q[:, joint.idx_q : joint.idx_q + joint.nq], [3], axis=1)
+    motion.turns[:, :, k] = (place.rotation @ _rotations(quaternion)).transpose(1, 2, 0)
     motion.arms[:, k] = place.translation[:, None] + place.rotation @ shift.T
     motion.subspaces[:, :, joint.idx_v : joint.idx_v + joint.nv] = np.eye(6)
+
+
+def _add_ball(motion: RelativeMotion, model: pin.Model, k: int, q: Array, v: Array) -> None:
+    """Set the motion of a link on a ball joint."""
+    joint, place = model.joints[k], model.jointPlacements[k]
+    own = _rotations(q[:, joint.idx_q : joint.idx_q + joint.nq])
+    motion.turns[:, :, k] = (place.rotation @ own).transpose(1, 2, 0)
+    motion.arms[:, k] = place.translation[:, None]
+    motion.subspaces[:, 3:, joint.idx_v : joint.idx_v + joint.nv] = np.eye(3)
+
+
+def _rotations(quaternion: Array) -> Array:
+    """Return ``R = 1 + 2 w [u]x + 2 [u]x^2``, shape (n, 3, 3), for unit quaternions (u, w), shape (n, 4)."""
+    u, w = np.split(quaternion, [3], axis=1)
+    crossing = crossed(u[:, None], np.eye(3)).swapaxes(1, 2)
+    return np.asarray(np.eye(3) + 2.0 * (w[..., None] * crossing + crossing @ crossing))
 
 
 def _add_joint(motion: RelativeMotion, model: pin.Model, k: int, q: Array, v: Array) -> None:
@@ -267,3 +280,7 @@ def _add_joint(motion: RelativeMotion, model: pin.Model, k: int, q: Array, v: Ar
         motion.turns[:, :, k, row], motion.arms[:, k, row] = placed.rotation, placed.translation
         motion.subspaces[row, :, columns] = np.reshape(data.S, (6, -1))
         motion.biases[row, k] = data.c
+
+
+BY_KIND = {"JointModelFreeFlyer": _add_floating, "JointModelSpherical": _add_ball}
+"""How links move whose joints have several coordinates, all states at once; others are computed state by state."""

@@ -83,3 +83,10 @@ def test_the_extent_is_that_of_the_longest_branch():
     tip = pin.SE3(np.eye(3), np.array([0.0, 0.0, -4.0]))
     model.addFrame(pin.Frame("tip", second, 0, tip, pin.FrameType.OP_FRAME))
     assert Closure.of(model).extent == 9.0
+
+
+def test_rows_about_axes_in_space_are_those_of_each_state():
+    hinges = Mechanism.load(MODELS / "bricard" / "mechanism.yaml").closure
+    q = np.random.default_rng(3).uniform(-1.0, 1.0, (8, hinges.model.nv))
+    each = [hinges.rows(hinges.state(one)) for one in q]
+    np.testing.assert_allclose(hinges.at(q)[1], each, atol=1e-13)  # links of 1 m: rounding over five joints
