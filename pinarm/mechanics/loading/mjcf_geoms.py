@@ -52,10 +52,11 @@ def geom_inertia(given: Attributes, settings: Settings, where: str) -> pin.Inert
         raise MeshMass(f"{where}: the mass of a {what} is not computed here", expected="an <inertial> of its body",
                        hint="pip install 'pinarm[mjcf]', by which MuJoCo's compiler computes it")  # fmt: skip
     place, size = _shape(given, kind, settings, where)
-    volume, gyration = _solid(kind, size)
-    total = mass if mass >= 0.0 else volume * (density if density >= 0.0 else WATER)
-    squares = total * gyration
-    moments = np.diag(squares.sum() - squares)
+    with np.errstate(over="ignore", invalid="ignore"):  # moments beyond all numbers are refused below
+        volume, gyration = _solid(kind, size)
+        total = mass if mass >= 0.0 else volume * (density if density >= 0.0 else WATER)
+        squares = total * gyration
+        moments = np.diag(squares.sum() - squares)
     return place.act(inertia(total, np.zeros(3), moments))
 
 

@@ -13,6 +13,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import ModelError, choices
 from pinarm.input.numbers import decimal
+from pinarm.input.yaml.schema import LARGEST
 from pinarm.mechanics.loading.mjcf_names import ACTUATORS
 from pinarm.mechanics.loading.model_tree import from_z
 
@@ -160,7 +161,7 @@ def numbers(given: Attributes, key: str, where: str, count: int, default: Sequen
     """Return an attribute with ``count`` finite numbers, shape (count,).
 
     Raises:
-        ModelError: It is missing without a default, or malformed.
+        ModelError: It is missing without a default, malformed, or beyond ``LARGEST``.
     """
     if key not in given:
         if default is None:
@@ -171,9 +172,10 @@ def numbers(given: Attributes, key: str, where: str, count: int, default: Sequen
         values = np.array([decimal(part) for part in text.split()])
     except ValueError:
         values = np.empty(0)
-    if len(values) != count or not np.isfinite(values).all():
+    if len(values) != count or not (np.abs(values) <= LARGEST).all():
         wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-        raise ModelError(f"{where}: {key}='{text[:60]}' is not what is read here", expected=wanted)
+        raise ModelError(f"{where}: {key}='{text[:60]}' is not what is read here",
+                         expected=f"{wanted}, at most {LARGEST:g}")  # fmt: skip
     return values
 
 
