@@ -105,7 +105,7 @@ class Slipping:
 
     @cached_property
     def roots(self) -> list[Array] | None:
-        """All roots f, shape (k,), where normal forces are along lines; ``None`` elsewhere."""
+        """All roots f, shape (k,), where normal forces are along lines; ``None`` where they are not known."""
         terms = [self.contacts[i].bearing.along_lines(np.vstack([self.loads.wrench[i], self.loads.response[i]]))
                  for i in self._rubbing]  # fmt: skip
         if any(term is None for term in terms) or sum(len(term) for term in terms if term is not None) > SIGNS:
@@ -118,8 +118,11 @@ class Slipping:
         normals = np.vstack([term for term in terms if term is not None])
         return self._roots_among(levers, normals[:, 0], normals[:, 1:])
 
-    def _roots_among(self, levers: Array, loads: Array, response: Array) -> list[Array]:
-        """Return the roots of ``f + s (levers |loads + response f| + c) = 0``, shapes (k, p), (p,) and (p, k)."""
+    def _roots_among(self, levers: Array, loads: Array, response: Array) -> list[Array] | None:
+        """Return the roots of ``f + s (levers |loads + response f| + c) = 0``, shapes (k, p), (p,) and (p, k).
+
+        ``None`` where the equation is singular for a choice of signs: it may have infinitely many.
+        """
         found, constant = list[Array](), self.constant.copy()
         for i in self._rubbing:
             constant[i] += self.mu[i] * self.contacts[i].bearing.preload
@@ -127,7 +130,7 @@ class Slipping:
             signed = self.direction[:, None] * levers * np.array(signs)
             matrix = np.eye(len(constant)) + signed @ response
             if np.linalg.cond(matrix) > 1.0 / SAME:
-                continue
+                return None
             f = np.linalg.solve(matrix, -signed @ loads - self.direction * constant)
             slack = CONSISTENT * (np.abs(loads) + np.abs(response) @ np.abs(f))
             known = any(np.abs(f - one).max() <= SAME * np.abs(one).max() for one in found)

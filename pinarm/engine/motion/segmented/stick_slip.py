@@ -152,10 +152,9 @@ class StickSlip:
         balance = self._balance(span, q, v)
         try:
             slip = decided(balance, moving, broken)
-            slack = (
-                self._slack(span, q, v, balance)[[group.first for group in slip.stuck]] if slip.stuck else np.zeros(0)
-            )
-            return replace(slip, begun=span[0], rest=self._rest(balance), slack=tuple(slack.tolist()))
+            held = [group.first for group in slip.stuck]
+            slack = self._slack(span, q, v, balance)[held].tolist() if held else []
+            return replace(slip, begun=span[0], rest=self._rest(balance), slack=tuple(slack))
         except DynamicsError as error:
             error.message = f"at t = {span[0]:.9g} s: {error.message}"
             raise
