@@ -205,6 +205,6 @@ class DrivesOfVariants(Record, frozen=True):
         ways, load = np.einsum("nkjf,dj->nkfd", split.free, weights), np.einsum("nkjf,nkj->nkf", split.free, demand)
         ways = np.broadcast_to(ways, (*load.shape, len(weights))).reshape(-1, load.shape[-1], len(weights))
         least = np.full(len(ways), WEAK * np.linalg.norm(weights, axis=1).max())
-        effort, good = UNIQUE.efforts(ways, load.reshape(len(ways), -1), least)
+        effort, good = UNIQUE.efforts(ways, load.reshape(len(ways), -1), least, np.zeros(len(ways)))
         tau = (np.where(good[:, None], effort, np.nan) @ weights).reshape(demand.shape)
         return tau, Multipliers.known(split.multipliers(demand - tau), self.closure.size)

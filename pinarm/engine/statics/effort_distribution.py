@@ -19,22 +19,26 @@ from pinarm.records import ValueRecord
 CARRIED = 1e-9
 """Largest part of a load that no drive carries, relative to the load: rounding leaves 1e-13."""
 
+ROUNDED = 1e-12
+"""Part of the terms of a load that is taken for their rounding: 1e-16 of each, of terms that cancel or act across."""
+
 
 class EffortDistribution(Protocol):
     """How the efforts of d drives follow from the load on f free motions."""
 
-    def efforts(self, ways: Array, load: Array, least: Array) -> tuple[Array, Flags]:
+    def efforts(self, ways: Array, load: Array, least: Array, rounding: Array) -> tuple[Array, Flags]:
         """Return the efforts [N*m or N], shape (n, d), and in which rows they are determined and carry the load.
 
         Args:
             ways: A, shape (n, f, d).
             load: b, shape (n, f).
             least: Smallest singular value of A that determines efforts, shape (n,).
+            rounding: How large a part of b may be and still be its rounding, shape (n,).
         """
         ...
 
     def refusal(
-        self, t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float
+        self, t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float, rounding: float
     ) -> DynamicsError | DrivesError:
         """Return why there are no efforts in one row, shapes (f, d) and (f,)."""
         ...
@@ -43,13 +47,13 @@ class EffortDistribution(Protocol):
 class UniqueEfforts(ValueRecord, frozen=True):
     """The efforts that the load determines; more drives than degrees of freedom are refused."""
 
-    def efforts(self, ways: Array, load: Array, least: Array) -> tuple[Array, Flags]:
+    def efforts(self, ways: Array, load: Array, least: Array, rounding: Array) -> tuple[Array, Flags]:
         """Return the efforts; see ``EffortDistribution``."""
-        effort, good = least_efforts(ways, load, least)
+        effort, good = least_efforts(ways, load, least, rounding)
         return effort, good & (ways.shape[2] <= ways.shape[1])
 
     def refusal(
-        self, t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float
+        self, t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float, rounding: float
     ) -> DynamicsError | DrivesError:
         """Return why there are none; see ``EffortDistribution``."""
         freedom, names = len(load), ", ".join(drives)
@@ -61,7 +65,7 @@ class UniqueEfforts(ValueRecord, frozen=True):
                 hint="the others removed from drives, or share: least_squares, bounded or weights, which choose among "
                 "the efforts that carry the load",
             )  # fmt: skip
-        return undetermined(t, drives, ways, load, least)
+        return undetermined(t, drives, ways, load, least, rounding)
 
 
 UNIQUE = UniqueEfforts()
@@ -69,13 +73,13 @@ UNIQUE = UniqueEfforts()
 
 
 def undetermined(
-    t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float
+    t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float, rounding: float
 ) -> DynamicsError | DrivesError:
     """Return that drives are at a dead point, or too few to carry the load; shapes (f, d) and (f,)."""
     u, s, vt = np.linalg.svd(ways)
     r, freedom = int((s >= least).sum()), len(load)
     left = np.abs(load - ways @ (vt[:r].T @ ((u[:, :r].T @ load) / s[:r]))).max()
-    too_few = len(drives) < freedom and left > CARRIED * np.abs(load).max()
+    too_few = len(drives) < freedom and left > max(CARRIED * np.abs(load).max(), rounding)
     if min(len(drives), freedom) > r and not too_few:
         shares = np.abs(vt[r:]).max(axis=0)
         weak = ", ".join(name for name, share in zip(drives, shares, strict=True) if share > 1e-6)
@@ -91,7 +95,7 @@ def undetermined(
     )
 
 
-def least_efforts(ways: Array, load: Array, least: Array) -> tuple[Array, Flags]:
+def least_efforts(ways: Array, load: Array, least: Array, rounding: Array) -> tuple[Array, Flags]:
     """Return the efforts with the least sum of squares that carry a load, and in which rows they do.
 
     Arguments and shapes are those of ``EffortDistribution.efforts``.
@@ -99,15 +103,16 @@ def least_efforts(ways: Array, load: Array, least: Array) -> tuple[Array, Flags]
     u, s, vt = _singular_values(ways)
     with np.errstate(divide="ignore", invalid="ignore"):  # at dead points, which are refused
         effort = np.einsum("nrd,nr->nd", vt, np.einsum("nfr,nf->nr", u, load) / s)
-        good = (s >= least[:, None]).all(axis=1) & carried(ways, effort, load)
+        good = (s >= least[:, None]).all(axis=1) & carried(ways, effort, load, rounding)
     return effort, good
 
 
-def carried(ways: Array, effort: Array, load: Array) -> Flags:
-    """Return in which rows efforts carry a load, but for rounding; shapes (n, f, d), (n, d), (n, f)."""
+def carried(ways: Array, effort: Array, load: Array, rounding: Array) -> Flags:
+    """Return in which rows efforts carry a load, but for rounding; shapes (n, f, d), (n, d), (n, f), (n,)."""
     left = np.abs(load - np.einsum("nfd,nd->nf", ways, effort)).max(axis=1, initial=0.0)
     terms = np.abs(ways * effort[:, None]).max(axis=(1, 2), initial=0.0)
-    return np.asarray(~(left > CARRIED * np.maximum(terms, np.abs(load).max(axis=1, initial=0.0))))
+    size = np.maximum(terms, np.abs(load).max(axis=1, initial=0.0))
+    return np.asarray(~(left > np.maximum(CARRIED * size, rounding)))
 
 
 def _singular_values(ways: Array) -> tuple[Array, Array, Array]:

@@ -11,9 +11,11 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.batch_jacobians import rows_of
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.statics.effort_distribution import UNIQUE, EffortDistribution
+from pinarm.engine.statics.effort_distribution import ROUNDED, UNIQUE, EffortDistribution
+from pinarm.engine.statics.stiffness import weight_terms
 from pinarm.errors import DrivesError, DynamicsError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, driven_along
+from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -76,14 +78,35 @@ class SelectedDrives(Record, frozen=True):
         tau, along = (effort[:, :k] @ weights).reshape(demand.shape), effort[:, k:].reshape(*states, -1)
         return tau, Multipliers.least(self.closure, q, demand - tau, along)
 
-    def _system(self, q: Array, demand: Array, free: Array) -> tuple[Array, Array, Array]:
-        """Return ``(S T)^T``, shape (n, f, d), the load ``T^T demand``, shape (n, f), and the least singular value."""
+    def _system(self, q: Array, demand: Array, free: Array) -> tuple[Array, Array, Array, Array]:
+        """Return ``(S T)^T``, the load ``T^T demand``, the least singular value and the rounding of the load.
+
+        Shapes are (n, f, d), (n, f), (n,) and (n,); see ``EffortDistribution.efforts``.
+        """
         rows = rows_of(self.own.model, list(self.named.values()), q)
         least = WEAK * np.linalg.norm(rows, axis=2).max(axis=1, initial=np.finfo(float).tiny)
-        return np.einsum("fnj,ndj->nfd", free, rows), np.einsum("fnj,nj->nf", free, demand), least
+        rounding = ROUNDED * np.einsum("fnj,nj->nf", np.abs(free), self._terms(q, demand, len(free)))
+        return (
+            np.einsum("fnj,ndj->nfd", free, rows),
+            np.einsum("fnj,nj->nf", free, demand),
+            least,
+            rounding.max(axis=1, initial=0.0),
+        )
+
+    def _terms(self, q: Array, demand: Array, freedom: int) -> Array:
+        """Return the sizes of what the demand of each joint is made of [N*m or N], shape (n, nv).
+
+        Weights that act along no joint, or cancel, leave a demand that is their rounding. As many drives as degrees of
+        freedom carry that as well.
+        """
+        terms, model = np.abs(demand), self.own.model
+        if len(self.named) >= freedom:
+            return terms
+        data = new_data(model)
+        return np.asarray(terms + np.array([weight_terms(model, data, one) for one in q]))
 
     def _refusal(self, t: float, q: Array, demand: Array) -> DynamicsError | DrivesError:
         """Return why the drives' efforts cannot be had at a configuration, q and demand being one row."""
         ((_, free),) = self.own.free_motions(q)
-        (ways,), (load,), (least,) = self._system(q, demand, free)
-        return self.distribution.refusal(t, self.named, ways, load, float(least))
+        (ways,), (load,), (least,), (rounding,) = self._system(q, demand, free)
+        return self.distribution.refusal(t, self.named, ways, load, float(least), float(rounding))

@@ -36,24 +36,25 @@ class SharedEfforts:
     weights: Array
     limits: Array
 
-    def efforts(self, ways: Array, load: Array, least: Array) -> tuple[Array, Flags]:
+    def efforts(self, ways: Array, load: Array, least: Array, rounding: Array) -> tuple[Array, Flags]:
         """Return the efforts; see ``EffortDistribution``."""
         f, d = ways.shape[1:]
-        scaled, good = least_efforts(ways / self.weights, load, np.zeros_like(least))
+        scaled, good = least_efforts(ways / self.weights, load, np.zeros_like(least), rounding)
         effort = scaled / self.weights
         if min(f, d):  # the weights do not decide what is a dead point
             good &= np.linalg.svd(ways, compute_uv=False)[:, -1] >= least
         for row in np.flatnonzero(good & (np.abs(effort) > self.limits * (1.0 + ROUNDING)).any(axis=1)):
-            effort[row], good[row] = self._limited(ways[row], load[row], effort[row])
+            effort[row], good[row] = self._limited(ways[row], load[row], effort[row], rounding[row])
         return np.clip(effort, -self.limits, self.limits), good
 
-    def _limited(self, ways: Array, load: Array, unlimited: Array) -> tuple[Array, bool]:
+    def _limited(self, ways: Array, load: Array, unlimited: Array, rounding: float) -> tuple[Array, bool]:
         """Return the efforts of a row in which those without limits go beyond them, and whether they carry the load.
 
         Args:
             ways: A, shape (f, d).
             load: b, shape (f,).
             unlimited: x_0, shape (d,).
+            rounding: See ``EffortDistribution``.
         """
         free = np.linalg.svd(ways / self.weights)[2][min(ways.shape) :].T
         side = self._active(free, unlimited)
@@ -62,7 +63,7 @@ class SharedEfforts:
         rest = np.linalg.lstsq(ways[:, inner] / self.weights[inner], left)[0] / self.weights[inner]
         held[inner] = rest
         within = (np.abs(held) <= self.limits * (1.0 + ROUNDING)).all()
-        return held, bool(within and carried(ways[None], held[None], load[None])[0])
+        return held, bool(within and carried(ways[None], held[None], load[None], np.array([rounding]))[0])
 
     def _active(self, free: Array, unlimited: Array) -> Array:
         """Return which drives are at their limits: 1 or -1, 0 of others, shape (d,).
@@ -88,14 +89,14 @@ class SharedEfforts:
         return found
 
     def refusal(
-        self, t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float
+        self, t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float, rounding: float
     ) -> DynamicsError | DrivesError:
         """Return why there are no efforts in one row; see ``EffortDistribution``."""
         _, good = SharedEfforts(self.weights, np.full_like(self.limits, np.inf)).efforts(
-            ways[None], load[None], np.array([least])
+            ways[None], load[None], np.array([least]), np.array([rounding])
         )
         if not good[0]:
-            return undetermined(t, drives, ways, load, least)
+            return undetermined(t, drives, ways, load, least, rounding)
         limits = [f"{name} {limit:.6g} {effort_unit(coordinate)}"
                   for (name, coordinate), limit in zip(drives.items(), self.limits, strict=True)
                   if np.isfinite(limit)]  # fmt: skip

@@ -42,7 +42,7 @@ def stiffness(dynamics: Dynamics, q: Array, turns: Array) -> tuple[Array, Array,
     """
     model, data = dynamics.model, dynamics.data
     slopes = np.array(pin.computeGeneralizedGravityDerivatives(model, data, q)).reshape(model.nv, model.nv)
-    size = _weight_terms(model, data, q)
+    size = weight_terms(model, data, q)
     sizes = np.triu(np.outer(turns, size))  # a turn of the joint before moves what the one after lifts
     sizes += np.triu(sizes, 1).T
     for element in dynamics.forces.values():
@@ -141,7 +141,7 @@ def _load(element: ForceElement, q: Array) -> Array:
     return tau
 
 
-def _weight_terms(model: pin.Model, data: pin.Data, q: Array) -> Array:
+def weight_terms(model: pin.Model, data: pin.Data, q: Array) -> Array:
     """Return ``sum_b m_b |g| |dc_b/dq_i|`` over the centres of mass c_b [N*m or N], shape (nv,)."""
     pin.computeJointJacobians(model, data, q)
     total, gravity = np.zeros(model.nv), float(np.linalg.norm(model.gravity.linear))

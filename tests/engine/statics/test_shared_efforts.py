@@ -25,7 +25,7 @@ def problem(f, d, seed):
 
 
 def solved(ways, load, weights, limits):
-    effort, good = SharedEfforts(weights, limits).efforts(ways[None], load[None], np.array([1e-9]))
+    effort, good = SharedEfforts(weights, limits).efforts(ways[None], load[None], np.array([1e-9]), np.zeros(1))
     return effort[0], bool(good[0])
 
 
@@ -99,7 +99,7 @@ def drives(d):
 
 def refused(ways, load, weights, limits):
     shared = SharedEfforts(weights, limits)
-    return shared.refusal(0.25, drives(len(limits)), ways, load, 1e-9)
+    return shared.refusal(0.25, drives(len(limits)), ways, load, 1e-9, 0.0)
 
 
 @pytest.mark.parametrize(("f", "d"), SIZES)
@@ -146,5 +146,28 @@ def test_too_few_drives_are_refused_as_without_sharing():
     ways, load = np.array([[1.0], [0.0]]), np.array([1.0, 2.0])
     assert not solved(ways, load, np.ones(1), np.full(1, np.inf))[1]
     error = refused(ways, load, np.ones(1), np.full(1, np.inf))
-    assert error.message == UniqueEfforts().refusal(0.25, drives(1), ways, load, 1e-9).message
+    assert error.message == UniqueEfforts().refusal(0.25, drives(1), ways, load, 1e-9, 0.0).message
     assert "leave a load of 2 N*m or N uncarried" in error.message
+
+
+@pytest.mark.parametrize(("kilogram", "metre"), [(1.0, 1.0), (1e6, 1e-3), (1e-6, 1e3)])
+def test_weights_across_all_joints_leave_nothing_for_a_drive_that_is_missing(mechanism, chain, kilogram, metre):
+    """Two level rods whose axes stand upright, but for a tilt e: the second carries ``m g e l cos(q1 + q2)``.
+
+    Turned there by ``rpy``, the axes and the weights are at right angles but for 1e-16.
+    """
+    rod = {"axis": "0 0 1", "mass": 2.0 * kilogram, "com": f"{0.5 * metre!r} 0 0"}
+    arm = chain({"name": "a", **rod}, {"name": "b", "at": f"{metre!r} 0 0", **rod})
+    turned = arm.replace('<origin xyz="0 0 0"/>\n    <axis', '<origin rpy="1.5707963267948966 0 0"/>\n    <axis', 1)
+
+    def drive(tilt):
+        return mechanism(turned, gravity={"direction": [0.0, 1.0, tilt], "magnitude": "9.81 m/s^2"}).inverse(
+            np.array([0.3, 0.4]), np.zeros(2), np.zeros(2), drives=["a"]
+        )
+
+    unit = 2.0 * kilogram * 9.81 * metre
+    assert np.abs(drive(0.0)).max() < 1e-14 * unit
+    with pytest.raises(DrivesError) as caught:
+        drive(1e-9)
+    left = float(re.search(r"leave a load of (\S+) N", caught.value.message)[1])
+    assert left == pytest.approx(1e-9 * unit * 0.5 * np.cos(0.7), rel=5e-3)  # it is printed with 3 digits
