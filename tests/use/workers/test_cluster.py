@@ -214,12 +214,12 @@ def test_searches_and_sensitivities_have_the_same_numbers_on_a_cluster(
 def test_an_interrupt_keeps_what_is_done(path: Path, tmp_path: Path, start: Callable[..., Cluster]) -> None:
     out, dask = tmp_path / "out", start()
     dask.add_worker()
-    client = sweep(path, 2000, "--cluster", dask.address, "-o", str(out))
+    client = sweep(path, 20000, "--cluster", dask.address, "-o", str(out))
     wait_for(lambda: solved(out) > 20)
     client.send_signal(signal.SIGINT)
     _, errors = client.communicate(timeout=WAIT)
     assert client.returncode == 130
-    assert re.fullmatch(rf"error: interrupted with {solved(out)} of 2000 cases solved\n  try: the same .*\n", errors)
+    assert re.fullmatch(rf"error: interrupted with {solved(out)} of 20000 cases solved\n  try: the same .*\n", errors)
 
 
 @pytest.mark.slow
