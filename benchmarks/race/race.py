@@ -87,13 +87,16 @@ def _problem(problem: Problem, workers: list[Worker], effort: Effort) -> dict[st
     return {"engines": engines, "shares": _shares(problem, engines["pinarm"]["goals"])}
 
 
-def _shares(problem: Problem, goals: dict[str, Any]) -> dict[str, float]:
-    """Return where pinarm's time goes on the way to the middle goal; nothing where it does not reach it."""
-    found = goals.get(f"{GOALS[1]:g}")
-    if not found or not isinstance(problem, Motion):
+def _shares(problem: Problem, goals: dict[str, Any]) -> dict[str, dict[str, float]]:
+    """Return where pinarm's time goes on the way to each goal that it reaches."""
+    if not isinstance(problem, Motion):
         return {}
-    setting = prepare("pinarm", problem)[found["run"]]
-    return {**shares(setting.make()), "evaluations": evaluations(problem, setting)}
+    settings = prepare("pinarm", problem)
+    chosen = {goal: settings[found["run"]] for goal, found in goals.items()}
+    return {
+        goal: {**shares(setting.make()), "evaluations": evaluations(problem, setting)}
+        for goal, setting in chosen.items()
+    }
 
 
 def pick(runs: list[dict[str, Any]], goal: float) -> int | None:

@@ -10,10 +10,9 @@ from types import FrameType
 
 from benchmarks.race.engines import Run
 
-INTERVAL, LASTING = 1e-3, 3.0
+INTERVAL, LASTING = 1e-3, 2.0
 """Computing time between two looks, and of all of them [s]."""
 
-ACCELERATIONS = "accelerations"
 PHASES = {
     ("driver.py", "integrate"): "steps",
     ("segments.py", "complete"): "rows",
@@ -23,9 +22,7 @@ PHASES = {
 """Functions by file and name, and what they do."""
 
 REST = "rest"
-NAMES = (ACCELERATIONS, *PHASES.values(), REST)
-SOLVERS = {("equation.py", "free"), ("pinocchio_constraints.py", "constrained"), ("row_motion.py", "acceleration")}
-"""What evaluates the acceleration of one state: Pinocchio's call, and the forces."""
+NAMES = (*PHASES.values(), REST)
 
 
 def shares(run: Run) -> dict[str, float]:
@@ -48,11 +45,9 @@ def shares(run: Run) -> dict[str, float]:
 
 
 def _phase(frame: FrameType | None) -> str:
-    """Return what the outermost function that is known does; of the steps, accelerations are told apart."""
-    phase, solving = REST, False
+    """Return what the outermost function that is known does."""
+    phase = REST
     while frame is not None:
-        where = Path(frame.f_code.co_filename).name, frame.f_code.co_name
-        solving = solving or where in SOLVERS
-        phase = PHASES.get(where, phase)
+        phase = PHASES.get((Path(frame.f_code.co_filename).name, frame.f_code.co_name), phase)
         frame = frame.f_back
-    return ACCELERATIONS if solving and phase == PHASES["driver.py", "integrate"] else phase
+    return phase
