@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pinarm.engine.series import Series
 from pinarm.input.numbers import DECIMAL
@@ -38,15 +38,19 @@ def csv_lines(of: str, columns: Sequence[Series], errors: Mapping[int, str]) -> 
     """
     yield ",".join([of, *(cell(series.label) for series in columns), "error"]) + "\n"
     for start in range(0, len(columns[0].values), BLOCK):
-        texts = [[_text(value) for value in series.values[start : start + BLOCK].tolist()] for series in columns]
+        texts = [_texts(series.values[start : start + BLOCK]) for series in columns]
         for number, row in enumerate(zip(*texts, strict=True), start):
             yield ",".join([str(number), *row, cell(errors.get(number, ""))]) + "\n"
 
 
-def _text(value: object) -> str:
-    if isinstance(value, float) and math.isnan(value):
-        return ""
-    return cell(value) if isinstance(value, str) else repr(value)
+def _texts(values: NDArray[Any]) -> list[str]:
+    """Return the cells of a column."""
+    if values.dtype.kind != "f":
+        return [cell(value) if isinstance(value, str) else repr(value) for value in values.tolist()]
+    texts = [*map(repr, values.tolist())]
+    for row in np.flatnonzero(np.isnan(values)).tolist():
+        texts[row] = ""
+    return texts
 
 
 def arrays(columns: Sequence[Series], errors: Mapping[int, str]) -> dict[str, Any]:

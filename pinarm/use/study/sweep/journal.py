@@ -41,13 +41,16 @@ MOST_LINE = 10_000_000
 MOST_BYTES, CHUNK = 2_000_000_000, 1 << 20
 """Of a file that a case refers to, and how many are read at once."""
 
+PLAIN = json.JSONEncoder(sort_keys=True, default=str)
+"""Writes plain data in one way only."""
+
 SYNC = 1.0
 """Seconds after which lines are forced to the disk: what a power failure may cost."""
 
 
 def digest(data: object) -> str:
     """Return a digest of plain data."""
-    return hashlib.sha256(json.dumps(data, sort_keys=True, default=str).encode()).hexdigest()[:32]
+    return hashlib.sha256(PLAIN.encode(data).encode()).hexdigest()[:32]
 
 
 def task_digest(task: Task) -> str:
@@ -129,7 +132,7 @@ class JournalEntry(msgspec.Struct, frozen=True, omit_defaults=True):
         set: Digest of a set of files.
         files: Its files, with the digests of their contents; of a line that is a case, nothing.
         case: Digest of a case.
-        numbers: Its row; null for numbers that are not finite.
+        numbers: Its row; null in the file for numbers that are not finite.
         error: Why it failed.
         seal: Digest of the other fields, so that a line that was changed is known.
     """
@@ -143,7 +146,7 @@ class JournalEntry(msgspec.Struct, frozen=True, omit_defaults=True):
 
     def sealed(self) -> JournalEntry:
         """Return the entry with its seal."""
-        return replace(self, seal=digest(msgspec.to_builtins(replace(self, seal=""))))
+        return replace(self, seal=hashlib.sha256(msgspec.json.encode(replace(self, seal=""))).hexdigest()[:32])
 
 
 class _Positions:
@@ -160,6 +163,8 @@ class _Positions:
 
     def of(self, key: str) -> int | None:
         """Return the position of a case, or of another one of the same short digest."""
+        if not len(self._digests):
+            return None
         place = int(np.searchsorted(self._digests, np.uint64(_short(key)), side="right")) - 1
         return int(self._positions[place]) if place >= 0 and self._digests[place] == _short(key) else None
 
@@ -263,7 +268,7 @@ class Journal:
             content = _quoted(sources.content(row.files))
             self.sets[row.files] = digest(content)
             self._append(_line(JournalEntry(self.sets[row.files], content)))
-        numbers = tuple(float(number) if np.isfinite(number) else None for number in row.numbers)
+        numbers = tuple(map(float, row.numbers))
         self._append(_line(JournalEntry(self.sets[row.files], case=key, numbers=numbers, error=row.error)))
         if time.monotonic() - self.synced > SYNC:
             os.fsync(self.file.fileno())
