@@ -6,6 +6,7 @@ An open chain has no rows; nothing else distinguishes it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -195,15 +196,12 @@ class Closure(Record, frozen=True):
             return None
         if len(q) * len(self.constraints) < SEVERAL * self.batch_jacobians.kinds:
             return None
-        return self._kept(q.tobytes(), len(q)) if len(q) <= KEPT else self._together(q)
+        return _kept_rows(self, q.tobytes(), len(q)) if len(q) <= KEPT else self.together(q)
 
-    def _together(self, q: Array) -> MeasuredRows:
+    def together(self, q: Array) -> MeasuredRows:
+        """Return the rows at configurations, shape (n, nq), measured together; ``batch_jacobians`` is not None."""
         assert self.batch_jacobians is not None
         return MeasuredRows(self.batch_jacobians.at(q.T), (len(q), self.size, self.model.nv), self.reach)
-
-    @cached_property
-    def _kept(self) -> Callable[[bytes, int], MeasuredRows]:
-        return lru_cache(maxsize=4)(lambda content, n: self._together(np.frombuffer(content).reshape(n, -1)))
 
     def gaps(self, q: Array) -> Array:
         """Return the gaps at configurations, shape (n, nq), as an array of shape (n, m)."""
@@ -404,3 +402,21 @@ class MeasuredRows(Record, frozen=True):
         if self.shape[2] > MANY:
             return RowDecompositions.of_many_joints(self.sparse_matrices, self.reach)
         return RowDecompositions.of(self.matrices, self.reach)
+
+
+@contextmanager
+def rows_of_one_run() -> Iterator[None]:
+    """Keep the rows measured at the configurations asked for last until the end of a ``with`` block, but no longer.
+
+    Another run of the same scenario measures anew, as one with other numbers would.
+    """
+    try:
+        yield
+    finally:
+        _kept_rows.cache_clear()
+
+
+@lru_cache(maxsize=4)
+def _kept_rows(closure: Closure, content: bytes, n: int) -> MeasuredRows:
+    """Return the rows at n configurations, given by the bytes of their array."""
+    return closure.together(np.frombuffer(content).reshape(n, -1))

@@ -25,6 +25,9 @@ order 1 where it passes this at 0.03 of its largest speed, and none at 0.1."""
 WITHIN, BLOCK, USUAL = 16, 500, 8
 """Instants within a step that are looked at, steps that are looked at together, and states that tell what is usual."""
 
+TOGETHER = 200
+"""Velocities of the configurations whose regularity is computed at once: many are skipped, of which it is in vain."""
+
 MARGIN = 1.5
 """How much larger than it is the least speed within a step is estimated at most."""
 
@@ -60,14 +63,18 @@ def undetermined_rest(closure: Closure, motion: SegmentedMotion) -> Undetermined
     paces = [_Pace.of(segment, scale) for segment in segments]
     fastest = max(float(pace.speed.max()) for pace in paces)
     usual, looked = None, -np.inf
-    for t, q, least in _slow(paces, SLOW * fastest):
-        if t < looked:
-            continue
-        usual = usual or _Usual.of(closure, segments)
-        regularity = usual.regularity(q)
-        if regularity < least:
-            return UndeterminedRest(t, regularity)
-        looked = t + AHEAD * regularity / fastest
+    some = max(1, TOGETHER // closure.model.nv)
+    for times, q, least in _slow(paces, SLOW * fastest):
+        while (ahead := int(times.searchsorted(looked))) < len(times):
+            usual = usual or _Usual.of(closure, segments)
+            part = slice(ahead, ahead + some)
+            for t, regularity in zip(times[part].tolist(), usual.regularity(q[part]).tolist(), strict=True):
+                if t < looked:
+                    continue
+                if regularity < least:
+                    return UndeterminedRest(t, regularity)
+                looked = t + AHEAD * regularity / fastest
+            times, q = times[ahead + some :], q[ahead + some :]
     return None
 
 
@@ -123,18 +130,18 @@ def _least(first: Array, mean: Array, last: Array) -> Array:
     return np.asarray(np.linalg.norm(v, axis=2).min(axis=0))
 
 
-def _slow(paces: Sequence[_Pace], limit: float) -> Iterator[tuple[float, Array, float]]:
-    """Yield instants at which a motion is slow, the configurations, and how regular they have to be at least."""
+def _slow(paces: Sequence[_Pace], limit: float) -> Iterator[tuple[Array, Array, float]]:
+    """Yield instants at which a motion is slow, shape (n,), the configurations, and how regular these are at least."""
     first, since = paces[0], -np.inf
     if limit and not first.speed[0]:
-        yield float(first.t[0]), first.q, RANK
+        yield first.t[:1], first.q[None], RANK
         since = float(min(first.t[first.speed >= limit], default=np.inf))
     for pace in paces:
         steps = np.flatnonzero((pace.least < MARGIN * limit) & (np.append(pace.t[1:], np.inf) > since))
         for start in range(0, len(steps), BLOCK):
             t, q, speed = pace.within(steps[start : start + BLOCK])
-            for k in np.flatnonzero((speed < limit) & (t >= since)):
-                yield float(t[k]), q[k], REGULAR
+            slow = (speed < limit) & (t >= since)
+            yield t[slow], q[slow], REGULAR
 
 
 class _Usual(Record, frozen=True):
@@ -163,6 +170,6 @@ class _Usual(Record, frozen=True):
         rank = closure.rank(values)
         return cls(closure, rank, float(values[:, rank - 1].max()) if rank else 1.0)
 
-    def regularity(self, q: Array) -> float:
-        """Return the smallest singular value at a configuration, relative to the usual one."""
-        return float(self.closure.singular_values(q)[self.rank - 1] / self.value) if self.rank else 1.0
+    def regularity(self, q: Array) -> Array:
+        """Return the smallest singular value at each of n configurations, relative to the usual one, shape (n,)."""
+        return self.closure.values(q)[:, self.rank - 1] / self.value if self.rank else np.ones(len(q))

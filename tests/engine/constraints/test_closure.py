@@ -90,3 +90,21 @@ def test_rows_about_axes_in_space_are_those_of_each_state():
     q = np.random.default_rng(3).uniform(-1.0, 1.0, (8, hinges.model.nv))
     each = [hinges.rows(hinges.state(one)) for one in q]
     np.testing.assert_allclose(hinges.at(q)[1], each, atol=1e-13)  # links of 1 m: rounding over five joints
+
+
+def test_a_run_measures_rows_that_the_run_before_has_measured(monkeypatch):
+    """What a run keeps for itself must not make the same run faster the next time, as one with other numbers is not."""
+    scenario = pinarm.load(
+        MODELS.parent / "scenarios" / "bricard_falling.yaml", ["problem.time={end: 1 s, samples: 21}"]
+    )
+    measured, together = [0], Closure.together
+
+    def counted(closure, q):
+        measured[-1] += 1
+        return together(closure, q)
+
+    monkeypatch.setattr(Closure, "together", counted)
+    for _ in range(3):
+        measured.append(0)
+        scenario.run()
+    assert 0 < measured[-1] == measured[-2]
