@@ -102,6 +102,14 @@ class IntegratedMotion(Record, frozen=True):
         """Return where the steps of the integrator end; see ``SolvedMotion``."""
         return np.array([step.until for segment in self.motion.segments for step in segment.solution.steps])
 
+    def jumps(self) -> Array:
+        """Return where controllers change what they do; see ``SolvedMotion``."""
+        if not self.hybrid.controls:
+            return np.empty(0)
+        from pinarm.engine.motion.segmented.controlled_motion import record_of
+
+        return record_of(self.motion).history.times
+
 
 def states(mechanism: Mechanism, hybrid: HybridSystem, grid: Grid, motion: CompletedStates) -> Trajectory:
     """Return completed states as a table."""

@@ -40,6 +40,10 @@ class SolvedMotion(Protocol):
         """
         ...
 
+    def jumps(self) -> Array:
+        """Return where loads jump within intervals, as those of sampled controllers do [s], ascending, shape (n,)."""
+        ...
+
 
 class Outcome(Record, frozen=True):
     """What a problem gives back.

@@ -257,6 +257,10 @@ class PrescribedMotion(Record, frozen=True):
         """Return nothing, as nothing is integrated; see ``SolvedMotion``."""
         return np.empty(0)
 
+    def jumps(self) -> Array:
+        """Return nothing: laws jump between intervals only; see ``SolvedMotion``."""
+        return np.empty(0)
+
     def _rests(self, start: float, end: float) -> Array:
         """Return the same of one interval, shape (m,)."""
         ends = np.array([start, end])

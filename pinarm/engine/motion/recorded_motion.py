@@ -272,6 +272,10 @@ class SplinedMotion:
         """Return nothing, as nothing is integrated; see ``SolvedMotion``."""
         return np.empty(0)
 
+    def jumps(self) -> Array:
+        """Return nothing: laws jump between intervals only; see ``SolvedMotion``."""
+        return np.empty(0)
+
     def _rests(self, low: float, high: float) -> Array:
         """Return the same of one interval, shape (m,)."""
         inside = self.t[(self.t > low) & (self.t < high)]

@@ -294,6 +294,10 @@ class RestoredMotion:
         """Return where the steps of the integrator end; see ``SolvedMotion``."""
         return self.motion.steps()
 
+    def jumps(self) -> Array:
+        """Return where loads jump; see ``SolvedMotion``."""
+        return self.motion.jumps()
+
 
 @dataclass(frozen=True, eq=False)
 class Carried(ForceElement):

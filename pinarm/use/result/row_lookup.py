@@ -61,6 +61,10 @@ there is about a state for each of them, where the integrator took ten."""
 MOST_INTERVALS = 100
 """Intervals up to which they are; thousands, as between samples of controllers, are rows enough."""
 
+MOST_JUMPS, BESIDE = 10_000, 1e-8
+"""Jumps of loads up to which quantities are looked at on both sides of each, and how far before it, as a part of the
+time since the one before."""
+
 KEPT = 20
 """Sets of points whose states are kept: the integrals of several quantities begin with the same points."""
 
@@ -126,14 +130,28 @@ class Lookup(Record, frozen=True):
     @cached_property
     def steps(self) -> list[Array]:
         """Where the steps of the integrator end, interval by interval, each ascending; empty of laws."""
-        ends = self.motion.steps() if self.motion else np.empty(0)
-        return [ends[(ends > start) & (ends < end)] for start, end, _ in self.intervals]
+        return self._within(self.motion.steps() if self.motion else np.empty(0))
+
+    @cached_property
+    def jumps(self) -> list[Array]:
+        """Where loads jump, interval by interval, each ascending; none where these are many."""
+        jumps = self.motion.jumps() if self.motion else np.empty(0)
+        return self._within(jumps if len(jumps) <= MOST_JUMPS else jumps[:0])
+
+    def _within(self, t: Array) -> list[Array]:
+        """Return the instants that are within each interval."""
+        return [t[(t > start) & (t < end)] for start, end, _ in self.intervals]
 
     def cuts(self, interval: int) -> list[float]:
         """Return where an interval is cut into pieces that are looked into: ends of steps, as many in each piece."""
         ends = self.steps[interval]
         pieces = min(-(-len(ends) // STEPS_IN_PIECE), MOST_PIECES)
         return ends[np.arange(1, pieces) * len(ends) // pieces].tolist() if pieces > 1 else []
+
+    def bounds(self, interval: int) -> list[float]:
+        """Return where an interval is cut so that quantities are smooth between the cuts, and do not change much."""
+        found: list[float] = distinct(np.concatenate([self.cuts(interval), self.jumps[interval]])).tolist()
+        return found
 
     def quantities_at(self, interval: int, t: Array) -> Quantities:
         """Return the quantities at values of the parameter in one interval, shape (n,); the last ones are kept."""
@@ -285,7 +303,7 @@ class Lookup(Record, frozen=True):
             lacks: That there is none, in words.
         """
         try:
-            return self._peak(height, places)
+            return self._peak(height, [*places, *self._beside_jumps])
         except Endless as pole:
             run = self.run
             raise InputError(
@@ -335,6 +353,15 @@ class Lookup(Record, frozen=True):
             piece.interval == top.interval and piece.bracket[0] <= top.place <= piece.bracket[1]
             for piece in self._beside(row)
         )
+
+    @cached_property
+    def _beside_jumps(self) -> list[tuple[int, Array]]:
+        """Intervals, and instants in them at which loads jump, and just before."""
+        found = [(interval, t) for interval, t in enumerate(self.jumps) if len(t)]
+        return [
+            (interval, np.sort(np.concatenate([t, t - BESIDE * np.diff(t, prepend=self.intervals[interval][0])])))
+            for interval, t in found
+        ]
 
     @cached_property
     def _parts(self) -> list[CurvePart]:

@@ -99,6 +99,10 @@ class SolvedAnew(Record, frozen=True):
         """Return where the steps of the integrator end; see ``SolvedMotion``."""
         return self._motion.steps()
 
+    def jumps(self) -> Array:
+        """Return where loads jump; see ``SolvedMotion``."""
+        return self._motion.jumps()
+
 
 def trajectory_of(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array]) -> Trajectory:
     """Return the states of a result; see ``states``.

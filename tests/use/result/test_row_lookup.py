@@ -16,6 +16,8 @@ import pinarm
 from pinarm.errors import InputError
 from pinarm.use.store.restore import restore
 
+SCENARIOS = Path(pinarm.__file__).parents[1] / "scenarios"
+
 ROUNDING = 1e-13
 """Relative: a few operations on numbers of double precision."""
 
@@ -280,3 +282,20 @@ def test_both_sides_of_a_reversal_count(samples: int) -> None:
     number, error = result.number("joint.x.effort - (4 kg)*joint.x.acceleration @ max")
     assert number == pytest.approx(2.0 * 0.05 * 25.0 + 0.2 * 2.0 * 9.81, rel=1e-11)
     assert error < 1e-11
+
+
+def test_numbers_of_efforts_that_are_held_between_samples_are_those_of_all_samples():
+    """Three rows tell the sums over samples, and what is greatest just before an effort jumps: a coarse encoder."""
+    control = {"period": "1 ms", "resolution": "3e-5 rad", "limits": "null",
+               "follows": "{law: constant_speed, speed: 0.01 rad/s}"}  # fmt: skip
+    changes = [f"problem.control.0.{key}={value}" for key, value in control.items()]
+    few, every = (
+        pinarm.load(SCENARIOS / "servo_step.yaml", [*changes, f"problem.time={{end: 1 s, samples: {n}}}"]).run()
+        for n in (3, 1001)
+    )
+    effort, velocity = every["control.x.effort"].values, every["joint.x.velocity"].values
+    assert few.number("control.x.effort @ rms")[0] == pytest.approx(np.sqrt((effort[:-1] ** 2).mean()), rel=1e-12)
+    assert few.number("control.x.effort @ mean")[0] == pytest.approx(effort[:-1].mean(), rel=1e-11)
+    power = few.number("control.x.effort * joint.x.velocity @ max")[0]
+    assert power == pytest.approx((effort[:-1] * velocity[1:]).max(), rel=1e-9)
+    assert few.number("control.x.effort @ max")[0] == pytest.approx(effort.max(), rel=1e-12)

@@ -37,6 +37,13 @@ def recorded(controls: Controls, motion: SegmentedMotion) -> SegmentedMotion:
     return replace(motion, dynamics=dynamics, segments=segments)
 
 
+def record_of(motion: SegmentedMotion) -> RecordedEfforts:
+    """Return the efforts of the controllers of a motion as they have been; see ``recorded``."""
+    record = motion.dynamics.forces[CONTROL]
+    assert isinstance(record, RecordedEfforts)
+    return record
+
+
 def _under(segment: MotionSegment, dynamics: Dynamics, efforts: RecordedEfforts) -> MotionSegment:
     system = segment.system
     inner = system.inner if isinstance(system, ControlledSystem) else system
@@ -75,8 +82,7 @@ class ControlledRows:
     @classmethod
     def of(cls, motion: SegmentedMotion, grid: Grid, q: Array, v: Array) -> ControlledRows:
         """Return the rows of a motion at states of the mechanism, shapes (n, nq) and (n, nv)."""
-        record = motion.dynamics.forces[CONTROL]
-        assert isinstance(record, RecordedEfforts)
+        record = record_of(motion)
         controllers, efforts = (*record.sampled, *record.continuous), np.zeros_like(v)
         parts, references = (
             list[list[dict[str, Array]]](),

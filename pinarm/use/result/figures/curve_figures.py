@@ -140,7 +140,7 @@ def integrals(run: Lookup, integrand: Callable[[Quantities], Array]) -> tuple[Ar
         if low < high:
             curve = _Counted(partial(_evaluated, run, integrand, interval), left // (len(run.intervals) - interval))
             allowed = curve.left
-            bounds = [low, *run.cuts(interval), high]
+            bounds = [low, *run.bounds(interval), high]
             parts += _integrals_between(curve, [low, high], np.array(bounds))
             left -= allowed - curve.left
     total, error = (np.sum(of, axis=0) for of in zip(*parts, strict=True))
