@@ -135,6 +135,18 @@ class Ensemble:
             sizes[taken.number] = np.maximum(sizes[taken.number], np.abs(taken.y).max(axis=0, initial=0.0))
         return sizes
 
+    @property
+    def displacements(self) -> Array:
+        """Largest change of a coordinate from the start, or velocity, of each motion at the ends of its steps, (b,)."""
+        start, found = np.full_like(self.last, np.nan), np.zeros(len(self.ends))
+        for taken in self.steps:
+            own = start[:, taken.number]
+            own[: self.manifold.nq] = np.where(np.isnan(own), taken.y, own)[: self.manifold.nq]
+            own[self.manifold.nq :] = 0.0
+            start[:, taken.number] = own
+            found[taken.number] = np.maximum(found[taken.number], np.abs(taken.y - own).max(axis=0, initial=0.0))
+        return found
+
     def states(self, t: Array) -> tuple[Array, Array]:
         """Return the states of all motions at the same times.
 

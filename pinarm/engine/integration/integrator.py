@@ -351,6 +351,13 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
         """Largest coordinate or velocity at the ends of its steps, in SI; 0 without steps."""
         return float(np.abs([step.y for step in self.steps]).max(initial=0.0))
 
+    @property
+    def displacement(self) -> float:
+        """Largest change of a coordinate, or velocity, at the ends of its steps, in SI; 0 without steps."""
+        states = np.array([step.y for step in self.steps]).reshape(len(self.steps), -1)
+        states[:, : self.manifold.nq] -= states[:1, : self.manifold.nq].copy()
+        return float(np.abs(states).max(initial=0.0))
+
     def states(self, t: Array) -> tuple[Array, Array]:
         """Return the states at many times, by dense output.
 

@@ -89,6 +89,15 @@ class VariantSolution:
         np.maximum.at(sizes, self.motion, np.abs(self.y).max(axis=1))
         return sizes
 
+    @property
+    def displacements(self) -> Array:
+        """Largest change of a coordinate, or velocity, of each motion at the starts of its steps, in SI, shape (k,)."""
+        change, nq = self.y.copy(), self.y.shape[1] // 2
+        change[:, :nq] -= self.y[self.firsts[self.motion], :nq]
+        found = np.zeros(len(self.arrived))
+        np.maximum.at(found, self.motion, np.abs(change).max(axis=1))
+        return found
+
     def with_finer(self, motions: Indices, others: VariantSolution) -> VariantSolution:
         """Return the solution with others in the place of some of the motions, as far as they have come to their ends.
 

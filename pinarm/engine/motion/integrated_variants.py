@@ -22,7 +22,7 @@ from pinarm.engine.integration.variant_steps import VariantSolution, integrate_v
 from pinarm.engine.kernel.tree import AGREEMENT, TreeFlow
 from pinarm.engine.kernel.tree_variants import TreeVariants
 from pinarm.engine.motion.integrated_motion import IntegratedMotion
-from pinarm.engine.motion.segmented.segments import SMALL
+from pinarm.engine.motion.segmented.segments import OFFSET, REST, SMALL
 from pinarm.engine.motion.small_motions import MOST, MOST_ROUNDING
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
@@ -163,6 +163,8 @@ def _integrated(hybrid: HybridSystem, flows: TreeVariants, motions: Sequence[Fre
         finer.arrived[size * pair.tolerance < MOST_ROUNDING] = False
         solution = solution.with_finer(small, finer)
         solution.arrived[small[~finer.arrived]] = False
+    scale, moved = solution.size + solution.sizes, solution.displacements
+    solution.arrived[(moved > REST * scale) & (moved < OFFSET * scale)] = False  # with a finer tolerance of its own
     return solution
 
 

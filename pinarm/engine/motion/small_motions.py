@@ -6,6 +6,9 @@ The error of a step is relative to ``size + |y|``. A size of 1 suits motions of 
 Steps cannot err less than rounding of the accelerations lets them. What that is depends on what cancels in them: for a
 mass on a level slide and a pendulum that hangs along an axis nothing does, and they are as accurate at 1e-12 as at 1;
 where a spring carries a weight, 1e-16 of the weight is left over. So it is measured, not concluded from gravity.
+
+A small motion about a coordinate of 1 is limited by |y|: its tolerance is made finer by how much smaller it is, as far
+as the rounding of the coordinate allows.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.motion.segmented.hybrid_motion import FirstSegment, HybridSystem
-from pinarm.engine.motion.segmented.segments import REST, SMALL, MotionSegment, SegmentedMotion
+from pinarm.engine.motion.segmented.segments import FINEST, OFFSET, REST, SMALL, MotionSegment, SegmentedMotion
 from pinarm.errors import IntegrationError
 from pinarm.records import replace
 
@@ -46,16 +49,31 @@ def integrate_to_size(hybrid: HybridSystem, q: Array, v: Array, first: FirstSegm
     motion is that of the coarser one; ``SegmentedMotion.rounding`` tells how wrong it is.
     """
     motion = hybrid.integrate(q, v, first)
-    if not is_small(hybrid, motion.size):
-        return motion
-    least = least_size(hybrid, motion)
+    least = least_size(hybrid, motion) if is_small(hybrid, motion.size) else 0.0
     while is_small(hybrid, wanted := max(motion.size, least)) and motion.size:
         hybrid = replace(hybrid, size=wanted, max_steps=min(hybrid.max_steps, MOST))
         try:
             motion = hybrid.integrate(q, v)
         except IntegrationError:
             break
-    return motion
+    return _integrate_to_displacement(hybrid, motion, q, v)
+
+
+def _integrate_to_displacement(hybrid: HybridSystem, motion: SegmentedMotion, q: Array, v: Array) -> SegmentedMotion:
+    """Return a motion, integrated again where it is small beside its coordinates: errors are relative to its course."""
+    moved, scale = motion.displacement, hybrid.size + motion.size
+    tolerance = max(hybrid.method.tolerance * moved / scale, FINEST)
+    if not is_offset(hybrid, moved, scale) or tolerance >= hybrid.method.tolerance:
+        return motion
+    try:
+        return replace(hybrid, method=replace(hybrid.method, tolerance=tolerance)).integrate(q, v)
+    except IntegrationError:
+        return motion
+
+
+def is_offset(hybrid: HybridSystem, moved: float, scale: float) -> bool:
+    """Tell whether a displacement is small, but more than rounding, beside what errors of steps are relative to."""
+    return hybrid.method.tolerance > 0.0 and REST * scale < moved < OFFSET * scale
 
 
 def is_small(hybrid: HybridSystem, size: float) -> bool:

@@ -45,6 +45,22 @@ def test_an_oscillator_has_the_same_relative_error_at_any_amplitude(errors, meth
     assert max(small) / 30.0 < min(found[1.0], found[1e6]) <= max(found[1.0], found[1e6]) < max(small)
 
 
+@pytest.mark.parametrize("method", ADAPTIVE)
+@pytest.mark.parametrize("amplitude", [1e-4, 1e-7, 1e-10])
+def test_an_oscillation_about_a_place_far_from_0_is_right_to_the_rounding_of_its_coordinate(
+    mechanism, chain, method, amplitude
+):
+    slide = mechanism(chain({"name": "x", "kind": "prismatic"}), gravity="none")
+    spring = {"spring": JointSpring(joint="x", stiffness=100.0, rest=1.4)}
+    initial = {"position": {"x": 1.4}, "velocity": {"x": 10.0 * amplitude}}
+    problem = Forward(time=TimeGrid(end=3.0, samples=31), initial=initial, loads=spring)
+    outcome = problem.solve(slide, Accuracy(method=method, tolerance=1e-9), lambda *path: nullcontext())
+    rows = outcome.rows
+    error = np.abs(rows.v[:, 0] / (10.0 * amplitude) - np.cos(10.0 * rows.grid.t)).max()
+    assert error < max(1e-7, outcome.figures.get("rounding", 0.0))
+    assert outcome.figures.get("rounding", 0.0) < max(1e-5, 1e-12 / amplitude)
+
+
 def test_steps_that_are_too_long_are_told_of_at_any_amplitude(errors):
     found = errors(method="rk4", step=0.1)
     assert all(error > 1e-2 and notes[0].startswith("step too large") for error, notes in found.values())
@@ -96,3 +112,25 @@ outputs: [joint.x.position]
     batch = pinarm.batch(tmp_path / "small.yaml", position={"x": np.array(AMPLITUDES)})
     exact = np.cos(10.0 * np.linspace(0.0, 3.0, 31))
     assert np.abs(batch["joint.x.position"].values / np.array(AMPLITUDES)[:, None] - exact).max() < 1e-7
+
+
+def test_a_batch_follows_motions_that_are_small_beside_their_coordinates_as_a_run_does(mechanism, chain, tmp_path):
+    mechanism(chain({"name": "x", "kind": "prismatic"}), gravity="none")
+    (tmp_path / "small.yaml").write_text("""
+pinarm: 1
+mechanism: mechanism.yaml
+problem:
+  kind: forward
+  time: {end: 3 s, samples: 31}
+  initial: {position: {x: 1.4 m}, velocity: {x: 1e-7 m/s}}
+  loads: {spring: {kind: joint_spring, joint: x, stiffness: 100 N/m, rest: 1.4 m}}
+outputs: [joint.x.velocity]
+""")
+    speeds = np.array([1e-7, 1e-5, 1.0])
+    batch = pinarm.batch(tmp_path / "small.yaml", velocity={"x": speeds})
+    exact = np.cos(10.0 * np.linspace(0.0, 3.0, 31))
+    assert np.abs(batch["joint.x.velocity"].values / speeds[:, None] - exact).max() < 1e-6
+    over = {"problem.initial.velocity.x": "1e-7:2e-6:20 m/s"}
+    swept = pinarm.sweep(tmp_path / "small.yaml", over, results=["joint.x.velocity @ end"], workers=1)
+    (ends,) = (series.values for series in swept.columns if series.name == "joint.x.velocity @ end")
+    assert ends / np.linspace(1e-7, 2e-6, 20) == pytest.approx(np.full(20, exact[-1]), abs=1e-6)

@@ -29,6 +29,10 @@ SMALL = 0.1
 """Size over that which errors are relative to, below which a motion is integrated again: its errors are then more than
 ten times as large as the tolerance says."""
 
+OFFSET, FINEST = 0.01, 1e-14
+"""Displacement over that which errors are relative to, below which a motion about coordinates far from 0 is integrated
+again with a tolerance that is finer by as much; and the finest one, where rounding of the coordinates is as large."""
+
 REST = 1e-15
 """Size of a motion in SI that rounding of the accelerations explains: the mechanism is at rest."""
 
@@ -84,11 +88,19 @@ class SegmentedMotion(Record, frozen=True):
         Relative to that size, they would be as the tolerance says. Rounding does not allow it where it is large beside
         the motion; a finer tolerance then does not make any error smaller. Nothing where they are, and at rest.
         """
-        size = self.size
+        size, moved = self.size, self.displacement
         solutions = [segment.solution for segment in self.segments]
-        errors = [each.method.tolerance * each.intervals[0].size * len(each.steps) for each in solutions
-                  if size < SMALL * each.intervals[0].size]  # fmt: skip
-        return {"rounding": sum(errors) / size} if size > REST and any(errors) else {}
+        errors = [
+            each.method.tolerance * (each.intervals[0].size + size) * len(each.steps)
+            for each in solutions
+            if size < SMALL * each.intervals[0].size or _at_offset(each, size, moved)
+        ]
+        return {"rounding": sum(errors) / moved} if moved > REST and any(errors) else {}
+
+    @property
+    def displacement(self) -> float:
+        """Return the largest change of a coordinate in a segment, or velocity, that was integrated, in SI."""
+        return max(segment.solution.displacement for segment in self.segments)
 
     def require_progress(self) -> None:
         """Raise where events follow one another without end, at one instant but for rounding.
@@ -157,3 +169,8 @@ def _opened(motion: CompletedStates, holding: Flags) -> CompletedStates:
     lam = motion.lam.spread(np.flatnonzero(holding), len(holding))
     others = tuple(_opened(other, holding) for other in motion.others)
     return replace(motion, lam=lam, opened=np.ones(len(motion.q), dtype=bool), others=others)
+
+
+def _at_offset(solution: Solution, size: float, moved: float) -> bool:
+    """Tell whether a displacement is small beside coordinates to whose rounding the motion was integrated."""
+    return solution.method.tolerance <= FINEST and moved < OFFSET * (solution.intervals[0].size + size)

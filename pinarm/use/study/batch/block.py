@@ -15,7 +15,7 @@ from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.integration.batch_solution import Ensemble
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.segmented.hybrid_motion import HybridSystem
-from pinarm.engine.motion.small_motions import is_small
+from pinarm.engine.motion.small_motions import is_offset, is_small
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
@@ -113,8 +113,9 @@ class Block:
         hybrid, ensemble = self.question.hybrid, self.ensemble
         if hybrid.bounds or ensemble is None:
             return None
-        small = any(is_small(hybrid, size) for size in ensemble.sizes.tolist())
-        return None if small else ensemble
+        reached = zip(ensemble.sizes.tolist(), ensemble.displacements.tolist(), strict=True)
+        finer = any(is_small(hybrid, size) or is_offset(hybrid, moved, hybrid.size + size) for size, moved in reached)
+        return None if finer else ensemble
 
     def run(self, number: int) -> Result:
         """Return the result of one motion, with its accuracy.
