@@ -66,7 +66,8 @@ def _integrate_to_displacement(hybrid: HybridSystem, motion: SegmentedMotion, q:
     if not is_offset(hybrid, moved, scale) or tolerance >= hybrid.method.tolerance:
         return motion
     try:
-        return replace(hybrid, method=replace(hybrid.method, tolerance=tolerance)).integrate(q, v)
+        method, most = replace(hybrid.method, tolerance=tolerance), min(hybrid.max_steps, MOST)
+        return replace(hybrid, method=method, max_steps=most).integrate(q, v)
     except IntegrationError:
         return motion
 

@@ -7,6 +7,7 @@ import pytest
 
 import pinarm
 from pinarm.engine.integration.methods import METHODS
+from pinarm.engine.motion import small_motions
 from pinarm.mechanics.forces.joint_definitions import JointSpring
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
@@ -59,6 +60,17 @@ def test_an_oscillation_about_a_place_far_from_0_is_right_to_the_rounding_of_its
     error = np.abs(rows.v[:, 0] / (10.0 * amplitude) - np.cos(10.0 * rows.grid.t)).max()
     assert error < max(1e-7, outcome.figures.get("rounding", 0.0))
     assert outcome.figures.get("rounding", 0.0) < max(1e-5, 1e-12 / amplitude)
+
+
+def test_a_small_motion_whose_steps_do_not_see_it_says_that_they_err_as_much_as_it_moves(mechanism, chain, monkeypatch):
+    monkeypatch.setattr(small_motions, "MOST", 2)
+    slide = mechanism(chain({"name": "x", "kind": "prismatic"}), gravity="none")
+    spring = {"spring": JointSpring(joint="x", stiffness=100.0, rest=1.4)}
+    initial = {"position": {"x": 1.4}, "velocity": {"x": 1e-9}}
+    problem = Forward(time=TimeGrid(end=3.0, samples=31), initial=initial, loads=spring)
+    outcome = problem.solve(slide, Accuracy(tolerance=1e-9), lambda *path: nullcontext())
+    error = np.abs(outcome.rows.v[:, 0] / 1e-9 - np.cos(10.0 * outcome.rows.grid.t)).max()
+    assert 1.0 < error < outcome.figures["rounding"]
 
 
 def test_steps_that_are_too_long_are_told_of_at_any_amplitude(errors):

@@ -33,6 +33,9 @@ OFFSET, FINEST = 0.01, 1e-14
 """Displacement over that which errors are relative to, below which a motion about coordinates far from 0 is integrated
 again with a tolerance that is finer by as much; and the finest one, where rounding of the coordinates is as large."""
 
+BLIND = 1e-3
+"""Error of a step over the displacement from which on steps are chosen without regard to the motion."""
+
 REST = 1e-15
 """Size of a motion in SI that rounding of the accelerations explains: the mechanism is at rest."""
 
@@ -172,5 +175,6 @@ def _opened(motion: CompletedStates, holding: Flags) -> CompletedStates:
 
 
 def _at_offset(solution: Solution, size: float, moved: float) -> bool:
-    """Tell whether a displacement is small beside coordinates to whose rounding the motion was integrated."""
-    return solution.method.tolerance <= FINEST and moved < OFFSET * (solution.intervals[0].size + size)
+    """Tell whether a displacement is small beside coordinates, and the tolerance is that of rounding or too coarse."""
+    tolerance, scale = solution.method.tolerance, solution.intervals[0].size + size
+    return moved < OFFSET * scale and (tolerance <= FINEST or tolerance * scale > BLIND * moved)
