@@ -22,6 +22,10 @@ STYLES = {
 FIGURES = {"race_trees": "open chains", "race_loops": "closed loops"}
 
 
+COLUMNS = 3
+"""Panels beside one another."""
+
+
 def save(results: dict[str, Any], folder: Path) -> list[str]:
     """Write the plots; return the names of their files."""
     import matplotlib
@@ -45,8 +49,9 @@ def save(results: dict[str, Any], folder: Path) -> list[str]:
 def _figure(results: dict[str, Any], names: list[str]) -> Any:
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11.0, 7.2), layout="constrained")
-    panels = figure.subplots(2, 3).ravel()
+    rows = -(-len(names) // COLUMNS)
+    figure = Figure(figsize=(11.0, 3.4 * rows + 0.6), layout="constrained")
+    panels = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
     for panel, name in zip(panels, names, strict=False):
         panel.set_title(problems()[name].title, fontsize=9)
         for engine in ENGINES:
@@ -56,7 +61,8 @@ def _figure(results: dict[str, Any], names: list[str]) -> Any:
         panel.tick_params(labelsize=8)
     for panel in panels[len(names) :]:
         panel.set_axis_off()
-    panels[len(names)].legend(*panels[0].get_legend_handles_labels(), loc="center", frameon=False, fontsize=10)
+    labels = panels[0].get_legend_handles_labels()
+    figure.legend(*labels, loc="outside upper center", ncols=len(ENGINES), frameon=False, fontsize=10)
     figure.supxlabel("largest error [rad]", fontsize=9)
     figure.supylabel("time [s]", fontsize=9)
     return figure

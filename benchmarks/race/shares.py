@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
-from collections import Counter
+from collections import defaultdict
 from pathlib import Path
 from types import FrameType
 
@@ -26,11 +26,17 @@ NAMES = (*PHASES.values(), REST)
 
 
 def shares(run: Run) -> dict[str, float]:
-    """Return which part of its computing time a run spends on what; they add up to 1."""
-    found: Counter[str] = Counter()
+    """Return which part of its computing time a run spends on what; they add up to 1.
+
+    A look comes after the call of a library that was under way, however long it took: it counts what passed since the
+    last one.
+    """
+    found = defaultdict[str, float](float)
+    last = [time.process_time()]
 
     def look(number: int, frame: FrameType | None) -> None:
-        found[_phase(frame)] += 1
+        last.append(time.process_time())
+        found[_phase(frame)] += last[-1] - last[-2]
 
     before = signal.signal(signal.SIGPROF, look)
     signal.setitimer(signal.ITIMER_PROF, INTERVAL, INTERVAL)
@@ -41,7 +47,7 @@ def shares(run: Run) -> dict[str, float]:
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         signal.signal(signal.SIGPROF, before)
-    return {name: found[name] / found.total() for name in NAMES}
+    return {name: found[name] / sum(found.values()) for name in NAMES}
 
 
 def _phase(frame: FrameType | None) -> str:

@@ -5,7 +5,7 @@ Of few joints M is a matrix; of many, M and its inverse are applied by recursion
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Protocol
 
 import numpy as np
@@ -143,17 +143,23 @@ class TreeMasses(_RecursiveMasses, frozen=True):
     @cached_property
     def condition(self) -> Array:
         """See ``FreeMasses``; extreme eigenvalues by Lanczos' method."""
-        return np.asarray(max(self._condition(q, square) for q, square in zip(self.q, self.diagonal, strict=True)))
+        from pinarm.engine.constraints.nullspaces.sparse_rows import largest_eigenpair
 
-    def _condition(self, q: Array, square: Array) -> float:
-        from pinarm.engine.constraints.nullspaces.sparse_rows import largest_eigenvalue
+        nv, heavy, light, worst = self.model.nv, None, None, 0.0
+        for q, square in zip(self.q, self.diagonal, strict=True):
+            if not (square > NOTHING * square.max()).all():
+                return np.asarray(np.inf)
+            size = np.sqrt(square)
+            largest, heavy = largest_eigenpair(nv, partial(self._scaled, q, size), heavy)
+            inverse, light = largest_eigenpair(nv, partial(self._solved, q, size), light)
+            worst = max(worst, largest * inverse if 0.0 < inverse < 1.0 / MASSLESS else np.inf)
+        return np.asarray(worst)
 
-        if not (square > NOTHING * square.max()).all():
-            return np.inf
-        size, nv = np.sqrt(square), self.model.nv
-        largest = largest_eigenvalue(nv, lambda x: mass_times(self.model, q, x / size) / size)
-        inverse = largest_eigenvalue(nv, lambda x: size * mass_solved(self.model, q, size * x))
-        return largest * inverse if 0.0 < inverse < 1.0 / MASSLESS else np.inf
+    def _scaled(self, q: Array, size: Array, x: Array) -> Array:
+        return mass_times(self.model, q, x / size) / size
+
+    def _solved(self, q: Array, size: Array, x: Array) -> Array:
+        return size * mass_solved(self.model, q, size * x)
 
     def responses(self, moving: Array, most: Array) -> tuple[Array, Array]:
         """See ``FreeMasses``."""
