@@ -39,8 +39,9 @@ class RowKinematics:
         """Return a coordinate, or its first or second derivative, shape (n, ..)."""
         run = self.run
         if isinstance(coordinate, LinearCoordinate):
-            joints = (run.q[..., coordinate.places], run.v, run.a)[order]
-            return np.asarray(joints @ coordinate.weights)
+            moved = np.flatnonzero(coordinate.weights)  # one of the thousands that a chain may have
+            joints = coordinate.places[moved] if order == 0 else moved
+            return np.asarray((run.q, run.v, run.a)[order][..., joints] @ coordinate.weights[moved])
         if name not in self._coordinates:
             self._coordinates[name] = self._coordinate(coordinate)
         return self._coordinates[name][:, order]
