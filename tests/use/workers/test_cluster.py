@@ -131,15 +131,15 @@ def test_a_cluster_gives_the_bytes_of_one_process_and_nothing_listens_here(
     dask = start()
     dask.add_worker()
     out = tmp_path / "out"
-    client = sweep(path, 300, "--cluster", dask.address, "-o", str(out))
+    client = sweep(path, 4000, "--cluster", dask.address, "-o", str(out))
     wait_for(lambda: solved(out) > 10)
     assert listening(client.pid) == set()
     assert {address.partition(":")[0] for address in listening(dask.scheduler.pid)} == {"0100007F"}, "of loopback"
     said, errors = client.communicate(timeout=WAIT)
     assert client.returncode == NUMERICS_FAILED, errors  # negative masses are failures
     assert errors == ""
-    assert "cases: 300, 75 failed" in said
-    assert files(out) == in_one_process(path, 300, tmp_path / "one")
+    assert "cases: 4000, 1000 failed" in said
+    assert files(out) == in_one_process(path, 4000, tmp_path / "one")
 
 
 def killed(path: Path, tmp_path: Path, dask: Cluster, cases: int) -> None:
@@ -176,15 +176,15 @@ def test_a_sweep_that_began_here_goes_on_on_a_cluster(
     path: Path, tmp_path: Path, start: Callable[..., Cluster]
 ) -> None:
     out, dask = tmp_path / "out", start()
-    first = sweep(path, 300, "-j", "1", "-o", str(out))
+    first = sweep(path, 4000, "-j", "1", "-o", str(out))
     wait_for(lambda: solved(out) > 30)
     first.send_signal(signal.SIGKILL)
     first.communicate()
     kept = solved(out)
     dask.add_worker()
-    sweep(path, 300, "--cluster", dask.address, "-o", str(out)).communicate(timeout=WAIT)
-    assert kept < 300 == solved(out)
-    assert files(out) == in_one_process(path, 300, tmp_path / "one")
+    sweep(path, 4000, "--cluster", dask.address, "-o", str(out)).communicate(timeout=WAIT)
+    assert kept < 4000 == solved(out)
+    assert files(out) == in_one_process(path, 4000, tmp_path / "one")
 
 
 @pytest.mark.slow
