@@ -48,6 +48,24 @@ def four_bar(kinds=("revolute",) * 4) -> Linkage:
     return Linkage(bodies, joints)
 
 
+def scissor(stages: int) -> Linkage:
+    """Crosses of two equal bars on one hinge in the plane x-z, squares of 1 m; the loops close at the upper ends.
+
+    The falling bar of a cross carries the rising one of the next, which carries its own falling bar at the middle.
+    """
+    bodies, joints = {}, {}
+    for k in range(stages):
+        low, high = np.array([[k, 0.0, 0.0], [k, 0.0, 1.0]])
+        across, middle = np.array([1.0, 0.0, 1.0]), np.array([k + 0.5, 0.0, 0.5])
+        bodies[f"rising_{k}"] = bar(low, low + across, 1.0)
+        bodies[f"falling_{k}"] = bar(high, low + np.array([1.0, 0.0, 0.0]), 1.0)
+        joints[f"tree_{2 * k}"] = Joint("revolute", f"falling_{k - 1}" if k else GROUND, f"rising_{k}", low, ABOUT_Y)
+        joints[f"tree_{2 * k + 1}"] = Joint("revolute", f"rising_{k}", f"falling_{k}", middle, ABOUT_Y)
+        if k:
+            joints[f"loop_{k}"] = Joint("revolute", f"rising_{k - 1}", f"falling_{k}", high, ABOUT_Y)
+    return Linkage(bodies, joints)
+
+
 def five_bar() -> Linkage:
     """Two cranks and two couplers in the plane x-z: two freedoms."""
     o, a, m, b, c = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.2], [0.3, 0.0, 0.4], [0.5, 0.0, 0.25], [0.6, 0.0, 0.0]])

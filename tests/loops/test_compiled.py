@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from catalogue import bennett, bricard, five_bar, four_bar, rssr, screw_jack, slider_crank
+from catalogue import bennett, bricard, five_bar, four_bar, rssr, scissor, screw_jack, slider_crank
+from linkage import GROUND, Linkage, random_body, random_joint
 from motions import anywhere, freely
 from test_accelerations import random_linkage
 
@@ -85,6 +86,52 @@ def test_accelerations_of_every_kind_are_those_of_the_singular_values(kind, seed
         flow = system.interval(dynamics, 0.0, 1.0).compiled
         flow.take((False, system.points.tied.rank))
         compare(flow, closure, closed_states(general))
+
+
+RODS = [("rod", 0, 2), ("rod", 1, 4), ("rod", 0, 6), ("spherical", 2, 6), ("rod", -1, 7)]
+"""Kind and ends of the loops of ``nested``; -1 is the ground."""
+
+
+def nested(seed):
+    """A chain of eight bodies on random hinges, with loops within and across each other, most on bodies that move."""
+    random = np.random.default_rng(seed)
+    names = [f"body_{k}" for k in range(8)]
+    joints = {
+        f"tree_{k}": random_joint(random, "revolute", parent, name)
+        for k, (parent, name) in enumerate(zip([GROUND, *names], names, strict=False))
+    }
+    for k, (kind, *ends) in enumerate(RODS):
+        one, other = (names[end] if end >= 0 else GROUND for end in ends)
+        joints[f"loop_{k}"] = random_joint(random, kind, one, other)
+    return Linkage({name: random_body(random, 1.0) for name in names}, joints)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_accelerations_of_loops_within_loops_are_those_of_the_singular_values(seed, tmp_path):
+    """Their multipliers are eliminated where they end, one after the other."""
+    linkage = nested(seed)
+    mechanism = linkage.build(tmp_path, [name for name in linkage.joints if name.startswith("loop")])
+    closure, dynamics = mechanism.closure, Dynamics.of(mechanism.model)
+    general = ConstrainedSystem.of(closure, dynamics, FREE, pin.neutral(mechanism.model))
+    interval = general.interval(dynamics, 0.0, 1.0)
+    assert interval.compiled, interval.remark
+    ways = compiled_rows._loops(closure)._ways
+    assert sum(entry < 0 for way in ways for entry in way.passed) > 3
+    assert all(len(way.passed) < 8 for way in ways[:3])
+    compare(interval.compiled, closure, closed_states(general))
+
+
+def test_motion_of_a_scissor_on_a_hinge_is_that_of_python(tmp_path, calls, without):
+    """Its loops end at bars; states are closed, and regularity is looked at, in compiled code."""
+    linkage = scissor(4)
+    mechanism = linkage.build(tmp_path, [name for name in linkage.joints if name.startswith("loop")])
+    run = lambda: freely(mechanism, 0.5, 6, velocity={"tree_1": 1.0}, tolerance=1e-9)  # noqa: E731
+    found = run()
+    assert calls
+    expected = without(run)
+    assert found.figures["evaluations"] == pytest.approx(expected.figures["evaluations"], rel=0.2)
+    for one, other in zip((found.rows.q, found.rows.v), (expected.rows.q, expected.rows.v), strict=True):
+        assert np.abs(one - other).max() <= 1e-8 * np.abs(other).max()
 
 
 def test_a_wide_linkage_is_judged_in_states_that_are_closed_to_rounding():
@@ -348,14 +395,16 @@ class TestSkyline:
         arrays = first, origin, entry, np.zeros_like(entry)
         return SkylineStructure(len(whole), *map(pointer, arrays)), arrays
 
-    def test_solves(self, matrix):
+    def test_factorises(self, matrix):
         whole, first = matrix
-        structure, _kept = self.skyline(whole, first)
-        x = b = np.random.default_rng(9).normal(size=len(whole))
-        x = b.copy()
+        structure, (_, origin, _, factor) = self.skyline(whole, first)
         assert library().skyline_factorise(ctypes.byref(structure), ctypes.c_double(0.5)) == 0
-        library().skyline_solve(ctypes.byref(structure), ctypes.c_void_p(pointer(x)))
-        assert x == pytest.approx(np.linalg.solve(whole + 0.5 * np.eye(len(whole)), b), rel=1e-9, abs=1e-9)
+        lower = np.zeros_like(whole)
+        for k in range(len(whole)):
+            lower[k, first[k] : k + 1] = factor[origin[k] + first[k] : origin[k] + k + 1]
+        pivots = np.diag(lower).copy()
+        np.fill_diagonal(lower, 1.0)
+        assert lower * pivots @ lower.T == pytest.approx(whole + 0.5 * np.eye(len(whole)), rel=1e-12, abs=1e-12)
 
     def test_counts_eigenvalues_and_finds_them(self, matrix):
         whole, first = matrix

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Indices, distinct
+from pinarm.arrays import Array, Indices
 from pinarm.engine.kernel.checks import loops_are_sound
 from pinarm.engine.kernel.library import pointer
 from pinarm.engine.kernel.structures import (
@@ -22,6 +22,7 @@ from pinarm.engine.kernel.structures import (
     SkylineStructure,
 )
 from pinarm.engine.kernel.tree import CompiledTree, LoadedTree
+from pinarm.engine.kernel.ways import Way, Ways, end_of
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -56,6 +57,17 @@ class Tied(Record, frozen=True):
         nothing, here = np.zeros((1, 3)), pin.SE3.Identity()
         return cls(LOWER, (0, 0), (here, here), nothing, nothing, weights[None])
 
+    def moving(self, model: pin.Model) -> list[int]:
+        """Return the joints whose velocities, with those before them, its rows hold."""
+        if self.weights is None:
+            return [*self.joints]
+        joints, weights = enumerate(model.joints), self.weights
+        return [k for k, joint in joints if k and weights[:, joint.idx_v : joint.idx_v + joint.nv].any()]
+
+    def ends(self, model: pin.Model) -> list[int]:
+        """Return the joints at whose links its rows begin: what moves all of these does not move the rows."""
+        return [*self.joints] if self.weights is None else [model.parents[joint] for joint in self.moving(model)]
+
 
 class LoadedLoops(Record, frozen=True):
     """A tree with loops and its loads, for the library.
@@ -63,16 +75,18 @@ class LoadedLoops(Record, frozen=True):
     Attributes:
         structure: The C structure.
         kept: What it points to.
+        places: Where the library has each row, shape (m,).
     """
 
     structure: ConstraintsStructure
     kept: tuple[Any, ...]
+    places: Indices
 
     @property
     def multipliers(self) -> Array:
-        """Multipliers of the accelerations last computed [N or N*m], a view of shape (m,)."""
-        rows = self.structure.delassus.rows
-        return np.frombuffer((ctypes.c_double * rows).from_address(self.structure.multiplier))
+        """Multipliers of the accelerations last computed [N or N*m], shape (m,)."""
+        held = (ctypes.c_double * len(self.places)).from_address(self.structure.multiplier)
+        return np.array(held)[self.places]
 
 
 class CompiledLoops(Record, frozen=True):
@@ -90,72 +104,90 @@ class CompiledLoops(Record, frozen=True):
         """Return the tree under its loads with its loops; ``None`` where a number is none."""
         if not loops_are_sound(self._records, len(self.tree.links)) or not np.isfinite(self._weights).all():
             return None
-        model, rows = self.tree.model, len(self._first)
-        sizes = np.arange(rows) - self._first + 1
-        places, stored = (self._first, np.cumsum(sizes) - np.arange(rows) - 1), int(sizes.sum())
-        entries = np.zeros(stored), np.zeros(stored)
-        known = self._records, self._paths, self._velocities, self._weights, np.zeros(len(self.tied), LOOP_STATE)
+        model, rows = self.tree.model, sum(self._rows)
+        loaded = loaded.with_unknowns(model.nv + rows)
+        squares = self._skyline
+        known = self._records, self._passed, self._unknowns, self._weights, np.zeros(len(self.tied), LOOP_STATE)
         buffers = (
-            np.zeros((model.njoints, MOST_ROWS), FORCE), np.zeros((len(self._velocities), MOST_ROWS)),
-            np.zeros((model.nv, MOST_ROWS)), np.zeros(model.nv), *(np.zeros(rows) for _ in range(3)),
+            np.zeros((model.njoints, MOST_ROWS), FORCE), np.zeros((len(self._unknowns), MOST_ROWS)),
+            np.zeros((model.nv + rows, MOST_ROWS)), np.zeros(model.nv), *(np.zeros(rows) for _ in range(3)),
         )  # fmt: skip
-        counts = len(self.tied), len(self._paths), len(self._velocities)
         structure = ConstraintsStructure(
-            ctypes.addressof(loaded.structure), *counts, *map(pointer, known),
-            SkylineStructure(rows, *map(pointer, (*places, *entries))), *map(pointer, buffers),
+            ctypes.addressof(loaded.structure), len(self.tied), *map(pointer, known),
+            SkylineStructure(rows, *map(pointer, squares)), *map(pointer, buffers),
         )  # fmt: skip
-        return LoadedLoops(structure, (loaded, places, entries, known, buffers))
+        return LoadedLoops(structure, (loaded, squares, known, buffers), self._places)
+
+    @property
+    def _skyline(self) -> tuple[NDArray[Any], ...]:
+        """The arrays of the matrix of all rows: first columns, places, entries and factors."""
+        records = self._records
+        first = np.repeat(records["first"][records["coupled"]], records["rows"]).astype(np.intp)
+        sizes = np.arange(len(first)) - first + 1
+        origin, stored = np.cumsum(sizes) - np.arange(len(first)) - 1, int(sizes.sum())
+        return first, origin.astype(np.intp), np.zeros(stored), np.zeros(stored)
 
     @cached_property
-    def _links(self) -> list[Indices]:
-        """Links that move either frame of each loop joint, children before their parents."""
-        supports = [np.array(one.tolist(), np.intp) - 1 for one in self.tree.model.supports]
-        return [distinct(np.concatenate([supports[joint] for joint in self._joints(one)]))[:0:-1] for one in self.tied]
+    def _order(self) -> list[int]:
+        """The loop joints in the order of the links at which they end, from the tips."""
+        ends = [end_of(self.tree.model, one.ends(self.tree.model)) for one in self.tied]
+        return sorted(range(len(ends)), key=lambda k: -ends[k])
 
-    def _joints(self, one: Tied) -> list[int]:
-        """Return the joints at whose links a loop joint is, or that a coupling couples."""
-        if one.weights is None:
-            return [*one.joints]
-        joints = enumerate(self.tree.model.joints)
-        moved = [k for k, joint in joints if k and one.weights[:, joint.idx_v : joint.idx_v + joint.nv].any()]
-        return [*one.joints, *moved]
+    @cached_property
+    def _ordered(self) -> list[Tied]:
+        return [self.tied[k] for k in self._order]
+
+    @cached_property
+    def _rows(self) -> list[int]:
+        return [len(one.along) for one in self._ordered]
+
+    @cached_property
+    def _places(self) -> Indices:
+        """Where each row is in this order, shape (m,)."""
+        sizes = [len(one.along) for one in self.tied]
+        rows = np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1])
+        return np.argsort(np.concatenate([rows[k] for k in self._order]))
+
+    @cached_property
+    def _ways(self) -> list[Way]:
+        """What the rows of each loop joint pass."""
+        model, ways = self.tree.model, Ways(self.tree.model, [], {})
+        for one, count in zip(self._ordered, self._rows, strict=True):
+            ways.add(one.ends(model), one.moving(model), count)
+        return ways.found
+
+    @cached_property
+    def _passed(self) -> NDArray[np.intc]:
+        return np.array([entry for way in self._ways for entry in way.passed], np.intc)
+
+    @cached_property
+    def _unknowns(self) -> NDArray[np.intc]:
+        return np.array([unknown for way in self._ways for unknown in way.support], np.intc)
 
     @cached_property
     def _weights(self) -> Array:
-        """What the rows of each have of the velocities that move it, shape (sum of these, MOST_ROWS)."""
-        found = np.zeros((len(self._velocities), MOST_ROWS))
-        ends = np.cumsum([len(moved) for moved in self._moved])
-        for end, one, moved in zip(ends, self.tied, self._moved, strict=True):
+        """What the rows of each have of the unknowns that they pass, shape (sum of these, MOST_ROWS)."""
+        found, start, nv = np.zeros((len(self._unknowns), MOST_ROWS)), 0, self.tree.model.nv
+        for one, way in zip(self._ordered, self._ways, strict=True):
             if one.weights is not None:
-                found[end - len(moved) : end, : len(one.weights)] = one.weights[:, moved].T
+                places = [k for k, unknown in enumerate(way.unknowns) if unknown < nv]
+                moved = [way.unknowns[k] for k in places]
+                found[[start + k for k in places], : len(one.weights)] = one.weights[:, moved].T
+            start += len(way.support)
         return found
-
-    @cached_property
-    def _paths(self) -> NDArray[np.intc]:
-        return np.concatenate(self._links).astype(np.intc)
-
-    @cached_property
-    def _moved(self) -> list[list[int]]:
-        """Velocities of these links."""
-        places, counts = self.tree.model.idx_vs.tolist()[1:], self.tree.model.nvs.tolist()[1:]
-        return [[places[i] + k for i in links for k in range(counts[i])] for links in self._links]
-
-    @cached_property
-    def _velocities(self) -> NDArray[np.intc]:
-        return np.concatenate(self._moved).astype(np.intc)
 
     @cached_property
     def _records(self) -> NDArray[np.void]:
         """The loop joints, of ``structures.LOOP``."""
-        found = np.zeros(len(self.tied), LOOP)
-        rows = [len(one.along) for one in self.tied]
+        found, ways = np.zeros(len(self.tied), LOOP), self._ways
         for name, counts in (
-            ("first", rows), ("path", map(len, self._links)), ("support", map(len, self._moved)),
+            ("first", self._rows), ("path", [len(way.passed) for way in ways]),
+            ("support", [len(way.support) for way in ways]),
         ):  # fmt: skip
             found[name] = np.cumsum([0, *counts])[:-1]
-        for record, one, links, moved in zip(found, self.tied, self._links, self._moved, strict=True):
-            record["kind"], record["rows"] = one.kind, len(one.along)
-            record["links"], record["degrees"] = len(links), len(moved)
+        for record, one, way in zip(found, self._ordered, ways, strict=True):
+            record["kind"], record["rows"], record["end"] = one.kind, len(one.along), way.end
+            record["links"], record["degrees"] = len(way.passed), len(way.support)
             record["along"][: len(one.along)], record["about"][: len(one.about)] = one.along, one.about
             for i, (joint, place) in enumerate(zip(one.joints, one.places, strict=True)):
                 record["link"][i], record["frame"]["rotation"][i], record["frame"]["translation"][i] = (
@@ -166,12 +198,6 @@ class CompiledLoops(Record, frozen=True):
 
     @property
     def _coupled(self) -> list[int]:
-        """The first loop joint that shares a velocity with each."""
+        """The first loop joint that shares an unknown with each."""
         first: dict[int, int] = {}
-        return [min([k, *(first.setdefault(v, k) for v in moved)]) for k, moved in enumerate(self._moved)]
-
-    @cached_property
-    def _first(self) -> NDArray[np.intp]:
-        """Column of the first entry of each row of the matrix of all rows."""
-        records = self._records
-        return np.repeat(records["first"][records["coupled"]], records["rows"]).astype(np.intp)
+        return [min([k, *(first.setdefault(n, k) for n in way.support)]) for k, way in enumerate(self._ways)]

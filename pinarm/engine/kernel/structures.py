@@ -32,21 +32,27 @@ POINT_SPRING = np.dtype([
 ], align=True)  # fmt: skip
 """A spring between two points."""
 
-LINK_STATE, DEGREE_STATE = np.dtype((float, 24 + 18 + 21 + 6)), np.dtype((float, 7))
-"""Buffers of the recursion for a link, and for a velocity."""
+LINK_STATE = np.dtype([
+    ("in_parent", float, 12), ("rotation", float, (3, 3)), ("translation", float, 3), ("velocity", float, 6),
+    ("acceleration", float, 6), ("change", float, 6), ("inertia", float, 21), ("bias", float, 6),
+])  # fmt: skip
+"""Buffers of the recursion for a link; rotation and translation are those in the world."""
+
+DEGREE_STATE = np.dtype((float, 7))
+"""Buffers of the recursion for an unknown, a velocity or a multiplier."""
 
 MOST_ROWS = 6
 """Most rows of a loop joint."""
 
 LOOP = np.dtype([
     ("kind", np.intc), ("rows", np.intc), ("link", np.intc, 2),
-    *((name, np.intc) for name in ("first", "path", "links", "support", "degrees", "coupled")),
+    *((name, np.intc) for name in ("first", "end", "path", "links", "support", "degrees", "coupled")),
     ("frame", [("rotation", float, (3, 3)), ("translation", float, 3)], 2),
     ("along", float, (MOST_ROWS, 3)), ("about", float, (MOST_ROWS, 3)),
 ], align=True)  # fmt: skip
 """A joint that closes a loop."""
 
-LOOP_STATE, FORCE = np.dtype((float, 3 + 9 + 18 * MOST_ROWS)), np.dtype((float, 6))
+LOOP_STATE, FORCE = np.dtype((float, 3 + 9 + 18 * MOST_ROWS + 12)), np.dtype((float, 6))
 """Buffers for a loop joint, and for a force."""
 
 
@@ -55,7 +61,6 @@ class TreeStructure(ctypes.Structure):
 
     _fields_ = [
         *((name, INT) for name in ("links", "nq", "nv", "rotation_springs", "point_springs")),
-        ("gravity", REAL * 3),
         *((name, POINTER) for name in ("link", "degree", "rotation_spring", "point_spring")),
         *((name, POINTER) for name in ("link_state", "degree_state", "tau")),
     ]  # fmt: skip
@@ -89,10 +94,10 @@ class ConstraintsStructure(ctypes.Structure):
     """A tree with loops, and its buffers."""
 
     _fields_ = [
-        ("tree", POINTER), *((name, INT) for name in ("loops", "path_length", "support_length")),
-        *((name, POINTER) for name in ("loop", "path", "dof", "weight_of", "loop_state")),
-        ("delassus", SkylineStructure),
-        *((name, POINTER) for name in ("carried", "reduced", "spread", "weight", "right", "multiplier", "before")),
+        ("tree", POINTER), ("loops", INT),
+        *((name, POINTER) for name in ("loop", "path", "unknown", "weight_of", "loop_state")),
+        ("squares", SkylineStructure),
+        *((name, POINTER) for name in ("carried", "reduced", "spread", "response", "right", "multiplier", "part")),
     ]  # fmt: skip
 
 
@@ -103,7 +108,7 @@ class ClosingStructure(ctypes.Structure):
         ("rows", ConstraintsStructure), ("exact", ProximalStructure), ("tolerant", ProximalStructure),
         *((name, REAL) for name in ("projection", "closed", "stalled", "torn")), ("corrections", INT),
         ("limits", LimitsStructure),
-        *((name, POINTER) for name in ("scale", "generalised", "change", "sum", "part", "aside", "state", "saved")),
+        *((name, POINTER) for name in ("scale", "sum", "part", "aside", "state", "saved")),
         ("near", INT), *((name, REAL) for name in ("regular", "open", "t", "step", "floor")),
     ]  # fmt: skip
 

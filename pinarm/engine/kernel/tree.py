@@ -47,11 +47,9 @@ STATES = 3
 NO_FLOOR = np.zeros(1)
 """The smallest useful step of trees [s]."""
 
-BUFFERS = "link_state", "degree_state", "tau"
-"""What the library writes, at the end of the arrays of a loaded tree."""
-
-DEGREES = 1
-"""Place of the velocities, with what acts along each, among the arrays of a loaded tree."""
+DEGREES, WORLD = 1, 4
+"""Places among the arrays of a loaded tree: of the velocities, with what acts along each, and of the links' buffers,
+before which is that of the world."""
 
 DISAGREES = "the compiled kernel is not used: its accelerations differ from Pinocchio's by {:.1e}"
 
@@ -67,13 +65,25 @@ class LoadedTree(Record, frozen=True):
     structure: TreeStructure
     arrays: tuple[NDArray[Any], ...]
 
+    @classmethod
+    def of(cls, sizes: Sequence[int], arrays: Sequence[NDArray[Any]], gravity: Array) -> LoadedTree:
+        """Return the tree of the sizes and arrays that the library reads, under gravity [m/s^2], shape (3,)."""
+        world = np.zeros(1, LINK_STATE)
+        world["rotation"], world["acceleration"][:, :3] = np.eye(3), -gravity
+        return cls(TreeStructure(*sizes, *map(pointer, arrays)), (*arrays, world)).copied()
+
     def copied(self) -> LoadedTree:
         """Return the same tree with buffers of its own."""
-        structure, count = TreeStructure.from_buffer_copy(self.structure), len(BUFFERS)
-        buffers = tuple(np.zeros_like(array) for array in self.arrays[-count:])
-        for name, buffer in zip(BUFFERS, buffers, strict=True):
-            setattr(structure, name, pointer(buffer))
-        return LoadedTree(structure, (*self.arrays[:-count], *buffers))
+        return self.with_unknowns(self.structure.nv)
+
+    def with_unknowns(self, count: int) -> LoadedTree:
+        """Return the same tree with buffers of its own, for velocities and the multipliers behind them."""
+        structure, (*known, links) = TreeStructure.from_buffer_copy(self.structure), self.arrays[: WORLD + 1]
+        links = np.concatenate([links[:1], np.zeros(structure.links, LINK_STATE)])
+        unknowns = np.zeros(count, DEGREE_STATE), np.zeros(count)
+        structure.link_state = pointer(links) + LINK_STATE.itemsize
+        structure.degree_state, structure.tau = map(pointer, unknowns)
+        return LoadedTree(structure, (*known, links, *unknowns))
 
 
 class TreeFlow(Flow, frozen=True):
@@ -184,10 +194,8 @@ class CompiledTree(Record, frozen=True):
         sound = links_are_sound(self.links, model.nq, model.nv) and loads_are_sound(*loads, count, model.nq)
         if not sound or not np.isfinite(model.gravity.linear).all():
             return None
-        buffers = np.zeros(count, LINK_STATE), np.zeros(model.nv, DEGREE_STATE), np.zeros(model.nv)
-        arrays = self.links.copy(), *loads, *buffers
-        sizes, gravity = (count, model.nq, model.nv, len(balls), len(lines)), tuple(model.gravity.linear)
-        return LoadedTree(TreeStructure(*sizes, gravity, *map(pointer, arrays)), arrays)
+        sizes = count, model.nq, model.nv, len(balls), len(lines)
+        return LoadedTree.of(sizes, (self.links.copy(), *loads), np.array(model.gravity.linear))
 
     def placed(self, joint: int, place: pin.SE3) -> tuple[int, Array, Array]:
         """Return the link, -1 for the world, of a frame at a joint, and its rotation and place in the link's frame."""

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import pinarm
+from pinarm.engine.integration.tableaus import DOP853
 from pinarm.engine.kernel import tree as kernel_tree
 from pinarm.engine.kernel.links import links_of
 from pinarm.engine.motion.systems.free import FreeSystem
@@ -17,14 +18,17 @@ FREE = ["brick_thrown", "gen411_arm_swing", "gyroscope_free", "gyroscope_precess
 
 @pytest.mark.parametrize("name", FREE)
 def test_a_run_is_the_same_with_the_library_and_without(name, calls, without):
-    """To rounding, as far as the motion amplifies it: less than the tolerances of these runs, 1e-10 and 1e-12."""
+    """To rounding, as far as the motion amplifies it: less than the tolerances of these runs, 1e-10 and 1e-12.
+
+    A step more or less is taken where the errors of the steps are rounding, as in a steady precession.
+    """
     path = f"scenarios/{name}.yaml"
     found = pinarm.run(path)
     assert calls
     taken = len(calls)
     expected = without(lambda: pinarm.run(path))
     assert len(calls) == taken, "the library has taken steps without being there"
-    assert found.figures["evaluations"] == expected.figures["evaluations"]
+    assert found.figures["evaluations"] == pytest.approx(expected.figures["evaluations"], abs=DOP853.stages)
     for one, other in zip((found.trajectory.q, found.trajectory.v), (expected.trajectory.q, expected.trajectory.v),
                           strict=True):  # fmt: skip
         assert np.abs(one - other).max() <= 1e-8 * np.abs(other).max()

@@ -16,65 +16,59 @@ static void move(const tree *t, double s, const double *x, double *q) {
     }
 }
 
-/* Write the least x, measured by the masses, with G x = `right`: x = M^-1 G' S^-1 right. S is factorised. */
-static void least_change(const closing *c) {
-    const constraints *r = &c->rows;
-    skyline_solve(&r->delassus, r->right);
-    memset(c->generalised, 0, (size_t)r->tree->nv * sizeof *c->generalised);
-    constraints_load(r, r->right, c->generalised);
-    tree_response(r->tree, c->generalised, c->change);
-}
-
-/* Write what is open to `right`, and G v to `before`; return the length of what is open. */
+/* Write what is open at points to `right`, and G v to `multiplier`; return the length of what is open. */
 static double gap(const constraints *c) {
     double square = 0.0;
     for (int i = 0; i < c->loops; i++) {
         const loop *l = &c->loop[i];
-        loop_gap(c->tree, l, &c->loop_state[i], c->right + l->first, c->before + l->first);
+        const loop_state *s = &c->loop_state[i];
+        for (int r = 0; r < l->rows; r++) {
+            const double open = dot(s->along[r], s->apart);
+            c->multiplier[l->first + r] = dot(s->along[r], subtract(s->velocity[0].linear, s->velocity[1].linear));
+            c->right[l->first + r] = open, square += open * open;
+        }
     }
-    for (ptrdiff_t k = 0; k < c->delassus.rows; k++)
-        square += c->right[k] * c->right[k];
     return sqrt(square);
 }
 
-/* Close the placed state: positions by Newton's method, adding w times the changes to `aside`, velocities in one step. */
+/* Close the placed state: positions by Newton's method, adding w times the changes to `aside`, velocities in one step.
+ * A change is the least x, measured by the masses, with G x = `right`. */
 static void close_state(const closing *c, double w, double *q, double *v) {
     const constraints *r = &c->rows;
     double before = INFINITY;
     for (int n = 0;; n++) {
-        constraints_delassus(r);
-        skyline_factorise(&r->delassus, c->projection);
+        constraints_factorise(r, c->projection);
+        tree_unload(r->tree);
         const double size = gap(r);
         if (n == c->corrections || size <= c->closed || (size < c->stalled && size > 0.5 * before))
             break;
         before = size;
-        least_change(c);
-        move(r->tree, 1.0, c->change, q);
+        constraints_solve(r);
+        move(r->tree, 1.0, r->response, q);
         for (int k = 0; k < r->tree->nv; k++)
-            c->aside[k] += w * c->change[k];
+            c->aside[k] += w * r->response[k];
         constraints_place(r, q, v);
     }
-    copy((int)r->delassus.rows, r->before, r->right);
-    least_change(c);
+    copy((int)r->squares.rows, r->multiplier, r->right);
+    constraints_solve(r);
     for (int k = 0; k < r->tree->nv; k++)
-        v[k] -= c->change[k];
+        v[k] -= r->response[k];
 }
 
 /* Return the square of the largest singular value of G where the state is placed; 0 where there is none. */
 static double largest_square(const closing *c) {
-    const skyline *s = &c->rows.delassus;
-    double trace = 0.0, diagonal = 0.0;
+    const skyline *s = &c->rows.squares;
+    double trace = 0.0;
     constraints_squares(&c->rows);
-    for (ptrdiff_t i = 0; i < s->rows; i++) {
-        const double x = s->entry[s->origin[i] + i];
-        trace += x, diagonal = fmax(diagonal, x);
-    }
-    return trace < INFINITY && diagonal > 0.0 ? skyline_eigenvalue(s, 0, diagonal, trace, c->limits.accuracy) : 0.0;
+    for (ptrdiff_t i = 0; i < s->rows; i++)
+        trace += s->entry[s->origin[i] + i];
+    const double mean = trace / (double)s->rows;
+    return mean > 0.0 && mean < INFINITY ? skyline_eigenvalue(s, 0, mean, trace, c->limits.accuracy) : 0.0;
 }
 
 /* The number of singular values of G whose square is at least x. */
 static ptrdiff_t count_from(const closing *c, double x) {
-    return c->rows.delassus.rows - skyline_factorise(&c->rows.delassus, -x);
+    return c->rows.squares.rows - skyline_factorise(&c->rows.squares, -x);
 }
 
 static int turns(const closing *c) { return c->open > c->limits.passed; } /* beside a singular position */
@@ -146,7 +140,7 @@ static int look(closing *c) {
     if (rank > l->rank)
         return 0;
     const double smallest = rank < l->rank ? 0.0 :
-        skyline_eigenvalue(&c->rows.delassus, l->rank - 1, least, largest, l->accuracy);
+        skyline_eigenvalue(&c->rows.squares, l->rank - 1, least, largest, l->accuracy);
     c->regular = sqrt(smallest / largest) / l->usual;
     const double fall = before - c->regular;
     c->near = c->regular < l->near || (c->regular < l->ahead * fall && (fall > l->coarse || c->regular < l->close));

@@ -25,7 +25,7 @@ typedef struct {
     int corrections;          /* most corrections of a position */
     limits limits;
     const double *scale;      /* unit of every velocity, nv */
-    double *generalised, *change, *sum, *part, *aside; /* nv */
+    double *sum, *part, *aside; /* nv */
     double *state, *saved;    /* nq + nv */
     int near;                 /* whether the stages of the next step are closed */
     double regular, open;     /* regularity of the last closed position; gap at a singular one that is near */

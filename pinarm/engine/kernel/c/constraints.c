@@ -3,144 +3,206 @@
 #include <math.h>
 #include <string.h>
 
-/* What is left of a force f on a link beyond its joint, which takes S' f: the whole of it for the rows of G, and
- * f - U S' f / D for those reduced by the articulated inertias: Featherstone, section 7.3, with forces in place of bias
- * forces. So G M^-1 G' = W' D^-1 W with the reduced rows W, in the columns that both loops have. */
-typedef force (*passage)(const tree *t, int k, force f, double power);
-
-static force rigidly(const tree *t, int k, force f, double power) {
-    (void)t, (void)k, (void)power;
-    return f;
+/* Note that row r of a loop joint has x of the unknown at a place of its support. */
+static void note(const constraints *c, int place, int r, double x) {
+    const int n = c->unknown[place];
+    c->reduced[place * MOST_ROWS + r] = x;
+    c->spread[n * MOST_ROWS + r] = x * c->tree->degree_state[n].inverse;
 }
 
-static force articulately(const tree *t, int k, force f, double power) {
-    const degree_state *e = &t->degree_state[k];
-    const double gain = -power * e->inverse;
-    accumulate_force(&f, (force){scale(gain, e->u.linear), scale(gain, e->u.angular)});
-    return f;
+/* The entry W' D^-1 W of the row r that is spread and of row s of a loop joint. */
+static double entry(const constraints *c, int r, const loop *m, int s) {
+    double sum = 0.0;
+    for (int k = m->support; k < m->support + m->degrees; k++)
+        sum += c->spread[c->unknown[k] * MOST_ROWS + r] * c->reduced[k * MOST_ROWS + s];
+    return sum;
 }
 
-/* Write the rows of a loop joint, each in the velocities that move it. */
-static void reduce(const constraints *c, const loop *l, const loop_state *s, passage pass) {
+static force *carried(const constraints *c, int i) { return c->carried + (i + 1) * MOST_ROWS; }
+
+/* Let row r pass row s of a loop joint, which ends at the link where row r has the force f. */
+static void pass_row(const constraints *c, int place, int r, const loop *m, int s, force *f) {
+    const double x = entry(c, r, m, s);
+    note(c, place, r, x);
+    *f = tree_beyond(c->tree, c->unknown[place], *f, x);
+}
+
+/* Let the rows of a loop joint pass the joint of link i, which takes S' f of their forces. */
+static void pass_joint(const constraints *c, int place, const loop *l, int i) {
     const tree *t = c->tree;
+    const link *passed = &t->link[i];
+    for (int r = 0; r < l->rows; r++) {
+        force f = carried(c, i)[r];
+        carried(c, i)[r] = NO_FORCE;
+        for (int k = 0; k < joint_velocities(passed->kind); k++) {
+            const double x = power(&t->degree[passed->v + k].s, &f) + c->weight_of[(place + k) * MOST_ROWS + r];
+            note(c, place + k, r, x);
+            f = tree_beyond(t, passed->v + k, f, x);
+        }
+        if (passed->parent >= 0)
+            accumulate_force(&carried(c, passed->parent)[r], into_parent(&t->link_state[i].in_parent, &f));
+    }
+}
+
+/* Write the rows of a loop joint in the unknowns that they pass: Featherstone, section 7.3, with forces in place of
+ * bias forces. What is left of them acts on the link at which it ends. */
+static void reduce(const constraints *c, const loop *l, const loop_state *s) {
     for (int i = 0; i < 2; i++)
         for (int r = 0; r < l->rows && l->link[i] >= 0; r++)
-            accumulate_force(&c->carried[l->link[i] * MOST_ROWS + r], into_parent(&l->frame[i], &s->on[i][r]));
-    ptrdiff_t row = (ptrdiff_t)l->support * MOST_ROWS;
-    for (int n = 0; n < l->links; n++) {
-        const int i = c->path[l->path + n], parent = t->link[i].parent;
-        const int first = t->link[i].v, count = joint_velocities(t->link[i].kind);
-        for (int r = 0; r < l->rows; r++) {
-            force f = c->carried[i * MOST_ROWS + r];
-            c->carried[i * MOST_ROWS + r] = (force){{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
-            for (int k = 0; k < count; k++) {
-                const double x = power(&t->degree[first + k].s, &f) + c->weight_of[row + k * MOST_ROWS + r];
-                c->reduced[row + k * MOST_ROWS + r] = x;
-                f = pass(t, first + k, f, x);
-            }
-            if (parent >= 0)
-                accumulate_force(&c->carried[parent * MOST_ROWS + r], into_parent(&t->link_state[i].in_parent, &f));
+            accumulate_force(&carried(c, l->link[i])[r], into_parent(&l->frame[i], &s->on[i][r]));
+    for (int n = l->path, place = l->support; n < l->path + l->links; n++) {
+        const int i = c->path[n];
+        if (i >= 0) {
+            pass_joint(c, place, l, i);
+            place += joint_velocities(c->tree->link[i].kind);
+            continue;
         }
-        row += (ptrdiff_t)count * MOST_ROWS;
+        const loop *m = &c->loop[~i];
+        for (int q = 0; q < m->rows; q++, place++)
+            for (int r = 0; r < l->rows; r++)
+                pass_row(c, place, r, m, q, &carried(c, m->end)[r]);
     }
 }
 
-/* Write the entries W_i' D^-1 W_j of one loop joint with those before it that share velocities with it. */
-static void multiply(const constraints *c, int i) {
-    const loop *l = &c->loop[i];
-    for (int n = 0; n < l->degrees; n++) {
-        const int k = c->dof[l->support + n];
-        for (int r = 0; r < l->rows; r++)
-            c->spread[k * MOST_ROWS + r] = c->weight[k] * c->reduced[(l->support + n) * MOST_ROWS + r];
-    }
+/* Eliminate the multipliers of reduced rows, which leave the forces K on the link at which they end: K' a + L lam + .. = 0
+ * makes lam an unknown with U = -K and D = -(L + term). */
+static void eliminate(const constraints *c, const loop *l, double term) {
+    const int place = l->support + l->degrees - l->rows;
+    force *left = carried(c, l->end);
     for (int r = 0; r < l->rows; r++) {
-        double *a = c->delassus.entry + c->delassus.origin[l->first + r];
-        for (int j = l->coupled; j <= i; j++) {
-            const loop *m = &c->loop[j];
-            for (int s = 0; s < m->rows && m->first + s <= l->first + r; s++) {
-                double sum = 0.0;
-                for (int n = 0; n < m->degrees; n++)
-                    sum += c->spread[c->dof[m->support + n] * MOST_ROWS + r] *
-                           c->reduced[(m->support + n) * MOST_ROWS + s];
-                a[m->first + s] = sum;
-            }
-        }
+        degree_state *e = &c->tree->degree_state[c->unknown[place + r]];
+        e->u = (force){scale(-1.0, left[r].linear), scale(-1.0, left[r].angular)};
+        e->inverse = -1.0 / (entry(c, r, l, r) + term);
+        subtract_square(&c->tree->link_state[l->end].inertia, e->inverse, &e->u);
+        for (int q = r + 1; q < l->rows; q++)
+            pass_row(c, place + r, q, l, r, &left[q]);
     }
-    for (int n = 0; n < l->degrees; n++)
-        memset(c->spread + c->dof[l->support + n] * MOST_ROWS, 0, MOST_ROWS * sizeof *c->spread);
 }
 
-void constraints_delassus(const constraints *c) {
-    for (int k = 0; k < c->tree->nv; k++)
-        c->weight[k] = c->tree->degree_state[k].inverse;
-    for (int i = 0; i < c->loops; i++)
-        reduce(c, &c->loop[i], &c->loop_state[i], articulately), multiply(c, i);
+/* Write the entries of a reduced loop joint with those before it that share unknowns with it. */
+static void multiply(const constraints *c, const loop *l) {
+    for (int r = 0; r < l->rows; r++) {
+        double *a = c->squares.entry + c->squares.origin[l->first + r];
+        for (const loop *m = &c->loop[l->coupled]; m <= l; m++)
+            for (int q = 0; q < m->rows && m->first + q <= l->first + r; q++)
+                a[m->first + q] = entry(c, r, m, q);
+    }
 }
 
-void constraints_squares(const constraints *c) {
-    for (int k = 0; k < c->tree->nv; k++)
-        c->weight[k] = 1.0;
-    for (int i = 0; i < c->loops; i++)
-        reduce(c, &c->loop[i], &c->loop_state[i], rigidly), multiply(c, i);
+static void clear(const constraints *c, const loop *l) {
+    for (int k = l->support; k < l->support + l->degrees; k++)
+        memset(c->spread + c->unknown[k] * MOST_ROWS, 0, MOST_ROWS * sizeof *c->spread);
+    for (int r = 0; r < l->rows; r++)
+        carried(c, l->end)[r] = NO_FORCE;
+}
+
+void constraints_factorise(const constraints *c, double term) {
+    for (int i = c->tree->links - 1, k = 0; i >= -1; i--) {
+        for (; k < c->loops && c->loop[k].end == i; k++) {
+            reduce(c, &c->loop[k], &c->loop_state[k]);
+            eliminate(c, &c->loop[k], term);
+            clear(c, &c->loop[k]);
+        }
+        if (i >= 0)
+            tree_reduce(c->tree, i);
+    }
+}
+
+void constraints_squares(const constraints *c) { /* joints take S' f and leave f; multipliers are no unknowns */
+    for (int n = 0; n < c->tree->nv + (int)c->squares.rows; n++)
+        c->tree->degree_state[n] = (degree_state){NO_FORCE, n < c->tree->nv};
+    for (int k = 0; k < c->loops; k++) {
+        reduce(c, &c->loop[k], &c->loop_state[k]);
+        multiply(c, &c->loop[k]);
+        clear(c, &c->loop[k]);
+    }
 }
 
 void constraints_place(const constraints *c, const double *q, const double *v) {
-    tree_articulate(c->tree, q, v);
+    tree_move(c->tree, q, v);
     tree_place(c->tree);
     for (int i = 0; i < c->loops; i++)
         loop_place(c->tree, &c->loop[i], &c->loop_state[i]);
 }
 
-/* Write G a + G' v of the accelerations a, which the links have; return the square of its length. */
-static double torn(const constraints *c, const double *a, double *result) {
+/* What the unknowns passed ask of the multiplier of each row, u = sum W u / D - right, which loads the link it ends at. */
+static void load_rows(const constraints *c, const loop *l) {
+    const tree *t = c->tree;
+    for (int r = 0; r < l->rows; r++) {
+        const int n = t->nv + l->first + r;
+        double sum = -c->right[l->first + r];
+        for (int k = l->support; k < l->support + l->degrees; k++)
+            sum += c->reduced[k * MOST_ROWS + r] * t->tau[c->unknown[k]] * t->degree_state[c->unknown[k]].inverse;
+        t->tau[n] = sum;
+        t->link_state[l->end].bias = tree_beyond(t, n, t->link_state[l->end].bias, -sum);
+    }
+}
+
+/* lam = (u - U' a) / D of each row, the last one first, and u + W lam of the unknowns passed. */
+static void release_rows(const constraints *c, const loop *l) {
+    const tree *t = c->tree;
+    for (int r = l->rows - 1; r >= 0; r--) {
+        const double lam = tree_unknown(t, t->nv + l->first + r, &t->link_state[l->end].change);
+        c->part[l->first + r] = lam;
+        for (int k = l->support; k < l->support + l->degrees; k++)
+            t->tau[c->unknown[k]] += c->reduced[k * MOST_ROWS + r] * lam;
+    }
+}
+
+void constraints_solve(const constraints *c) {
+    const tree *t = c->tree;
+    int k = 0;
+    for (int i = t->links - 1; i >= -1; i--) {
+        for (; k < c->loops && c->loop[k].end == i; k++)
+            load_rows(c, &c->loop[k]);
+        if (i >= 0)
+            tree_load(t, i);
+    }
+    for (int i = -1; i < t->links; i++) {
+        if (i >= 0)
+            tree_accelerate(t, i, c->response);
+        for (; k > 0 && c->loop[k - 1].end == i; k--)
+            release_rows(c, &c->loop[k - 1]);
+    }
+}
+
+/* Write what G a + G' v lacks, of the accelerations a, which the links have; return the square of its length. */
+static double torn(const constraints *c, const double *a) {
     double square = 0.0;
     for (int i = 0; i < c->loops; i++) {
         const loop *l = &c->loop[i];
-        loop_accelerations(c->tree, l, &c->loop_state[i], result + l->first);
+        double *result = c->right + l->first;
+        loop_accelerations(c->tree, l, &c->loop_state[i], result);
         for (int n = l->support; n < l->support + l->degrees; n++)
-            for (int r = 0; r < l->rows; r++)
-                result[l->first + r] += c->weight_of[n * MOST_ROWS + r] * a[c->dof[n]];
+            for (int r = 0; r < l->rows && c->unknown[n] < c->tree->nv; r++)
+                result[r] += c->weight_of[n * MOST_ROWS + r] * a[c->unknown[n]];
+        for (int r = 0; r < l->rows; r++)
+            result[r] = -result[r], square += result[r] * result[r];
     }
-    for (ptrdiff_t k = 0; k < c->delassus.rows; k++)
-        square += result[k] * result[k];
     return square;
 }
 
-void constraints_load(const constraints *c, const double *multiplier, double *u) {
-    for (int i = 0; i < c->loops; i++) {
-        const loop *l = &c->loop[i];
-        for (int n = 0; n < l->degrees; n++)
-            for (int r = 0; r < l->rows; r++)
-                u[c->dof[l->support + n]] += c->reduced[(l->support + n) * MOST_ROWS + r] * multiplier[l->first + r];
-    }
-}
-
-/* The multipliers of S lam = b: the proximal iteration of Carpentier, Budhiraja, Mansard, Proximal and sparse
- * resolution of constrained dynamic equations (2021), algorithm 1, as Pinocchio's. It ends at lam of least length. */
-static void find_multipliers(const constraints *c, const proximal *p) {
-    const ptrdiff_t m = c->delassus.rows;
-    memset(c->multiplier, 0, (size_t)m * sizeof *c->multiplier);
-    skyline_factorise(&c->delassus, p->term);
-    for (int n = 0; n < p->repeats; n++) {
-        double largest = 0.0;
-        for (ptrdiff_t k = 0; k < m; k++)
-            c->before[k] = c->multiplier[k], c->multiplier[k] = p->term * c->multiplier[k] - c->right[k];
-        skyline_solve(&c->delassus, c->multiplier);
-        for (ptrdiff_t k = 0; k < m; k++)
-            largest = fmax(largest, fabs(c->multiplier[k] - c->before[k]));
-        if (p->term * largest <= p->accuracy)
-            break;
-    }
-}
-
-/* M a + nle = tau + G' lam and G a + G' v = 0: with a_0 of the free tree S lam = -(G a_0 + G' v); then u + W lam moves
- * the tree: Featherstone, sections 8.3 and 8.5. */
+/* M a + nle = tau + G' lam and G a + G' v = 0, from a = 0 and lam = 0 on: each iteration solves for what is lacking.
+ * This is the proximal iteration of Carpentier, Budhiraja, Mansard, Proximal and sparse resolution of constrained dynamic
+ * equations (2021), algorithm 1, as Pinocchio's; it ends at lam of least length. Rows are eliminated at links as in
+ * Sathya, Carpentier, Constrained articulated body dynamics algorithms (2024). */
 double constraints_accelerate(const constraints *c, const proximal *p, double *a) {
-    constraints_delassus(c);
-    tree_accelerate(c->tree, a);
-    torn(c, a, c->right);
-    find_multipliers(c, p);
-    constraints_load(c, c->multiplier, c->tree->tau);
-    tree_accelerate(c->tree, a);
-    return torn(c, a, c->right);
+    const tree *t = c->tree;
+    const ptrdiff_t m = c->squares.rows;
+    constraints_factorise(c, p->term);
+    memset(a, 0, (size_t)t->nv * sizeof *a), memset(c->multiplier, 0, (size_t)m * sizeof *c->multiplier);
+    double square = torn(c, a), largest = INFINITY;
+    for (int n = 0; n < p->repeats && p->term * largest > p->accuracy; n++) {
+        constraints_solve(c);
+        tree_unload(t);
+        for (int k = 0; k < t->nv; k++)
+            a[k] += c->response[k];
+        for (int i = 0; i < t->links; i++)
+            accumulate_motion(&t->link_state[i].acceleration, t->link_state[i].change);
+        largest = 0.0;
+        for (ptrdiff_t k = 0; k < m; k++)
+            c->multiplier[k] += c->part[k], largest = fmax(largest, fabs(c->part[k]));
+        square = torn(c, a);
+    }
+    return square;
 }

@@ -1,40 +1,46 @@
-/* A tree with loops: the rows of its loop joints together, and its accelerations. */
+/* A tree with loops: the rows of its loop joints together, and its accelerations.
+ * A loop joint ends at the last link that moves both of its frames, or at the world: no joint before this link moves it.
+ * There its multipliers are eliminated as the velocities of joints are, which leaves a tree. */
 #pragma once
 
 #include "loops.h"
 #include "skyline.h"
 
-/* How multipliers are found where rows may be redundant: (S + term 1) lam_(k+1) = b + term lam_k. */
+/* How multipliers are found where rows may be redundant: (S + term 1) lam_(k+1) = b + term lam_k, S = G M^-1 G'. */
 typedef struct {
     double term;     /* [1/kg] */
     double accuracy; /* it ends where term |lam_(k+1) - lam_k| is no larger */
     int repeats;     /* most iterations */
 } proximal;
 
+/* Unknowns are the velocities of the tree, then the multipliers of the rows, which have U, D and u in its buffers too. */
 typedef struct {
     const tree *tree;
-    int loops, path_length, support_length;
-    const loop *loop;
-    const int *path, *dof; /* links and velocities that move each loop joint, links in descending order */
-    const double *weight_of; /* MOST_ROWS for each entry of `dof`: what rows of couplings have of velocities */
+    int loops;
+    const loop *loop;        /* in the order of the links at which they end, from the tips */
+    const int *path;         /* what a row passes, in this order: a link, or ~k for a loop joint k before it */
+    const int *unknown;      /* the unknowns there, and behind them its own multipliers */
+    const double *weight_of; /* MOST_ROWS for each entry of `unknown`: what rows of couplings have of velocities */
     loop_state *loop_state;
-    skyline delassus;      /* rows of all loop joints */
-    force *carried;        /* MOST_ROWS for each link: forces of the rows on their way to the root; 0 between uses */
-    double *reduced;       /* MOST_ROWS for each entry of `dof` */
-    double *spread;        /* MOST_ROWS for each velocity; 0 between uses */
-    double *weight;        /* nv */
-    double *right, *multiplier, *before; /* as many as there are rows */
+    skyline squares;         /* G G' */
+    force *carried;          /* MOST_ROWS for the world and each link: forces of rows on their ways; 0 between uses */
+    double *reduced;         /* MOST_ROWS for each entry of `unknown`: W, what rows have of the unknowns they pass */
+    double *spread;          /* MOST_ROWS for each unknown; 0 between uses */
+    double *response;        /* q'' of one solution */
+    double *right, *multiplier, *part; /* as many as there are rows */
 } constraints;
 
 /* Bring the tree and its loop joints into a state. */
 void constraints_place(const constraints *c, const double *q, const double *v);
 
-/* Write the reduced rows W and S = W' D^-1 W = G M^-1 G', or the rows of G and G G', where the state is placed. */
-void constraints_delassus(const constraints *c);
-void constraints_squares(const constraints *c);
+/* Once where a state is placed: eliminate joints and rows, to whose pivots a term is added. */
+void constraints_factorise(const constraints *c, double term);
 
-/* u += W lam */
-void constraints_load(const constraints *c, const double *multiplier, double *u);
+/* Write q'' to `response` and lam to `part`, with M q'' = tau - sum S' p + G' lam and G q'' + term lam = `right`. */
+void constraints_solve(const constraints *c);
+
+/* Write G G', where the state is placed; what was factorised is lost. */
+void constraints_squares(const constraints *c);
 
 /* Write the accelerations a where the state is placed; return the square of the length of G a + G' v. */
 double constraints_accelerate(const constraints *c, const proximal *p, double *a);

@@ -14,8 +14,6 @@ static const layout LAYOUTS[JOINT_KINDS] = {
     [PLANAR] = {2, PAIR},     [TRANSLATION] = {3, NONE},
 };
 
-int joint_coordinates(int kind) { return kind == SCREW ? 1 : LAYOUTS[kind].slides + LAYOUTS[kind].coordinates; }
-
 int joint_velocities(int kind) {
     const int turned = LAYOUTS[kind].coordinates;
     return kind == SCREW ? 1 : LAYOUTS[kind].slides + (turned == QUATERNION ? 3 : turned == PAIR);
@@ -81,32 +79,34 @@ placement joint_placement(const link *l, const screw *s, const double *q) {
     return (placement){product(&x.rotation, &r), add(x.translation, times(&x.rotation, slid(p, q)))};
 }
 
-static void normalise(double *x, int n) {
-    double square = 0.0;
-    for (int k = 0; k < n; k++)
-        square += x[k] * x[k];
-    const double length = sqrt(square);
-    for (int k = 0; k < n; k++)
-        x[k] /= length;
-}
-
 void joint_normalise(int kind, double *q) {
-    if (kind != SCREW)
-        normalise(q + LAYOUTS[kind].slides, LAYOUTS[kind].coordinates);
+    double square = 0.0, *x = q + LAYOUTS[kind].slides;
+    for (int k = 0; k < LAYOUTS[kind].coordinates; k++)
+        square += x[k] * x[k];
+    for (int k = 0; k < LAYOUTS[kind].coordinates; k++)
+        x[k] /= sqrt(square);
 }
 
-/* Half the product of a quaternion with an angular velocity in the frame that it turns: Featherstone, equation 4.13. */
-static void quaternion_rates(const double *q, vector w, double *rates) {
-    rates[0] = 0.5 * (q[3] * w.x + q[1] * w.z - q[2] * w.y);
-    rates[1] = 0.5 * (q[3] * w.y + q[2] * w.x - q[0] * w.z);
-    rates[2] = 0.5 * (q[3] * w.z + q[0] * w.y - q[1] * w.x);
-    rates[3] = -0.5 * (q[0] * w.x + q[1] * w.y + q[2] * w.z);
+/* How many times the angle of a rotation its coordinates hold. */
+static double share(const layout *p) { return p->coordinates == QUATERNION ? 0.5 : 1.0; }
+
+/* The product of a (cos, sin) pair or a quaternion and one with the sine b and the cosine c: equations 4.12, 4.13. */
+static void multiply(const layout *p, const double *x, vector b, double c, double *result) {
+    if (p->coordinates == PAIR) {
+        const double cosine = x[0] * c - x[1] * b.z;
+        result[1] = x[1] * c + x[0] * b.z, result[0] = cosine;
+    }
+    if (p->coordinates == QUATERNION) {
+        const vector a = {x[0], x[1], x[2]};
+        const vector sum = add(add(scale(x[3], b), scale(c, a)), cross(a, b));
+        result[3] = x[3] * c - dot(a, b);
+        result[0] = sum.x, result[1] = sum.y, result[2] = sum.z;
+    }
 }
 
 void joint_rates(int kind, const double *q, const double *v, double *rates) {
     const layout *p = &LAYOUTS[kind];
     const double *x = q + p->slides;
-    const vector w = spun(p, v);
     if (kind == SCREW)
         rates[0] = v[0];
     if (p->slides) {
@@ -115,10 +115,7 @@ void joint_rates(int kind, const double *q, const double *v, double *rates) {
             rates[k] = 0.0;
         add_slides(p, times(&r, slid(p, v)), rates);
     }
-    if (p->coordinates == PAIR)
-        rates[p->slides] = -x[1] * w.z, rates[p->slides + 1] = x[0] * w.z;
-    if (p->coordinates == QUATERNION)
-        quaternion_rates(x, w, rates + p->slides);
+    multiply(p, x, scale(share(p), spun(p, v)), 0.0, rates + p->slides);
 }
 
 /* V u, the way of a frame that moves along and about itself by u and w: exp of (u, w) has the translation
@@ -131,37 +128,16 @@ static vector way_of(vector u, vector w) {
     return add(u, add(scale(half, first), scale(sixth, cross(w, first))));
 }
 
-/* The product of a quaternion and exp(w / 2). */
-static void turn_quaternion(double *q, vector w) {
-    const double n = sqrt(dot(w, w));
-    const double s = n > 1e-8 ? sin(0.5 * n) / n : 0.5, c = cos(0.5 * n);
-    const vector a = {q[0], q[1], q[2]}, b = scale(s, w);
-    const vector sum = add(add(scale(q[3], b), scale(c, a)), cross(a, b));
-    q[3] = q[3] * c - dot(a, b);
-    q[0] = sum.x, q[1] = sum.y, q[2] = sum.z;
-    normalise(q, 4);
-}
-
-/* Turn a (cos, sin) pair by an angle. */
-static void turn_pair(double *q, double angle) {
-    const double c = cos(angle), s = sin(angle), cosine = q[0] * c - q[1] * s;
-    q[1] = q[1] * c + q[0] * s;
-    q[0] = cosine;
-    normalise(q, 2);
-}
-
 void joint_move(int kind, double *q, const double *x) {
     const layout *p = &LAYOUTS[kind];
-    double *turned_by = q + p->slides;
     const vector w = spun(p, x);
+    const double n = share(p) * sqrt(dot(w, w)), sine = n > 1e-8 ? sin(n) / n : 1.0;
     if (kind == SCREW)
         q[0] += x[0];
     if (p->slides) {
-        const matrix r = rotation_of(p, turned_by);
+        const matrix r = rotation_of(p, q + p->slides);
         add_slides(p, times(&r, way_of(slid(p, x), w)), q);
     }
-    if (p->coordinates == PAIR)
-        turn_pair(turned_by, w.z);
-    if (p->coordinates == QUATERNION)
-        turn_quaternion(turned_by, w);
+    multiply(p, q + p->slides, scale(share(p) * sine, w), cos(n), q + p->slides);
+    joint_normalise(kind, q);
 }

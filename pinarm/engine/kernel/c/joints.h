@@ -44,8 +44,7 @@ typedef struct {
     body carried;
 } link;
 
-/* Number of coordinates and of velocities of a kind of joint. */
-int joint_coordinates(int kind);
+/* Number of velocities of a kind of joint. */
 int joint_velocities(int kind);
 
 /* Return the placement of a link in its parent at the coordinates q of its joint, with the joint's first screw. */

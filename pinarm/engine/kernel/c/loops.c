@@ -2,36 +2,28 @@
 
 #include <math.h>
 
-static const vector ZERO = {0.0, 0.0, 0.0};
-
-static placement frame_placement(const tree *t, const loop *l, int i) {
-    return l->link[i] < 0 ? l->frame[i] : composed(&t->link_state[l->link[i]].in_world, &l->frame[i]);
-}
-
-/* The velocity of frame 1 or 2, in the axes of frame 1. */
-static motion frame_velocity(const tree *t, const loop *l, const loop_state *s, int i) {
-    if (l->link[i] < 0)
-        return (motion){ZERO, ZERO};
-    const motion v = into_child(&l->frame[i], &t->link_state[l->link[i]].velocity);
-    return i ? (motion){times(&s->axes, v.linear), times(&s->axes, v.angular)} : v;
+/* A motion of the link of frame 1 or 2, as that of the frame in the axes of frame 1. */
+static motion of_frame(const loop *l, const loop_state *s, int i, const motion *of_link) {
+    const motion m = into_child(&l->frame[i], of_link);
+    return i ? (motion){times(&s->axes, m.linear), times(&s->axes, m.angular)} : m;
 }
 
 /* The acceleration of its origin, a + w x v, and its angular acceleration; equation 2.48. */
 static motion frame_acceleration(const tree *t, const loop *l, const loop_state *s, int i) {
-    const motion world = {scale(-1.0, t->gravity), ZERO};
-    motion a = into_child(&l->frame[i], l->link[i] < 0 ? &world : &t->link_state[l->link[i]].acceleration);
-    if (i)
-        a = (motion){times(&s->axes, a.linear), times(&s->axes, a.angular)};
-    const motion v = frame_velocity(t, l, s, i);
-    a.linear = add(a.linear, cross(v.angular, v.linear));
+    const motion *v = &s->velocity[i];
+    motion a = of_frame(l, s, i, &t->link_state[l->link[i]].acceleration);
+    a.linear = add(a.linear, cross(v->angular, v->linear));
     return a;
 }
 
 void loop_place(const tree *t, const loop *l, loop_state *s) {
-    const placement one = frame_placement(t, l, 0), two = frame_placement(t, l, 1);
+    const placement one = composed(&t->link_state[l->link[0]].in_world, &l->frame[0]);
+    const placement two = composed(&t->link_state[l->link[1]].in_world, &l->frame[1]);
     const double points = l->kind == POINT ? -1.0 : 1.0;
     s->apart = transposed_times(&one.rotation, subtract(two.translation, one.translation));
     s->axes = transposed_product(&one.rotation, &two.rotation);
+    for (int i = 0; i < 2; i++)
+        s->velocity[i] = of_frame(l, s, i, &t->link_state[l->link[i]].velocity);
     for (int k = 0; k < l->rows; k++) {
         vector e = l->along[k], w = l->about[k];
         if (l->kind == UNIVERSAL && k == l->rows - 1)
@@ -62,7 +54,7 @@ void loop_accelerations(const tree *t, const loop *l, const loop_state *s, doubl
             result[k] = dot(s->along[k], subtract(a.linear, b.linear));
         return;
     }
-    const motion v = frame_velocity(t, l, s, 0), u = frame_velocity(t, l, s, 1);
+    const motion v = s->velocity[0], u = s->velocity[1];
     const vector carried = cross(v.angular, s->apart), omega = subtract(u.angular, v.angular);
     const vector dp = subtract(subtract(u.linear, v.linear), carried);
     const vector turning = add(cross(a.angular, s->apart), cross(v.angular, add(carried, scale(2.0, dp))));
@@ -70,10 +62,4 @@ void loop_accelerations(const tree *t, const loop *l, const loop_state *s, doubl
     const vector domega = subtract(subtract(b.angular, a.angular), cross(v.angular, omega));
     for (int k = 0; k < l->rows; k++)
         result[k] = dot(s->along[k], ddp) + dot(s->about[k], domega) + bend(l, s, k, dp, omega);
-}
-
-void loop_gap(const tree *t, const loop *l, const loop_state *s, double *open, double *rate) {
-    const vector slip = subtract(frame_velocity(t, l, s, 0).linear, frame_velocity(t, l, s, 1).linear);
-    for (int k = 0; k < l->rows; k++)
-        open[k] = dot(s->along[k], s->apart), rate[k] = dot(s->along[k], slip);
 }

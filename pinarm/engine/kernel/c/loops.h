@@ -16,9 +16,10 @@ typedef struct {
     int kind, rows;
     int link[2];             /* -1 for the world */
     int first;               /* of its rows in G */
-    int path, links;         /* first place in `path`, and number, of the links that move either frame */
-    int support, degrees;    /* first place in `dof`, and number, of the velocities of these links */
-    int coupled;             /* first loop that shares one of these velocities with it */
+    int end;                 /* the last link that moves both frames, or all joints that it couples, or -1 */
+    int path, links;         /* first place in `path`, and number, of what its rows pass on their ways there */
+    int support, degrees;    /* first place in `unknown`, and number, of the unknowns there, its multipliers too */
+    int coupled;             /* first loop joint that shares one of these unknowns with it */
     placement frame[2];      /* of frames 1 and 2 in their links */
     vector along[MOST_ROWS]; /* e */
     vector about[MOST_ROWS]; /* w */
@@ -30,6 +31,7 @@ typedef struct {
     matrix axes;             /* R, the axes of frame 2 in frame 1, as columns */
     vector along[MOST_ROWS], about[MOST_ROWS];
     force on[2][MOST_ROWS];  /* force of every row on frame 1 and on frame 2 */
+    motion velocity[2];      /* of frames 1 and 2, in the axes of frame 1 */
 } loop_state;
 
 /* Place a loop joint, whose links are placed in the world and have velocities. */
@@ -37,6 +39,3 @@ void loop_place(const tree *t, const loop *l, loop_state *s);
 
 /* Write G a + G' v, of the accelerations that the links have. */
 void loop_accelerations(const tree *t, const loop *l, const loop_state *s, double *result);
-
-/* Write what G x has to be for x to close points, and G v. */
-void loop_gap(const tree *t, const loop *l, const loop_state *s, double *open, double *rate);

@@ -43,16 +43,12 @@ typedef struct {
 typedef struct {
     double t, start, end;
     double h, ceiling;       /* next step, and the largest factor by which the one after it may be longer */
-    ptrdiff_t tries;         /* steps that may be tried, rejected ones included */
-    ptrdiff_t room;          /* steps that may be written */
-    ptrdiff_t written;       /* steps that have been */
-    ptrdiff_t rejected;      /* steps rejected */
+    ptrdiff_t tries, room;   /* steps that may be tried, rejected ones included, and that may be written */
+    ptrdiff_t written, rejected; /* steps that have been */
     ptrdiff_t handed;        /* 1 where the steps ended because the last state is not settled */
     double *y;               /* present state, n */
     double *scratch;         /* 2 n */
-    double *starts;          /* t, h and t + h of the written steps, room each */
-    double *lengths;
-    double *ends;
+    double *starts, *lengths, *ends; /* t, h and t + h of the written steps, room each */
     ptrdiff_t *rejections;   /* steps rejected before each, since the beginning of the call, room */
     int *floored;            /* whether each was accepted as rounding, room */
     double *states;          /* y at the start of each, room rows of n */

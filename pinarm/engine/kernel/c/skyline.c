@@ -28,21 +28,6 @@ ptrdiff_t skyline_factorise(const skyline *s, double shift) {
     return negative;
 }
 
-void skyline_solve(const skyline *s, double *x) {
-    for (ptrdiff_t i = 0; i < s->rows; i++) {
-        const double *l = s->factor + s->origin[i];
-        for (ptrdiff_t j = s->first[i]; j < i; j++)
-            x[i] -= l[j] * x[j];
-    }
-    for (ptrdiff_t i = 0; i < s->rows; i++)
-        x[i] /= s->factor[s->origin[i] + i];
-    for (ptrdiff_t i = s->rows - 1; i >= 0; i--) {
-        const double *l = s->factor + s->origin[i];
-        for (ptrdiff_t j = s->first[i]; j < i; j++)
-            x[j] -= l[j] * x[i];
-    }
-}
-
 double skyline_eigenvalue(const skyline *s, ptrdiff_t above, double low, double high, double accuracy) {
     while (high > low * (1.0 + accuracy)) {
         const double middle = sqrt(low) * sqrt(high);

@@ -15,9 +15,6 @@ typedef struct {
 /* Factorise A + shift 1 = L D L'; return how many entries of D are negative, as many eigenvalues of A are < -shift. */
 ptrdiff_t skyline_factorise(const skyline *s, double shift);
 
-/* Solve L D L' x = b in place. */
-void skyline_solve(const skyline *s, double *x);
-
 /* Return an eigenvalue of the positive semidefinite A to a relative accuracy, by bisection of its bracket from `low` to
  * `high`: the one above which there are `above` others. */
 double skyline_eigenvalue(const skyline *s, ptrdiff_t above, double low, double high, double accuracy);

@@ -1,7 +1,6 @@
 /* Spatial algebra: motions, forces, placements and inertias of links, in components about the origin of a link frame.
  * Source: Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 2, appendix A. As in Pinocchio the linear part
- * stands first. With a placement (R, r) of a child frame in its parent's, a vector x of the child is R x in the parent.
- */
+ * stands first. With a placement (R, r) of a child frame in its parent's, a vector x of the child is R x in the parent. */
 #pragma once
 
 typedef struct { double x, y, z; } vector;
@@ -9,10 +8,7 @@ typedef struct { vector x, y, z; } matrix; /* rows */
 typedef struct { double xx, xy, xz, yy, yz, zz; } symmetric;
 typedef struct { vector linear, angular; } motion; /* velocity or acceleration of the frame's origin, and angular */
 typedef struct { vector linear, angular; } force; /* force, and moment about the frame's origin */
-typedef struct {
-    matrix rotation;
-    vector translation;
-} placement;
+typedef struct { matrix rotation; vector translation; } placement;
 
 /* A rigid body: mass m, m c with the centre of mass c, and the inertia about the origin of the frame. */
 typedef struct {
@@ -27,6 +23,10 @@ typedef struct {
     matrix coupling;   /* H */
     symmetric inertia; /* I */
 } articulated;
+
+static const vector ZERO = {0.0, 0.0, 0.0};
+static const motion NO_MOTION = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+static const force NO_FORCE = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
 
 static inline vector add(vector a, vector b) { return (vector){a.x + b.x, a.y + b.y, a.z + b.z}; }
 static inline vector subtract(vector a, vector b) { return (vector){a.x - b.x, a.y - b.y, a.z - b.z}; }
@@ -99,11 +99,16 @@ static inline motion motion_cross(const motion *v, const motion *m) {
     return (motion){add(cross(v->angular, m->linear), cross(v->linear, m->angular)), cross(v->angular, m->angular)};
 }
 
-/* v x* (I v), the force that a body needs to go on with the velocity v; equations 2.32, 2.63 and 2.68. */
+/* I m; equation 2.63. */
+static inline force body_times(const body *b, const motion *m) {
+    return (force){add(scale(b->mass, m->linear), cross(m->angular, b->moment)),
+                   add(symmetric_times(&b->inertia, m->angular), cross(b->moment, m->linear))};
+}
+
+/* v x* (I v), the force that a body needs to go on with the velocity v; equations 2.32 and 2.68. */
 static inline force gyroscopic(const body *b, const motion *v) {
-    const vector linear = add(scale(b->mass, v->linear), cross(v->angular, b->moment));
-    const vector angular = add(symmetric_times(&b->inertia, v->angular), cross(b->moment, v->linear));
-    return (force){cross(v->angular, linear), add(cross(v->angular, angular), cross(v->linear, linear))};
+    const force i = body_times(b, v);
+    return (force){cross(v->angular, i.linear), add(cross(v->angular, i.angular), cross(v->linear, i.linear))};
 }
 
 /* The inertia of a rigid body as an articulated one: M = m 1, H = [m c]; equation 2.63. */
@@ -114,12 +119,6 @@ static inline articulated rigid(const body *b) {
         {{0.0, -c.z, c.y}, {c.z, 0.0, -c.x}, {-c.y, c.x, 0.0}},
         b->inertia,
     };
-}
-
-/* I m */
-static inline force inertia_times(const articulated *i, const motion *m) {
-    return (force){add(symmetric_times(&i->mass, m->linear), transposed_times(&i->coupling, m->angular)),
-                   add(times(&i->coupling, m->linear), symmetric_times(&i->inertia, m->angular))};
 }
 
 static inline void add_symmetric(symmetric *sum, const symmetric *s) {

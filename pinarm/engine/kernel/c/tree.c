@@ -36,30 +36,14 @@ static void add_loads(const tree *t, const double *q, const double *v) {
 
 void tree_place(const tree *t) {
     for (int i = 0; i < t->links; i++) {
-        const int parent = t->link[i].parent;
         link_state *s = &t->link_state[i];
+        const int parent = t->link[i].parent;
         s->in_world = parent < 0 ? s->in_parent : composed(&t->link_state[parent].in_world, &s->in_parent);
     }
 }
 
-static vector point(const tree *t, int i, vector place) {
-    if (i < 0)
-        return place;
-    const placement *x = &t->link_state[i].in_world;
-    return add(times(&x->rotation, place), x->translation);
-}
-
-static vector point_velocity(const tree *t, int i, vector place) {
-    if (i < 0)
-        return (vector){0.0, 0.0, 0.0};
-    const link_state *s = &t->link_state[i];
-    return times(&s->in_world.rotation, add(s->velocity.linear, cross(s->velocity.angular, place)));
-}
-
 /* Add a force in the world's axes at a point of a link to what acts on the link: p^A -= f. */
 static void pull(const tree *t, int i, vector place, vector world) {
-    if (i < 0)
-        return;
     link_state *s = &t->link_state[i];
     const vector f = transposed_times(&s->in_world.rotation, world);
     s->bias.linear = subtract(s->bias.linear, f), s->bias.angular = subtract(s->bias.angular, cross(place, f));
@@ -71,8 +55,10 @@ static void add_point_springs(const tree *t) {
         const point_spring *s = &t->point_spring[k];
         vector end[2], rate[2];
         for (int i = 0; i < 2; i++) {
-            end[i] = point(t, s->link[i], s->place[i]);
-            rate[i] = point_velocity(t, s->link[i], s->place[i]);
+            const link_state *b = &t->link_state[s->link[i]];
+            const vector v = add(b->velocity.linear, cross(b->velocity.angular, s->place[i]));
+            end[i] = add(times(&b->in_world.rotation, s->place[i]), b->in_world.translation);
+            rate[i] = times(&b->in_world.rotation, v);
         }
         const vector apart = subtract(end[1], end[0]), change = subtract(rate[1], rate[0]);
         const double l = sqrt(dot(apart, apart)), beyond = s->pull - s->stiffness * s->rest;
@@ -84,90 +70,80 @@ static void add_point_springs(const tree *t) {
     }
 }
 
-/* Pass 1, from the root: v = X v_p + S q', c = v x S q', I^A = I, p^A = v x* I v. */
+/* Pass 1, from the root: v = X v_p + S q', a = X a_p + v x S q', from -gravity of the world on, I^A = I and
+ * p = I a + v x* I v: equations 5.8 to 5.10 at q'' = 0. */
 static void velocities(const tree *t, const double *q, const double *v) {
     for (int i = 0; i < t->links; i++) {
         const link *l = &t->link[i];
+        const link_state *p = &t->link_state[l->parent];
         link_state *s = &t->link_state[i];
-        motion joint = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+        motion joint = NO_MOTION;
         for (int k = l->v; k < l->v + joint_velocities(l->kind); k++)
             accumulate_motion(&joint, along(&t->degree[k].s, v[k]));
         s->in_parent = joint_placement(l, &t->degree[l->v].s, q + l->q);
-        s->velocity = joint;
-        if (l->parent >= 0)
-            accumulate_motion(&s->velocity, into_child(&s->in_parent, &t->link_state[l->parent].velocity));
-        s->product = motion_cross(&s->velocity, &joint);
+        s->velocity = l->parent < 0 ? NO_MOTION : into_child(&s->in_parent, &p->velocity);
+        accumulate_motion(&s->velocity, joint);
+        s->acceleration = into_child(&s->in_parent, &p->acceleration);
+        accumulate_motion(&s->acceleration, motion_cross(&s->velocity, &joint));
         s->inertia = rigid(&l->carried);
         s->bias = gyroscopic(&l->carried, &s->velocity);
+        accumulate_force(&s->bias, body_times(&l->carried, &s->acceleration));
     }
 }
 
-/* Pass 2, from the tips: for each column S of the joint U = I^A S, D = S' U + armature, u = tau - S' p^A;
- * I^a = I^A - U U' / D, p^a = p^A + I^a c + U u / D, and both are added to those of the parent. */
-static void inertias(const tree *t) {
-    for (int i = t->links - 1; i >= 0; i--) {
-        const link *l = &t->link[i];
-        link_state *s = &t->link_state[i];
-        for (int k = l->v; k < l->v + joint_velocities(l->kind); k++) {
-            const degree *d = &t->degree[k];
-            degree_state *e = &t->degree_state[k];
-            e->u = column(&s->inertia, &d->s);
-            e->inverse = 1.0 / (power(&d->s, &e->u) + d->armature);
-            t->tau[k] -= power(&d->s, &s->bias);
-            const double gain = t->tau[k] * e->inverse;
-            subtract_square(&s->inertia, e->inverse, &e->u);
-            accumulate_force(&s->bias, (force){scale(gain, e->u.linear), scale(gain, e->u.angular)});
-        }
-        if (l->parent < 0)
-            continue;
-        link_state *p = &t->link_state[l->parent];
-        accumulate_force(&s->bias, inertia_times(&s->inertia, &s->product));
-        add_into_parent(&p->inertia, &s->in_parent, &s->inertia);
-        accumulate_force(&p->bias, into_parent(&s->in_parent, &s->bias));
-    }
-}
-
-/* Featherstone, section 7.3 and table 7.1, in the frames of the links. The columns of a joint with several velocities
- * are eliminated one after the other, as if massless links were between them: this is Gauss's elimination of D. */
-void tree_articulate(const tree *t, const double *q, const double *v) {
+void tree_move(const tree *t, const double *q, const double *v) {
     add_loads(t, q, v);
     velocities(t, q, v);
     if (t->point_springs > 0) {
         tree_place(t);
         add_point_springs(t);
     }
-    inertias(t);
 }
 
-/* The joint's part of pass 3: q'' = (u - U' a') / D and a' + S q'', for its columns in reverse order. */
-static void joint_accelerations(const tree *t, int i, const double *u, double *a) {
+void tree_unload(const tree *t) {
+    for (int k = 0; k < t->nv; k++)
+        t->tau[k] = 0.0;
+    for (int i = 0; i < t->links; i++)
+        t->link_state[i].bias = NO_FORCE;
+}
+
+/* Pass 2 and 3 of Featherstone, section 7.3 and table 7.1, in the frames of the links; as a and p have their parts of
+ * q'' = 0 beforehand, c stands in neither. The columns of a joint with several velocities are eliminated one after the
+ * other, as if massless links were between them: this is Gauss's elimination of D. */
+void tree_reduce(const tree *t, int i) {
     const link *l = &t->link[i];
-    motion *m = &t->link_state[i].acceleration;
+    link_state *s = &t->link_state[i];
+    for (int k = l->v; k < l->v + joint_velocities(l->kind); k++) {
+        const degree *d = &t->degree[k];
+        degree_state *e = &t->degree_state[k];
+        e->u = column(&s->inertia, &d->s);
+        e->inverse = 1.0 / (power(&d->s, &e->u) + d->armature);
+        subtract_square(&s->inertia, e->inverse, &e->u);
+    }
+    if (l->parent >= 0)
+        add_into_parent(&t->link_state[l->parent].inertia, &s->in_parent, &s->inertia);
+}
+
+void tree_load(const tree *t, int i) {
+    const link *l = &t->link[i];
+    link_state *s = &t->link_state[i];
+    for (int k = l->v; k < l->v + joint_velocities(l->kind); k++) {
+        t->tau[k] -= power(&t->degree[k].s, &s->bias);
+        s->bias = tree_beyond(t, k, s->bias, -t->tau[k]);
+    }
+    if (l->parent >= 0)
+        accumulate_force(&t->link_state[l->parent].bias, into_parent(&s->in_parent, &s->bias));
+}
+
+/* a' = X a_p, then q'' = (u - U' a') / D and a' + S q'', for the columns of the joint in reverse order. */
+void tree_accelerate(const tree *t, int i, double *a) {
+    const link *l = &t->link[i];
+    motion *m = &t->link_state[i].change;
+    *m = l->parent < 0 ? NO_MOTION : into_child(&t->link_state[i].in_parent, &t->link_state[l->parent].change);
     for (int k = l->v + joint_velocities(l->kind) - 1; k >= l->v; k--) {
-        const degree_state *e = &t->degree_state[k];
-        a[k] = (u[k] - dot(e->u.linear, m->linear) - dot(e->u.angular, m->angular)) * e->inverse;
+        a[k] = tree_unknown(t, k, m);
         accumulate_motion(m, along(&t->degree[k].s, a[k]));
     }
-}
-
-/* Pass 3, from the root: a' = X a_p + c, where c counts, with the acceleration of the world. */
-static void accelerate(const tree *t, motion base, int moving, const double *u, double *a) {
-    for (int i = 0; i < t->links; i++) {
-        link_state *s = &t->link_state[i];
-        const int parent = t->link[i].parent;
-        s->acceleration = into_child(&s->in_parent, parent < 0 ? &base : &t->link_state[parent].acceleration);
-        if (moving)
-            accumulate_motion(&s->acceleration, s->product);
-        joint_accelerations(t, i, u, a);
-    }
-}
-
-void tree_accelerate(const tree *t, double *a) { /* gravity is as if the world accelerated */
-    accelerate(t, (motion){scale(-1.0, t->gravity), {0.0, 0.0, 0.0}}, 1, t->tau, a);
-}
-
-void tree_response(const tree *t, const double *u, double *x) {
-    accelerate(t, (motion){{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}}, 0, u, x);
 }
 
 void tree_coordinate_rates(const tree *t, double *q, const double *v, double *rates) {
@@ -182,6 +158,9 @@ void tree_rates(void *system, double time, double *y, double *slope) {
     const tree *t = system;
     (void)time;
     tree_coordinate_rates(t, y, y + t->nq, slope);
-    tree_articulate(t, y, y + t->nq);
-    tree_accelerate(t, slope + t->nq);
+    tree_move(t, y, y + t->nq);
+    for (int i = t->links - 1; i >= 0; i--)
+        tree_reduce(t, i), tree_load(t, i);
+    for (int i = 0; i < t->links; i++)
+        tree_accelerate(t, i, slope + t->nq);
 }

@@ -27,9 +27,9 @@ typedef struct {
 /* What a link and its joint are at present: buffers of the passes. */
 typedef struct {
     placement in_parent, in_world;
-    motion velocity, product, acceleration; /* v, c = v x S q', a */
-    articulated inertia;                    /* I^A */
-    force bias;                             /* p^A */
+    motion velocity, acceleration, change; /* v, a, and X a_p + S q'' of one solution */
+    articulated inertia;                   /* I^A */
+    force bias;                            /* p^A */
 } link_state;
 
 typedef struct {
@@ -39,26 +39,44 @@ typedef struct {
 
 typedef struct {
     int links, nq, nv, rotation_springs, point_springs;
-    vector gravity; /* acceleration, in the world's axes */
     const link *link;
     const degree *degree;
     const rotation_spring *rotation_spring;
     const point_spring *point_spring;
-    link_state *link_state;
+    link_state *link_state; /* the world, link -1, has the acceleration -gravity; nobody reads its inertia and bias */
     degree_state *degree_state;
     double *tau; /* nv loads, then u = tau - S' p^A */
 } tree;
 
-/* The two halves of the accelerations of the free tree in the state q, v: what its links carry, which leaves I^A, U, D
- * and u in its buffers, and the accelerations a, of nv numbers. */
-void tree_articulate(const tree *t, const double *q, const double *v);
-void tree_accelerate(const tree *t, double *a);
-
-/* Write x = M^-1 f of generalised forces f that leave u at the joints, at rest and without gravity. */
-void tree_response(const tree *t, const double *u, double *x);
+/* Bring the links into the state q, v: with the accelerations that they have while their joints do not accelerate, the
+ * forces p that these and the velocities need, and the loads tau, so that M q'' = tau - sum S' p. */
+void tree_move(const tree *t, const double *q, const double *v);
 
 /* Place the links in the world, from their placements in their parents. */
 void tree_place(const tree *t);
+
+/* Take the loads off: tau and p are 0. */
+void tree_unload(const tree *t);
+
+/* From the tips: what the joint of link i leaves for its parent of the inertia, U = I^A S, D = S' U + armature and
+ * I^A - U U' / D, and of the loads, u = tau - S' p^A and p^A + U u / D. */
+void tree_reduce(const tree *t, int i);
+void tree_load(const tree *t, int i);
+
+/* From the root: write q'' of the joint of link i, and `change`. */
+void tree_accelerate(const tree *t, int i, double *a);
+
+/* Unknown n of a link that accelerates by m: (u - U' m) / D; and what is left of a force f, of which it takes the part
+ * x: f - U x / D. */
+static inline double tree_unknown(const tree *t, int n, const motion *m) {
+    const degree_state *e = &t->degree_state[n];
+    return (t->tau[n] - dot(e->u.linear, m->linear) - dot(e->u.angular, m->angular)) * e->inverse;
+}
+static inline force tree_beyond(const tree *t, int n, force f, double x) {
+    const degree_state *e = &t->degree_state[n];
+    const double gain = -x * e->inverse;
+    return (force){add(f.linear, scale(gain, e->u.linear)), add(f.angular, scale(gain, e->u.angular))};
+}
 
 /* Normalise the coordinates q, and write q' of the velocities v. */
 void tree_coordinate_rates(const tree *t, double *q, const double *v, double *rates);

@@ -16,8 +16,9 @@ from pinarm.engine.kernel.tree import CompiledTree, HeldFlow
 from pinarm.engine.motion.systems.compiled.compiled_loops import LoopSystem
 from pinarm.mechanics.forces.force_element import ForceElement
 
-PROXIMAL, ITERATIONS = 1e-12, 4
-"""Proximal term of multipliers, relative to the smallest of ``W M^-1 W^T``, and iterations: rows are independent."""
+PROXIMAL = 1e-15
+"""Proximal term of multipliers, relative to the smallest of ``W M^-1 W^T``: rows are independent, so that one iteration
+leaves rounding."""
 
 
 def coupled_flow(
@@ -39,7 +40,7 @@ def coupled_flow(
     loops, scale = CompiledLoops(tree, [Tied.coupling(row) for row in rows]).loaded(loaded), _scale(model, rows)
     if loops is None or not scale > 0.0:
         return None
-    solve = ProximalStructure(PROXIMAL * scale, 0.0, ITERATIONS)
+    solve = ProximalStructure(PROXIMAL * scale, 0.0, 1)
     system = LoopSystem.of(loops, np.ones(model.nv), model.nq, solve)
     if system is None:
         return None

@@ -62,7 +62,7 @@ class LoopSystem(Record, frozen=True):
             limits: When positions are regular; none where nobody looks.
         """
         nv, kind = len(scale), LimitsStructure()
-        kept = scale.copy(), *(np.zeros(nv) for _ in range(5)), *(np.zeros(nq + nv) for _ in range(2))
+        kept = scale.copy(), *(np.zeros(nv) for _ in range(3)), *(np.zeros(nq + nv) for _ in range(2))
         if not np.isfinite([exact.term, exact.accuracy, *closing, *scale]).all():
             return None
         structure = ClosingStructure(

@@ -32,6 +32,10 @@ forces of 1 N at points that are a gap apart put the moments of the bodies off b
 PROJECTIONS = 3
 """Projections of its velocities: each leaves ``PROJECTION`` of what is left."""
 
+INDEPENDENT = 1e-5
+"""Part of the proximal term that rows without redundant ones take in regular steps: it keeps pivots from 0, and one
+iteration leaves rounding."""
+
 ALIKE = 1e-6
 """Relative accuracy of squares of singular values."""
 
@@ -73,6 +77,8 @@ class PointFlow(Flow, frozen=True):
         """Choose whether stages are closed, and the rank."""
         structure, settings = self.system.structure, self.motion.settings(rank)
         structure.near, structure.tolerant = near, _proximal(settings) if settings else ProximalStructure()
+        if rank == len(self.system.loops.places):
+            structure.tolerant = ProximalStructure(INDEPENDENT * structure.tolerant.term, 0.0, 1)
 
     def advanced(self, ends: Sequence[float]) -> None:
         """Let the motion know how far it is."""

@@ -26,10 +26,11 @@ from pinarm.mechanics.loops.lower_pairs import LowerPair
 from pinarm.mechanics.loops.rod import Tie
 from pinarm.mechanics.loops.universal import ORIGINS, Cross
 
-PROXIMAL, PIVOT, ITERATIONS = 1e-12, 1e-13, 4
-"""Proximal term of accelerations, relative to the smallest Delassus diagonal and, at least, to the largest one, and
-iterations. Rows that reach 1e-5 of the others count in full, as in the singular values in Python; the pivots of rows
-that repeat others are the term, and not what rounding leaves of large diagonals."""
+PROXIMAL, PIVOT, LEFT, ITERATIONS = 1e-12, 1e-13, 1e-12, 4
+"""Proximal term of accelerations, relative to the smallest Delassus diagonal and, at least, to the largest one, what
+the iteration may leave of the rows where it ends [m/s^2 or rad/s^2], and most iterations. Rows that reach 1e-5 of the
+others count in full, as in the singular values in Python; the pivots of rows that repeat others are the term, and not
+what rounding leaves of large diagonals."""
 
 REPEATED = 1e-12
 """The same, up to which rows repeat others but for rounding. Rows of files that are rounded stay above it: they would
@@ -82,7 +83,7 @@ def _flow(loops: LoadedLoops, closure: Closure, configurations: Iterable[Array])
     compiled, term = library(), _proximal_term(closure, configurations)
     if compiled is None or not term:
         return None
-    solve = ProximalStructure(term, 0.0, ITERATIONS)
+    solve = ProximalStructure(term, LEFT, ITERATIONS)
     system = LoopSystem.of(loops, closure.scale, closure.model.nq, solve)
     return Flow(system.flow((compiled.closing_rates, compiled.closing_leave)), system) if system else None
 
