@@ -98,7 +98,8 @@ ELSEWHERE = {
     "input/yaml/test_document.py": ("what YAML means", "input/yaml/parser"),
     "input/yaml/test_schema.py": ("keys of the file", "mechanics/description"),
     "loops/test_compiled.py": (
-        "compiled loops against Python", "engine/kernel/loops engine/kernel/ways engine/motion/systems/compiled/compiled_loops "
+        "compiled loops against Python", "engine/kernel/loops engine/kernel/ways "
+        "engine/motion/systems/compiled/compiled_loops "
         "engine/motion/systems/compiled/compiled_points engine/motion/systems/compiled/compiled_rows",
     ),
     "loops/test_in_time.py": (
