@@ -152,7 +152,7 @@ class Trajectory(Record, frozen=True):
     def _looked(self) -> dict[bytes, tuple[LinkPlacements, Array, Array, Array]]:
         return {}
 
-    @property
+    @cached_property
     def row_axes(self) -> tuple[int, ...]:
         """Shape of what is the same in all variants, (n,), or (n, 1) where there are several."""
         return len(self), *(1,) * (self.q.ndim - 2)
@@ -162,7 +162,7 @@ class Trajectory(Record, frozen=True):
         """Values of the parameter, shape (n,), or (n, 1) where there are several variants, (n, k) where it varies."""
         return self.grid.t if self.grid.t.ndim > 1 else self.grid.t.reshape(self.row_axes)
 
-    @property
+    @cached_property
     def value_shapes(self) -> tuple[tuple[int, ...], ...]:
         """Shapes that a quantity may have: (n,), or (n, 1) and (n, k) of k variants."""
         model = self.mechanism.model
