@@ -6,6 +6,7 @@ Each has a value w(q), a row J with ``w' = J v``, and a drift ``J' v``, so that 
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping, Sequence
+from functools import cached_property
 from typing import Annotated, Any, Literal, Protocol
 
 import msgspec
@@ -76,11 +77,27 @@ class LinearCoordinate(ValueRecord, frozen=True):
     weights: Array
     places: Indices
 
-    @property
+    @cached_property
+    def moved(self) -> Indices:
+        """Indices in v of the joints that it is a sum of: one of the thousands that a chain may have."""
+        return np.flatnonzero(self.weights)
+
+    @cached_property
     def joint(self) -> int | None:
         """Index in v of the joint whose own coordinate it is; ``None`` of a sum."""
-        weighted = np.flatnonzero(self.weights)
-        return int(weighted[0]) if len(weighted) == 1 and self.weights[weighted[0]] == 1.0 else None
+        return int(self.moved[0]) if len(self.moved) == 1 and self.weights[self.moved[0]] == 1.0 else None
+
+    def at(self, q: Array) -> Array:
+        """Return its values at configurations, shape (n, .., nq)."""
+        if self.joint is not None:
+            return np.asarray(q[..., self.places[self.joint]])
+        return np.asarray(q[..., self.places[self.moved]] @ self.weights[self.moved])
+
+    def rate(self, v: Array) -> Array:
+        """Return its rates at velocities, or its second derivatives at accelerations, shape (n, .., nv)."""
+        return (
+            v[..., self.joint] if self.joint is not None else np.asarray(v[..., self.moved] @ self.weights[self.moved])
+        )
 
     def value(self, state: Kinematics) -> float:
         """Return ``sum_i weight_i q_i``."""

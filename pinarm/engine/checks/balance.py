@@ -41,6 +41,12 @@ LOOKED_AT = 64
 FINE = 2000
 """Steps between samples of controllers from which on each is one part: they are short beside the motion."""
 
+FORCES = np.append(np.eye(3), np.zeros((3, 3)), axis=1).ravel()
+"""Unit forces along x, y and z at the world's origin as wrenches [f; m], shape (18,)."""
+
+MOMENTS = np.append(np.zeros((3, 3, 3)), crossed(np.eye(3)[:, None], np.eye(3)), axis=2).reshape(3, 18)
+"""What is added to these wrenches per metre that the forces act along x, y and z from the origin, shape (3, 18)."""
+
 STEPS, GAUSS_NODES = 8, 4
 """Steps within which the energy is looked at, evenly, besides those that have been looked into, as for rows of the
 table: there the dense output errs more than at their ends. Nodes of the quadrature of dissipated power over a part of a
@@ -52,7 +58,8 @@ def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, Array
 
     For every unit velocity e_k the virtual power of the efforts and loads must equal that of the bodies' momentum
     rates less their weights: ``sum_i J_i^T (I_i A_i + V_i x* I_i V_i)``, with the Jacobians J_i of the bodies and
-    their twists from forward kinematics. Neither appears in the recursions that solved the motion.
+    their twists from forward kinematics. The recursions that solved the motion pass forces and inertias from
+    link to link; none of that is used here.
 
     Args:
         trajectory: The motion.
@@ -119,12 +126,25 @@ def _asked(links: LinkPlacements, columns: Array, wrenches: Array) -> tuple[Arra
     """
     if links.model.nv > MANY:
         return _asked_of_many(links, columns, wrenches)
-    moved, ways = LinkTree.of(links.model).supports, columns.transpose(-2, -1, *range(columns.ndim - 2))
-    parts = wrenches.transpose(0, -1, -2, *range(1, wrenches.ndim - 2))
-    powers = np.einsum("kaj...,av...->kjv...", parts, ways)  # part by part and link by link
-    powers *= moved.reshape(*moved.shape, *(1,) * (columns.ndim - 2))
-    asked, most = powers.sum(axis=(0, 1)), np.abs(powers, out=powers).sum(axis=(0, 1))
-    return np.moveaxis(asked, 0, -1), np.moveaxis(most, 0, -1) + _paths(links, columns, moved)
+    moved, parts = LinkTree.of(links.model).supports, wrenches.transpose(*range(1, wrenches.ndim - 2), 0, -2, -1)
+    powers = _powers(parts, columns, moved)
+    most = np.abs(powers).sum(axis=-3).sum(axis=-2)
+    return powers.sum(axis=-3).sum(axis=-2), most + _paths(links, columns, moved)
+
+
+def _powers(wrenches: Array, ways: Array, moved: Flags) -> Array:
+    """Return the powers of k wrenches on every link along w velocities, 0 of links that these do not move.
+
+    Args:
+        wrenches: At the world's origin, shape (n, .., k, njoints, 6).
+        ways: Twists of the velocities in the world's frame, shape (n, .., 6, w).
+        moved: Which links they move, shape (njoints, w).
+
+    Returns:
+        Shape (n, .., k, njoints, w).
+    """
+    found = wrenches.reshape(*wrenches.shape[:-3], -1, 6) @ ways  # one product of matrices a state
+    return np.where(moved, found.reshape(*found.shape[:-2], -1, *moved.shape), 0.0)
 
 
 def _paths(links: LinkPlacements, columns: Array, moved: Flags) -> Array:
@@ -136,9 +156,11 @@ def _paths(links: LinkPlacements, columns: Array, moved: Flags) -> Array:
         moved: Which links they move, shape (njoints, k).
     """
     tree, size = LinkTree.of(links.model), np.linalg.norm(links.model.gravity.linear)
-    ways, centres = components_first(columns.swapaxes(-2, -1), 1), components_first(_centres(links, tree), 1)
-    paths = ways[:3, ..., None, :] + cross(ways[3:, ..., None, :], centres[..., None])
-    lengths = np.where(moved, np.sqrt(np.einsum("a...,a...->...", paths, paths)), 0.0)
+    centres = _centres(links, tree)
+    pulls = (centres @ MOMENTS + FORCES).reshape(*centres.shape[:-2], -1, 6)
+    paths = pulls @ columns  # what unit forces along x, y and z at the centres would do
+    paths = paths.reshape(*paths.shape[:-2], -1, 3, paths.shape[-1])
+    lengths = np.where(moved, np.sqrt(np.einsum("...ak,...ak->...k", paths, paths)), 0.0)
     return np.asarray(size * np.vecmat(tree.masses, lengths))
 
 
@@ -164,9 +186,9 @@ def _asked_of_many(links: LinkPlacements, columns: Array, wrenches: Array) -> tu
     ways, moved = columns[..., chosen], tree.moves(chosen)
     for row in range(len(columns)):  # of all rows at once, memory would grow with their number
         some = slice(row, row + 1)
-        each = np.where(moved, wrenches[:, some] @ ways[some], 0.0)
+        each = _powers(wrenches[:, row], ways[row], moved)
         paths = _paths(links.some(np.array([row])), ways[some], moved)
-        most[some, chosen] = np.abs(each).sum(axis=(0, -2)) + paths
+        most[some, chosen] = np.abs(each).sum(axis=(0, 1)) + paths
     return powers.sum(axis=0), most
 
 
@@ -198,9 +220,11 @@ def demands(model: Model, links: LinkPlacements, twists: Array, rates: Array) ->
     motions = np.zeros((3, *twist.shape))
     motions[0], motions[1], motions[2, :3] = rate, twist, turned(turns.swapaxes(0, 1), -model.gravity.linear)
     wrenches = LinkTree.of(model).momenta(motions)
-    linear, v, omega = wrenches[1, :3], twist[:3], twist[3:]
-    dragged = cross(v, linear)
-    wrenches[1, :3], wrenches[1, 3:] = cross(omega, linear), cross(omega, wrenches[1, 3:]) + dragged
+    moved, (v, omega) = wrenches[1], twist.reshape(2, 3, *twist.shape[1:])
+    momenta = moved.reshape(2, 3, *moved.shape[1:]).swapaxes(0, 1)
+    dragged = cross(v, moved[:3])
+    moved[:3], moved[3:] = cross(omega[:, None], momenta).swapaxes(0, 1)
+    moved[3:] += dragged
     return wrenches.transpose(0, *range(3, wrenches.ndim), 2, 1)
 
 

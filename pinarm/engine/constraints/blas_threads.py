@@ -10,6 +10,9 @@ SMALL = 16
 """Velocities up to which matrices are too small for OpenBLAS to share them among threads, as it does from 48 rows on:
 they have as many rows as velocities and constraints together."""
 
+UNLIMITED = nullcontext()
+"""What such matrices are worked on in."""
+
 
 def one_blas_thread(nv: int) -> AbstractContextManager[Any]:
     """Let linear algebra use one thread in a ``with`` block, if it would use more for a mechanism of nv velocities.
@@ -18,7 +21,7 @@ def one_blas_thread(nv: int) -> AbstractContextManager[Any]:
     in force again after the block; environment variables stay as they are. Of blocks in several threads at once, that
     which was the first decides, as the limit is the whole process's.
     """
-    limited: AbstractContextManager[Any] = _libraries().limit(limits=1) if nv > SMALL else nullcontext()
+    limited: AbstractContextManager[Any] = _libraries().limit(limits=1) if nv > SMALL else UNLIMITED
     return limited
 
 

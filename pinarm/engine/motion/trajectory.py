@@ -17,7 +17,8 @@ from pinarm.engine.series import Series
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings.coupling import JointRelation
-from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
+from pinarm.mechanics.geometry.link_motion import motion_of
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.model_variants import ModelVariants
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace
@@ -127,8 +128,8 @@ class Trajectory(Record, frozen=True):
 
     @cached_property
     def link_motion(self) -> tuple[LinkPlacements, Array, Array, Array]:
-        """The motion of the links in all rows; see ``link_placements.moving``."""
-        return moving(self.mechanism.model, self.q, self.v, self.a)
+        """The motion of the links in all rows; see ``motion_of``."""
+        return motion_of(self.mechanism.model, self.q, self.v, self.a)
 
     def __repr__(self) -> str:
         """Return its rows and its mechanism."""
@@ -144,14 +145,14 @@ class Trajectory(Record, frozen=True):
         asked = rows.tobytes()
         if asked not in self._looked:
             self._looked.clear()
-            self._looked[asked] = moving(self.mechanism.model, self.q[rows], self.v[rows], self.a[rows])
+            self._looked[asked] = motion_of(self.mechanism.model, self.q[rows], self.v[rows], self.a[rows])
         return self._looked[asked]
 
     @cached_property
     def _looked(self) -> dict[bytes, tuple[LinkPlacements, Array, Array, Array]]:
         return {}
 
-    @property
+    @cached_property
     def row_axes(self) -> tuple[int, ...]:
         """Shape of what is the same in all variants, (n,), or (n, 1) where there are several."""
         return len(self), *(1,) * (self.q.ndim - 2)
@@ -161,7 +162,7 @@ class Trajectory(Record, frozen=True):
         """Values of the parameter, shape (n,), or (n, 1) where there are several variants, (n, k) where it varies."""
         return self.grid.t if self.grid.t.ndim > 1 else self.grid.t.reshape(self.row_axes)
 
-    @property
+    @cached_property
     def value_shapes(self) -> tuple[tuple[int, ...], ...]:
         """Shapes that a quantity may have: (n,), or (n, 1) and (n, k) of k variants."""
         model = self.mechanism.model

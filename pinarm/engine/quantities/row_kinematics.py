@@ -39,9 +39,7 @@ class RowKinematics:
         """Return a coordinate, or its first or second derivative, shape (n, ..)."""
         run = self.run
         if isinstance(coordinate, LinearCoordinate):
-            moved = np.flatnonzero(coordinate.weights)  # one of the thousands that a chain may have
-            joints = coordinate.places[moved] if order == 0 else moved
-            return np.asarray((run.q, run.v, run.a)[order][..., joints] @ coordinate.weights[moved])
+            return coordinate.rate((run.v, run.a)[order - 1]) if order else coordinate.at(run.q)
         if name not in self._coordinates:
             self._coordinates[name] = self._coordinate(coordinate)
         return self._coordinates[name][:, order]

@@ -7,7 +7,7 @@ digits are bounded: an untrusted file can neither run code nor occupy the reader
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
@@ -30,6 +30,7 @@ MAX_BYTES = 1_000_000
 
 
 StructT = TypeVar("StructT", bound=InputStruct)
+T = TypeVar("T")
 
 
 class Document(ValueRecord, frozen=True):
@@ -109,6 +110,14 @@ class Document(ValueRecord, frozen=True):
             yield
         except PinarmError as error:
             raise error.at(self.locate((*path, *error.path))) from error.__cause__
+
+    def with_each(self, key: str, values: Iterable[T], call: Callable[[T], object]) -> None:
+        """Call a function with each of the values of a list, and locate its errors at them as ``locating`` does."""
+        for index, value in enumerate(values):
+            try:
+                call(value)
+            except PinarmError as error:
+                raise error.at(self.locate((key, index, *error.path))) from error.__cause__
 
     def assigned(self, name: str, value: Any, option: Location) -> Document:
         """Return the document with the value at a path such as ``problem.time.end`` replaced.

@@ -72,10 +72,9 @@ class LinkPlacements(Record, frozen=True):
         """
         turns, places = components_first(self.turns, 3), components_first(self.places)
         given = wrenches.transpose(0, -1, -2, *range(1, wrenches.ndim - 2))
-        found = np.empty(given.shape)
-        for part in (slice(0, 3), slice(3, 6)):
-            np.einsum("ab...,kb...->ka...", turns, given[:, part], out=found[:, part])
-        found[:, 3:] += cross(places, found[:, :3].swapaxes(0, 1)).swapaxes(0, 1)
+        parts = np.einsum("ab...,kcb...->kca...", turns, given.reshape(len(given), 2, 3, *given.shape[2:]))
+        parts[:, 1] += cross(places[:, None], parts[:, 0].swapaxes(0, 1)).swapaxes(0, 1)
+        found: Array = parts.reshape(len(given), 6, *parts.shape[3:])
         return found.transpose(0, *range(3, found.ndim), 2, 1)
 
 

@@ -423,9 +423,7 @@ class Scenario(Record, frozen=True):
         removals = self.simplification.removals if solved is not whole else ()
         noted = replace(whole, notes=(*whole.notes, *unclosed(whole.rows)))
         result = replace(self.result(noted), figures=plain(measured), removals=removals)
-        for index, name in enumerate(self.content.outputs):
-            with self.document.locating("outputs", index):
-                result.require_finite(name)
+        self.document.with_each("outputs", self.content.outputs, result.require_finite)
         result = replace(result, figures={**result.figures, **plain(result.quantities.figures())})
         if not all(math.isfinite(figure) for figure in result.figures.values()):
             raise overflow(whole)
@@ -462,9 +460,7 @@ class Scenario(Record, frozen=True):
         with failures_in_words():
             self.problem.prepare(self.mechanism, self.content.accuracy, self.place)
             quantities = self.quantities()
-            for index, name in enumerate(self.content.outputs):
-                with self.document.locating("outputs", index):
-                    quantities[name]
+            self.document.with_each("outputs", self.content.outputs, quantities.__getitem__)
             self.check_presentation()
             if self.content.numbers:
                 from pinarm.use.result.section_number import read_number
