@@ -38,10 +38,10 @@ class AlikePairs(Record, frozen=True):
 
     def at(self, q: Array, cosine: Array, sine: Array) -> Iterator[tuple[int, EvaluatedRows]]:
         """Yield the place of each pair, and its rows at configurations; see ``PairMeasure.at``."""
-        n, together = q.shape[1], max(1, BLOCK // max(1, q.shape[1]))
+        together = max(1, BLOCK // max(1, q.shape[1]))
         for first in range(0, len(self.joints), together):
             joints = self.joints[first : first + together]
-            columns = (x[joints.T].reshape(joints.shape[1], len(joints) * n) for x in (q, cosine, sine))
+            columns = (_columns(x, joints) for x in (q, cosine, sine))
             evaluated = EvaluatedAlike(self.measure.at(*columns), joints)
             yield from ((self.places[first + k], AlikeRows(evaluated, k)) for k in range(len(joints)))
 
@@ -88,8 +88,7 @@ class EvaluatedAlike(Struct, eq=False, dict=True, weakref=True):
     def drift(self, v: Array) -> dict[int, Array]:
         """Return J' v for velocities v, shape (nv, n)."""
         if self._drift is None or self._drift[0] is not v:
-            columns = v[self.joints.T].reshape(self.joints.shape[1], -1)
-            self._drift = v, self.pair.drift(self.every, columns)
+            self._drift = v, self.pair.drift(self.every, _columns(v, self.joints))
         return self._drift[1]
 
     def stacked(self, n: int, x: Array) -> Array:
@@ -128,6 +127,11 @@ class AlikeRows(Record, frozen=True):
     def drift(self, wanted: Container[int], v: Array) -> dict[int, Array]:
         """Return J' v of the wanted rows."""
         return {i: self.alike.of_pair(self.k, x) for i, x in self.alike.drift(v).items() if i in wanted}
+
+
+def _columns(x: Array, joints: Indices) -> Array:
+    """Return the numbers of each pair's joints, shape (s, L n), from those of all, shape (nv, n)."""
+    return x.take(joints.T.ravel(), axis=0).reshape(joints.shape[1], -1)
 
 
 def alike_pairs(measures: Sequence[RowMeasure]) -> tuple[AlikePairs, ...]:

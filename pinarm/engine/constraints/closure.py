@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 SMALL = 0.01
 """Part of its reach below which a row may be that of a joint which repeats others but is a little out of line."""
 
-SEVERAL, KEPT = 8, 64
+SEVERAL, KEPT = 3, 64
 """Number of configurations from which on it pays to look at them together, fewer where constraints are alike; and up to
 which this is kept."""
 
@@ -192,11 +192,15 @@ class Closure(Record, frozen=True):
 
     def _measured(self, q: Array) -> MeasuredRows | None:
         """Return the rows at many configurations, evaluated together; ``None`` where each is looked at by itself."""
-        if not self.size or not self.batch_jacobians:
-            return None
-        if len(q) * len(self.constraints) < SEVERAL * self.batch_jacobians.kinds:
+        if not self._many(q):
             return None
         return _kept_rows(self, q.tobytes(), len(q)) if len(q) <= KEPT else self.together(q)
+
+    def _many(self, q: Array) -> bool:
+        """Tell whether it pays to look at configurations together."""
+        if not self.size or not self.batch_jacobians:
+            return False
+        return len(q) * len(self.constraints) >= SEVERAL * self.batch_jacobians.kinds
 
     def together(self, q: Array) -> MeasuredRows:
         """Return the rows at configurations, shape (n, nq), measured together; ``batch_jacobians`` is not None."""
@@ -205,8 +209,9 @@ class Closure(Record, frozen=True):
 
     def gaps(self, q: Array) -> Array:
         """Return the gaps at configurations, shape (n, nq), as an array of shape (n, m)."""
-        measured = self._measured(q)
-        return measured.gaps if measured else self.at(q)[0]
+        if measured := self._measured(q):
+            return measured.gaps
+        return np.array([self.gap(self.state(one)) for one in q]).reshape(len(q), self.size)
 
     def apart(self, q: Array) -> tuple[Array, RowDecompositions]:
         """Return the gaps, shape (n, m), and G taken apart, at configurations, shape (n, nq)."""
@@ -272,9 +277,16 @@ class Closure(Record, frozen=True):
         return measured.sparse_matrices if measured else None
 
     def values(self, q: Array) -> Array:
-        """Return the singular values of G at configurations, shape (n, .., nq), as ``singular_values`` does."""
-        measured = None if self.model.nv > MANY else self._measured(q)
-        return self.values_of(measured.matrices if measured else self.matrices(q)[1])
+        """Return the singular values of G at configurations that nothing else asks for, shape (n, .., nq).
+
+        See ``singular_values``.
+        """
+        if self.model.nv > MANY:
+            return self.values_of(self.matrices(q)[1])
+        if self._many(q):
+            return self.values_of(self.together(q).matrices)
+        rows = [self.rows(self.state(one)) for one in q]
+        return self.values_of(np.reshape(rows, (len(q), self.size, self.model.nv)))
 
     def singular_values(self, q: Array) -> Array:
         """Return the singular values of G at a configuration, descending, lengths in the unit of the mechanism.

@@ -66,9 +66,9 @@ def undetermined_rest(closure: Closure, motion: SegmentedMotion) -> Undetermined
     some = max(1, TOGETHER // closure.model.nv)
     for times, q, least in _slow(paces, SLOW * fastest):
         while (ahead := int(times.searchsorted(looked))) < len(times):
-            usual = usual or _Usual.of(closure, segments)
             part = slice(ahead, ahead + some)
-            for t, regularity in zip(times[part].tolist(), usual.regularity(q[part]).tolist(), strict=True):
+            usual, found = usual.also(q[part]) if usual else _Usual.of(closure, segments, q[part])
+            for t, regularity in zip(times[part].tolist(), found.tolist(), strict=True):
                 if t < looked:
                     continue
                 if regularity < least:
@@ -158,18 +158,27 @@ class _Usual(Record, frozen=True):
     value: float
 
     @classmethod
-    def of(cls, closure: Closure, segments: Sequence[MotionSegment]) -> _Usual:
-        """Return what starts of steps tell: within steps redundant rows tear, and seem independent."""
+    def of(cls, closure: Closure, segments: Sequence[MotionSegment], q: Array) -> tuple[_Usual, Array]:
+        """Return what starts of steps tell: within steps redundant rows tear, and seem independent.
+
+        And how regular n further configurations are, shape (n, nq), which are looked at together with these.
+        """
         found = []
         for segment in segments:
             steps, nq = segment.solution.steps, segment.solution.manifold.nq
             some = [steps[k] for k in distinct(np.linspace(0, len(steps) - 1, USUAL).astype(int))]
             t, y = np.array([step.t for step in some]), np.array([step.y for step in some])
             found.append(segment.system.whole(t, y[:, :nq], y[:, nq:])[0])
-        values = closure.values(np.concatenate(found))
+        begun = np.concatenate(found)
+        values, further = np.split(closure.values(np.concatenate([begun, q])), [len(begun)])
         rank = closure.rank(values)
-        return cls(closure, rank, float(values[:, rank - 1].max()) if rank else 1.0)
+        usual = cls(closure, rank, float(values[:, rank - 1].max()) if rank else 1.0)
+        return usual, usual._relative(further)
 
-    def regularity(self, q: Array) -> Array:
-        """Return the smallest singular value at each of n configurations, relative to the usual one, shape (n,)."""
-        return self.closure.values(q)[:, self.rank - 1] / self.value if self.rank else np.ones(len(q))
+    def also(self, q: Array) -> tuple[_Usual, Array]:
+        """Return itself, and how regular n further configurations are."""
+        return self, self._relative(self.closure.values(q))
+
+    def _relative(self, values: Array) -> Array:
+        """Return the smallest singular value of each configuration, relative to the usual one, shape (n,)."""
+        return values[:, self.rank - 1] / self.value if self.rank else np.ones(len(values))

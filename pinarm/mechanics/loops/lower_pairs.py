@@ -7,16 +7,17 @@ from functools import cached_property
 from typing import Protocol, get_args
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.mechanics.geometry.vectors import Axes, combined, cross, dot, rotation_vector
+from pinarm.mechanics.geometry.vectors import Axes, combined, dot, rotation_vector
 from pinarm.mechanics.joints import Direction, unit_vector
 from pinarm.mechanics.loops.loop_joints import LoopDefinition
 from pinarm.mechanics.loops.pair import ALL, NOTHING, Pair
 from pinarm.records import Record
 
-MEETING = 1e-8
-"""Sine of an angle below which it is the angle to rounding, and the direction of its axis is not."""
+MEETING, TINY = 1e-8, 1e-300
+"""Sine of an angle below which the direction of its axis is rounding; what keeps a quotient finite."""
 
 
 class RotationGap(Protocol):
@@ -104,13 +105,19 @@ class Tilt(Record, frozen=True):
 
     def __call__(self, p: Array, axes: Axes) -> Array:
         """Return it."""
-        other = combined(axes, self.axis)
-        normal, cosine = cross(self.axis, other), self.axis @ other
+        other = self._turned @ combined(axes, self.axis)
+        normal, cosine = other[:3], other[3]
         sine = np.sqrt(dot(normal, normal))
-        meeting = sine <= MEETING
-        full = np.where(meeting, 1.0, np.arctan2(sine, cosine) / np.where(meeting, 1.0, sine))
-        tilt, over = normal * full, meeting & (cosine < 0.0)
-        return np.where(over, np.pi * self.normal.reshape(3, *(1,) * (p.ndim - 1)), tilt) if over.any() else tilt
+        tilt = normal * (np.arctan2(sine, cosine) / np.maximum(sine, TINY))
+        if not (cosine < 0.0).any():
+            return np.asarray(tilt)
+        over = (sine <= MEETING) & (cosine < 0.0)
+        return np.where(over, np.pi * self.normal.reshape(3, *(1,) * (p.ndim - 1)), tilt)
+
+    @cached_property
+    def _turned(self) -> Array:
+        """From a vector to its product with the axis, ``axis x``, and its component along it, shape (4, 3)."""
+        return np.vstack([pin.skew(self.axis), self.axis])
 
 
 def holding(held: Array, aligned: Array, axis: Array, points: Array | None = None) -> LowerPair:

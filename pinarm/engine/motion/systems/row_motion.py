@@ -67,7 +67,7 @@ class RowMotion:
         w, dw, _ = self.targets(t)
         closed, rates, splits = self.settled(q[None], v[None], w[None], dw[None], np.array([t]))
         ((_, split),) = splits.parts
-        self._require_apart(t, closed[0], self.rows.values(closed)[0, : split.rank])
+        self._require_apart(t, closed[0], self.rows.values_of(self.rows.matrices(closed)[1])[0, : split.rank])
         self.unchecked = t
         return closed[0], rates[0]
 
