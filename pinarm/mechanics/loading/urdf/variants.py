@@ -40,7 +40,7 @@ ROUNDING = 1e-13
 """Of a number that is computed in another order, relative to the largest of its kind."""
 
 Element = ElementTree.Element
-Columns = Mapping[str, Sequence[Any]]
+Columns = Mapping[str, Sequence[Any] | Array]
 """A word that stands in an attribute -> the numbers that variants have in its place, or texts of several numbers."""
 
 
@@ -244,19 +244,21 @@ class _Reader:
             VariantsDiffer: A word is neither a number nor a column.
         """
         try:
-            words = [_read(self.columns.get(word) or (word,)) for word in text.split()]
+            words = [_read(self.columns.get(word, (word,))) for word in text.split()]
         except ValueError:
             raise VariantsDiffer(f"'{text}'") from None
         count = max(map(len, words), default=1)
         return np.concatenate([np.broadcast_to(word, (count, word.shape[1])) for word in words], axis=1)
 
 
-def _read(column: Sequence[Any]) -> Array:
+def _read(column: Sequence[Any] | Array) -> Array:
     """Return the numbers of a column, shape (k, 1), or of a column of texts, shape (k, numbers).
 
     Raises:
         ValueError: A text is no number, or they have not all as many.
     """
+    if isinstance(column, np.ndarray):
+        return column[:, None]
     rows = [[*map(decimal, each.split())] if isinstance(each, str) else [float(each)] for each in column]
     return np.array(rows, dtype=np.float64)
 
