@@ -125,5 +125,5 @@ def name_of(job: int) -> str:
 def test_a_thread_keeps_the_function_of_the_last_sessions_only() -> None:
     for session in range(5):
         order = ChunkOrder(str(session), 1, packed(name_of), packed([session]), 1.0)
-        assert read_answer(work(versions(), pickle.dumps(order))).answers == [str(session)]
+        assert read_answer(work(versions(), pickle.dumps(order))).parts == [([0], [str(session)])]
     assert list(worker._kept.sessions) == ["3", "4"]

@@ -27,7 +27,8 @@ from pinarm.errors import InputError, Location
 from pinarm.input.csv_rows import rows, split_heading
 from pinarm.input.numbers import DECIMAL, decimal, is_whole, leading_number
 from pinarm.input.units import MAX_QUANTITY, unit
-from pinarm.use.study.sweep.axes import MOST, Axis, Column, Distribution
+from pinarm.use.cases.case_table import Column
+from pinarm.use.study.sweep.axes import MOST, Axis, Distribution
 
 UnitOf = Callable[[str], str]
 """The unit of bare numbers at a path, empty for none."""
