@@ -38,7 +38,7 @@ class ArgumentColumn(list[Any]):
 
 
 AnyColumn = ArgumentColumn | Array
-"""Values in the rows of a table; of floats, an array."""
+"""Values in the rows of a table; of floats, an array, and of truth values, one of flags."""
 
 
 def column(values: Iterable[Any]) -> AnyColumn:
@@ -151,7 +151,7 @@ class Tape(Struct):
         texts = _MARK.split(value)
         alone = texts[::2] == ["", ""]
         number = self.record(_Read(plain), Traced(self, int(texts[1]))) if alone else self.record(plain, value)
-        bool(self.record(_is_text, number))
+        bool(self.record(_IsText(), number))
         return number
 
     def run(self, numbers: Sequence[Number]) -> list[Any] | None:
@@ -180,7 +180,10 @@ class Tape(Struct):
         for function, registers in self.steps:
             operands = [values[register] for register in registers]
             if any(map(is_column, operands)):
-                if isinstance(function, _Binary | _Read) and (found := function.of_columns(*operands)) is not None:
+                if (
+                    isinstance(function, _Binary | _Read | _IsText)
+                    and (found := function.of_columns(*operands)) is not None
+                ):
                     values.append(found)
                     continue
                 spread = (rows_of(each) if is_column(each) else repeat(each, count) for each in operands)
@@ -190,8 +193,8 @@ class Tape(Struct):
         holds = np.ones(count, dtype=bool)
         for register, outcome in self.guards:
             given = values[register]
-            truth = np.fromiter(map(bool, rows_of(given)), bool) if is_column(given) else bool(given)
-            holds &= truth == outcome
+            truths = given if isinstance(given, np.ndarray) else [*map(bool, given if is_column(given) else [given])]
+            holds &= np.asarray(truths, dtype=bool) == outcome
         return values, holds
 
 
@@ -246,7 +249,7 @@ _EXACT = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide}
 
 def _are_floats(values: Any) -> bool:
     """Tell whether a column holds floats only, or a constant is a number: with floats Python takes integers as such."""
-    return isinstance(values, np.ndarray) or type(values) in (float, int)
+    return isinstance(values, np.ndarray) and values.dtype == np.float64 or type(values) in (float, int)
 
 
 class _Recorder(ValueRecord, frozen=True):
@@ -312,5 +315,12 @@ def _is_unsigned(value: Number) -> bool:
     return not str(value).startswith("-")
 
 
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
+class _IsText(ValueRecord, frozen=True):
+    """Whether a value is a text."""
+
+    def __call__(self, value: Any) -> bool:
+        return isinstance(value, str)
+
+    def of_columns(self, values: AnyColumn) -> Flags | None:
+        """Return that floats are none."""
+        return np.zeros(len(values), dtype=bool) if isinstance(values, np.ndarray) else None
