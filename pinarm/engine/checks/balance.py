@@ -15,8 +15,7 @@ from pinarm.engine.constraints.nullspaces.nullspace import MANY
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, turned
-from pinarm.mechanics.geometry.model_variants import Model
+from pinarm.mechanics.geometry.link_tree import LinkTree, components_first
 from pinarm.mechanics.geometry.vectors import cross, crossed, rotated
 from pinarm.records import Record
 
@@ -94,9 +93,9 @@ def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array
         speeds, shape (rows,) [W].
     """
     model, lam = run.mechanism.model, run.lam.at(rows)
-    links, twists, rates, columns = run.link_motion_at(rows)
+    links, twists, _, columns = run.link_motion_at(rows)
     held = run.closure.load(links, columns, run.q[rows], lam)
-    wrenches = demands(model, links, twists, rates)
+    wrenches = run.demands_at(rows)
     asked, sizes = _asked(links, columns, links.at_world(wrenches))
     acting = run.tau[rows], loads[rows], run.friction_loads[rows], held
     supplied = sum(acting) - model.armature * run.a[rows]
@@ -136,10 +135,15 @@ def _paths(links: LinkPlacements, columns: Array, moved: Flags) -> Array:
         moved: Which links they move, shape (njoints, k).
     """
     tree, size = LinkTree.of(links.model), np.linalg.norm(links.model.gravity.linear)
-    ways, centres = components_first(columns.swapaxes(-2, -1), 1), components_first(_centres(links, tree), 1)
-    paths = ways[:3, ..., None, :] + cross(ways[3:, ..., None, :], centres[..., None])
-    lengths = np.where(moved, np.sqrt(np.einsum("a...,a...->...", paths, paths)), 0.0)
-    return np.asarray(size * np.vecmat(tree.masses, lengths))
+    ways, centres = components_first(columns.swapaxes(-2, -1)), components_first(_centres(links, tree))
+    masses = np.moveaxis(tree.masses, -1, 0)
+    found = np.zeros((moved.shape[1], *np.broadcast_shapes(ways.shape[2:], centres.shape[2:], masses.shape[1:])))
+    for way, links_moved, total in zip(ways.swapaxes(0, 1), moved.T, found, strict=True):
+        paths = way[:3, None] + cross(way[3:, None], centres[:, links_moved])
+        lengths = np.sqrt(np.einsum("a...,a...->...", paths, paths))
+        np.einsum("l...,l...->...", masses[links_moved], lengths, out=total)
+    found *= size
+    return np.moveaxis(found, 0, -1)
 
 
 def _centres(links: LinkPlacements, tree: LinkTree) -> Array:
@@ -180,28 +184,6 @@ def _most_powers(wrenches: Array, twists: Array) -> Array:
     parts = (x.reshape(*x.shape[:-1], 2, 3) for x in (wrenches, twists))
     sizes, speeds = (np.sqrt(np.einsum("...a,...a->...", part, part)) for part in parts)
     return np.asarray((sizes.sum(axis=0) * speeds).sum(axis=(-2, -1)))
-
-
-def demands(model: Model, links: LinkPlacements, twists: Array, rates: Array) -> Array:
-    """Return what the motion of every link demands, by Newton's and Euler's equations, in the link's own frame.
-
-    Args:
-        model: Pinocchio's model.
-        links: Where they are.
-        twists: V, in their own frames, shape (n, njoints, 6).
-        rates: V', likewise.
-
-    Returns:
-        ``I V'``, ``V x* I V`` and the wrench against its weight, shape (3, n, njoints, 6).
-    """
-    turns, twist, rate = components_first(links.turns, 3), components_first(twists), components_first(rates)
-    motions = np.zeros((3, *twist.shape))
-    motions[0], motions[1], motions[2, :3] = rate, twist, turned(turns.swapaxes(0, 1), -model.gravity.linear)
-    wrenches = LinkTree.of(model).momenta(motions)
-    linear, v, omega = wrenches[1, :3], twist[:3], twist[3:]
-    dragged = cross(v, linear)
-    wrenches[1, :3], wrenches[1, 3:] = cross(omega, linear), cross(omega, wrenches[1, 3:]) + dragged
-    return wrenches.transpose(0, *range(3, wrenches.ndim), 2, 1)
 
 
 class EnergyAccount(Record, frozen=True):

@@ -249,7 +249,7 @@ _EXACT = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide}
 
 def _are_floats(values: Any) -> bool:
     """Tell whether a column holds floats only, or a constant is a number: with floats Python takes integers as such."""
-    return isinstance(values, np.ndarray) and values.dtype == np.float64 or type(values) in (float, int)
+    return (isinstance(values, np.ndarray) and values.dtype == np.float64) or type(values) in (float, int)
 
 
 class _Recorder(ValueRecord, frozen=True):
