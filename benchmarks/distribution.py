@@ -25,10 +25,11 @@ import numpy as np
 import pinarm
 from pinarm.engine.series import Series
 from pinarm.input.units import DIMENSIONLESS
-from pinarm.use.cases.case import Row, Task, Wanted, solve_case
-from pinarm.use.study.sweep.axes import Axis, Cases, Column
+from pinarm.use.cases.case import Task, Wanted, solve_case
+from pinarm.use.cases.case_table import Column, RowTable
+from pinarm.use.study.sweep.axes import Axis, Cases
 from pinarm.use.study.sweep.case_solver import Solving
-from pinarm.use.workers.chunk_order import Answers, ChunkOrder, answered
+from pinarm.use.workers.chunk_order import Answers, ChunkOrder, answered, unpacked
 from pinarm.use.workers.distribute import Pace, Workers, distribute
 from pinarm.use.workers.executor_workers import ExecutorWorkers
 from pinarm.use.workers.local_processes import LocalProcesses
@@ -104,9 +105,10 @@ class Answered:
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Answer a chunk by rows of 20 numbers."""
         order: ChunkOrder = pickle.loads(arguments[1])
-        rows = [Row(tuple(k + j / 7 for j in range(20)), "", ("/a/b",)) for k, _ in enumerate(pickle.loads(order.jobs))]
+        count = len(unpacked(order.jobs, ""))
+        rows = RowTable(np.arange(count)[:, None] + np.arange(20) / 7, ("/a/b",))
         future = Future[Any]()
-        future.set_result(answered(Answers(rows, 0.004 * len(rows)), "/nowhere"))
+        future.set_result(answered(Answers([(np.arange(count), rows)], 0.004 * count), "/nowhere"))
         return future
 
     def outcome(self, future: Future[Any]) -> Any:

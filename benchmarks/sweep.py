@@ -19,8 +19,10 @@ import numpy as np
 
 import pinarm
 from pinarm.use.cases.case import WORTH, Task, Wanted, solve_case
+from pinarm.use.cases.case_table import CaseTable
 from pinarm.use.cases.together import CaseSolver
 from pinarm.use.result.measures import MEASURES
+from pinarm.use.workers.chunk_order import in_order
 
 ROOT = Path(__file__).parents[1]
 SCENARIO = ROOT / "scenarios" / "gen411_arm_static.yaml"
@@ -119,9 +121,9 @@ def compared(given: Comparison) -> tuple[float, float]:
     quantities = scenario.quantities()
     wanted = tuple(Wanted.read(text).measured(quantities)[0] for text in given.results or scenario.content.outputs)
     task = Task.of(scenario, wanted)
-    solver, jobs = CaseSolver(task), [(k, "", case) for k, case in enumerate(cases)]
+    solver, jobs = CaseSolver(task), CaseTable.of(cases)
     begin = time.process_time()
-    rows = [row.numbers for row in solver.together(jobs)]
+    rows = [row.numbers for row in in_order(solver.together(jobs))]
     middle = time.process_time()
     alone = [solve_case(task, case).numbers for case in cases[:ONE_BY_ONE]]
     end = time.process_time()

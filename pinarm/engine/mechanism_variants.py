@@ -19,7 +19,7 @@ from pinarm.records import replace
 
 
 def mechanism_variants(
-    mechanism: Mechanism, given: Mapping[str, float], columns: Mapping[str, Sequence[float]]
+    mechanism: Mechanism, given: Mapping[str, float], columns: Mapping[str, Sequence[float] | Array]
 ) -> tuple[Mechanism, Flags]:
     """Return a mechanism whose model and arguments are those of k variants, and which of them are such, shape (k,).
 
@@ -40,9 +40,9 @@ def mechanism_variants(
     if expanded is None or not expanded.columns:
         raise VariantsDiffer("a model whose expansion is not recorded, or in which no number varies")
     variants, possible = model_variants(mechanism.model, mechanism.xml, expanded.xml, expanded.columns)
-    arguments = {name: _numbers(text) for name, text in expanded.arguments.items() if name in mechanism.arguments}
+    arguments = {name: _numbers(told) for name, told in expanded.arguments.items() if name in mechanism.arguments}
     changed = replace(mechanism, model=variants, arguments=arguments)
-    return changed, possible & np.array(expanded.holds)
+    return changed, possible & expanded.holds
 
 
 def alike_variants(mechanism: Mechanism, count: int) -> Mechanism:
@@ -94,12 +94,14 @@ def require_joint_forces(forces: Mapping[str, ForceElement]) -> None:
         raise VariantsDiffer(f"the force element '{others[0]}'")
 
 
-def _numbers(text: str | Sequence[str]) -> float | Array:
+def _numbers(text: str | Sequence[str] | Array) -> float | Array:
     """Return an argument, or those of all variants, shape (k,).
 
     Raises:
         VariantsDiffer: It is a word in some of them.
     """
+    if isinstance(text, np.ndarray):
+        return text
     texts = [text] if isinstance(text, str) else text
     try:
         found = [*map(decimal, texts)]

@@ -15,9 +15,8 @@ from pinarm.engine.constraints.nullspaces.nullspace import MANY
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, turned
-from pinarm.mechanics.geometry.model_variants import Model
-from pinarm.mechanics.geometry.vectors import cross, crossed, rotated
+from pinarm.mechanics.geometry.link_tree import LinkTree
+from pinarm.mechanics.geometry.vectors import crossed, rotated
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -101,9 +100,9 @@ def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array
         speeds, shape (rows,) [W].
     """
     model, lam = run.mechanism.model, run.lam.at(rows)
-    links, twists, rates, columns = run.link_motion_at(rows)
+    links, twists, _, columns = run.link_motion_at(rows)
     held = run.closure.load(links, columns, run.q[rows], lam)
-    wrenches = demands(model, links, twists, rates)
+    wrenches = run.demands_at(rows)
     asked, sizes = _asked(links, columns, links.at_world(wrenches))
     acting = run.tau[rows], loads[rows], run.friction_loads[rows], held
     supplied = sum(acting) - model.armature * run.a[rows]
@@ -202,30 +201,6 @@ def _most_powers(wrenches: Array, twists: Array) -> Array:
     parts = (x.reshape(*x.shape[:-1], 2, 3) for x in (wrenches, twists))
     sizes, speeds = (np.sqrt(np.einsum("...a,...a->...", part, part)) for part in parts)
     return np.asarray((sizes.sum(axis=0) * speeds).sum(axis=(-2, -1)))
-
-
-def demands(model: Model, links: LinkPlacements, twists: Array, rates: Array) -> Array:
-    """Return what the motion of every link demands, by Newton's and Euler's equations, in the link's own frame.
-
-    Args:
-        model: Pinocchio's model.
-        links: Where they are.
-        twists: V, in their own frames, shape (n, njoints, 6).
-        rates: V', likewise.
-
-    Returns:
-        ``I V'``, ``V x* I V`` and the wrench against its weight, shape (3, n, njoints, 6).
-    """
-    turns, twist, rate = components_first(links.turns, 3), components_first(twists), components_first(rates)
-    motions = np.zeros((3, *twist.shape))
-    motions[0], motions[1], motions[2, :3] = rate, twist, turned(turns.swapaxes(0, 1), -model.gravity.linear)
-    wrenches = LinkTree.of(model).momenta(motions)
-    moved, (v, omega) = wrenches[1], twist.reshape(2, 3, *twist.shape[1:])
-    momenta = moved.reshape(2, 3, *moved.shape[1:]).swapaxes(0, 1)
-    dragged = cross(v, moved[:3])
-    moved[:3], moved[3:] = cross(omega[:, None], momenta).swapaxes(0, 1)
-    moved[3:] += dragged
-    return wrenches.transpose(0, *range(3, wrenches.ndim), 2, 1)
 
 
 class EnergyAccount(Record, frozen=True):

@@ -16,6 +16,9 @@ from pinarm.engine.dynamics.mass_matrix import mass_diagonals, mass_solved, mass
 from pinarm.engine.dynamics.masses import MASSLESS, NOTHING
 from pinarm.records import Record
 
+FEW = 4
+"""Free motions up to which masses are taken apart entry by entry."""
+
 
 class FreeMasses(Protocol):
     """Masses along the free motions of n rows."""
@@ -64,7 +67,7 @@ class TreeMassMatrices(Record, frozen=True):
 
     def responses(self, moving: Array, most: Array) -> tuple[Array, Array]:
         """See ``FreeMasses``."""
-        back, given = np.moveaxis(np.linalg.solve(self.mass, np.stack([moving, most], axis=-1)), -1, 0)
+        back, given = np.moveaxis(_solved(self.mass, np.stack([moving, most], axis=-1)), -1, 0)
         return back, given
 
 
@@ -178,13 +181,49 @@ def condition_of(along: Array) -> Array:
     square = np.maximum(np.diagonal(along, axis1=-2, axis2=-1), 0.0)
     idle = (square <= NOTHING * square.max(axis=(0, -1), keepdims=True)).any(axis=(0, -1))
     size = np.sqrt(np.where(idle[..., None], 1.0, square))
-    values = np.linalg.eigvalsh(along / (size[..., :, None] * size[..., None, :]))
-    idle |= ~(values[..., 0].min(axis=0) > MASSLESS)
-    return np.where(idle, np.inf, (values[..., -1] / np.where(idle, 1.0, values[..., 0])).max(axis=0))
+    least, most = _extreme_values(along / (size[..., :, None] * size[..., None, :]))
+    idle |= ~(least.min(axis=0) > MASSLESS)
+    return np.where(idle, np.inf, (most / np.where(idle, 1.0, least)).max(axis=0))
+
+
+def _extreme_values(x: Array) -> tuple[Array, Array]:
+    """Return the least and the greatest eigenvalue of symmetric matrices, shape (.., f, f).
+
+    Of one or two rows by formula: a call of LAPACK takes as long as much else that is asked of such a state.
+    """
+    if x.shape[-1] == 1:
+        return x[..., 0, 0], x[..., 0, 0]
+    if x.shape[-1] == 2:
+        middle, half = 0.5 * (x[..., 0, 0] + x[..., 1, 1]), 0.5 * (x[..., 0, 0] - x[..., 1, 1])
+        away = np.hypot(half, x[..., 1, 0])
+        return middle - away, middle + away
+    values = np.asarray(np.linalg.eigvalsh(x), dtype=np.float64)
+    return values[..., 0], values[..., -1]
+
+
+def _solved(mass: Array, loads: Array) -> Array:
+    """Return ``M^-1 x`` of symmetric positive matrices, shape (.., f, f), and loads, shape (.., f, k).
+
+    Small matrices are taken apart entry by entry in all states at once, as ``L D L^T``: LAPACK is called once a state.
+    """
+    f = mass.shape[-1]
+    if f > FEW:
+        return np.asarray(np.linalg.solve(mass, loads))
+    rows, x = np.moveaxis(mass, (-2, -1), (0, 1)).copy(), np.moveaxis(loads, (-2, -1), (0, 1)).copy()
+    for k in range(f):
+        for i in range(k + 1, f):
+            share = rows[i, k] / rows[k, k]
+            rows[i, k + 1 :] -= share * rows[k, k + 1 :]
+            x[i] -= share * x[k]
+    for k in reversed(range(f)):
+        for i in range(k + 1, f):
+            x[k] -= rows[k, i] * x[i]
+        x[k] /= rows[k, k]
+    return np.moveaxis(x, (0, 1), (-2, -1))
 
 
 def _along(free: Array, mass: Array, moving: Array, most: Array) -> tuple[Array, Array]:
     """Return what ``FreeMasses.responses`` does, with T and ``T^T M T``."""
     loads = np.stack([np.vecmat(moving, free), np.vecmat(most, np.abs(free))], axis=-1)
-    back, given = np.moveaxis(free @ np.linalg.solve(mass, loads), -1, 0)
+    back, given = np.moveaxis(free @ _solved(mass, loads), -1, 0)
     return back, given

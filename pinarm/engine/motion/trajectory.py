@@ -148,6 +148,19 @@ class Trajectory(Record, frozen=True):
             self._looked[asked] = motion_of(self.mechanism.model, self.q[rows], self.v[rows], self.a[rows])
         return self._looked[asked]
 
+    def demands_at(self, rows: Indices) -> Array:
+        """Return what this motion demands of the links, see ``LinkPlacements.demands``; the last ones are kept too."""
+        asked = rows.tobytes()
+        if asked not in self._demanded:
+            self._demanded.clear()
+            links, twists, rates, _ = self.link_motion_at(rows)
+            self._demanded[asked] = links.demands(twists, rates)
+        return self._demanded[asked]
+
+    @cached_property
+    def _demanded(self) -> dict[bytes, Array]:
+        return {}
+
     @cached_property
     def _looked(self) -> dict[bytes, tuple[LinkPlacements, Array, Array, Array]]:
         return {}

@@ -36,6 +36,11 @@ class Evaluation(Record, frozen=True):
 
         return Reactions(self.run, SAMPLE if self.judged else 0)
 
+    @property
+    def doubtful(self) -> bool:
+        """Whether rigid bodies may leave something undetermined: loads of constraints, or of frictions."""
+        return bool(self.run.closure.constraints or self.run.mechanism.frictions)
+
     @cached_property
     def friction_doubts(self) -> Mapping[str, str]:
         """What is in doubt about frictions whose loads rest on a rule, by quantity; see ``friction_law``."""

@@ -266,7 +266,9 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         """Return a quantity of a family; where these are some states of a run, with the doubts about the whole run."""
         of = self._family(word)
         series = of.series(Asked(name, tuple(self._words(rest))))
-        return replace(series, doubt=self.whole[name].doubt) if self.whole and of.undetermined else series
+        if self.whole is None or not (of.undetermined and self._judged.doubtful):
+            return series
+        return replace(series, doubt=self.whole[name].doubt)
 
     def _require_one_meaning(self, name: str) -> None:
         """Raise where a name stands for several things; symbols and arguments may take those of constants and ``g``.

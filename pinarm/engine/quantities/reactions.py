@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.checks.balance import demands
 from pinarm.engine.checks.figures import relative
 from pinarm.engine.checks.sample import sampled
 from pinarm.engine.constraints.constraint import GuidedCoordinate
@@ -151,17 +150,18 @@ class Reactions:
 
     def _balances(self, dynamics: Dynamics, part: slice) -> Array:
         """Return what is missed and the sums of absolute terms, body by body, shape (k, 2, njoints - 1, 6)."""
-        run, model = self.run, self.model
+        run, parents = self.run, self.model.parents.tolist()
         checked = sampled(len(run))
         rows = checked[(checked >= part.start) & (checked < part.stop)]
-        links, twists, rates, _ = run.link_motion_at(rows)
-        asked, wrenches = links.outwards(demands(model, links, twists, rates)), self.joints[rows]
-        parents = np.array(model.parents)
-        carries = (parents == np.arange(model.njoints)[:, None]).astype(float)
+        links, wrenches = run.link_motion_at(rows)[0], self.joints[rows]
+        asked = links.outwards(run.demands_at(rows))
         carried = _moved(wrenches, links.places - links.places[..., parents, :])
         outside = _moved(self._acting(dynamics, rows), -links.places)
-        missed = wrenches + outside - asked.sum(axis=0) - carries @ carried
-        terms = np.abs(wrenches) + np.abs(outside) + np.abs(asked).sum(axis=0) + carries @ np.abs(carried)
+        missed = wrenches + outside - asked.sum(axis=0)
+        terms = np.abs(wrenches) + np.abs(outside) + np.abs(asked, out=asked).sum(axis=0)
+        for joint, parent in enumerate(parents):
+            missed[..., parent, :] -= carried[..., joint, :]
+            terms[..., parent, :] += np.abs(carried[..., joint, :])
         return np.asarray(np.stack([missed, terms], axis=1)[..., 1:, :])
 
     def loop(self, name: str) -> Array:

@@ -9,13 +9,15 @@ included files lie under the root, and every step counts against a budget. Other
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from math import isfinite
 from pathlib import Path
 
+import numpy as np
+
+from pinarm.arrays import Array
 from pinarm.errors import InputError, choices
 from pinarm.input.roots import NO_PACKAGES, contained_file
 from pinarm.input.xacro.expander import Expansion
-from pinarm.input.xacro.expression_tape import CLOSE, OPEN, ArgumentColumn, Number
+from pinarm.input.xacro.expression_tape import CLOSE, OPEN, AnyColumn, Number, column, rows_of
 from pinarm.input.xacro.templates import ExpandedColumns, Request, expanded, expanded_columns
 from pinarm.input.xml_text import MAX_BYTES, MAX_TEXT, Survey, read
 
@@ -50,7 +52,7 @@ def expand(
 
 
 def expand_columns(
-    path: Path, arguments: Mapping[str, float | str], columns: Mapping[str, Sequence[float]], *, root: Path
+    path: Path, arguments: Mapping[str, float | str], columns: Mapping[str, Sequence[float] | Array], *, root: Path
 ) -> ExpandedColumns | None:
     """Expand a xacro file for columns of arguments; ``None`` where its expansion has not been recorded, or differs.
 
@@ -77,10 +79,11 @@ def _argument(name: str, value: float | str) -> Number | str:
     return plain
 
 
-def _column(name: str, values: Sequence[float]) -> ArgumentColumn:
-    if all(type(value) is float for value in values) and all(map(isfinite, values)):
-        return ArgumentColumn(values)
-    return ArgumentColumn(_argument(name, value) for value in values)
+def _column(name: str, values: Sequence[float] | Array) -> AnyColumn:
+    found = column(values)
+    if isinstance(found, np.ndarray) and np.isfinite(found).all():
+        return found
+    return column(_argument(name, value) for value in rows_of(found))
 
 
 class UnknownArgument(InputError):

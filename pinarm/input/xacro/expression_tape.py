@@ -9,14 +9,15 @@ guards have the same outcome. What cannot be recorded raises an error, and the m
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from itertools import repeat
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from msgspec import Struct, field
 
+from pinarm.arrays import Array, Flags
 from pinarm.errors import ExpressionError, ModelError
 from pinarm.input.xacro.arithmetic import Scalars, evaluate
 from pinarm.records import Record, ValueRecord
@@ -33,7 +34,29 @@ Literal = Callable[[Any], Any]
 
 
 class ArgumentColumn(list[Any]):
-    """Values of an argument, or what follows from it, in the rows of a table."""
+    """Values of an argument, or what follows from it, in the rows of a table, where these are not all floats."""
+
+
+AnyColumn = ArgumentColumn | Array
+"""Values in the rows of a table; of floats, an array, and of truth values, one of flags."""
+
+
+def column(values: Iterable[Any]) -> AnyColumn:
+    """Return values in the rows of a table."""
+    if isinstance(values, np.ndarray) and values.dtype == np.float64:
+        return values
+    found = ArgumentColumn(values)
+    return np.array(found) if set(map(type, found)) == {float} else found
+
+
+def is_column(value: Any) -> TypeGuard[AnyColumn]:
+    """Tell whether a value is a column."""
+    return isinstance(value, ArgumentColumn | np.ndarray)
+
+
+def rows_of(values: AnyColumn) -> list[Any]:
+    """Return the values of a column as those of Python."""
+    return values.tolist() if isinstance(values, np.ndarray) else values
 
 
 class Traced(Record, frozen=True):
@@ -128,7 +151,7 @@ class Tape(Struct):
         texts = _MARK.split(value)
         alone = texts[::2] == ["", ""]
         number = self.record(_Read(plain), Traced(self, int(texts[1]))) if alone else self.record(plain, value)
-        bool(self.record(_is_text, number))
+        bool(self.record(_IsText(), number))
         return number
 
     def run(self, numbers: Sequence[Number]) -> list[Any] | None:
@@ -141,7 +164,7 @@ class Tape(Struct):
             return None
         return values if all(bool(values[register]) == outcome for register, outcome in self.guards) else None
 
-    def run_columns(self, numbers: Sequence[Number | ArgumentColumn]) -> tuple[list[Any], list[bool]]:
+    def run_columns(self, numbers: Sequence[Number | AnyColumn]) -> tuple[list[Any], Flags]:
         """Return all registers for columns of numbers, and for which rows of them the program holds.
 
         A register that follows from a column is a column: its step is taken number by number, with the same functions.
@@ -153,22 +176,25 @@ class Tape(Struct):
             ExpressionError: A step is not possible in some row.
         """
         values: list[Any] = list(numbers)
-        count = next(len(column) for column in numbers if isinstance(column, ArgumentColumn))
+        count = next(len(each) for each in numbers if is_column(each))
         for function, registers in self.steps:
             operands = [values[register] for register in registers]
-            if any(isinstance(operand, ArgumentColumn) for operand in operands):
-                if isinstance(function, _Binary | _Read) and (column := function.of_columns(*operands)) is not None:
-                    values.append(column)
+            if any(map(is_column, operands)):
+                if (
+                    isinstance(function, _Binary | _Read | _IsText)
+                    and (found := function.of_columns(*operands)) is not None
+                ):
+                    values.append(found)
                     continue
-                spread = (each if isinstance(each, ArgumentColumn) else repeat(each, count) for each in operands)
-                values.append(ArgumentColumn(map(function, *spread)))
+                spread = (rows_of(each) if is_column(each) else repeat(each, count) for each in operands)
+                values.append(column(map(function, *spread)))
             else:
                 values.append(function(*operands))
-        holds = [True] * count
+        holds = np.ones(count, dtype=bool)
         for register, outcome in self.guards:
             given = values[register]
-            checked = given if isinstance(given, ArgumentColumn) else repeat(given, count)
-            holds = [so_far and bool(value) == outcome for so_far, value in zip(holds, checked, strict=True)]
+            truths = given if isinstance(given, np.ndarray) else [*map(bool, given if is_column(given) else [given])]
+            holds &= np.asarray(truths, dtype=bool) == outcome
         return values, holds
 
 
@@ -186,7 +212,7 @@ class _Binary(ValueRecord, frozen=True):
     def __call__(self, left: Any, right: Any) -> Any:
         return self.plain.binary(self.symbol, left, right)
 
-    def of_columns(self, left: Any, right: Any) -> ArgumentColumn | None:
+    def of_columns(self, left: Any, right: Any) -> Array | None:
         """Return a column that is computed as an array, bit by bit the same; ``None`` where that is not sure.
 
         The four operations of IEEE 754 are the same everywhere. Of others, of integers, which have no bounds in Python,
@@ -194,11 +220,11 @@ class _Binary(ValueRecord, frozen=True):
         """
         if self.symbol not in _EXACT or not (_are_floats(left) and _are_floats(right)):
             return None
-        one, other = np.array(left, dtype=np.float64), np.array(right, dtype=np.float64)
+        one, other = np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
         if self.symbol == "/" and not other.all():
             return None
         with np.errstate(all="ignore"):  # what overflows is infinite in Python, too
-            return ArgumentColumn(_EXACT[self.symbol](one, other).tolist())
+            return np.asarray(_EXACT[self.symbol](one, other))
 
 
 class _Read(ValueRecord, frozen=True):
@@ -213,9 +239,9 @@ class _Read(ValueRecord, frozen=True):
     def __call__(self, value: Any) -> Any:
         return self.plain(str(value))
 
-    def of_columns(self, values: ArgumentColumn) -> ArgumentColumn | None:
+    def of_columns(self, values: AnyColumn) -> Array | None:
         """Return the same column where it holds floats, which Python writes so that they are read as themselves."""
-        return values if _are_floats(values) else None
+        return values if isinstance(values, np.ndarray) else None
 
 
 _EXACT = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide}
@@ -223,9 +249,7 @@ _EXACT = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide}
 
 def _are_floats(values: Any) -> bool:
     """Tell whether a column holds floats only, or a constant is a number: with floats Python takes integers as such."""
-    if isinstance(values, ArgumentColumn):
-        return set(map(type, values)) == {float}
-    return type(values) in (float, int)
+    return (isinstance(values, np.ndarray) and values.dtype == np.float64) or type(values) in (float, int)
 
 
 class _Recorder(ValueRecord, frozen=True):
@@ -291,5 +315,12 @@ def _is_unsigned(value: Number) -> bool:
     return not str(value).startswith("-")
 
 
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
+class _IsText(ValueRecord, frozen=True):
+    """Whether a value is a text."""
+
+    def __call__(self, value: Any) -> bool:
+        return isinstance(value, str)
+
+    def of_columns(self, values: AnyColumn) -> Flags | None:
+        """Return that floats are none."""
+        return np.zeros(len(values), dtype=bool) if isinstance(values, np.ndarray) else None

@@ -11,12 +11,26 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from msgspec import Struct, field
 
+from pinarm.arrays import Flags
 from pinarm.errors import ModelError, PinarmError
 from pinarm.input.roots import contained_path
 from pinarm.input.xacro.expander import Expander, Expansion
-from pinarm.input.xacro.expression_tape import OPEN, UNRECORDABLE, ArgumentColumn, Number, Tape, Traced, joined, marks
+from pinarm.input.xacro.expression_tape import (
+    OPEN,
+    UNRECORDABLE,
+    AnyColumn,
+    ArgumentColumn,
+    Number,
+    Tape,
+    Traced,
+    is_column,
+    joined,
+    marks,
+    rows_of,
+)
 from pinarm.input.xml_text import MAX_BYTES, Survey, bound, read
 from pinarm.records import ValueRecord
 
@@ -130,7 +144,7 @@ class Template(ValueRecord, frozen=True):
         bound("characters", len(xml), MAX_BYTES)
         return Expansion(xml, dict(zip(self.arguments, arguments, strict=True)), self.warnings)
 
-    def fill_columns(self, request: Request, columns: Mapping[str, ArgumentColumn]) -> ExpandedColumns:
+    def fill_columns(self, request: Request, columns: Mapping[str, AnyColumn]) -> ExpandedColumns:
         """Return the expansion for columns of numbers.
 
         Raises:
@@ -138,7 +152,7 @@ class Template(ValueRecord, frozen=True):
         """
         values, holds = self.tape.run_columns([columns.get(name, number) for name, number in request.numbers().items()])
         texts, registers = self.xml
-        used = {register for register in registers if isinstance(values[register], ArgumentColumn)}
+        used = {register for register in registers if is_column(values[register])}
         words = {register: f"column_{register}_of_{len(values)}" for register in used}
         xml = joined(texts, *(words.get(register, values[register]) for register in registers))
         arguments = {name: _text_column(text, values) for name, text in self.arguments.items()}
@@ -151,17 +165,17 @@ class ExpandedColumns(ValueRecord, frozen=True):
     Attributes:
         xml: The model, with words for the numbers that vary.
         columns: These words, with the numbers or texts in their place.
-        arguments: Every ``xacro:arg``: its text, or its texts.
+        arguments: Every ``xacro:arg``: its text, or its texts, floats in the place of what Python writes for them.
         holds: The rows for which the model is this one.
     """
 
     xml: str
-    columns: Mapping[str, ArgumentColumn]
-    arguments: Mapping[str, str | ArgumentColumn]
-    holds: list[bool]
+    columns: Mapping[str, AnyColumn]
+    arguments: Mapping[str, str | AnyColumn]
+    holds: Flags
 
 
-def expanded_columns(request: Request, columns: Mapping[str, ArgumentColumn]) -> ExpandedColumns | None:
+def expanded_columns(request: Request, columns: Mapping[str, AnyColumn]) -> ExpandedColumns | None:
     """Expand a xacro file for columns of arguments; ``None`` where it cannot be recorded.
 
     Args:
@@ -180,16 +194,16 @@ def expanded_columns(request: Request, columns: Mapping[str, ArgumentColumn]) ->
     return None
 
 
-def _text_column(text: Text, values: Sequence[Any]) -> str | ArgumentColumn:
+def _text_column(text: Text, values: Sequence[Any]) -> str | AnyColumn:
     """Return a text with marks filled in, or the texts of all rows."""
     texts, registers = text
     filled = [values[register] for register in registers]
-    if not any(isinstance(value, ArgumentColumn) for value in filled):
+    if not any(map(is_column, filled)):
         return joined(texts, *filled)
     if texts == ("", ""):
-        return ArgumentColumn(map(str, filled[0]))
-    count = next(len(value) for value in filled if isinstance(value, ArgumentColumn))
-    spread = (value if isinstance(value, ArgumentColumn) else [value] * count for value in filled)
+        return filled[0] if isinstance(filled[0], np.ndarray) else ArgumentColumn(map(str, filled[0]))
+    count = next(len(value) for value in filled if is_column(value))
+    spread = (rows_of(value) if is_column(value) else [value] * count for value in filled)
     return ArgumentColumn(joined(texts, *row) for row in zip(*spread, strict=True))
 
 

@@ -77,6 +77,25 @@ class LinkPlacements(Record, frozen=True):
         found: Array = parts.reshape(len(given), 6, *parts.shape[3:])
         return found.transpose(0, *range(3, found.ndim), 2, 1)
 
+    def demands(self, twists: Array, rates: Array) -> Array:
+        """Return what the motion of every link demands, by Newton's and Euler's equations, in the link's own frame.
+
+        Args:
+            twists: V, in their own frames, shape (n, njoints, 6).
+            rates: V', likewise.
+
+        Returns:
+            ``I V'``, ``V x* I V`` and the wrench against its weight, shape (3, n, njoints, 6).
+        """
+        turns, twist, rate = components_first(self.turns, 3), components_first(twists), components_first(rates)
+        motions = np.zeros((3, *twist.shape))
+        motions[0], motions[1], motions[2, :3] = rate, twist, turned(turns.swapaxes(0, 1), -self.model.gravity.linear)
+        wrenches = LinkTree.of(self.model).momenta(motions)
+        linear, v, omega = wrenches[1, :3], twist[:3], twist[3:]
+        dragged = cross(v, linear)
+        wrenches[1, :3], wrenches[1, 3:] = cross(omega, linear), cross(omega, wrenches[1, 3:]) + dragged
+        return wrenches.transpose(0, *range(3, wrenches.ndim), 2, 1)
+
 
 def _rotated(turns: Array, wrenches: Array) -> Array:
     """Return ``[R f; R m]`` of wrenches [f; m] along the last axis."""

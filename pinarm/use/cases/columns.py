@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 
+import numpy as np
+
+from pinarm.arrays import Array, Indices
 from pinarm.input.units import unit
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.use.cases.case import Case, Value
+from pinarm.use.cases.case_table import CaseTable, Column, SomeCases
 
 ARGUMENT = "arguments."
 """What begins paths to arguments of the model."""
@@ -43,27 +47,55 @@ def of_kind(anchor: Case, values: Case) -> Case | None:
     return {path: anchor[path] if path in own else value for path, value in values.items()} if own == other else None
 
 
-def moving(values: Case) -> dict[str, Value]:
-    """Return the values that say how a case moves: those of laws, rows and initial states."""
-    return {path: value for path, value in values.items() if path.startswith(COLUMNS[1:])}
+def grouped(cases: SomeCases) -> dict[Kind, Indices]:
+    """Return the kinds of cases, and the places of those of each, ascending."""
+    if isinstance(cases, CaseTable) and len(cases) and all(is_column(column.path) for column in cases.columns):
+        return {kind_of(cases[0]): np.arange(len(cases))}
+    found = dict[Kind, list[int]]()
+    for place, case in enumerate(cases):
+        found.setdefault(kind_of(case), []).append(place)
+    return {kind: np.array(places) for kind, places in found.items()}
 
 
-def column_of(first: Value, values: Sequence[Value]) -> list[float]:
-    """Return numbers [SI], given as a scenario has them; the first says their unit.
+def tabled(cases: SomeCases, places: Indices) -> CaseTable:
+    """Return cases of one kind as a table."""
+    if isinstance(cases, CaseTable):
+        return cases.some(places)
+    return CaseTable.of([cases[place] for place in places.tolist()])
+
+
+def moving(cases: CaseTable) -> list[Column]:
+    """Return the columns that say how cases move: those of laws, rows and initial states."""
+    return [column for column in cases.columns if column.path.startswith(COLUMNS[1:])]
+
+
+def numbers_of(column: Column, first: Value) -> Array:
+    """Return the numbers of a column [SI]; a value as a scenario has it says their unit.
 
     Raises:
         VariantsDiffer: They are not all numbers with the unit of the first.
     """
     if not isinstance(first, str):
-        if any(isinstance(value, str | bool) for value in values):
+        if column.unit or not column.is_numeric:
             raise VariantsDiffer("numbers with and without a unit")
-        return [float(value) for value in values]
+        return column.as_array
     measured = first.partition(" ")[2]
-    factor, ending = unit(measured).factor if measured else 1.0, f" {measured}" if measured else ""
+    numbers = column.as_array if column.unit and column.unit == measured else _read(column.values, measured)
+    return numbers * (unit(measured).factor if measured else 1.0)
+
+
+def number_of(value: Value, first: Value) -> float:
+    """Return one number [SI]; see ``numbers_of``."""
+    return float(numbers_of(Column("", [value]), first)[0])
+
+
+def _read(values: Sequence[Value], measured: str) -> Array:
+    """Return numbers that are given as texts with a unit."""
+    ending = f" {measured}" if measured else ""
     texts = [value for value in values if isinstance(value, str) and value.endswith(ending)]
     if len(texts) < len(values):
         raise VariantsDiffer("several units")
     try:
-        return [float(text.removesuffix(ending)) * factor for text in texts]
+        return np.array([float(text.removesuffix(ending)) for text in texts])
     except ValueError:
         raise VariantsDiffer("values that are no plain numbers") from None

@@ -18,7 +18,7 @@ from pinarm.input.yaml.values import varied
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.problems.forward import Forward
 from pinarm.use.cases.case import Case, Value
-from pinarm.use.cases.columns import INITIAL, column_of
+from pinarm.use.cases.columns import INITIAL, number_of
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -92,7 +92,7 @@ class ForwardCases:
         state = np.concatenate(self.first[:2])
         for path, value in values.items():
             try:
-                (state[self._joints[path]],) = column_of(self.values[path], [value])
+                state[self._joints[path]] = number_of(value, self.values[path])
             except VariantsDiffer:
                 return None
         q, v = np.split(state, [self.motion.mechanism.model.nq])
@@ -120,7 +120,7 @@ class ForwardCases:
 def _number(value: Value) -> float | None:
     """Return a value [SI]; ``None`` where it is no plain number."""
     try:
-        return column_of(value, [value])[0]
+        return number_of(value, value)
     except VariantsDiffer:
         return None
 

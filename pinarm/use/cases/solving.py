@@ -25,7 +25,7 @@ def solving(task: Task, runners: Runners) -> Iterator[SolveCases]:
     with runners.applying(CaseSolver(task)) as apply:
 
         def solve(cases: Iterable[Case]) -> Iterator[Row]:
-            answers = apply((number, "", case) for number, case in enumerate(cases))
+            answers = apply(cases)
             return (Row((), each.reason, final=False) if isinstance(each, LostJob) else each for each in answers)
 
         yield solve

@@ -9,12 +9,13 @@ compared.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.checks.sample import sampled
@@ -29,7 +30,8 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import PinarmError
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.use.cases.case import QUADRATURE, WORTH, Case, Row, Task, solved_case
-from pinarm.use.cases.columns import ARGUMENT, column_of, moving
+from pinarm.use.cases.case_table import CaseTable, RowTable
+from pinarm.use.cases.columns import ARGUMENT, moving, number_of, numbers_of
 from pinarm.use.cases.memory import keep_freed_memory
 from pinarm.use.cases.prescribed_cases import PrescribedCases
 from pinarm.use.cases.variant_numbers import MovingVariants, VariantNumbers
@@ -48,7 +50,7 @@ VariantsT = TypeVar("VariantsT", bound=MovingVariants)
 NUMBERS = 800_000
 """Numbers of one array over the cases of a stack, at most: larger ones leave the caches of processors."""
 
-EXPANDED = 1000
+EXPANDED = 10_000
 """Cases whose model is expanded at once: to read it for one takes as long as for many."""
 
 JUDGED = 4
@@ -59,7 +61,10 @@ AGREED = 1e-10
 """Difference of a case solved with others from the same alone, relative to the largest of its numbers, from which on
 none of them is trusted."""
 
-Attempt = Callable[[Callable[[Sequence[Any]], "list[Row | None]"], Sequence[Any]], "list[Row | None]"]
+Solve = Callable[[Indices], "list[tuple[Indices, Array]]"]
+"""Cases -> those of them that can be solved, and their rows of numbers, block by block."""
+
+Attempt = Callable[[Solve, Indices], "list[tuple[Indices, Array]]"]
 """Returns what a function says of cases, and what is told of those for which it raises something."""
 
 
@@ -149,58 +154,72 @@ class Stack:
         """Return the number of cases with so many rows whose arrays are of a size that suits processors."""
         return max(1, NUMBERS // (rows * int(self.first.trajectory.mechanism.model.njoints) * 6))
 
-    def rows(self, cases: Sequence[Case]) -> list[Row | None]:
-        """Return the rows of cases; ``None`` of those that are to be solved alone.
+    def rows(self, cases: CaseTable) -> tuple[Indices, RowTable]:
+        """Return the places of the cases that can be solved so, and their rows; the others are to be solved alone.
 
         What one of them raises costs the others time only, and is told when it is solved alone.
         """
-        return _tried(lambda some: self._by_blocks(some, _tried), cases)
+        return self._joined(_tried(lambda places: self._by_blocks(cases, places, _tried), np.arange(len(cases))))
 
-    def together(self, cases: Sequence[Case]) -> list[Row | None]:
+    def together(self, cases: CaseTable) -> tuple[Indices, RowTable]:
         """Return the same where nothing is raised.
 
         Raises:
             VariantsDiffer: The cases differ in more than numbers of the model.
             PinarmError: A file may not be read any more, or something cannot be computed in one of them.
         """
-        return self._by_blocks(cases, lambda solve, places: solve(places))
+        return self._joined(self._by_blocks(cases, np.arange(len(cases)), lambda solve, places: solve(places)))
 
-    def _by_blocks(self, cases: Sequence[Case], attempt: Attempt) -> list[Row | None]:
-        """Return the rows of cases whose model is expanded at once."""
-        mechanism, possible = self._mechanism(cases)
+    def _joined(self, blocks: Sequence[tuple[Indices, Array]]) -> tuple[Indices, RowTable]:
+        places, numbers = zip(*blocks, strict=True) if blocks else ([np.zeros(0, np.intp)], [np.zeros((0, 0))])
+        return np.concatenate(places), RowTable(np.concatenate(numbers), self.files)
+
+    def _by_blocks(self, cases: CaseTable, places: Indices, attempt: Attempt) -> list[tuple[Indices, Array]]:
+        """Return what comes of some of the cases, whose model is expanded at once."""
+        some = cases.some(places)
+        mechanism, possible = self._mechanism(some)
         require_joint_forces(self.motions.forces)
 
-        def solve(places: Sequence[int]) -> list[Row | None]:
-            read = {place: self._read(cases[place - 1], mechanism, place) for place in places}
-            motions = {0: self.motions.first} | {place: motion for place, motion in read.items() if motion is not None}
+        def solve(variants: Indices) -> list[tuple[Indices, Array]]:
+            motions = self._followed(some, mechanism, variants)
             chosen = np.array([*motions])  # the first case is the one that the others are compared with
             numbers, finite = self._numbers(some_variants(mechanism, chosen), [*motions.values()])
-            rows = zip(motions, (numbers + 0.0).tolist(), (possible[chosen] & finite).tolist(), strict=True)
-            found = {place: Row(tuple(row), "", self.files) for place, row, sound in rows if sound}  # -0 becomes 0
-            return [found.get(place) for place in places]
+            sound = possible[chosen] & finite & (chosen > 0)
+            return [(places[chosen[sound] - 1], numbers[sound] + 0.0)]  # -0 becomes 0
 
-        every, size = range(1, len(cases) + 1), self.block_of(self.motions.length)
-        blocks = (every[start : start + size] for start in range(0, len(every), size))
-        return [row for places in blocks for row in attempt(solve, places)]
+        size = self.block_of(self.motions.length)
+        blocks = (1 + np.arange(start, min(start + size, len(some))) for start in range(0, len(some), size))
+        return [part for variants in blocks for part in attempt(solve, variants)]
 
-    def _mechanism(self, cases: Sequence[Case]) -> tuple[Mechanism, Flags]:
+    def _mechanism(self, cases: CaseTable) -> tuple[Mechanism, Flags]:
         """Return the mechanism in the first case and in others, and which of them can be followed so."""
         scenario = self.first.scenario
         given = {name: scenario.mechanism.arguments[name] for name in scenario.content.arguments}
-        columns = {
-            path.removeprefix(ARGUMENT): column_of(value, [case[path] for case in (self.values, *cases)])
-            for path, value in self.values.items() if path.startswith(ARGUMENT)
-        }  # fmt: skip
+        columns = dict[str, Array]()
+        for column in cases.columns:
+            if column.path.startswith(ARGUMENT):
+                first = self.values[column.path]
+                columns[column.path.removeprefix(ARGUMENT)] = np.append(
+                    number_of(first, first), numbers_of(column, first)
+                )
         if columns:
             return mechanism_variants(scenario.mechanism, given, columns)
         return alike_variants(scenario.mechanism, 1 + len(cases)), np.ones(1 + len(cases), dtype=bool)
 
-    def _read(self, case: Case, mechanism: Mechanism, place: int) -> Any:
-        """Return how a case moves; ``None`` where it is to be solved alone, and tells there what is wrong."""
-        try:
-            return self.motions.read(moving(case), mechanism, place)
-        except PinarmError:
-            return None
+    def _followed(self, cases: CaseTable, mechanism: Mechanism, variants: Indices) -> dict[int, Any]:
+        """Return how the first case and some others move, by their place among the variants; without those that fail.
+
+        What is wrong with these is told where they are solved alone.
+        """
+        columns, found = moving(cases), {0: self.motions.first}
+        if not columns:
+            return found | dict.fromkeys(variants.tolist(), self.motions.first)
+        for variant in variants.tolist():
+            values = {column.path: column.at(variant - 1) for column in columns}
+            with suppress(PinarmError):
+                if (motion := self.motions.read(values, mechanism, variant)) is not None:
+                    found[variant] = motion
+        return found
 
     def _numbers(self, mechanism: Mechanism, motions: Sequence[Any]) -> tuple[Array, Flags]:
         """Return results and measures of accuracy, shape (k, columns), and which cases are finite."""
@@ -231,12 +250,12 @@ class Stack:
         """
         try:
             with failures_in_words():
-                (row,) = self.together([values])
+                _, rows = self.together(CaseTable.of([values]))
         except PinarmError:
             return None
-        if row is None or alone.error:
-            return None if row is None else False
-        own, other = np.array(row.numbers), np.array(alone.numbers)
+        if not len(rows) or alone.error:
+            return False if len(rows) else None
+        own, other = rows.numbers[0], np.array(alone.numbers)
         size = np.nanmax(np.abs(other), initial=0.0)
         return bool((np.isnan(own) == np.isnan(other)).all() and np.nanmax(np.abs(own - other)) <= AGREED * size)
 
@@ -255,11 +274,11 @@ def _motions(result: Result, values: Case) -> Motions[Any, Any] | None:
     return ForwardCases.of(result, values)
 
 
-def _tried(solve: Callable[[Sequence[Any]], list[Row | None]], cases: Sequence[Any]) -> list[Row | None]:
-    """Return the rows of cases; of those for which something is raised ``None``, the others without them."""
+def _tried(solve: Solve, cases: Indices) -> list[tuple[Indices, Array]]:
+    """Return what comes of cases, without those for which something is raised."""
     try:
         with failures_in_words():
             return solve(cases)
     except Exception:
         half = len(cases) // 2
-        return [*_tried(solve, cases[:half]), *_tried(solve, cases[half:])] if half else [None] * len(cases)
+        return [*_tried(solve, cases[:half]), *_tried(solve, cases[half:])] if half else []

@@ -1,4 +1,4 @@
-"""The jobs of a chunk: those that differ by numbers only are solved as one array, the others one by one.
+"""The cases of a chunk: those that differ by numbers only are solved as one array, the others one by one.
 
 The numbers of a case do not depend on those that are solved with it. They are the same to the last digit however cases
 are spread over workers: loops are followed from an anchor of the task, whatever case comes first.
@@ -6,20 +6,23 @@ are spread over workers: loops are followed from an anchor of the task, whatever
 
 from __future__ import annotations
 
-from collections import OrderedDict, deque
-from collections.abc import Iterator, Sequence
+from collections import OrderedDict
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import islice
 
+import numpy as np
+
+from pinarm.arrays import Indices
 from pinarm.input.xacro.templates import WAYS
 from pinarm.use.cases.case import Case, Row, Task, solve_case
-from pinarm.use.cases.columns import Kind, kind_of, of_kind
+from pinarm.use.cases.case_table import CaseTable, RowTable, SomeCases
+from pinarm.use.cases.columns import Kind, grouped, of_kind, tabled
 from pinarm.use.cases.stack import Stack
 from pinarm.use.workers.worker import Late
 
-Job = tuple[int, str, Case]
-"""A case, its digest, and its values."""
+Part = tuple[Indices, RowTable | list[Row]]
+"""Places of cases, and their rows."""
 
 KINDS = 8
 """Kinds of cases of which what they have in common is kept."""
@@ -50,32 +53,30 @@ class CaseSolver:
 
     task: Task
 
-    def __call__(self, job: Job) -> Row:
+    def __call__(self, case: Case) -> Row:
         """Solve one case by itself."""
-        return solve_case(self.task, job[2])
+        return solve_case(self.task, case)
 
-    def together(self, jobs: Sequence[Job], late: Late = lambda: False) -> Iterator[Row]:
-        """Yield the rows of jobs in their order; each is solved when it is asked for, or with one before it.
+    def together(self, cases: SomeCases, late: Late = lambda: False) -> Iterator[Part]:
+        """Yield places of cases and their rows: of those that are solved at once, or of one.
 
         Args:
-            jobs: The jobs.
-            late: Tells whether to end as soon as all that is solved has been yielded.
+            cases: The cases.
+            late: Tells whether to end before others are begun.
         """
-        left: dict[Kind, deque[int]] = {}
-        kinds = [kind_of(job[2]) for job in jobs]
-        for place, kind in enumerate(kinds):
-            left.setdefault(kind, deque()).append(place)
-        rows: dict[int, Row] = {}
-        for place, kind in enumerate(kinds):
-            if place not in rows:
-                if not rows and late():
+        begun = False
+        for kind, places in grouped(cases).items():
+            while len(places):
+                if begun and late():
                     return
-                rows |= self._solved(self._known(kind), left[kind], jobs)
-            yield rows.pop(place)
+                begun = True
+                parts = self._solved(self._known(kind), places, cases)
+                places = places[sum(len(some) for some, _ in parts) :]
+                yield from parts
 
-    def _solved(self, known: _Known, places: deque[int], jobs: Sequence[Job]) -> dict[int, Row]:
-        """Return the rows of the first of some places, or of several; they are taken from these."""
-        first, last = jobs[places[0]], jobs[places[-1]]
+    def _solved(self, known: _Known, places: Indices, cases: SomeCases) -> list[Part]:
+        """Return the rows of the first of some places, or of several."""
+        first, last = cases[int(places[0])], cases[int(places[-1])]
         if not known.anchored:
             self._anchor(known, first, last)
         if not known.alone and not known.stacks:
@@ -83,44 +84,45 @@ class CaseSolver:
             if self.task.anchors and known.stacks and known.stacks[0].follows:
                 known.stacks, known.alone = [], True  # numbers would depend on which case comes first
             if not known.stacks:
-                return {places.popleft(): row}
+                return [(places[:1], [row])]
         if known.alone:
-            place = places.popleft()
-            return {place: self(jobs[place])}
-        some = [places.popleft() for _ in islice(range(len(places)), known.stacks[0].most)]
-        rows = dict[int, Row]()
+            return [(places[:1], [self(first)])]
+        left, parts = places[: known.stacks[0].most], list[Part]()
         for stack in known.stacks:
-            left = [place for place in some if place not in rows]
-            found = zip(left, stack.rows([jobs[place][2] for place in left]), strict=True)
-            rows |= {place: row for place, row in found if row is not None}
-        return rows | {place: self._other(known, jobs[place]) for place in some if place not in rows}
+            if len(left):
+                solved, rows = stack.rows(tabled(cases, left))
+                parts += [(left[solved], rows)] if len(solved) else []
+                left = np.delete(left, solved)
+        return parts + [(left[k : k + 1], [self._other(known, cases[place])]) for k, place in enumerate(left.tolist())]
 
-    def _anchor(self, known: _Known, first: Job, last: Job) -> None:
+    def _anchor(self, known: _Known, first: Case, last: Case) -> None:
         """Begin with the first anchor that can be solved."""
         known.anchored = True
         for anchor in self.task.anchors:
-            own = of_kind(anchor, first[2])
+            own = of_kind(anchor, first)
             if own is not None and not known.alone and not known.stacks:
-                self._begin(known, (-1, "", own), last)
+                self._begin(known, own, last)
 
-    def _other(self, known: _Known, job: Job) -> Row:
+    def _other(self, known: _Known, case: Case) -> Row:
         """Return the row of a case that no stack takes; it may begin another one."""
         count = len(known.stacks)
         if count == WAYS or known.stacks[0].follows:
-            return self(job)
-        row = self._begin(known, job, job)
-        (own,) = known.stacks[-1].rows([job[2]]) if len(known.stacks) > count else (None,)
-        return own or row
+            return self(case)
+        row = self._begin(known, case, case)
+        if len(known.stacks) == count:
+            return row
+        _, rows = known.stacks[-1].rows(CaseTable.of([case]))
+        return rows[0] if len(rows) else row
 
-    def _begin(self, known: _Known, first: Job, last: Job) -> Row:
+    def _begin(self, known: _Known, first: Case, last: Case) -> Row:
         """Solve a case alone, return its row, and begin a stack with it where both ways agree on it and on another."""
-        stack, row = Stack.begin(self.task, first[2])
+        stack, row = Stack.begin(self.task, first)
         if stack is None:
             known.alone = known.alone or not (row.error or known.stacks)
             return row
         try:
-            own = stack.agrees(first[2], row)
-            others = own if last is first else stack.agrees(last[2], self(last))
+            own = stack.agrees(first, row)
+            others = own if last == first else stack.agrees(last, self(last))
         except Exception:  # a fault of the program too costs time only
             own = others = False
         if own and others is not False:

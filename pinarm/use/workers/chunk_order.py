@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import os
 import pickle
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 from typing import Any, Literal
@@ -26,7 +26,7 @@ class ChunkOrder:
         session: Name of the work that the chunk is part of; the same for all of its chunks.
         number: Of the order in the work: Dask takes calls with the same arguments for one call.
         function: The function of a job, packed.
-        jobs: The jobs, packed as a list.
+        jobs: The jobs, packed.
         budget: Time after which the worker begins no other job of the chunk [s].
         files: Absolute path -> what stands there; ``None`` where workers see the files themselves.
         contents: Digest -> content, of files that a worker was without.
@@ -41,11 +41,15 @@ class ChunkOrder:
     contents: Mapping[str, bytes] = field(default_factory=dict, repr=False)
 
 
+AnsweredPart = tuple[Iterable[int], Collection[Any]]
+"""Places of jobs in a chunk, and their answers."""
+
+
 @dataclass(frozen=True)
 class Answers:
-    """The answers of the first jobs of a chunk, which took so long [s] together."""
+    """The answers of jobs of a chunk, part by part, which took so long [s] together."""
 
-    answers: Sequence[Any] = field(repr=False)
+    parts: Sequence[AnsweredPart] = field(repr=False)
     seconds: float
 
 
@@ -62,6 +66,16 @@ class LostJob:
     """A job that has no answer, and why: its worker died, or the program failed."""
 
     reason: str
+
+
+def in_order(parts: Iterable[AnsweredPart]) -> Iterator[Any]:
+    """Yield answers in the order of their jobs, each as soon as all before it are there."""
+    early, wanted = dict[int, Any](), 0
+    for places, answers in parts:
+        early |= zip(places, answers, strict=True)
+        while wanted in early:
+            yield early.pop(wanted)
+            wanted += 1
 
 
 def packed(data: object) -> bytes:

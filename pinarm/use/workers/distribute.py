@@ -13,7 +13,7 @@ import pickle
 import queue
 import sys
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator
 from concurrent.futures import Future
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -22,13 +22,16 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from pinarm.errors import InputError, NumericsError
 from pinarm.records import replace
-from pinarm.use.workers.chunk_order import Answers, ChunkOrder, FilesLacking, LostJob, packed, read_answer
+from pinarm.use.workers.chunk_order import Answers, ChunkOrder, FilesLacking, LostJob, in_order, packed, read_answer
 from pinarm.use.workers.travelling_files import Parcel
 from pinarm.use.workers.versions import differences, versions
 from pinarm.use.workers.worker import work
 
 LEAST_TIME, TIME_PER_WORKER = 0.2, 0.005
 """Time of a chunk [s]: at least, and for each worker there is, so that answers come 200 times a second at most."""
+
+GROWTH = 8
+"""Size of a chunk relative to the largest before, at most: one that is too large is given back, but had to travel."""
 
 PAYS = 0.8
 """Time of a job in a chunk, relative to that in one of half the size, below which a larger chunk is tried."""
@@ -47,6 +50,9 @@ PATIENCE = 5.0
 
 JobT = TypeVar("JobT")
 AnswerT = TypeVar("AnswerT")
+
+AnsweredJobs = tuple[list[tuple[int, JobT]], Collection[AnswerT | LostJob]]
+"""Jobs, each with its number, and their answers."""
 
 
 @dataclass(frozen=True)
@@ -122,25 +128,28 @@ class Pace:
 
     Attributes:
         size: How many.
+        largest: Jobs of the largest chunk so far.
         seconds: Time of a job of late [s].
         paying: Jobs of the largest chunk that took less time for each than half as many did, by ``PAYS``.
         least: Least time of a job in such a chunk [s].
     """
 
     size: int = 1
+    largest: int = 1
     seconds: float = 0.0
     paying: int = 1
     least: float = math.inf
 
     def note(self, jobs: int, seconds: float, budget: float) -> None:
-        """Note how long a chunk took; the next is at most twice as large as the largest before."""
+        """Note how long a chunk took; the next is at most ``GROWTH`` times as large as the largest before."""
         each = seconds / jobs
         self.seconds = min(each, 0.5 * (self.seconds + each)) if self.seconds else each  # the first ones load more
         if jobs >= 2 * self.paying and each < PAYS * self.least:
             self.paying, self.least = jobs, each
         elif jobs <= self.paying:
             self.least = min(self.least, each)
-        fitting = min(2 * max(self.size, jobs), int(budget / max(self.seconds, 1e-9)))
+        self.largest = max(self.largest, jobs)
+        fitting = min(GROWTH * self.largest, int(budget / max(self.seconds, 1e-9)))
         self.size = max(fitting, 2 * self.paying)
 
 
@@ -151,10 +160,12 @@ class Dispatch(Generic[JobT, AnswerT]):
     Attributes:
         function: Importable by its name, as is all that it holds.
         workers: Who does it.
+        written: Returns jobs as a worker gets them: a list of them, or what stands for it.
     """
 
     function: Callable[[JobT], AnswerT]
     workers: Workers
+    written: Callable[[list[JobT]], Any] = list
     jobs: Iterator[tuple[int, JobT]] = field(default_factory=lambda: iter(()))
     share: int = sys.maxsize
     pace: Pace = field(default_factory=Pace)
@@ -168,8 +179,8 @@ class Dispatch(Generic[JobT, AnswerT]):
         self.session, self.parcel = os.urandom(16).hex(), self.workers.files
         self.packed = packed(self.function)
 
-    def answers(self, jobs: Iterable[JobT]) -> Generator[tuple[int, JobT, AnswerT | LostJob], None, None]:
-        """Yield the number of each job, the job and its answer, in the order in which answers come.
+    def answers(self, jobs: Iterable[JobT]) -> Generator[AnsweredJobs[JobT, AnswerT], None, None]:
+        """Yield numbered jobs and their answers, as many as come together, in the order in which answers come.
 
         Args:
             jobs: Taken as they are needed, and a few ahead; of few every worker gets a share. Those of a call before
@@ -185,18 +196,12 @@ class Dispatch(Generic[JobT, AnswerT]):
         self.share = -(-len(seen) // self.workers.count()) if len(seen) < AHEAD else sys.maxsize
         self.hand_out()
         while self.given:
-            for (number, job), answer in self._coming():
-                yield number, job, answer
+            yield from self._coming()
             self.hand_out()
 
     def in_order(self, jobs: Iterable[JobT]) -> Iterator[AnswerT | LostJob]:
         """Yield the answers in the order of their jobs; see ``answers``."""
-        early, wanted = dict[int, AnswerT | LostJob](), 0
-        for number, _, answer in self.answers(jobs):
-            early[number] = answer
-            while wanted in early:
-                yield early.pop(wanted)
-                wanted += 1
+        return in_order(([number for number, _ in some], answers) for some, answers in self.answers(jobs))
 
     def close(self) -> None:
         """End the workers."""
@@ -228,14 +233,14 @@ class Dispatch(Generic[JobT, AnswerT]):
         return Chunk(jobs) if jobs else None
 
     def _order(self, chunk: Chunk[JobT]) -> ChunkOrder:
-        jobs = packed([job for _, job in chunk.jobs])
+        jobs = packed(self.written([job for _, job in chunk.jobs]))
         order = ChunkOrder(self.session, self.orders, self.packed, jobs, self.budget)
         if self.parcel is None:
             return order
         contents = {digest: self.parcel.contents[digest] for digest in chunk.contents}
         return replace(order, files=dict(self.parcel.entries), contents=contents)
 
-    def _coming(self) -> Iterator[tuple[tuple[int, JobT], Any]]:
+    def _coming(self) -> Iterator[AnsweredJobs[JobT, AnswerT]]:
         """Wait for a chunk, and yield its jobs with their answers."""
         try:
             future = self.over.get(timeout=PATIENCE)
@@ -254,20 +259,21 @@ class Dispatch(Generic[JobT, AnswerT]):
         else:
             yield from self._take(chunk, read_answer(outcome))
 
-    def _take(self, chunk: Chunk[JobT], answer: Answers | FilesLacking) -> Iterator[tuple[tuple[int, JobT], Any]]:
+    def _take(self, chunk: Chunk[JobT], answer: Answers | FilesLacking) -> Iterator[AnsweredJobs[JobT, AnswerT]]:
         self.deaths = 0
         if isinstance(answer, FilesLacking):
             assert self.parcel is not None
             self.parcel.add(answer.paths)
             self.returned.appendleft(replace(chunk, contents=chunk.contents | answer.digests))
             return
-        done = len(answer.answers)
-        self.pace.note(done, answer.seconds, self.budget)
-        yield from zip(chunk.jobs, answer.answers, strict=False)
-        if left := chunk.jobs[done:]:
-            self.returned.append(Chunk(left))
+        left = dict(enumerate(chunk.jobs))
+        parts = [([left.pop(place) for place in places], answers) for places, answers in answer.parts]
+        self.pace.note(len(chunk.jobs) - len(left), answer.seconds, self.budget)
+        yield from parts
+        if left:
+            self.returned.append(Chunk((*left.values(),)))
 
-    def _bury(self, chunk: Chunk[JobT], death: WorkerDeath) -> Iterator[tuple[tuple[int, JobT], LostJob]]:
+    def _bury(self, chunk: Chunk[JobT], death: WorkerDeath) -> Iterator[AnsweredJobs[JobT, AnswerT]]:
         """Halve a chunk with which a worker died, down to single jobs; give up one with which several did."""
         self.deaths += 1
         if self.deaths >= HOPELESS:
@@ -278,7 +284,7 @@ class Dispatch(Generic[JobT, AnswerT]):
         elif deaths < DEATHS:
             self.returned.append(replace(chunk, deaths=deaths))
         else:
-            yield chunk.jobs[0], LostJob(f"its process died by {death.reason}")
+            yield [chunk.jobs[0]], [LostJob(f"its process died by {death.reason}")]
 
 
 def distribute(
@@ -296,5 +302,5 @@ def distribute(
         NumericsError: Workers die one after the other, or there are none any more.
     """
     with closing(Dispatch(function, workers)) as spread:
-        for _, job, answer in spread.answers(jobs):
-            yield job, answer
+        for some, answers in spread.answers(jobs):
+            yield from ((job, answer) for (_, job), answer in zip(some, answers, strict=True))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
@@ -27,7 +27,7 @@ AGAIN = "the same command or call again: with a folder of the sweep it goes on f
 
 
 class ExecutorWorkers:
-    """The workers of an executor, which is not shut down with the work; files travel to them.
+    """The workers of an executor, which is not shut down with the work; files travel to them, but not to threads.
 
     Args:
         executor: The executor.
@@ -36,7 +36,7 @@ class ExecutorWorkers:
     """
 
     def __init__(self, executor: Executor, number: int | None = None) -> None:
-        self.files = Parcel()
+        self.files = None if isinstance(executor, ThreadPoolExecutor) else Parcel()  # threads see the files
         self._executor, self._number = executor, number
         self._counted, self._count, self._seen = -RECOUNT, 1, time.monotonic()
         self._pending = set[Future[Any]]()

@@ -77,6 +77,7 @@ HERE = Runners()
 
 def _applied_here(function: Callable[[JobT], AnswerT], jobs: Iterable[JobT]) -> Iterator[Any]:
     """Yield the answers of jobs, which are solved when they are asked for, or with one before them."""
+    from pinarm.use.workers.chunk_order import in_order
     from pinarm.use.workers.worker import Together
 
     if not isinstance(function, Together):
@@ -84,4 +85,4 @@ def _applied_here(function: Callable[[JobT], AnswerT], jobs: Iterable[JobT]) -> 
         return
     left = iter(jobs)
     while some := list(islice(left, TOGETHER)):
-        yield from function.together(some, lambda: False)
+        yield from in_order(function.together(some, lambda: False))

@@ -6,16 +6,13 @@ import pickle
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Protocol, runtime_checkable
 
 from pinarm.input.roots import noting_files
-from pinarm.use.workers.chunk_order import Answers, ChunkOrder, FilesLacking, LostJob, answered, unpacked
+from pinarm.use.workers.chunk_order import AnsweredPart, Answers, ChunkOrder, FilesLacking, LostJob, answered, unpacked
 from pinarm.use.workers.travelling_files import Mirror, SharedFiles
 from pinarm.use.workers.versions import versions
-
-NOTHING = object()
-"""What is left of a chunk that is not answered to its end."""
 
 KEPT = 2
 """Sessions that a thread keeps its function and files of."""
@@ -45,8 +42,8 @@ Late = Callable[[], bool]
 class Together(Protocol):
     """A function of jobs that solves several of them at once."""
 
-    def together(self, jobs: Sequence[Any], late: Late) -> Iterator[Any]:
-        """Yield the answers of jobs, in their order, none of which raises; of the first ones where it gets late."""
+    def together(self, jobs: Any, late: Late) -> Iterator[AnsweredPart]:
+        """Yield places of jobs and their answers, none of which raises; not of all jobs where it gets late."""
 
 
 class _Session:
@@ -66,33 +63,33 @@ class _Session:
         lacking = self.files.update(order.files or {}, order.contents)
         if lacking.digests:
             return lacking
-        begin, answers = time.perf_counter(), list[Any]()
+        begin, parts = time.perf_counter(), list[AnsweredPart]()
         jobs = unpacked(order.jobs, self.files.prefix)
 
         def late() -> bool:
-            return bool(answers) and time.perf_counter() - begin > order.budget
+            return bool(parts) and time.perf_counter() - begin > order.budget
 
         together = self.function.together if isinstance(self.function, Together) else self._one_by_one
         coming = together(jobs, late)
-        while len(answers) < len(jobs):
+        while True:
             with noting_files() as files:
-                answer = next(coming, NOTHING)
-            if answer is NOTHING:
+                part = next(coming, None)
+            if part is None:
                 break
             lacking = self.files.unknown(files)
             if lacking.paths:
                 self.function = unpacked(self._packed, self.files.prefix)  # without what it has learnt of its lack
-                if not answers:
+                if not parts:
                     return lacking
                 break
-            answers.append(answer)
-        return Answers(answers, time.perf_counter() - begin)
+            parts.append(part)
+        return Answers(parts, time.perf_counter() - begin)
 
-    def _one_by_one(self, jobs: Sequence[Any], late: Late) -> Iterator[Any]:
-        for job in jobs:
+    def _one_by_one(self, jobs: Iterable[Any], late: Late) -> Iterator[AnsweredPart]:
+        for place, job in enumerate(jobs):
             if late():
                 return
-            yield self._answer_of(job)
+            yield [place], [self._answer_of(job)]
 
     def _answer_of(self, job: Any) -> Any:
         try:

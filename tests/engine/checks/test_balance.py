@@ -220,7 +220,7 @@ def test_powers_at_the_nodes_of_a_step_are_integrated_over_its_parts(count):
 def test_of_many_joints_the_most_is_exact_for_those_that_carry_most_and_never_too_large(arm, inverse, monkeypatch):
     rows = np.arange(0, 81, 9)
     links, twists, rates, columns = inverse.link_motion_at(rows)
-    wrenches = links.at_world(balance.demands(arm.model, links, twists, rates))
+    wrenches = links.at_world(links.demands(twists, rates))
     asked, most = balance._asked(links, columns, wrenches)
     for looked_at in (1, arm.model.nv):
         monkeypatch.setattr(balance, "LOOKED_AT", looked_at)

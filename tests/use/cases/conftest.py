@@ -9,6 +9,7 @@ import pinarm
 from pinarm.use.cases import together
 from pinarm.use.cases.case import Row, Task, Value, Wanted, solve_case
 from pinarm.use.cases.together import CaseSolver
+from pinarm.use.workers.chunk_order import in_order
 
 Chunk = Callable[[pinarm.Scenario, Sequence[dict[str, Value]], Sequence[str]], np.ndarray]
 
@@ -28,7 +29,7 @@ def chunk(monkeypatch: pytest.MonkeyPatch) -> Chunk:
         quantities = scenario.quantities()
         wanted = tuple(Wanted.read(text).measured(quantities)[0] for text in results)
         solver = CaseSolver(Task.of(scenario, wanted))
-        rows = list(solver.together([(k, "", case) for k, case in enumerate(cases)]))
+        rows = list(in_order(solver.together(cases)))
         assert alone == [cases[-1]]  # to be compared
         assert not any(row.error for row in rows)
         return np.array([row.numbers for row in rows])

@@ -1,5 +1,6 @@
 """Which cases may be solved together."""
 
+from pinarm.use.cases.case_table import CaseTable
 from pinarm.use.cases.columns import kind_of, moving
 
 
@@ -17,4 +18,7 @@ def test_the_kind_of_a_case_is_what_is_no_argument_and_no_law() -> None:
 
 def test_what_says_how_a_case_moves_are_laws_rows_and_initial_states() -> None:
     values = {"arguments.m": 1.0, "problem.time.end": "1 s", "problem.initial.velocity.A": 2.0, "gravity": "none"}
-    assert moving(values) == {"problem.time.end": "1 s", "problem.initial.velocity.A": 2.0}
+    assert [column.path for column in moving(CaseTable.of([values]))] == [
+        "problem.time.end",
+        "problem.initial.velocity.A",
+    ]

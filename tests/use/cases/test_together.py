@@ -1,15 +1,19 @@
 """Which cases of a chunk are solved together, in which order, and that nothing else follows from it."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import pinarm
+from pinarm.arrays import Indices
 from pinarm.use.cases import together
 from pinarm.use.cases.case import Row, Task, Value, Wanted, solve_case
+from pinarm.use.cases.case_table import CaseTable, RowTable
 from pinarm.use.cases.stack import Stack
-from pinarm.use.cases.together import CaseSolver, Job
+from pinarm.use.cases.together import CaseSolver
+from pinarm.use.workers.chunk_order import in_order
 
 BRANCHES = """\
 <robot name="pendulum" xmlns:xacro="http://www.ros.org/wiki/xacro">
@@ -23,12 +27,12 @@ BRANCHES = """\
 """
 
 
-def jobs_of(*cases: dict[str, Value]) -> list[Job]:
-    return [(k, "", values) for k, values in enumerate(cases)]
+def masses(*texts: str, **others: Value) -> list[dict[str, Value]]:
+    return [{"arguments.m": text, **{k.replace("__", "."): x for k, x in others.items()}} for text in texts]
 
 
-def masses(*texts: str, **others: Value) -> list[Job]:
-    return jobs_of(*({"arguments.m": text, **{k.replace("__", "."): x for k, x in others.items()}} for text in texts))
+def rows_of(solver: CaseSolver, cases: Sequence[dict[str, Value]]) -> list[Row]:
+    return [*in_order(solver.together(cases))]
 
 
 @pytest.fixture
@@ -42,7 +46,7 @@ def sizes(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     given: list[int] = []
     rows = Stack.rows
 
-    def noted(stack: Stack, cases: list[dict[str, Value]]) -> list[Row | None]:
+    def noted(stack: Stack, cases: CaseTable) -> tuple[Indices, RowTable]:
         given.append(len(cases))
         return rows(stack, cases)
 
@@ -54,17 +58,17 @@ def test_rows_come_in_the_order_of_their_jobs(task: Task, sizes: list[int]) -> N
     """M = m g l sin(alpha), with g = 10 m/s^2, l = 1 m or 2 m, and alpha up to 90 deg."""
     one, other = masses("1 kg", "4 kg", "2 kg"), masses("3 kg", "7 kg", arguments__l="1 m", gravity="none")
     mixed = [one[0], other[0], one[1], other[1], one[2]]
-    rows = list(CaseSolver(task).together(mixed))
+    rows = rows_of(CaseSolver(task), mixed)
     np.testing.assert_allclose([row.numbers[1] for row in rows], [10, 0, 40, 0, 20], atol=1e-13)
     assert sizes == [3, 2]
 
 
 def test_cases_that_fail_say_why_as_if_alone(task: Task, sizes: list[int]) -> None:
     jobs = masses("-1 kg", "2 kg", "nan kg", "-2 kg", "1e400 kg", "3 m", "4 kg")
-    rows = list(CaseSolver(task).together(jobs))
+    rows = rows_of(CaseSolver(task), jobs)
     assert rows[1].numbers[1] == pytest.approx(20)
     assert rows[6].numbers[1] == pytest.approx(40)
-    for row, (_, _, values) in zip(rows, jobs, strict=True):
+    for row, values in zip(rows, jobs, strict=True):
         assert row.error == solve_case(task, values).error
     assert [bool(row.error) for row in rows] == [True, False, True, True, True, True, False]
 
@@ -76,9 +80,9 @@ def test_every_branch_of_a_model_has_a_stack(path: Path, sizes: list[int]) -> No
     scenario = pinarm.load(path)
     task = Task.of(scenario, (Wanted.read("joint.pivot.effort"),))
     jobs = masses("1 kg", "3 kg", "1.5 kg", "4 kg", "1.9 kg", "1.8 kg")
-    rows = list(CaseSolver(task).together(jobs))
+    rows = rows_of(CaseSolver(task), jobs)
     np.testing.assert_allclose([row.numbers[1] for row in rows], [10, 90, 15, 120, 19, 18], rtol=1e-13)
-    again = [row for job in jobs for row in CaseSolver(task).together([job])]
+    again = [row for job in jobs for row in rows_of(CaseSolver(task), [job])]
     assert [repr(row) for row in rows] == [repr(row) for row in again]
 
 
@@ -94,10 +98,10 @@ def test_what_cannot_be_solved_together_is_tried_once(
 
     monkeypatch.setattr(Stack, "begin", noted)
     solver, jobs = CaseSolver(task), masses("1 kg", "2 kg", "3 kg")
-    assert [row.numbers[1] for row in solver.together(jobs)] == pytest.approx([10, 20, 30])
+    assert [row.numbers[1] for row in rows_of(solver, jobs)] == pytest.approx([10, 20, 30])
     assert (len(begun), sizes) == (1, [3])
-    pulled = jobs_of(*({"changes.forces.spring.stiffness": f"{k} N*m/rad"} for k in range(3)))
-    assert len([row for row in solver.together(pulled) if not row.error]) == 3
+    pulled: list[dict[str, Value]] = [{"changes.forces.spring.stiffness": f"{k} N*m/rad"} for k in range(3)]
+    assert len([row for row in rows_of(solver, pulled) if not row.error]) == 3
     assert (len(begun), sizes) == (1, [3])
 
 
@@ -105,7 +109,7 @@ def test_where_both_ways_do_not_agree_all_are_solved_alone(
     task: Task, sizes: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Stack, "agrees", lambda stack, values, row: False)
-    rows = list(CaseSolver(task).together(masses("1 kg", "2 kg", "3 kg")))
+    rows = rows_of(CaseSolver(task), masses("1 kg", "2 kg", "3 kg"))
     assert [row.numbers[1] for row in rows] == pytest.approx([10, 20, 30])
     assert sizes == []
 
@@ -115,7 +119,7 @@ def test_only_the_kinds_used_last_are_kept(task: Task, monkeypatch: pytest.Monke
     solver = CaseSolver(task)
     for exponent in range(6, 10):
         changed = masses("1 kg", "2 kg", accuracy__tolerance=float(f"1e-{exponent}"))
-        assert not any(row.error for row in solver.together(changed))
+        assert not any(row.error for row in rows_of(solver, changed))
     assert len(solver._kinds) == 2
 
 
@@ -139,13 +143,13 @@ def test_loops_are_closed_from_the_first_anchor_that_closes_whatever_case_comes_
 ) -> None:
     """To the last digit: closed from one another they differ in it."""
     task = Task.of(crank_rocker, [Wanted.read("T"), Wanted.read("F_B")], OPEN, *ANCHORS)
-    rows = list(CaseSolver(task).together(jobs_of(*CRANKS)))
-    apart = [row for case in CRANKS for row in CaseSolver(task).together(jobs_of(case))]
+    rows = rows_of(CaseSolver(task), CRANKS)
+    apart = [row for case in CRANKS for row in rows_of(CaseSolver(task), [case])]
     assert sizes == [2, 1, 1]
     assert [repr(row) for row in apart] == [repr(row) for row in rows]
 
 
 def test_loops_are_solved_one_by_one_where_no_anchor_closes(crank_rocker: pinarm.Scenario, sizes: list[int]) -> None:
-    rows = list(CaseSolver(Task.of(crank_rocker, [Wanted.read("T")], OPEN)).together(jobs_of(*CRANKS)))
+    rows = rows_of(CaseSolver(Task.of(crank_rocker, [Wanted.read("T")], OPEN)), CRANKS)
     assert not any(row.error for row in rows)
     assert sizes == []

@@ -232,7 +232,7 @@ def test_a_job_that_kills_its_workers_is_the_only_one_that_fails(
         "import os\nfrom pinarm.use.cases.together import CaseSolver\n"
         "class Hostile(CaseSolver):\n"
         "    def together(self, jobs, late):\n"
-        "        if any(job[2]['arguments.m'] == '2.0 kg' for job in jobs):\n"
+        "        if any(job['arguments.m'] == '2.0 kg' for job in jobs):\n"
         "            os._exit(9)\n"
         "        return super().together(jobs, late)\n"
     )

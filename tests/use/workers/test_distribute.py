@@ -96,8 +96,8 @@ def test_a_worker_gives_back_what_it_has_not_begun_in_time() -> None:
     assert max(times) < LEAST_TIME + 0.15 + 0.3  # and what a loaded machine adds; in one chunk 0.9
 
 
-@pytest.mark.parametrize(("seconds", "size"), [(1e-6, 2), (0.05, 2), (0.15, 2), (10.0, 2)])
-def test_the_size_of_a_chunk_is_at_most_doubled_and_keeps_to_the_budget(seconds: float, size: int) -> None:
+@pytest.mark.parametrize(("seconds", "size"), [(1e-6, 8), (0.05, 4), (0.15, 2), (10.0, 2)])
+def test_the_size_of_a_chunk_grows_at_most_eightfold_and_keeps_to_the_budget(seconds: float, size: int) -> None:
     """But for a second job, which a worker gives back where the first takes all the time."""
     pace = Pace()
     pace.note(1, seconds, 0.2)

@@ -114,3 +114,9 @@ def test_what_has_not_begun_is_called_off() -> None:
     assert next(answers) == (0, 0)
     answers.close()
     assert [future.cancelled() for future in waiting] == [False] + [True] * (len(waiting) - 1)
+
+
+def test_files_are_not_sent_to_threads_which_see_them() -> None:
+    with ThreadPoolExecutor(1) as executor:
+        assert ExecutorWorkers(executor).files is None
+    assert ExecutorWorkers(Refusing()).files is not None

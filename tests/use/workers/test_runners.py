@@ -9,6 +9,7 @@ import pytest
 
 from pinarm.errors import InputError
 from pinarm.use.workers import runners
+from pinarm.use.workers.chunk_order import AnsweredPart
 from pinarm.use.workers.runners import HERE, Runners
 from pinarm.use.workers.worker import Late
 
@@ -26,8 +27,10 @@ class Twice:
     def __call__(self, n: int) -> tuple[int, int]:
         return 2 * n, 1
 
-    def together(self, jobs: Sequence[int], late: Late) -> Iterator[tuple[int, int]]:
-        yield from ((2 * n, len(jobs)) for n in jobs)
+    def together(self, jobs: Sequence[int], late: Late) -> Iterator[AnsweredPart]:
+        last = len(jobs) - 1
+        yield [last], [(2 * jobs[last], len(jobs))]
+        yield range(last), [(2 * n, len(jobs)) for n in jobs[:last]]
 
 
 def test_this_process_gives_a_function_what_it_solves_at_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
@@ -39,8 +39,11 @@ READ = {"link": {"mass", "origin", "inertia"}, "joint": {"origin"}}
 ROUNDING = 1e-13
 """Of a number that is computed in another order, relative to the largest of its kind."""
 
+KEPT = 4
+"""Texts that are kept as they have been read: the variants of one model come in many chunks."""
+
 Element = ElementTree.Element
-Columns = Mapping[str, Sequence[Any]]
+Columns = Mapping[str, Sequence[Any] | Array]
 """A word that stands in an attribute -> the numbers that variants have in its place, or texts of several numbers."""
 
 
@@ -91,18 +94,28 @@ def model_variants(model: pin.Model, xml: str, marked: str, columns: Columns) ->
     Raises:
         VariantsDiffer: Other numbers vary than masses, inertias and origins, or what follows from them is not known.
     """
-    robot = ElementTree.fromstring(marked)
-    _check_places(robot, columns)
-    read = _Reader(model, urdf_tree(ElementTree.fromstring(xml)), robot, columns)
-    return read.variants()
+    return _Reader(model, _tree_of(xml), _marked(marked, (*columns,)), columns).variants()
 
 
-def _check_places(robot: Element, columns: Columns) -> None:
-    """Raise where a number varies that is not read here.
+@lru_cache(KEPT)
+def _tree_of(xml: str) -> Tree:
+    return urdf_tree(ElementTree.fromstring(xml))
+
+
+@lru_cache(KEPT)
+def _marked(text: str, columns: Sequence[str]) -> Element:
+    """Return a text with words where numbers vary.
 
     Raises:
-        VariantsDiffer: Says where.
+        VariantsDiffer: A number varies that is not read here; says where.
     """
+    robot = ElementTree.fromstring(text)
+    _check_places(robot, columns)
+    return robot
+
+
+def _check_places(robot: Element, columns: Sequence[str]) -> None:
+    """Raise where a number varies that is not read here; see ``_marked``."""
     for part in robot:
         for element, read in _elements(part):
             texts = [*([] if read else element.attrib.values()), element.text or "", element.tail or ""]
@@ -244,19 +257,21 @@ class _Reader:
             VariantsDiffer: A word is neither a number nor a column.
         """
         try:
-            words = [_read(self.columns.get(word) or (word,)) for word in text.split()]
+            words = [_read(self.columns.get(word, (word,))) for word in text.split()]
         except ValueError:
             raise VariantsDiffer(f"'{text}'") from None
         count = max(map(len, words), default=1)
         return np.concatenate([np.broadcast_to(word, (count, word.shape[1])) for word in words], axis=1)
 
 
-def _read(column: Sequence[Any]) -> Array:
+def _read(column: Sequence[Any] | Array) -> Array:
     """Return the numbers of a column, shape (k, 1), or of a column of texts, shape (k, numbers).
 
     Raises:
         ValueError: A text is no number, or they have not all as many.
     """
+    if isinstance(column, np.ndarray):
+        return column[:, None]
     rows = [[*map(decimal, each.split())] if isinstance(each, str) else [float(each)] for each in column]
     return np.array(rows, dtype=np.float64)
 

@@ -5,51 +5,21 @@ from __future__ import annotations
 import math
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.use.cases.case import Value
+from pinarm.use.cases.case_table import CaseTable, Column
 
 MOST = 10_000_000
 """Cases of one sweep."""
-
-
-@dataclass(frozen=True)
-class Column:
-    """The values of one path.
-
-    Attributes:
-        path: Where in the scenario they go.
-        values: Numbers, or words; many numbers take 8 bytes each in an ``array``.
-        unit: Of the numbers; empty for none.
-    """
-
-    path: str
-    values: Sequence[Value]
-    unit: str = ""
-
-    def at(self, row: int) -> Value:
-        """Return a value as a scenario file would have it."""
-        value = self.values[row]
-        return f"{value!r} {self.unit}" if self.unit else value
-
-    @property
-    def is_numeric(self) -> bool:
-        """Whether the values are numbers."""
-        return isinstance(self.values, array) or not any(isinstance(value, str | bool) for value in self.values)
-
-    @cached_property
-    def as_array(self) -> Array:
-        """The values as numbers, or as words, shape (values,)."""
-        return np.array(self.values, float if self.is_numeric else str)
 
 
 @dataclass(frozen=True)
@@ -101,23 +71,26 @@ class Cases:
 
     def values(self, case: int) -> dict[str, Value]:
         """Return the values of one case by path."""
-        rows: list[int] = []
-        for axis in reversed(self.axes):
-            case, row = divmod(case, len(axis))
-            rows.insert(0, row)
-        return {
-            column.path: column.at(row) for axis, row in zip(self.axes, rows, strict=True) for column in axis.columns
-        }
+        return self.some(np.array([case]))[0]
+
+    def some(self, cases: Indices) -> CaseTable:
+        """Return the values of some cases."""
+        return CaseTable(tuple(column.some(rows) for column, rows in self._rows(cases)))
 
     def table(self, cases: range | None = None) -> list[Series]:
         """Return the values of every path over some cases, or all, in the units they were given in."""
-        cases = range(len(self)) if cases is None else cases
-        found, inner = [], len(self)
+        numbers = np.arange(len(self)) if cases is None else np.arange(cases.start, cases.stop)
+        return [
+            Series(column.path, unit(column.unit or "1"), column.as_array[rows]) for column, rows in self._rows(numbers)
+        ]
+
+    def _rows(self, cases: Indices) -> Iterator[tuple[Column, Indices]]:
+        """Yield the columns, and which of their values cases have."""
+        inner = len(self)
         for axis in self.axes:
             inner //= len(axis)
-            rows = np.arange(cases.start, cases.stop) // inner % len(axis)
-            found += [Series(column.path, unit(column.unit or "1"), column.as_array[rows]) for column in axis.columns]
-        return found
+            rows = cases // inner % len(axis)
+            yield from ((column, rows) for column in axis.columns)
 
 
 @dataclass(frozen=True)

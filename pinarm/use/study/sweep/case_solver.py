@@ -9,19 +9,20 @@ from pathlib import Path
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.records import replace
 from pinarm.use.cases.case import WORTH, Row, Task
-from pinarm.use.cases.together import CaseSolver, Job
+from pinarm.use.cases.case_table import CaseTable, RowTable
+from pinarm.use.cases.together import CaseSolver
 from pinarm.use.output.folder import check_replaceable
 from pinarm.use.study.sweep.axes import Cases
 from pinarm.use.study.sweep.journal import JOURNAL, Journal, Sources, task_digest
 from pinarm.use.study.sweep.parquet_parts import Parts
 from pinarm.use.study.sweep.table_on_disk import table_on_disk
 from pinarm.use.workers.chunk_order import LostJob
-from pinarm.use.workers.distribute import Workers, distribute
+from pinarm.use.workers.distribute import Dispatch, Workers
 
 UNSOLVED = "not solved"
 
@@ -80,37 +81,60 @@ class Solving:
             self._solve(workers, journal)
 
     def _solve(self, workers: Workers, journal: Journal | None) -> None:
-        with closing(distribute(CaseSolver(self.task), self._unknown(journal), workers)) as answers:
-            for (case, key, _), answer in answers:
-                if isinstance(answer, LostJob):
-                    self._take(case, Row((), answer.reason, final=False))
-                    continue
-                self.sources.check(answer.files)
-                if journal and answer.final:
-                    journal.add(key, answer, self.sources)
-                self._take(case, answer)
+        with closing(Dispatch(CaseSolver(self.task), workers, self._written)) as spread:
+            for some, answers in spread.answers(self._unknown(journal)):
+                cases = np.array([case for _, case in some])
+                if isinstance(answers, RowTable):
+                    self._take_solved(cases, answers, journal)
+                else:
+                    for case, answer in zip(cases.tolist(), answers, strict=True):
+                        self._take_alone(case, answer, journal)
 
-    def _unknown(self, journal: Journal | None) -> Iterator[Job]:
+    def _written(self, cases: list[int]) -> CaseTable:
+        """Return cases as workers get them."""
+        return self.cases.some(np.array(cases))
+
+    def _unknown(self, journal: Journal | None) -> Iterator[int]:
         """Yield the cases that the journal does not know, and take the others from it."""
         for case in range(len(self.cases)):
-            values = self.cases.values(case)
-            key = journal.key(values) if journal else ""
-            known = journal.row(key) if journal else None
+            known = journal.row(journal.key(self.cases.values(case))) if journal and journal.positions else None
             if known is None:
-                yield case, key, values
+                yield case
             else:
                 self._take(case, known)
+
+    def _take_solved(self, cases: Indices, rows: RowTable, journal: Journal | None) -> None:
+        """Take cases that were solved as one array."""
+        self.sources.check(rows.files)
+        if journal:
+            journal.add(zip(map(journal.key, self.cases.some(cases)), rows, strict=True), self.sources)
+        self.numbers[cases] = rows.numbers
+        self._note(cases)
+
+    def _take_alone(self, case: int, row: Row | LostJob, journal: Journal | None) -> None:
+        """Take a case that was solved by itself, or was lost."""
+        if isinstance(row, LostJob):
+            row = Row((), row.reason, final=False)
+        self.sources.check(row.files)
+        if journal and row.final:
+            journal.add([(journal.key(self.cases.values(case)), row)], self.sources)
+        self._take(case, row)
 
     def _take(self, case: int, row: Row) -> None:
         if row.error:
             self.errors[case] = row.error
         else:
             self.numbers[case] = row.numbers
-        self.solved[case] = True
-        self.done += 1
-        if self.parts:
-            self.parts.note(case)
-        self.progress(self.done, len(self.errors), len(self.cases))
+        self._note(np.array([case]))
+
+    def _note(self, cases: Indices) -> None:
+        """Note that cases are done."""
+        self.solved[cases] = True
+        for case in cases.tolist():
+            self.done += 1
+            if self.parts:
+                self.parts.note(case)
+            self.progress(self.done, len(self.errors), len(self.cases))
 
     def columns(self) -> list[Series]:
         """Return the columns with their numbers; measures that no case has are left out."""

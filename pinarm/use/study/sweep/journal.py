@@ -144,9 +144,10 @@ class JournalEntry(msgspec.Struct, frozen=True, omit_defaults=True):
     error: str = ""
     seal: str = ""
 
-    def sealed(self) -> JournalEntry:
-        """Return the entry with its seal."""
-        return replace(self, seal=hashlib.sha256(msgspec.json.encode(replace(self, seal=""))).hexdigest()[:32])
+    @property
+    def proper_seal(self) -> str:
+        """The seal of what it says."""
+        return _seal(msgspec.json.encode(replace(self, seal="")))
 
 
 class _Positions:
@@ -161,9 +162,12 @@ class _Positions:
         order = np.argsort(both[:, 0], kind="stable")
         self._digests, self._positions = both[order].T
 
+    def __len__(self) -> int:
+        return len(self._digests)
+
     def of(self, key: str) -> int | None:
         """Return the position of a case, or of another one of the same short digest."""
-        if not len(self._digests):
+        if not len(self):
             return None
         place = int(np.searchsorted(self._digests, np.uint64(_short(key)), side="right")) - 1
         return int(self._positions[place]) if place >= 0 and self._digests[place] == _short(key) else None
@@ -258,18 +262,21 @@ class Journal:
             return None
         return Row(tuple(np.nan if number is None else number for number in entry.numbers), entry.error)
 
-    def add(self, key: str, row: Row, sources: Sources) -> None:
-        """Write down a case that is finished.
+    def add(self, cases: Iterable[tuple[str, Row]], sources: Sources) -> None:
+        """Write down cases that are finished, by their digests.
 
         Raises:
-            InputError: There is no room for it.
+            InputError: There is no room for them.
         """
-        if row.files not in self.sets:
-            content = _quoted(sources.content(row.files))
-            self.sets[row.files] = digest(content)
-            self._append(_line(JournalEntry(self.sets[row.files], content)))
-        numbers = tuple(map(float, row.numbers))
-        self._append(_line(JournalEntry(self.sets[row.files], case=key, numbers=numbers, error=row.error)))
+        lines = list[bytes]()
+        for key, row in cases:
+            if row.files not in self.sets:
+                content = _quoted(sources.content(row.files))
+                self.sets[row.files] = digest(content)
+                lines.append(_line(JournalEntry(self.sets[row.files], content)))
+            numbers = tuple(map(float, row.numbers))
+            lines.append(_line(JournalEntry(self.sets[row.files], case=key, numbers=numbers, error=row.error)))
+        self._append(b"".join(lines))
         if time.monotonic() - self.synced > SYNC:
             os.fsync(self.file.fileno())
             self.synced = time.monotonic()
@@ -294,14 +301,20 @@ def _quoted(content: Mapping[str, str]) -> dict[str, str]:
     return {quote(os.fsencode(name), safe="/: "): found for name, found in content.items()}
 
 
+def _seal(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:32]
+
+
 def _line(entry: JournalEntry) -> bytes:
-    return msgspec.json.encode(entry.sealed()) + b"\n"
+    """Return a line of an entry that has no seal yet; the seal is its last field."""
+    content = msgspec.json.encode(entry)
+    return b'%s,"seal":"%s"}\n' % (content[:-1], _seal(content).encode())
 
 
 def _entry(line: bytes) -> JournalEntry | None:
     """Return what a line says; nothing where it was cut short or changed."""
     try:
         entry = msgspec.json.decode(line, type=JournalEntry)
-        return entry if entry.seal == entry.sealed().seal else None
+        return entry if entry.seal == entry.proper_seal else None
     except (ValueError, RecursionError):
         return None

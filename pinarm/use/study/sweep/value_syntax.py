@@ -25,9 +25,10 @@ import numpy as np
 
 from pinarm.errors import InputError, Location
 from pinarm.input.csv_rows import rows, split_heading
-from pinarm.input.numbers import DECIMAL, decimal, is_whole, leading_number
+from pinarm.input.numbers import DECIMAL, decimals, is_whole, leading_number
 from pinarm.input.units import MAX_QUANTITY, unit
-from pinarm.use.study.sweep.axes import MOST, Axis, Column, Distribution
+from pinarm.use.cases.case_table import Column
+from pinarm.use.study.sweep.axes import MOST, Axis, Distribution
 
 UnitOf = Callable[[str], str]
 """The unit of bare numbers at a path, empty for none."""
@@ -135,12 +136,15 @@ def _plain(items: Sequence[str]) -> list[int | float] | None:
     if max(map(len, items)) > MAX_QUANTITY:
         return None
     try:
-        numbers = [*map(decimal, items)]
+        numbers = decimals(items)
     except ValueError:
         return None
     if not all(map(math.isfinite, numbers)):
         return None
-    return [int(text) if is_whole(text.strip()) else number for text, number in zip(items, numbers, strict=True)]
+    return [
+        int(text) if number.is_integer() and is_whole(text.strip()) else number
+        for text, number in zip(items, numbers, strict=True)
+    ]
 
 
 def _item(text: str) -> tuple[str, str] | None:
@@ -166,7 +170,7 @@ def read_cases(path: Path, unit_of: UnitOf) -> Axis:
     _, heads = next(table, (1, []))
     texts: list[list[str]] = [[] for _ in heads]
     for line, row in table:
-        if len(row) != len(heads) or not all(cell.strip() for cell in row):
+        if len(row) != len(heads) or not all(map(str.strip, row)):
             place = Location(str(path), line, 1, ",".join(row))
             raise InputError("a value is missing, or one too many", expected=f"{len(heads)} values").at(place)
         for column, cell in zip(texts, row, strict=True):

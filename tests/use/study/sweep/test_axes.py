@@ -7,7 +7,8 @@ import pytest
 from scipy import stats
 
 from pinarm import PinarmError
-from pinarm.use.study.sweep.axes import Axis, Cases, Column, Distribution, draw
+from pinarm.use.cases.case_table import Column
+from pinarm.use.study.sweep.axes import Axis, Cases, Distribution, draw
 from pinarm.use.study.sweep.value_syntax import read_axis, read_cases
 
 

@@ -22,8 +22,8 @@ def path(tmp_path: Path) -> Path:
     (tmp_path / "file").write_text("content")
     journal = Journal(tmp_path / "journal.jsonl", "task", 2)
     for case in range(3):
-        journal.add(f"case {case}", Row((float(case), float("nan")), "", (str(tmp_path / "file"),)), Sources())
-    journal.add("failed", Row((), "why", (str(tmp_path / "file"),)), Sources())
+        journal.add([(f"case {case}", Row((float(case), float("nan")), "", (str(tmp_path / "file"),)))], Sources())
+    journal.add([("failed", Row((), "why", (str(tmp_path / "file"),)))], Sources())
     journal.close()
     return tmp_path / "journal.jsonl"
 
@@ -98,7 +98,7 @@ def test_names_of_files_need_not_be_unicode(tmp_path: Path) -> None:
     file = os.fsdecode(os.fsencode(tmp_path) + b"/a b%20\xff\xfe")
     Path(file).write_text("content")
     journal = Journal(tmp_path / "journal.jsonl", "task", 1)
-    journal.add("case", Row((1.0,), "", (file,)), Sources())
+    journal.add([("case", Row((1.0,), "", (file,)))], Sources())
     journal.close()
     journal = Journal(tmp_path / "journal.jsonl", "task", 1)
     assert journal.row("case") == Row((1.0,))
@@ -139,13 +139,13 @@ def test_a_full_disk_is_told_and_the_next_sweep_goes_on(path: Path) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 20, limits[1]))
     try:
         with pytest.raises(InputError, match="File too large") as caught:
-            journal.add("case 4", ROW, sources)
+            journal.add([("case 4", ROW)], sources)
         assert "goes on from there" in str(caught.value)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
         journal.close()
     journal = Journal(path, "task", 2)
-    journal.add("case 5", ROW, sources)
+    journal.add([("case 5", ROW)], sources)
     assert journal.row("case 4") is None
     journal.close()
     journal = Journal(path, "task", 2)

@@ -20,6 +20,7 @@ import pinarm
 from pinarm import PinarmError
 from pinarm.use.cases.case import Row
 from pinarm.use.study.sweep import case_solver as solving
+from pinarm.use.workers.distribute import Dispatch
 
 MASSES = {"arguments.m": "1:3:5 kg", "arguments.l": "0.5, 1"}
 
@@ -78,11 +79,11 @@ def test_cases_that_are_known_are_not_solved_again(
 ) -> None:
     first = pinarm.sweep(held, MASSES, folder=tmp_path / "out")
 
-    def distribute(function: object, jobs: Any, workers: int) -> Any:
+    def answers(dispatch: object, jobs: Any) -> Any:
         yield from ()
         assert next(jobs, None) is None, "a case is solved again"
 
-    monkeypatch.setattr(solving, "distribute", distribute)
+    monkeypatch.setattr(Dispatch, "answers", answers)
     again = pinarm.sweep(held, dict(reversed(MASSES.items())), folder=tmp_path / "out")
     assert sorted(first["max M"].values) == sorted(again["max M"].values)
     with pytest.raises(AssertionError, match="solved again"):
@@ -216,7 +217,7 @@ def test_a_killed_worker_loses_its_case_and_the_next_run_solves_it(
         "import os, signal\nfrom pinarm.use.cases.together import CaseSolver\n"
         "class Hostile(CaseSolver):\n"
         "    def together(self, jobs, late):\n"
-        "        if any(job[2]['arguments.m'] == '2.0 kg' for job in jobs):\n"
+        "        if any(job['arguments.m'] == '2.0 kg' for job in jobs):\n"
         "            os.kill(os.getpid(), signal.SIGSEGV)\n"
         "        return super().together(jobs, late)\n"
     )
