@@ -44,6 +44,10 @@ SEVERAL, KEPT = 3, 64
 which this is kept."""
 
 
+ROUNDING = 1e-16
+"""Part of the largest entry of all rows below which a row is 0, as those that hold a plane linkage in its plane."""
+
+
 class Closure(Record, frozen=True):
     """Constraints of one mechanism, stacked.
 
@@ -310,7 +314,13 @@ class Closure(Record, frozen=True):
 
             values = [self._extreme_values(csr_array(each)) for each in rows.reshape(-1, *rows.shape[-2:])]
             return np.reshape(values, (*rows.shape[:-2], -1))
-        return np.asarray(np.linalg.svd(rows * self.scale / self.measure[:, None], compute_uv=False))
+        measured = rows * self.scale / self.measure[:, None]
+        size = np.abs(measured).max(axis=-1, initial=0.0).reshape(-1, len(self.measure)).max(axis=0, initial=0.0)
+        acting = size > ROUNDING * size.max(initial=0.0)
+        found = np.zeros((*rows.shape[:-2], min(rows.shape[-2:])))
+        values = np.linalg.svd(measured[..., acting, :], compute_uv=False)
+        found[..., : values.shape[-1]] = values
+        return found
 
     def _extreme_values(self, rows: csr_array) -> Array:
         from scipy.sparse import diags_array

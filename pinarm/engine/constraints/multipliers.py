@@ -70,6 +70,22 @@ class Multipliers(Record, frozen=True):
 
         return cls(own, along)
 
+    def knowing(self, lam: Array) -> Multipliers:
+        """Return the same multipliers, of which those of the constraints are known in some rows.
+
+        Args:
+            lam: Multipliers of the constraints, NaN in rows where they are not known, shape (n, m).
+        """
+        known = np.isfinite(lam).all(axis=1)
+
+        def own(rows: Indices) -> Array:
+            found, left = lam[rows], ~known[rows]
+            if left.any():
+                found[left] = self.own(rows[left])
+            return found
+
+        return Multipliers(own, self.along)
+
     @classmethod
     def joined(cls, parts: Sequence[Multipliers]) -> Multipliers:
         """Return the rows of several runs, one after the other."""

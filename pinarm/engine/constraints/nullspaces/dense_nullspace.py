@@ -150,7 +150,10 @@ def dense_parts(rows: Array, reach: Array | float) -> list[tuple[Indices, RowDec
     length = np.sqrt((rows * rows).sum(axis=2))
     counts = length > VANISHED * reach
     scale = 1.0 / np.where(counts, np.maximum(length, SHORT * reach), 1.0)
-    left, s, vt = np.linalg.svd(rows * (counts * scale)[:, :, None], full_matrices=m < nv)
+    acting = counts.any(axis=0)  # the others are 0, as are those that hold a plane linkage in its plane
+    some, s, vt = np.linalg.svd((rows * (counts * scale)[:, :, None])[:, acting], full_matrices=acting.sum() < nv)
+    left = np.zeros((len(rows), m, some.shape[2]))
+    left[:, acting] = some
     ranks = (s > RANK * s[:, :1]).sum(axis=1)
     found = []
     for r in sorted(set(ranks.tolist())):

@@ -119,6 +119,23 @@ class Elimination(Record, frozen=True):
                 x[self.order.columns[k]] = total / self.pivots[k]
         return x
 
+    def multipliers(self, force: Array) -> dict[int, Array]:
+        """Return lam by rows with ``A^T lam = force`` in the columns of the pivots, shape (n,) each.
+
+        Args:
+            force: Shape (n, nv).
+        """
+        left = {column: force[:, column] for column in self.order.columns}
+        found = []
+        for column, pivot, row in zip(self.order.columns, self.pivots, self.upper, strict=True):
+            found.append(share := left[column] / pivot)
+            for other, coefficient in row.items():
+                if other in left:
+                    left[other] = left[other] - coefficient * share
+        for k, later, share in reversed(self.lower):
+            found[k] = found[k] - share * found[later]
+        return dict(zip(self.order.rows, found, strict=True))
+
     def sound(self) -> Flags:
         """Return in which systems every pivot has kept its size, so that rounding stays small, shape (n,) or (1,)."""
         good = np.ones(1, dtype=bool)

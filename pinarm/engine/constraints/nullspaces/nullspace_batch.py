@@ -109,6 +109,11 @@ class BatchNullspace(Record, frozen=True):
             served &= (np.abs(left) <= least * reach[row]).all(axis=0)
         return cls(elimination, motions, served)
 
+    def alone(self, rows: Mapping[int, Row], reach: Array) -> bool:
+        """Return whether all rows that were not eliminated are 0, so that they share no multipliers with the others."""
+        others = rows.keys() - set(self.elimination.order.rows)
+        return not any((np.abs(x) > VANISHED * reach[row]).any() for row in others for x in rows[row].values())
+
     def solve(self, mass: Array, force: Array, right: Mapping[int, Array]) -> Array:
         """Return the x that minimises ``x^T M x / 2 - force . x`` while ``G x = right``, shape (n, nv).
 

@@ -34,7 +34,8 @@ FEWEST = 400
 """Number of constraint rows in all instants from which on it pays to solve these together."""
 
 Solved = tuple[Flags, Sequence[Array]]
-"""Which rows have been solved, shape (n,), and of these q, v, a and the efforts, shapes (s, nq), (s, nv) and (s, k)."""
+"""Which rows have been solved, shape (n,), and of these q, v, a, the efforts, and the multipliers of the constraints where
+they are known, shapes (s, nq), (s, nv), (s, nv), (s, k) and (s, m)."""
 
 
 class BatchRows(Record, frozen=True):
@@ -85,14 +86,13 @@ class BatchRows(Record, frozen=True):
         right = {row: -x for row, x in measured.drift(every, v.T).items()}
         right |= {row: x + right.get(row, 0.0) for row, x in enumerate(w[2], self.own)}
         a = freedom.solve(mass, -dynamics.inverse(t, q, v, still), right)
-        demand = dynamics.inverse(t, q, v, a)
-        # the virtual power of all efforts in a motion in which one of the prescribed coordinates has velocity 1
-        efforts = [
-            sum(x * demand[:, j] for j, x in freedom.elimination.solve({row: np.ones(1)}).items())
-            for row in range(self.own, len(every))
-        ]
+        lam = np.zeros((len(q), len(every)))
+        for row, multipliers in freedom.elimination.multipliers(dynamics.inverse(t, q, v, a)).items():
+            lam[:, row] = multipliers
+        if not freedom.alone(measured.rows(every), self.reach):
+            lam[:, : self.own] = np.nan
         solved &= freedom.served
-        found = q, v, a, np.array(efforts).reshape(len(efforts), len(q)).T
+        found = q, v, a, lam[:, self.own :], lam[:, : self.own]
         return (solved, [x[solved] for x in found]) if solved[0] else None
 
     def _closed(

@@ -262,7 +262,7 @@ class ConstrainedSystem(Record, frozen=True):
         """Return the motion, closed at every row, with accelerations, efforts and multipliers."""
         k, together = len(self.prescribed.names), self._together
         w = np.array([grid.evaluate(law) for law in self.prescribed.laws]).reshape(k, 3, len(q)).swapaxes(0, 1)
-        found = q.copy(), v.copy(), np.empty_like(v), np.empty((len(q), k))
+        found = q.copy(), v.copy(), np.empty_like(v), np.empty((len(q), k)), np.empty((len(q), self.own.size))
         for part, local in parts(dynamics, grid):
             for begin in range(part.start, part.stop, BLOCK):
                 left = np.arange(begin, min(begin + BLOCK, part.stop))
@@ -282,12 +282,15 @@ class ConstrainedSystem(Record, frozen=True):
         mass, force = dynamics.masses(q), -dynamics.inverse(t, q, v, np.zeros_like(v))
         a = solve_each(splits, mass, force, self.rates(w[2]) - self.rows.drifts(q, v))
         efforts = splits.multipliers((mass @ a[..., None])[..., 0] - force)[:, self.own.size :] if w.size else w[0]
-        return some, (q, v, a, efforts)
+        return some, (q, v, a, efforts, np.full((len(q), self.own.size), np.nan))
 
     def _with_efforts(
-        self, dynamics: Dynamics, grid: Grid, q: Array, v: Array, a: Array, efforts: Array
+        self, dynamics: Dynamics, grid: Grid, q: Array, v: Array, a: Array, efforts: Array, lam: Array
     ) -> CompletedStates:
-        """Return a motion with the efforts of the prescribed coordinates, shape (n, k): at joints and along others."""
+        """Return a motion with the efforts of the prescribed coordinates, shape (n, k): at joints and along others.
+
+        The multipliers of the constraints, shape (n, m), are NaN where they are not known yet.
+        """
         demand = np.concatenate([local.inverse(grid.t[rows], q[rows], v[rows], a[rows])
                                  for rows, local in parts(dynamics, grid)])  # fmt: skip
         others = self.closure.size - self.own.size
@@ -295,7 +298,8 @@ class ConstrainedSystem(Record, frozen=True):
             coordinate.weights for coordinate in self.prescribed.coordinates if isinstance(coordinate, LinearCoordinate)
         ]
         tau = efforts[:, others:] @ np.reshape(weights, (-1, v.shape[1]))
-        return CompletedStates(q, v, a, tau, Multipliers.least(self.closure, q, demand - tau, efforts[:, :others]))
+        least = Multipliers.least(self.closure, q, demand - tau, efforts[:, :others])
+        return CompletedStates(q, v, a, tau, least.knowing(lam))
 
 
 def _moved(model: pin.Model, q: Array, x: Array) -> Array:

@@ -34,6 +34,15 @@ def test_unknowns_follow_from_those_that_are_free(seed: int) -> None:
         assert [x[column][k] for column in order.columns] == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_multipliers_are_those_of_the_transposed_systems(seed: int) -> None:
+    matrices, generator = systems(seed), np.random.default_rng(200 + seed)
+    lam = generator.normal(size=(N, M))
+    found = Elimination.of(sparse(matrices), Order.of(matrices[0], M)).multipliers(np.vecmat(lam, matrices))
+    for row in range(M):
+        assert found[row] == pytest.approx(lam[:, row], rel=1e-9)
+
+
 def test_dependent_rows_are_in_no_pair() -> None:
     matrix = np.array([[1.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 3.0]])
     order = Order.of(matrix, np.linalg.matrix_rank(matrix))
