@@ -43,14 +43,14 @@ static void close_state(const closing *c, double w, double *q, double *v) {
         if (n == c->corrections || size <= c->closed || (size < c->stalled && size > 0.5 * before))
             break;
         before = size;
-        constraints_solve(r);
+        constraints_solve(r, r->loop[0].end);
         move(r->tree, 1.0, r->response, q);
         for (int k = 0; k < r->tree->nv; k++)
             c->aside[k] += w * r->response[k];
         constraints_place(r, q, v);
     }
     copy((int)r->squares.rows, r->multiplier, r->right);
-    constraints_solve(r);
+    constraints_solve(r, r->loop[0].end);
     for (int k = 0; k < r->tree->nv; k++)
         v[k] -= r->response[k];
 }

@@ -149,10 +149,10 @@ static void release_rows(const constraints *c, const loop *l) {
     }
 }
 
-void constraints_solve(const constraints *c) {
+void constraints_solve(const constraints *c, int from) {
     const tree *t = c->tree;
     int k = 0;
-    for (int i = t->links - 1; i >= -1; i--) {
+    for (int i = from; i >= -1; i--) {
         for (; k < c->loops && c->loop[k].end == i; k++)
             load_rows(c, &c->loop[k]);
         if (i >= 0)
@@ -193,7 +193,7 @@ double constraints_accelerate(const constraints *c, const proximal *p, double *a
     memset(a, 0, (size_t)t->nv * sizeof *a), memset(c->multiplier, 0, (size_t)m * sizeof *c->multiplier);
     double square = torn(c, a), largest = INFINITY;
     for (int n = 0; n < p->repeats && p->term * largest > p->accuracy; n++) {
-        constraints_solve(c);
+        constraints_solve(c, n ? c->loop[0].end : t->links - 1);
         tree_unload(t);
         for (int k = 0; k < t->nv; k++)
             a[k] += c->response[k];

@@ -36,8 +36,9 @@ void constraints_place(const constraints *c, const double *q, const double *v);
 /* Once where a state is placed: eliminate joints and rows, to whose pivots a term is added. */
 void constraints_factorise(const constraints *c, double term);
 
-/* Write q'' to `response` and lam to `part`, with M q'' = tau - sum S' p + G' lam and G q'' + term lam = `right`. */
-void constraints_solve(const constraints *c);
+/* Write q'' to `response` and lam to `part`, with M q'' = tau - sum S' p + G' lam and G q'' + term lam = `right`. Links
+ * behind `from` have no loads: where none has, it is the first at which a loop joint ends. */
+void constraints_solve(const constraints *c, int from);
 
 /* Write G G', where the state is placed; what was factorised is lost. */
 void constraints_squares(const constraints *c);
