@@ -75,38 +75,30 @@ def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, Array
     """
     if trajectory.no_efforts:
         return {}
-    rows = sampled(len(trajectory), most)
-    loads = trajectory.gather(lambda dynamics, part: dynamics.loads(
-        trajectory.grid.t[part], trajectory.q[part], trajectory.v[part]))  # fmt: skip
-    parts = [_virtual_powers(trajectory, loads, rows[k : k + SAMPLE]) for k in range(0, len(rows), SAMPLE)]
-    residuals, terms, most_powers = (np.concatenate(each) for each in zip(*parts, strict=True))
-    v = trajectory.v[rows]
-    powers, scale = (residuals * v).sum(axis=-1), (terms * np.abs(v)).sum(axis=-1) + most_powers
+    run = trajectory.looked_at(sampled(len(trajectory), most))
+    rows = np.arange(len(run))
+    parts = [_virtual_powers(run.looked_at(rows[k : k + SAMPLE])) for k in range(0, len(rows), SAMPLE)]
+    residuals, terms, most_powers = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
+    powers, scale = np.vecdot(residuals, run.v), np.vecdot(terms, np.abs(run.v)) + most_powers
     return {
         "equilibrium": relative(np.abs(residuals).max(axis=-1, initial=0.0), terms.max(axis=-1, initial=0.0)),
         "power": relative(np.abs(powers), scale),
     }
 
 
-def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array, Array, Array]:
+def _virtual_powers(run: Trajectory) -> tuple[Array, Array, Array]:
     """Return the residual of virtual power for every unit velocity, the sum of its absolute terms, and a power.
 
-    Args:
-        run: The motion.
-        loads: Generalised loads of all its rows [N*m or N], shape (n, nv).
-        rows: Those that are looked at.
-
-    Returns:
-        Two of shape (rows, nv) [W per rad/s or m/s], and the most power that the links' wrenches could have at their
-        speeds, shape (rows,) [W].
+    Two of shape (n, nv) [W per rad/s or m/s], and the most power that the links' wrenches could have at their speeds,
+    shape (n,) [W].
     """
-    model, lam = run.mechanism.model, run.lam.at(rows)
-    links, twists, rates, columns = run.link_motion_at(rows)
-    held = run.closure.load(links, columns, run.q[rows], lam)
+    model, (links, twists, rates, columns) = run.mechanism.model, run.link_motion
+    loads = run.gather(lambda dynamics, part: dynamics.loads(run.grid.t[part], run.q[part], run.v[part]))
+    held = run.closure.load(links, columns, run.q, np.asarray(run.lam))
     wrenches = demands(model, links, twists, rates)
     asked, sizes = _asked(links, columns, links.at_world(wrenches))
-    acting = run.tau[rows], loads[rows], run.friction_loads[rows], held
-    supplied = sum(acting) - model.armature * run.a[rows]
+    acting = run.tau, loads, run.friction_loads, held
+    supplied = sum(acting) - model.armature * run.a
     return supplied - asked, sum(map(np.abs, acting)) + sizes, _most_powers(wrenches, twists)
 
 
