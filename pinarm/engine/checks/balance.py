@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
@@ -330,29 +330,29 @@ def energy_balance(*accounts: EnergyAccount) -> dict[str, float]:
     Nothing where so little is exchanged, at rest or by a very small motion, that ``LOST`` of it is rounding: it is
     unknown.
     """
-    found = [account.columns() for account in accounts if account.solution.steps]
+    found = [np.array(account.columns()) for account in accounts if account.solution.steps]
     if not found:
         return {}
     drift, largest = 0.0, 0.0
     for parts in found:
-        here = drift + np.sum([part - part[0] for part in parts], axis=0)
+        here = drift + (parts - parts[:, :1]).sum(axis=0)
         largest, drift = max(largest, float(np.abs(here).max())), float(here[-1])
-    columns = [np.concatenate(column) for column in zip(*found, strict=True)]
-    energy = float(unaccounted(np.array(largest), columns))
+    energy = float(unaccounted(np.array(largest), np.concatenate(found, axis=1)))
     return {} if np.isnan(energy) else {"energy": energy}
 
 
-def unaccounted(largest: Array, columns: Sequence[Array]) -> Array:
+def unaccounted(largest: Array, columns: Array) -> Array:
     """Return the largest change of energy that nothing accounts for relative to what is exchanged, shape (..).
 
     NaN where it is unknown.
 
     Args:
         largest: That change [J], shape (..).
-        columns: Kinetic, potential and so far dissipated energy [J], each of shape (n, ..).
+        columns: Kinetic, potential and so far dissipated energy [J], shape (3, n, ..).
     """
-    sizes = [np.abs(column).max(axis=0) for column in columns]
-    exchanged = np.maximum(np.max([np.ptp(column, axis=0) for column in columns], axis=0), sizes[0])
-    rounding = ROUNDING * np.max(sizes, axis=0)
+    most, least = columns.max(axis=1), columns.min(axis=1)
+    sizes = np.maximum(most, -least)
+    exchanged = np.maximum((most - least).max(axis=0), sizes[0])
+    rounding = ROUNDING * sizes.max(axis=0)
     known = exchanged * LOST > rounding
     return np.where(known, np.maximum(largest, rounding) / np.where(known, exchanged, 1.0), np.nan)

@@ -64,7 +64,7 @@ class TreeMassMatrices(Record, frozen=True):
 
     def responses(self, moving: Array, most: Array) -> tuple[Array, Array]:
         """See ``FreeMasses``."""
-        found: Array = np.linalg.solve(self.mass, np.stack([moving, most], axis=-1))
+        found = np.asarray(np.linalg.solve(self.mass, np.stack([moving, most], axis=-1)), float)
         return found[..., 0], found[..., 1]
 
 
