@@ -95,9 +95,9 @@ class LinearCoordinate(ValueRecord, frozen=True):
 
     def rate(self, v: Array) -> Array:
         """Return its rates at velocities, or its second derivatives at accelerations, shape (n, .., nv)."""
-        return (
-            v[..., self.joint] if self.joint is not None else np.asarray(v[..., self.moved] @ self.weights[self.moved])
-        )
+        if self.joint is not None:
+            return np.asarray(v[..., self.joint])
+        return np.asarray(v[..., self.moved] @ self.weights[self.moved])
 
     def value(self, state: Kinematics) -> float:
         """Return ``sum_i weight_i q_i``."""

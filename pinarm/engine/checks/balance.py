@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
@@ -74,39 +74,30 @@ def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, Array
     """
     if trajectory.no_efforts:
         return {}
-    rows = sampled(len(trajectory), most)
-    loads = trajectory.gather(lambda dynamics, part: dynamics.loads(
-        trajectory.grid.t[part], trajectory.q[part], trajectory.v[part]))  # fmt: skip
-    parts = [_virtual_powers(trajectory, loads, rows[k : k + SAMPLE]) for k in range(0, len(rows), SAMPLE)]
-    residuals, terms, most_powers = (np.concatenate(each) for each in zip(*parts, strict=True))
-    v = trajectory.v[rows]
-    powers, scale = (residuals * v).sum(axis=-1), (terms * np.abs(v)).sum(axis=-1) + most_powers
+    run = trajectory.looked_at(sampled(len(trajectory), most))
+    rows = np.arange(len(run))
+    parts = [_virtual_powers(run.looked_at(rows[k : k + SAMPLE])) for k in range(0, len(rows), SAMPLE)]
+    residuals, terms, most_powers = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
+    powers, scale = np.vecdot(residuals, run.v), np.vecdot(terms, np.abs(run.v)) + most_powers
     return {
         "equilibrium": relative(np.abs(residuals).max(axis=-1, initial=0.0), terms.max(axis=-1, initial=0.0)),
         "power": relative(np.abs(powers), scale),
     }
 
 
-def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array, Array, Array]:
+def _virtual_powers(run: Trajectory) -> tuple[Array, Array, Array]:
     """Return the residual of virtual power for every unit velocity, the sum of its absolute terms, and a power.
 
-    Args:
-        run: The motion.
-        loads: Generalised loads of all its rows [N*m or N], shape (n, nv).
-        rows: Those that are looked at.
-
-    Returns:
-        Two of shape (rows, nv) [W per rad/s or m/s], and the most power that the links' wrenches could have at their
-        speeds, shape (rows,) [W].
+    Two of shape (n, nv) [W per rad/s or m/s], and the most power that the links' wrenches could have at their speeds,
+    shape (n,) [W].
     """
-    model, lam = run.mechanism.model, run.lam.at(rows)
-    links, twists, _, columns = run.link_motion_at(rows)
-    held = run.closure.load(links, columns, run.q[rows], lam)
-    wrenches = run.demands_at(rows)
-    asked, sizes = _asked(links, columns, links.at_world(wrenches))
-    acting = run.tau[rows], loads[rows], run.friction_loads[rows], held
-    supplied = sum(acting) - model.armature * run.a[rows]
-    return supplied - asked, sum(map(np.abs, acting)) + sizes, _most_powers(wrenches, twists)
+    model, (links, twists, _, columns) = run.mechanism.model, run.link_motion
+    loads = run.gather(lambda dynamics, part: dynamics.loads(run.grid.t[part], run.q[part], run.v[part]))
+    held = run.closure.load(links, columns, run.q, np.asarray(run.lam))
+    asked, sizes = _asked(links, columns, links.at_world(run.demands))
+    acting = run.tau, loads, run.friction_loads, held
+    supplied = sum(acting) - model.armature * run.a
+    return supplied - asked, sum(map(np.abs, acting)) + sizes, _most_powers(run.demands, twists)
 
 
 def _asked(links: LinkPlacements, columns: Array, wrenches: Array) -> tuple[Array, Array]:
@@ -313,29 +304,29 @@ def energy_balance(*accounts: EnergyAccount) -> dict[str, float]:
     Nothing where so little is exchanged, at rest or by a very small motion, that ``LOST`` of it is rounding: it is
     unknown.
     """
-    found = [account.columns() for account in accounts if account.solution.steps]
+    found = [np.array(account.columns()) for account in accounts if account.solution.steps]
     if not found:
         return {}
     drift, largest = 0.0, 0.0
     for parts in found:
-        here = drift + np.sum([part - part[0] for part in parts], axis=0)
+        here = drift + (parts - parts[:, :1]).sum(axis=0)
         largest, drift = max(largest, float(np.abs(here).max())), float(here[-1])
-    columns = [np.concatenate(column) for column in zip(*found, strict=True)]
-    energy = float(unaccounted(np.array(largest), columns))
+    energy = float(unaccounted(np.array(largest), np.concatenate(found, axis=1)))
     return {} if np.isnan(energy) else {"energy": energy}
 
 
-def unaccounted(largest: Array, columns: Sequence[Array]) -> Array:
+def unaccounted(largest: Array, columns: Array) -> Array:
     """Return the largest change of energy that nothing accounts for relative to what is exchanged, shape (..).
 
     NaN where it is unknown.
 
     Args:
         largest: That change [J], shape (..).
-        columns: Kinetic, potential and so far dissipated energy [J], each of shape (n, ..).
+        columns: Kinetic, potential and so far dissipated energy [J], shape (3, n, ..).
     """
-    sizes = [np.abs(column).max(axis=0) for column in columns]
-    exchanged = np.maximum(np.max([np.ptp(column, axis=0) for column in columns], axis=0), sizes[0])
-    rounding = ROUNDING * np.max(sizes, axis=0)
+    most, least = columns.max(axis=1), columns.min(axis=1)
+    sizes = np.maximum(most, -least)
+    exchanged = np.maximum((most - least).max(axis=0), sizes[0])
+    rounding = ROUNDING * sizes.max(axis=0)
     known = exchanged * LOST > rounding
     return np.where(known, np.maximum(largest, rounding) / np.where(known, exchanged, 1.0), np.nan)

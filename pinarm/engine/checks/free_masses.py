@@ -59,7 +59,7 @@ class TreeMassMatrices(Record, frozen=True):
     @property
     def diagonal(self) -> Array:
         """Diagonal of M."""
-        return np.diagonal(self.mass, axis1=-2, axis2=-1)
+        return self.mass.diagonal(axis1=-2, axis2=-1)
 
     def times(self, x: Array) -> Array:
         """Return ``M x``."""
@@ -67,8 +67,8 @@ class TreeMassMatrices(Record, frozen=True):
 
     def responses(self, moving: Array, most: Array) -> tuple[Array, Array]:
         """See ``FreeMasses``."""
-        back, given = np.moveaxis(_solved(self.mass, np.stack([moving, most], axis=-1)), -1, 0)
-        return back, given
+        found = _solved(self.mass, np.stack([moving, most], axis=-1))
+        return found[..., 0], found[..., 1]
 
 
 class MassMatrices(TreeMassMatrices, frozen=True):
@@ -178,7 +178,7 @@ def condition_of(along: Array) -> Array:
     """
     if not along.shape[-1]:
         return np.ones(along.shape[1:-2])
-    square = np.maximum(np.diagonal(along, axis1=-2, axis2=-1), 0.0)
+    square = np.maximum(along.diagonal(axis1=-2, axis2=-1), 0.0)
     idle = (square <= NOTHING * square.max(axis=(0, -1), keepdims=True)).any(axis=(0, -1))
     size = np.sqrt(np.where(idle[..., None], 1.0, square))
     least, most = _extreme_values(along / (size[..., :, None] * size[..., None, :]))
@@ -225,5 +225,5 @@ def _solved(mass: Array, loads: Array) -> Array:
 def _along(free: Array, mass: Array, moving: Array, most: Array) -> tuple[Array, Array]:
     """Return what ``FreeMasses.responses`` does, with T and ``T^T M T``."""
     loads = np.stack([np.vecmat(moving, free), np.vecmat(most, np.abs(free))], axis=-1)
-    back, given = np.moveaxis(free @ _solved(mass, loads), -1, 0)
-    return back, given
+    found = free @ _solved(mass, loads)
+    return found[..., 0], found[..., 1]

@@ -5,17 +5,17 @@ A fixed, even choice of rows is looked at, so that the cost of large tables stay
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array
 from pinarm.engine.checks.figures import relative
 from pinarm.engine.checks.free_masses import ConstrainedMasses, FreeMasses, MassMatrices, TreeMasses, TreeMassMatrices
 from pinarm.engine.checks.sample import SAMPLE, sampled
 from pinarm.engine.constraints.nullspaces.nullspace import MANY
 from pinarm.engine.constraints.sparse_matrices import first_rows, times, transposed_times
-from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.records import Record
@@ -55,7 +55,7 @@ def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: 
         rows = rows[~run.opened[rows]]
     if not len(rows):
         return {}
-    found = _Looked.at(run, rows)
+    found = _Looked(run.looked_at(rows))
     figures: dict[str, Any] = {}
     if run.mechanism.closure.size:
         gaps = zip(("closure", "closure rate", "closure acceleration"), found.gaps.max(axis=0), strict=True)
@@ -71,12 +71,11 @@ def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: 
         }  # fmt: skip
     if run.no_efforts:
         return figures
-    alike = found.of_one_freedom(run)
+    alike = found.of_one_freedom()
     condition = np.max([measure.masses.condition for measure in alike], axis=0)
     if not np.isfinite(condition).all():
         return figures
-    trips = [measure.return_trip(run) for measure in alike]
-    error, size = (np.array(each) for each in zip(*trips, strict=True))
+    error, size = (np.array(each) for each in zip(*(measure.return_trip() for measure in alike), strict=True))
     return figures | {"condition": condition, "return trip": relative(error, size)}
 
 
@@ -84,43 +83,55 @@ class _Looked(Record, frozen=True):
     """What is looked at in n rows, under m constraints and g drives along task coordinates.
 
     Attributes:
-        rows: Their places in the run, shape (n,).
-        gaps: What is open of the loops, its rate and its acceleration, largest of each row, shape (n, 3).
-        own: G of the constraints, shape (n, m, nv).
-        right: ``-G' v``, shape (n, m).
-        guided: Loads of the drives along task coordinates, shape (n, nv).
+        run: The rows.
     """
 
-    rows: Indices
-    gaps: Array
-    own: Matrices
-    right: Array
-    guided: Array
+    run: Trajectory
 
-    @classmethod
-    def at(cls, run: Trajectory, rows: Indices) -> _Looked:
-        """Return what belongs to rows of a run."""
-        closure, m, q, v = run.closure, run.mechanism.closure.size, run.q[rows], run.v[rows]
-        (gap, matrices), drift = closure.matrices(q), closure.drifts(q, v)
-        along = run.lam.along[rows]
-        guided = transposed_times(matrices, np.concatenate([np.zeros((*along.shape[:-1], m)), along], axis=-1))
-        own, drift = first_rows(matrices, m), drift[..., :m]
-        parts = gap[..., :m], times(own, v), times(own, run.a[rows]) + drift
-        gaps = np.stack([np.abs(part).max(axis=-1, initial=0.0) for part in parts], axis=1)
-        return cls(rows, gaps, own, -drift, guided)
+    @cached_property
+    def _rows(self) -> tuple[Array, Matrices]:
+        """Gaps of constraints and task coordinates, shape (n, m + g), and their rows of G, shape (n, m + g, nv)."""
+        return self.run.closure.matrices(self.run.q)
 
-    def of_one_freedom(self, run: Trajectory) -> list[_Alike]:
+    @cached_property
+    def own(self) -> Matrices:
+        """G of the constraints, shape (n, m, nv)."""
+        return first_rows(self._rows[1], self.run.mechanism.closure.size)
+
+    @cached_property
+    def drift(self) -> Array:
+        """``G' v`` of the constraints, shape (n, m)."""
+        return self.run.closure.drifts(self.run.q, self.run.v)[..., : self.run.mechanism.closure.size]
+
+    @property
+    def gaps(self) -> Array:
+        """What is open of the loops, its rate and its acceleration, largest of each row, shape (n, 3)."""
+        run, m = self.run, self.run.mechanism.closure.size
+        parts = self._rows[0][..., :m], times(self.own, run.v), times(self.own, run.a) + self.drift
+        return np.stack([np.abs(part).max(axis=-1, initial=0.0) for part in parts], axis=1)
+
+    @property
+    def guided(self) -> Array:
+        """Loads of the drives along task coordinates, shape (n, nv)."""
+        along = self.run.lam.along
+        if not along.size:
+            return np.zeros_like(self.run.v)
+        others = np.zeros((*along.shape[:-1], self.run.mechanism.closure.size))
+        return transposed_times(self._rows[1], np.concatenate([others, along], axis=-1))
+
+    def of_one_freedom(self) -> list[_Alike]:
         """Return those with as many free motions together: at singular positions there are more."""
-        q, model, closure = run.q[self.rows], run.mechanism.model, run.mechanism.closure
+        run, q, guided = self.run, self.run.q, self.guided
+        model, closure = run.mechanism.model, run.mechanism.closure
         mass, found = None if model.nv > MANY else run.dynamics.mass_matrices(q), []
         if not closure.size:
             whole = TreeMasses(model, q) if mass is None else TreeMassMatrices(mass)
-            return [_Alike(self.rows, whole, np.zeros_like(run.v[self.rows]), self.guided)]
+            return [_Alike(run, whole, np.zeros_like(run.v), guided)]
         for some, split in closure.splits(q, self.own).parts:
             here = (
                 ConstrainedMasses(model, q[some], split.free) if mass is None else MassMatrices(mass[some], split.free)
             )
-            found.append(_Alike(self.rows[some], here, split.particular(self.right[some]), self.guided[some]))
+            found.append(_Alike(run.looked_at(some), here, split.particular(-self.drift[some]), guided[some]))
         return found
 
 
@@ -128,39 +139,36 @@ class _Alike(Record, frozen=True):
     """Rows with f free motions each.
 
     Attributes:
-        rows: Their places in the run, shape (n,).
+        run: The rows.
         masses: Along their free motions.
         particular: The shortest accelerations that the constraints allow, shape (n, nv).
         guided: Loads of the drives along task coordinates, shape (n, nv).
     """
 
-    rows: Indices
+    run: Trajectory
     masses: FreeMasses
     particular: Array
     guided: Array
 
-    def return_trip(self, run: Trajectory) -> tuple[Array, Array]:
+    def return_trip(self) -> tuple[Array, Array]:
         """Return the largest difference of accelerations, and the largest one that efforts and loads could give."""
-        model, masses, rows = run.mechanism.model, self.masses, self.rows
-        still = np.zeros_like(run.a)
-
-        def resistance(dynamics: Dynamics, part: slice) -> Array:
-            here = rows[(rows >= part.start) & (rows < part.stop)]
-            return dynamics.inverse(run.grid.t[here], run.q[here], run.v[here], still[here])
-
-        resisting, supplied = run.gather(resistance), run.tau[rows] + run.friction_loads[rows] + self.guided
-        pull = run.mechanism.gravity * np.sqrt(LinkTree.of(model).masses.sum(axis=-1))
+        run, masses = self.run, self.masses
+        t, q, v, still = run.grid.t, run.q, run.v, np.zeros_like(run.a)
+        resisting = run.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], still[part]))
+        supplied = run.tau + run.friction_loads + self.guided
+        pull = run.mechanism.gravity * np.sqrt(LinkTree.of(run.mechanism.model).mass)
         levers = np.sqrt(np.maximum(masses.diagonal, 0.0))
         left = supplied - resisting - masses.times(self.particular)
-        most = np.abs(supplied) + np.abs(resisting) + (pull + self._turning(run))[..., None] * levers
+        most = np.abs(supplied) + np.abs(resisting) + (pull + self._turning())[..., None] * levers
         back, given = masses.responses(left, most)
-        return _largest(self.particular + back - run.a[rows]), np.maximum(_largest(run.a[rows]), _largest(given))
+        return _largest(self.particular + back - run.a), np.maximum(_largest(run.a), _largest(given))
 
-    def _turning(self, run: Trajectory) -> Array:
+    def _turning(self) -> Array:
         """Return ``omega sqrt(2 T)``, shape (n, ..)."""
-        v, (_, twists, _, _) = run.v[self.rows], run.link_motion_at(self.rows)
-        omega = np.linalg.norm(twists[..., 3:], axis=-1).max(axis=-1)
-        return np.asarray(omega * np.sqrt(np.maximum((v * self.masses.times(v)).sum(axis=-1), 0.0)))
+        v, (_, twists, _, _) = self.run.v, self.run.link_motion
+        turning = twists[..., 3:]
+        omega = np.sqrt((turning * turning).sum(axis=-1).max(axis=-1))
+        return np.asarray(omega * np.sqrt(np.maximum(np.vecdot(v, self.masses.times(v)), 0.0)))
 
 
 def _largest(x: Array) -> Array:

@@ -69,7 +69,7 @@ def variant_energies(dynamics: Dynamics, solution: VariantSolution, interpolated
     lost = _losses(exchanging, solution, parts) if exchanging else np.zeros_like(parts.h)
     columns = *_energies(dynamics, q, v), np.concatenate([0.0 * lost[:1], np.cumsum(lost, axis=0)])
     drift = np.sum([column - column[0] for column in columns], axis=0)
-    return unaccounted(np.abs(drift).max(axis=0), columns)
+    return unaccounted(np.abs(drift).max(axis=0), np.array(columns))
 
 
 def _even(solution: VariantSolution) -> Flags:

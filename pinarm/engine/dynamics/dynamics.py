@@ -273,9 +273,14 @@ class Dynamics(Record, frozen=True):
             rows.append((data.kinetic_energy, data.potential_energy))
         kinetic, potential = np.reshape(rows, (-1, 2)).T
         kinetic = kinetic + v**2 @ self._forgotten
-        for force in self.forces.values():
+        for force in self._storing:
             potential = potential + force.potential_energy(q)
         return kinetic, potential
+
+    @cached_property
+    def _storing(self) -> tuple[ForceElement, ...]:
+        """The force elements but for the steady ones, whose work counts as dissipated: they have no potential."""
+        return tuple(force for force in self.forces.values() if not force.steady)
 
     @cached_property
     def conserved(self) -> Energy | None:

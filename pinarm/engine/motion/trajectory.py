@@ -139,30 +139,27 @@ class Trajectory(Record, frozen=True):
         return len(self.grid.t)
 
     def link_motion_at(self, rows: Indices) -> tuple[LinkPlacements, Array, Array, Array]:
-        """Return the same at some rows, shape (k,); the last ones are kept, since checks look at the same rows."""
+        """Return the same at some rows, shape (k,)."""
+        return self.looked_at(rows).link_motion
+
+    def looked_at(self, rows: Indices) -> Trajectory:
+        """Return some of the rows, ascending, each once; the last ones are kept, since checks look at the same rows."""
         if len(rows) == len(self):
-            return self.link_motion
+            return self
         asked = rows.tobytes()
         if asked not in self._looked:
             self._looked.clear()
-            self._looked[asked] = motion_of(self.mechanism.model, self.q[rows], self.v[rows], self.a[rows])
+            self._looked[asked] = self.some(rows)
         return self._looked[asked]
 
-    def demands_at(self, rows: Indices) -> Array:
-        """Return what this motion demands of the links, see ``LinkPlacements.demands``; the last ones are kept too."""
-        asked = rows.tobytes()
-        if asked not in self._demanded:
-            self._demanded.clear()
-            links, twists, rates, _ = self.link_motion_at(rows)
-            self._demanded[asked] = links.demands(twists, rates)
-        return self._demanded[asked]
+    @cached_property
+    def demands(self) -> Array:
+        """What this motion demands of the links in all rows; see ``LinkPlacements.demands``."""
+        links, twists, rates, _ = self.link_motion
+        return links.demands(twists, rates)
 
     @cached_property
-    def _demanded(self) -> dict[bytes, Array]:
-        return {}
-
-    @cached_property
-    def _looked(self) -> dict[bytes, tuple[LinkPlacements, Array, Array, Array]]:
+    def _looked(self) -> dict[bytes, Trajectory]:
         return {}
 
     @cached_property
@@ -226,7 +223,8 @@ class Trajectory(Record, frozen=True):
 
     def gather(self, value: Callable[[Dynamics, slice], Array]) -> Array:
         """Return an array over all rows from a function of the dynamics on each interval and its rows."""
-        return np.concatenate([value(dynamics, rows) for rows, dynamics in self.intervals()])
+        found = [value(dynamics, rows) for rows, dynamics in self.intervals()]
+        return found[0] if len(found) == 1 else np.concatenate(found)
 
     def couplings_at(self, joint: int) -> dict[str, Array]:
         """Return the couplings that move a joint without a drive, by its index in v.

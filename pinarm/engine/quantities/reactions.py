@@ -154,7 +154,7 @@ class Reactions:
         checked = sampled(len(run))
         rows = checked[(checked >= part.start) & (checked < part.stop)]
         links, wrenches = run.link_motion_at(rows)[0], self.joints[rows]
-        asked = links.outwards(run.demands_at(rows))
+        asked = links.outwards(run.looked_at(rows).demands)
         carried = _moved(wrenches, links.places - links.places[..., parents, :])
         outside = _moved(self._acting(dynamics, rows), -links.places)
         missed = wrenches + outside - asked.sum(axis=0)

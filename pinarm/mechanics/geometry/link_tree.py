@@ -101,6 +101,11 @@ class LinkTree(Record, frozen=True):
         """Which velocities move which links, shape (njoints, nv): row j is true for all joints up to joint j."""
         return self.moves(np.arange(len(self.moved)))
 
+    @cached_property
+    def mass(self) -> Array:
+        """Mass of all links [kg], shape (), of variants (k,)."""
+        return np.asarray(self.masses.sum(axis=-1))
+
     def moves(self, velocities: Indices) -> Flags:
         """Return which of k velocities move which links, shape (njoints, k)."""
         moves = np.zeros((len(self.parents), len(velocities)), dtype=bool)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -56,6 +57,16 @@ class MotionSegment(Record, frozen=True):
     dynamics: Dynamics
     holding: Flags
 
+    @cached_property
+    def size(self) -> float:
+        """Largest coordinate or velocity that was integrated, in SI."""
+        return self.solution.size
+
+    @cached_property
+    def displacement(self) -> float:
+        """Largest change of a coordinate, or velocity, that was integrated, in SI."""
+        return self.solution.displacement
+
 
 class SegmentedMotion(Record, frozen=True):
     """An integrated motion: segments, end to end.
@@ -83,7 +94,7 @@ class SegmentedMotion(Record, frozen=True):
     @property
     def size(self) -> float:
         """Return the largest coordinate or velocity that was integrated, in SI."""
-        return max(segment.solution.size for segment in self.segments)
+        return max(segment.size for segment in self.segments)
 
     @property
     def rounding(self) -> dict[str, float]:
@@ -104,7 +115,7 @@ class SegmentedMotion(Record, frozen=True):
     @property
     def displacement(self) -> float:
         """Return the largest change of a coordinate in a segment, or velocity, that was integrated, in SI."""
-        return max(segment.solution.displacement for segment in self.segments)
+        return max(segment.displacement for segment in self.segments)
 
     def require_progress(self) -> None:
         """Raise where events follow one another without end, at one instant but for rounding.
