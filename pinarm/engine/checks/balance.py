@@ -94,7 +94,7 @@ def _virtual_powers(run: Trajectory) -> tuple[Array, Array, Array]:
     """
     model, (links, twists, rates, columns) = run.mechanism.model, run.link_motion
     loads = run.gather(lambda dynamics, part: dynamics.loads(run.grid.t[part], run.q[part], run.v[part]))
-    held = run.closure.load(links, columns, run.q, np.asarray(run.lam))
+    held = run.closure.load(links, columns, run.q, run.lam.at(np.arange(len(run))))
     wrenches = demands(model, links, twists, rates)
     asked, sizes = _asked(links, columns, links.at_world(wrenches))
     acting = run.tau, loads, run.friction_loads, held
