@@ -93,7 +93,7 @@ def _virtual_powers(run: Trajectory) -> tuple[Array, Array, Array]:
     """
     model, (links, twists, _, columns) = run.mechanism.model, run.link_motion
     loads = run.gather(lambda dynamics, part: dynamics.loads(run.grid.t[part], run.q[part], run.v[part]))
-    held = run.closure.load(links, columns, run.q, np.asarray(run.lam))
+    held = run.closure.load(links, columns, run.q, run.lam.at(np.arange(len(run))))
     asked, sizes = _asked(links, columns, links.at_world(run.demands))
     acting = run.tau, loads, run.friction_loads, held
     supplied = sum(acting) - model.armature * run.a

@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
+from pinarm.engine.constraints.nullspaces.dense_nullspace import acting_values
 from pinarm.engine.constraints.nullspaces.nullspace import (
     MANY,
     RANK,
@@ -42,10 +43,6 @@ SMALL = 0.01
 SEVERAL, KEPT = 3, 64
 """Number of configurations from which on it pays to look at them together, fewer where constraints are alike; and up to
 which this is kept."""
-
-
-ROUNDING = 1e-16
-"""Part of the largest entry of all rows below which a row is 0, as those that hold a plane linkage in its plane."""
 
 
 class Closure(Record, frozen=True):
@@ -314,13 +311,7 @@ class Closure(Record, frozen=True):
 
             values = [self._extreme_values(csr_array(each)) for each in rows.reshape(-1, *rows.shape[-2:])]
             return np.reshape(values, (*rows.shape[:-2], -1))
-        measured = rows * self.scale / self.measure[:, None]
-        size = np.abs(measured).max(axis=-1, initial=0.0).reshape(-1, len(self.measure)).max(axis=0, initial=0.0)
-        acting = size > ROUNDING * size.max(initial=0.0)
-        found = np.zeros((*rows.shape[:-2], min(rows.shape[-2:])))
-        values = np.linalg.svd(measured[..., acting, :], compute_uv=False)
-        found[..., : values.shape[-1]] = values
-        return found
+        return acting_values(rows * self.scale / self.measure[:, None])
 
     def _extreme_values(self, rows: csr_array) -> Array:
         from scipy.sparse import diags_array

@@ -76,7 +76,7 @@ class Multipliers(Record, frozen=True):
         Args:
             lam: Multipliers of the constraints, NaN in rows where they are not known, shape (n, m).
         """
-        known = np.isfinite(lam).all(axis=1)
+        known = np.asarray(np.isfinite(lam).all(axis=1))
 
         def own(rows: Indices) -> Array:
             found, left = lam[rows], ~known[rows]

@@ -27,6 +27,9 @@ RANK = 1e-7
 """Singular value of G, its rows of length 1 or less, relative to the largest, below which rows count as dependent. What
 ``UNCLOSED`` makes of redundant rows stays well below it, so that it changes no rank and is not divided by."""
 
+ROUNDING = 1e-16
+"""Part of the largest entry of all rows below which a row is 0, as those that hold a plane linkage in its plane."""
+
 ACTS = 1e-7
 """Part of a self-stress of length 1 that acts on a component: what rounding of the file tilts it by stays below."""
 
@@ -166,3 +169,12 @@ def dense_parts(rows: Array, reach: Array | float) -> list[tuple[Indices, RowDec
 def solved(matrix: Array, right: Array) -> Array:
     """Return x with ``matrix x = right``, shapes (.., k, k), (.., k) and (.., k)."""
     return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
+
+
+def acting_values(rows: Array) -> Array:
+    """Return the singular values of matrices, shape (.., m, nv), descending; rows that are 0 cost nothing."""
+    sizes = np.abs(rows).max(axis=-1, initial=0.0).reshape(-1, rows.shape[-2]).max(axis=0, initial=0.0)
+    values = np.linalg.svd(rows[..., sizes > ROUNDING * sizes.max(initial=0.0), :], compute_uv=False)
+    found = np.zeros((*rows.shape[:-2], min(rows.shape[-2:])))
+    found[..., : values.shape[-1]] = values
+    return found
