@@ -273,6 +273,25 @@ def test_states_that_are_handed_back_are_settled_in_python(tmp_path, monkeypatch
     assert np.abs(found.rows.q - expected.rows.q).max() <= 1e-9
 
 
+@pytest.mark.parametrize(("linkage", "cut"), MOTIONS[:4])
+def test_states_between_steps_are_closed_as_in_python(linkage, cut, tmp_path, calls):
+    """To the nearest by the masses; how the motion goes on is not touched."""
+    mechanism = linkage.build(tmp_path, [cut])
+    run = freely(mechanism, 0.5, 6, velocity={next(iter(mechanism.joints)): 4.0}, tolerance=1e-5)
+    assert calls
+    (segment,), nothing = run.motion.motion.segments, np.zeros((9, 0))
+    flow, t = segment.solution.intervals[0].compiled, np.linspace(0.01, 0.49, 9)
+    q, v = segment.solution.states(t)
+    flow.ready()
+    before = bytes(flow.structure), bytes(flow.system.structure)
+    found = flow.settled(np.hstack([q, v]))
+    assert (bytes(flow.structure), bytes(flow.system.structure)) == before
+    expected = np.hstack(segment.system.general.settled(q, v, nothing, nothing, t)[:2])
+    opened = np.abs(expected - np.hstack([q, v])).max()
+    assert opened > 1e-9
+    assert np.abs(found - expected).max() <= 1e-3 * opened  # the way back, 1e-5, is curved
+
+
 @pytest.mark.parametrize("cut", ["A", "B"])
 def test_a_second_run_is_not_judged_again_and_has_the_same_digits(cut, tmp_path, monkeypatch, calls):
     """By points, and by rows."""

@@ -66,6 +66,17 @@ class Flow(Record, frozen=True):
             rates(self.structure.system, 0.0, first + place, found + place)
         return slopes
 
+    def settled(self, y: Array) -> Array:
+        """Return states [q, v], shape (n, nq + nv), brought back onto constraints as accepted ones are, or as given."""
+        kind = ctypes.PYFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
+        settle, states, slope = kind(self.structure.settle), np.array(y, order="C"), np.empty(self.structure.n)
+        first, found, size = pointer(states), pointer(slope), states.itemsize * self.structure.n
+        self.ready()
+        for place in range(0, size * len(y), size):
+            settle(self.structure.system, 0.0, first + place, found)
+        self.ready()  # how the motion goes on is chosen by accepted states alone
+        return states
+
     def slopes(self, starts: Array, y: Array) -> Array:
         """Return the slopes of states within steps, by the starts of these [s], shape (n, nq + nv)."""
         found = np.empty_like(y)

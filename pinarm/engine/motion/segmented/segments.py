@@ -12,6 +12,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.methods.explicit import LIMITED, STIFF
 from pinarm.engine.motion.systems import CompletedStates, System
+from pinarm.engine.motion.systems.batch_rows import FEWEST
 from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.errors import IntegrationError
 from pinarm.mechanics.laws.motion_law import Grid
@@ -129,7 +130,7 @@ class SegmentedMotion(Record, frozen=True):
         motions = []
         for number in sorted(set(owners.tolist())):
             segment, local = self.segments[number], grid.part(*np.flatnonzero(owners == number)[[0, -1]])
-            found = segment.system.complete(self.dynamics, local, *segment.solution.states(local.t))
+            found = segment.system.complete(self.dynamics, local, *_states(segment, local.t))
             motions.append(found if segment.holding.all() else _opened(found, segment.holding))
         return CompletedStates.joined(motions)
 
@@ -165,6 +166,20 @@ class SegmentedMotion(Record, frozen=True):
         limited = sum(steps for doubt, steps in doubts if doubt.startswith(LIMITED))
         seldom = limited < STIFF * sum(len(each.steps) for each in solutions)
         return list(dict.fromkeys(doubt for doubt, _ in doubts if not (seldom and doubt.startswith(LIMITED))))
+
+
+def _states(segment: MotionSegment, t: Array) -> tuple[Array, Array]:
+    """Return the integrated states at instants; few are closed in compiled code, one by one, which costs least."""
+    solution = segment.solution
+    q, v = solution.states(t)
+    if len(t) * segment.system.closure.size >= FEWEST:
+        return q, v
+    y = np.hstack([q, v])
+    owners = np.searchsorted([interval.start for interval in solution.intervals[1:]], t, side="right")
+    for number, interval in enumerate(solution.intervals):
+        if interval.compiled and interval.compiled.settles:
+            y[owners == number] = interval.compiled.settled(y[owners == number])
+    return y[:, : q.shape[1]], y[:, q.shape[1] :]
 
 
 def _opened(motion: CompletedStates, holding: Flags) -> CompletedStates:
