@@ -7,7 +7,7 @@ their coordinates. L of them at n configurations are one at L n. The simple rout
 
 from __future__ import annotations
 
-from collections.abc import Container, Hashable, Iterator, Sequence
+from collections.abc import Container, Hashable, Iterable, Iterator, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -16,7 +16,7 @@ from msgspec import Struct
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.nullspaces.elimination import Row
-from pinarm.engine.constraints.row_measures import EvaluatedPair, EvaluatedRows, PairMeasure, RowMeasure
+from pinarm.engine.constraints.row_measures import EvaluatedPair, PairMeasure, RowMeasure
 from pinarm.records import Record, replace
 
 BLOCK = 2048
@@ -36,14 +36,13 @@ class AlikePairs(Record, frozen=True):
     joints: Indices
     places: tuple[int, ...]
 
-    def at(self, q: Array, cosine: Array, sine: Array) -> Iterator[tuple[int, EvaluatedRows]]:
-        """Yield the place of each pair, and its rows at configurations; see ``PairMeasure.at``."""
+    def at(self, q: Array, cosine: Array, sine: Array) -> Iterator[tuple[slice, EvaluatedAlike]]:
+        """Yield some of the pairs, and their rows at configurations; see ``PairMeasure.at``."""
         together = max(1, BLOCK // max(1, q.shape[1]))
         for first in range(0, len(self.joints), together):
-            joints = self.joints[first : first + together]
-            columns = (_columns(x, joints) for x in (q, cosine, sine))
-            evaluated = EvaluatedAlike(self.measure.at(*columns), joints)
-            yield from ((self.places[first + k], AlikeRows(evaluated, k)) for k in range(len(joints)))
+            some = slice(first, first + together)
+            columns = (_columns(x, self.joints[some]) for x in (q, cosine, sine))
+            yield some, EvaluatedAlike(self.measure.at(*columns), self.joints[some])
 
 
 class EvaluatedAlike(Struct, eq=False, dict=True, weakref=True):
@@ -91,9 +90,16 @@ class EvaluatedAlike(Struct, eq=False, dict=True, weakref=True):
             self._drift = v, self.pair.drift(self.every, _columns(v, self.joints))
         return self._drift[1]
 
-    def stacked(self, n: int, x: Array) -> Array:
-        """Return what belongs to all pairs at n configurations, shape (n, L) or (1, 1)."""
-        return x.reshape(-1, n).T if len(x) == len(self.joints) * n else x[:, None]
+    def stacked(self, n: int, values: Iterable[tuple[int, Array]]) -> Array:
+        """Return numbers of rows of all pairs at n configurations, by the number of the row, shape (n, L, m)."""
+        found = np.zeros((len(self.every), len(self.joints), n))
+        for i, x in values:
+            found[i] = self.spread(n, x)
+        return found.transpose(2, 1, 0)
+
+    def spread(self, n: int, x: Array) -> Array:
+        """Return what belongs to all pairs at n configurations, shape (L, n) or (1, 1)."""
+        return x.reshape(-1, n) if len(x) == len(self.joints) * n else x[:, None]
 
     def of_pair(self, k: int, x: Array) -> Array:
         """Return what belongs to one of the pairs, shape (n,) or (1,)."""

@@ -67,6 +67,18 @@ class BatchJacobians(Record, frozen=True):
         """Number of measures that differ in more than their joints."""
         return len(self.parts) - sum(len(pairs.places) - 1 for pairs in self.alike)
 
+    @cached_property
+    def _stacked(self) -> list[tuple[AlikePairs, Indices]]:
+        """The pairs that are alike, and their rows, shape (L, m)."""
+        starts = np.array([start for start, _ in self.parts], dtype=np.intp)
+        return [(pairs, starts[list(pairs.places), None] + np.arange(pairs.measure.size)) for pairs in self.alike]
+
+    @cached_property
+    def _apart(self) -> list[tuple[int, RowMeasure]]:
+        """The other measures, and the first row of each."""
+        stacked = {place for pairs in self.alike for place in pairs.places}
+        return [part for place, part in enumerate(self.parts) if place not in stacked]
+
     def each(self, q: Array) -> EvaluatedJacobians:
         """Return the rows at configurations, shape (nv, n), each measure by itself."""
         cosine, sine = np.cos(q), np.sin(q)
@@ -75,10 +87,9 @@ class BatchJacobians(Record, frozen=True):
     def at(self, q: Array) -> EvaluatedJacobians:
         """Return the rows at configurations, shape (nv, n), measures that are alike together."""
         cosine, sine = np.cos(q), np.sin(q)
-        known = dict(rows for pairs in self.alike for rows in pairs.at(q, cosine, sine))
-        return EvaluatedJacobians([
-            (start, known.get(place) or measure.at(q, cosine, sine))
-            for place, (start, measure) in enumerate(self.parts)
+        apart = [(start, measure.at(q, cosine, sine)) for start, measure in self._apart]
+        return EvaluatedJacobians(apart, [
+            (rows[some], alike) for pairs, rows in self._stacked for some, alike in pairs.at(q, cosine, sine)
         ])  # fmt: skip
 
 
@@ -86,10 +97,20 @@ class EvaluatedJacobians(Record, frozen=True):
     """The rows of several measures at many configurations.
 
     Attributes:
-        parts: First row of each measure, and its rows.
+        apart: First row of each measure that is like no other, and its rows.
+        stacked: The rows of alike pairs, shape (L, m), and what they are.
     """
 
-    parts: list[tuple[int, EvaluatedRows]]
+    apart: Sequence[tuple[int, EvaluatedRows]]
+    stacked: Sequence[tuple[Indices, EvaluatedAlike]] = ()
+
+    @cached_property
+    def parts(self) -> list[tuple[int, EvaluatedRows]]:
+        """First row of each measure, and its rows, in their order."""
+        pairs = [
+            (start, AlikeRows(alike, k)) for rows, alike in self.stacked for k, start in enumerate(rows[:, 0].tolist())
+        ]
+        return sorted([*self.apart, *pairs], key=lambda part: part[0])
 
     def gap(self) -> list[Array]:
         """Return the value of every row [m or rad], shape (n,) or (1,)."""
@@ -111,27 +132,24 @@ class EvaluatedJacobians(Record, frozen=True):
 
     def gaps(self, n: int) -> Array:
         """Return the values of all rows at n configurations [m or rad], shape (n, m)."""
-        apart = [(start, part.gap()) for start, part in self._apart]
-        stacked = [(starts, alike, alike.gap) for starts, alike in self._stacked]
-        found = np.empty((n, sum(len(gap) for _, gap in apart) + sum(len(gap) * len(s) for s, _, gap in stacked)))
+        apart = [(start, part.gap()) for start, part in self.apart]
+        found = np.empty((n, sum(len(gap) for _, gap in apart) + sum(rows.size for rows, _ in self.stacked)))
         for start, gap in apart:
             for row, x in enumerate(gap, start):
                 found[:, row] = x
-        for starts, alike, gap in stacked:
-            for i, x in enumerate(gap):
-                found[:, starts + i] = alike.stacked(n, x)
+        for rows, alike in self.stacked:
+            found[:, rows] = alike.stacked(n, enumerate(alike.gap))
         return found
 
     def matrices(self, shape: tuple[int, ...]) -> Array:
         """Return J with all rows, of the shape (n, m, nv)."""
         found = np.zeros(shape)
-        for start, part in self._apart:
+        for start, part in self.apart:
             for i, row in part.rows(EVERY).items():
                 for column, x in row.items():
                     found[:, start + i, column] = x
-        for starts, alike in self._stacked:
-            rows = starts[:, None, None] + np.arange(len(alike.every))[:, None]
-            found[:, rows, alike.joints[:, None]] = alike.matrices(shape[0])
+        for rows, alike in self.stacked:
+            found[:, rows[:, :, None], alike.joints[:, None]] = alike.matrices(shape[0])
         return found
 
     def sparse_matrices(self, shape: tuple[int, int, int]) -> list[csr_array]:
@@ -153,39 +171,24 @@ class EvaluatedJacobians(Record, frozen=True):
         """Return J' v of all m rows, shape (n, m), for velocities v, shape (nv, n)."""
         n = v.shape[1]
         found = np.zeros((n, m))
-        for start, part in self._apart:
+        for start, part in self.apart:
             for i, x in part.drift(EVERY, v).items():
                 found[:, start + i] = x
-        for starts, alike in self._stacked:
-            for i, x in alike.drift(v).items():
-                found[:, starts + i] = alike.stacked(n, x)
+        for rows, alike in self.stacked:
+            found[:, rows] = alike.stacked(n, alike.drift(v).items())
         return found
 
     def _entries(self, n: int) -> Iterator[tuple[Indices, Indices, Array]]:
         """Yield rows and columns of some entries of J, shape (e,), and their values at n configurations, (n, e)."""
-        for start, part in self._apart:
+        for start, part in self.apart:
             for i, row in part.rows(EVERY).items():
                 for column, x in row.items():
                     yield np.array([start + i]), np.array([column]), np.broadcast_to(x, n)[:, None]
-        for starts, alike in self._stacked:
+        for rows, alike in self.stacked:
             for i, row in alike.rows.items():
                 for stage, x in row.items():
-                    values = np.broadcast_to(alike.stacked(n, x), (n, len(starts)))
-                    yield starts + i, alike.joints[:, stage], values
-
-    @cached_property
-    def _apart(self) -> list[tuple[int, EvaluatedRows]]:
-        """The parts that are like no other."""
-        return [(start, part) for start, part in self.parts if not isinstance(part, AlikeRows)]
-
-    @cached_property
-    def _stacked(self) -> list[tuple[Indices, EvaluatedAlike]]:
-        """First rows of alike pairs, in their order, shape (L,), and all of these."""
-        known: dict[int, tuple[list[int], EvaluatedAlike]] = {}
-        for start, part in self.parts:
-            if isinstance(part, AlikeRows):
-                known.setdefault(id(part.alike), ([], part.alike))[0].append(start)
-        return [(np.array(starts, dtype=np.intp), alike) for starts, alike in known.values()]
+                    values = np.broadcast_to(alike.spread(n, x).T, (n, len(rows)))
+                    yield rows[:, i], alike.joints[:, stage], values
 
 
 class _Own(Record, frozen=True):

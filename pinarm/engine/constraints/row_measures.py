@@ -94,6 +94,9 @@ class EvaluatedPair(Record, frozen=True):
     def drift(self, wanted: Container[int], v: Array) -> dict[int, Array]:
         """Return ``e . p'' + w . omega' + e' . p' + w' . omega``, for a = 0."""
         dp, omega, ddp, domega = self.placed.rates(v)
+        if self.pair.constant is not None:
+            along, about = self.pair.constant
+            return {k: x for k, x in enumerate(along @ ddp + about @ domega) if k in wanted}
         e, w = self._directions(wanted)
         bend = self.pair.bend(self.placed.p, self.placed.axes, dp, omega)
         found = {k: dot(direction, ddp) + bend[k] for k, direction in e.items()}
