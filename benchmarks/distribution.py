@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from array import array
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import ExitStack, contextmanager
@@ -26,7 +27,7 @@ import pinarm
 from pinarm.engine.series import Series
 from pinarm.input.units import DIMENSIONLESS
 from pinarm.use.cases.case import Task, Wanted, solve_case
-from pinarm.use.cases.case_table import Column, RowTable
+from pinarm.use.cases.case_table import CaseTable, Column, RowTable
 from pinarm.use.study.sweep.axes import Axis, Cases
 from pinarm.use.study.sweep.case_solver import Solving
 from pinarm.use.workers.chunk_order import Answers, ChunkOrder, answered, unpacked
@@ -150,10 +151,11 @@ def sizes() -> None:
     """Print the bytes of a case there and back."""
     scenario = pinarm.load(SCENARIO, FEW_ROWS)
     wanted = tuple(Wanted.read(text) for text in scenario.content.outputs)
-    rows = [solve_case(Task.of(scenario, wanted), {"arguments.m_A": f"{mass!r} kg"}) for mass in (0.1, 0.2, 0.3)]
-    jobs = [(k, "0" * 32, {"arguments.m_A": f"0.1234567890123{k} kg"}) for k in range(100)]
-    each = (len(pickle.dumps(rows)) - len(pickle.dumps(rows[:1]))) / 2
-    print(f"bytes: {len(pickle.dumps(jobs)) / 100:.0f} a case there, {each:.0f} back")
+    row = solve_case(Task.of(scenario, wanted), {"arguments.m_A": "0.1 kg"})
+    rows = RowTable(np.tile(row.numbers, (CASES, 1)), row.files)
+    jobs = CaseTable((Column("arguments.m_A", array("d", np.linspace(0.1, 0.5, CASES).tobytes()), "kg"),))
+    there, back = (len(pickle.dumps(each)) / CASES for each in (jobs, rows))
+    print(f"bytes: {there:.0f} a case there, {back:.0f} back")
 
 
 def main() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,6 +51,11 @@ def same_rows(*arrays: Array) -> None:
     if len({len(array) for array in arrays}) > 1:
         rows = ", ".join(str(len(array)) for array in arrays)
         raise InputError(f"the arrays have {rows} rows", expected="as many in each")
+
+
+def in_one(parts: Sequence[Array]) -> Array:
+    """Return the rows of several arrays in one; of a single one itself, which keeps its order in memory."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def distinct(x: ArrayLike) -> NDArray[Any]:

@@ -28,7 +28,7 @@ from pinarm.engine.constraints.nullspaces.nullspace import (
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.geometry.link_tree import LinkTree
+from pinarm.mechanics.geometry.link_tree import LinkTree, states_first
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
@@ -330,7 +330,7 @@ class Closure(Record, frozen=True):
 
         [f; m] at the world's origin, world axes [N, N*m]. Couplings whose forces are not known do nothing to them.
         """
-        total = np.zeros((*lam.shape[:-1], self.model.njoints, 6))
+        total = states_first(np.zeros((6, self.model.njoints, *lam.shape[:-1])))
         for constraint, rows in zip(self.constraints, self.slices().values(), strict=True):
             for joint, wrench in constraint.wrenches(links, lam[..., rows]).items():
                 total[..., joint, :] += wrench

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from msgspec import field
 
-from pinarm.arrays import Array, Flags, Indices
+from pinarm.arrays import Array, Flags, Indices, in_one
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
@@ -223,8 +223,7 @@ class Trajectory(Record, frozen=True):
 
     def gather(self, value: Callable[[Dynamics, slice], Array]) -> Array:
         """Return an array over all rows from a function of the dynamics on each interval and its rows."""
-        found = [value(dynamics, rows) for rows, dynamics in self.intervals()]
-        return found[0] if len(found) == 1 else np.concatenate(found)
+        return in_one([value(dynamics, rows) for rows, dynamics in self.intervals()])
 
     def couplings_at(self, joint: int) -> dict[str, Array]:
         """Return the couplings that move a joint without a drive, by its index in v.

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Indices, in_one
 from pinarm.engine.checks.figures import relative
 from pinarm.engine.checks.sample import sampled
 from pinarm.engine.constraints.constraint import GuidedCoordinate
@@ -24,6 +24,7 @@ from pinarm.engine.quantities.joint_axes import loop_axis, tree_axis
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import OpenReaction, left_open
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.geometry.link_tree import states_first
 from pinarm.mechanics.geometry.vectors import crossed, joined
 from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
@@ -69,7 +70,7 @@ class Reactions:
     @cached_property
     def origins(self) -> Array:
         """Places of the joints' origins [m], world axes, shape (n, njoints, 3)."""
-        return np.concatenate([self.links(rows).places for rows in _blocks(0, len(self.run))])
+        return in_one([self.links(rows).places for rows in _blocks(0, len(self.run))])
 
     def markers(self, joint: int) -> Array:
         """Return the places of a joint on its parent [m], world axes, shape (n, 3): its origin where it does not slide.
@@ -108,7 +109,7 @@ class Reactions:
         return self.run.gather(self._joints)
 
     def _joints(self, dynamics: Dynamics, part: slice) -> Array:
-        return np.concatenate([self._transmitted(dynamics, rows) for rows in _blocks(part.start, part.stop)])
+        return in_one([self._transmitted(dynamics, rows) for rows in _blocks(part.start, part.stop)])
 
     def _transmitted(self, dynamics: Dynamics, rows: Indices) -> Array:
         run, acting = self.run, self._acting(dynamics, rows)
@@ -119,7 +120,8 @@ class Reactions:
 
         [f; m] at the world's origin, world axes [N, N*m].
         """
-        run, found = self.run, np.zeros((*self.run.q[rows].shape[:-1], self.model.njoints, 6))
+        run, states = self.run, self.run.q[rows].shape[:-1]
+        found = states_first(np.zeros((6, self.model.njoints, *states)))
         for force in dynamics.forces.values():
             acting = force.wrenches_at(self.links(rows), run.grid.t[rows], run.q[rows], run.v[rows])
             for joint, wrench in acting.items():

@@ -127,7 +127,7 @@ class LinkTree(Record, frozen=True):
 
     def carried(self, x: Array) -> Array:
         """Return the sums over every link and those beyond it, 0 of the world; shape (.., njoints, w)."""
-        total = x.copy()
+        total = x.copy(order="K")
         for link in range(len(self.parents) - 1, 0, -1):
             total[..., self.parents[link], :] += total[..., link, :]
         total[..., 0, :] = 0.0

@@ -66,7 +66,9 @@ def joined(linear: Array, angular: Array) -> Array:
     """Return ``[linear; angular]`` along the last axis, shape (.., 6); other axes of length 1 are spread."""
     if linear.shape != angular.shape:
         linear, angular = np.broadcast_arrays(linear, angular)
-    return np.concatenate([linear, angular], axis=-1)
+    found = components_apart(angular[..., 0], 6)
+    found[..., :3], found[..., 3:] = linear, angular
+    return found
 
 
 def components_apart(like: Array, width: int) -> Array:

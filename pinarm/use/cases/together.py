@@ -57,7 +57,9 @@ class CaseSolver:
         """Solve one case by itself."""
         return solve_case(self.task, case)
 
-    def together(self, cases: SomeCases, late: Late = lambda: False) -> Iterator[Part]:
+    def together(
+        self, cases: SomeCases, late: Late = lambda: False
+    ) -> Iterator[tuple[list[int], RowTable | list[Row]]]:
         """Yield places of cases and their rows: of those that are solved at once, or of one.
 
         Args:
@@ -72,7 +74,7 @@ class CaseSolver:
                 begun = True
                 parts = self._solved(self._known(kind), places, cases)
                 places = places[sum(len(some) for some, _ in parts) :]
-                yield from parts
+                yield from ((some.tolist(), rows) for some, rows in parts)
 
     def _solved(self, known: _Known, places: Indices, cases: SomeCases) -> list[Part]:
         """Return the rows of the first of some places, or of several."""

@@ -130,11 +130,12 @@ class Solving:
     def _note(self, cases: Indices) -> None:
         """Note that cases are done."""
         self.solved[cases] = True
+        total = len(self.cases)
         for case in cases.tolist():
             self.done += 1
             if self.parts:
                 self.parts.note(case)
-            self.progress(self.done, len(self.errors), len(self.cases))
+            self.progress(self.done, len(self.errors), total)
 
     def columns(self) -> list[Series]:
         """Return the columns with their numbers; measures that no case has are left out."""
