@@ -93,8 +93,8 @@ def test_dir_lists_the_public_names() -> None:
 
 
 def no_openmp() -> dict[str, str]:
-    """Return the environment without what it says to OpenMP."""
-    return {name: value for name, value in os.environ.items() if not name.startswith(("OMP_", "GOMP_"))}
+    """Return the environment without what it says to OpenMP and OpenBLAS."""
+    return {name: value for name, value in os.environ.items() if not name.startswith(("OMP_", "GOMP_", "OPENBLAS_"))}
 
 
 def test_the_environment_stays_as_it_is() -> None:
@@ -109,10 +109,18 @@ def test_the_environment_stays_as_it_is() -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="another OpenMP, which shows its settings otherwise")
 @pytest.mark.parametrize(("said", "policy"), [({}, "PASSIVE"), ({"OMP_WAIT_POLICY": "active"}, "ACTIVE")])
-def test_threads_sleep_between_calls_unless_the_user_says_otherwise(said: dict[str, str], policy: str) -> None:
-    """OpenMP shows what it has read when it is loaded."""
+@pytest.mark.parametrize("first", ["pinarm.Mechanism", "pinarm.load", "pinarm.sweep", "main(['run', 'none.yaml'])"])
+def test_threads_sleep_between_calls_unless_the_user_says_otherwise(
+    first: str, said: dict[str, str], policy: str
+) -> None:
+    """OpenMP shows what it has read when it is loaded; OpenBLAS reads the environment when it is, with numpy."""
     environment = {**no_openmp(), "OMP_DISPLAY_ENV": "verbose", **said}
-    code = [sys.executable, "-c", "import pinarm; pinarm.Mechanism"]
-    done = subprocess.run(code, capture_output=True, text=True, check=True, env=environment)
+    code = (
+        "import os, sys\nclass Watch:\n  def find_spec(name, *more):\n"
+        "    if name == 'numpy': print('numpy:', os.environ.get('OPENBLAS_THREAD_TIMEOUT'), file=sys.stderr)\n"
+        f"sys.meta_path.insert(0, Watch)\nimport pinarm; from pinarm.cli.main import main\n{first}"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
     assert f"OMP_WAIT_POLICY = '{policy}'" in done.stderr
     assert ("GOMP_SPINCOUNT = '20000'" in done.stderr) == (not said)
+    assert f"numpy: {None if said else 18}" in done.stderr
