@@ -180,7 +180,7 @@ RUNS = [
 ]
 UNUSED = [
     "scipy", "matplotlib", "pandas", "meshcat", "rich", "html", "numpy.ma", "numpy.random", "numpy.ctypeslib",
-    "pinarm.mechanics.friction.contact", "pinarm.mechanics.couplings.cams.cam_contact",
+    "dataclasses", "pinarm.mechanics.friction.contact", "pinarm.mechanics.couplings.cams.cam_contact",
     "pinarm.engine.motion.segmented.stick_slip",
 ]  # fmt: skip
 

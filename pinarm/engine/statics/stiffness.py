@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -13,6 +12,7 @@ from pinarm.arrays import Array
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import MASSLESS
 from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.records import Record
 
 ZERO = 1e-9
 """Stiffness, relative to the terms that make it up, below which it is 0: differences of loads leave up to 1e-12."""
@@ -54,8 +54,7 @@ def stiffness(dynamics: Dynamics, q: Array, turns: Array) -> tuple[Array, Array,
     return slopes, sizes, size
 
 
-@dataclass(frozen=True, eq=False)
-class Modes:
+class Modes(Record, frozen=True):
     """Small motions about an equilibrium, those of ``M x'' + K x = 0``.
 
     Attributes:

@@ -10,7 +10,6 @@ a plane normal to the drawing. So the mechanism is not hyperstatic for what a dr
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
@@ -21,6 +20,7 @@ from pinarm.errors import InputError, within
 from pinarm.mechanics.loops.lower_pairs import Pin, PointOnPlane, Prismatic
 from pinarm.mechanics.planar.drawing import GROUND, PlanarDrawing, PlanarLink
 from pinarm.mechanics.planar.linkage import DrawnJoint, Linkage, direction
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.mechanics.loops.kinds import Loop
@@ -34,8 +34,7 @@ FAR = "1e9"
 """Limits of slides, which URDF asks for [m, N, m/s]: none that a machine reaches."""
 
 
-@dataclass(frozen=True)
-class ExpandedDrawing:
+class ExpandedDrawing(Record, frozen=True):
     """What a drawing says, in the terms of model files.
 
     Attributes:

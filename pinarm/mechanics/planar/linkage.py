@@ -7,7 +7,6 @@ breadth first from the ground. What is left closes loops.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -15,11 +14,10 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.mechanics.planar.drawing import GROUND, PlanarDrawing
-from pinarm.records import replace
+from pinarm.records import Record, replace
 
 
-@dataclass(frozen=True, eq=False)
-class DrawnJoint:
+class DrawnJoint(Record, frozen=True):
     """A pin or a slide between two bodies.
 
     Attributes:
@@ -42,8 +40,7 @@ class DrawnJoint:
         return replace(self, first=self.second, second=self.first, direction=turned)
 
 
-@dataclass(frozen=True, eq=False)
-class Linkage:
+class Linkage(Record, frozen=True):
     """The connections of a drawing.
 
     Attributes:

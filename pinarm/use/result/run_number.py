@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +12,7 @@ from pinarm.engine.quantities.names import EXTREMES, OPEN, Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.numbers import is_whole
-from pinarm.records import replace
+from pinarm.records import ValueRecord, replace
 from pinarm.use.result.figures.curve_figures import FIGURES, figure, figure_unit, is_figure, stands_alone
 
 if TYPE_CHECKING:
@@ -28,8 +27,7 @@ MAX_LENGTH = 2000
 _PLACE = re.compile(r"(start|end|max|min|largest)(?:\((.*)\))?")
 
 
-@dataclass(frozen=True)
-class RunNumber:
+class RunNumber(ValueRecord, frozen=True):
     """What is asked of a run: a quantity at a place, or a figure of its curve.
 
     Attributes:

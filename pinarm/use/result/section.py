@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+from msgspec import field
 
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit
-from pinarm.records import replace
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -18,8 +19,7 @@ if TYPE_CHECKING:
 Cell = str | float
 
 
-@dataclass(frozen=True)
-class SectionTable:
+class SectionTable(Record, frozen=True):
     """A table of texts and numbers.
 
     Attributes:
@@ -32,11 +32,13 @@ class SectionTable:
             there is no such column.
     """
 
+    unshown = ("rows",)
+
     name: str
     title: str
     columns: Sequence[str]
     units: Sequence[Unit | None]
-    rows: Sequence[Sequence[Cell]] = field(repr=False)
+    rows: Sequence[Sequence[Cell]]
     row_unit: int | None = None
 
     def shown(self, units: Mapping[str, Unit]) -> SectionTable:
@@ -72,8 +74,7 @@ class SectionTable:
         return pandas.DataFrame(list(self.rows), columns=self.headings())
 
 
-@dataclass(frozen=True)
-class Curve:
+class Curve(Record, frozen=True):
     """A curve of a graph: one series over another.
 
     Attributes:
@@ -89,8 +90,7 @@ class Curve:
     points: bool = False
 
 
-@dataclass(frozen=True)
-class Graph:
+class Graph(Record, frozen=True):
     """A graph of a section.
 
     Attributes:
@@ -100,14 +100,15 @@ class Graph:
         equal: Whether a unit is as long on both axes, as for paths in a plane.
     """
 
+    unshown = ("curves",)
+
     name: str
     title: str
-    curves: Sequence[Curve] = field(repr=False)
+    curves: Sequence[Curve]
     equal: bool = False
 
 
-@dataclass(frozen=True)
-class Section:
+class Section(Record, frozen=True):
     """What an assessment found.
 
     Attributes:

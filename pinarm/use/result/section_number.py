@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -13,7 +12,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices
 from pinarm.input.units import Unit
-from pinarm.records import replace
+from pinarm.records import ValueRecord, replace
 from pinarm.use.result.run_number import RunNumber
 
 if TYPE_CHECKING:
@@ -35,8 +34,7 @@ class Numbered(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class SectionNumber:
+class SectionNumber(ValueRecord, frozen=True):
     """A number of a section.
 
     Attributes:

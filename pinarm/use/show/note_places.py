@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.records import replace
 from pinarm.use.show.chart import Line, Note, Window
 from pinarm.use.show.labels import text_width
@@ -24,7 +24,8 @@ CLEAR = 1.5
 """Room between two names, and between a name and a line that it could cover [points]."""
 
 TURNS = np.deg2rad([45.0, 135.0, -45.0, -135.0, 90.0, 0.0, -90.0, 180.0])
-"""Directions from a point to its name, the preferred one first."""
+TOWARDS = np.round(np.stack([np.cos(TURNS), np.sin(TURNS)], axis=1), 15)
+"""Directions from a point to its name, the preferred one first, shape (8, 2)."""
 
 LEADER = "#8b949e"
 """Colour of the lines to names."""
@@ -98,7 +99,7 @@ def _shorter(text: str) -> str:
 
 
 def _nearest(offset: Array, size: Array) -> Array:
-    """Return the way from a point to the edge of a name whose middle is so far from it [points], shape (2,)."""
+    """Return the way from a point to the edge of a name whose middle is so far from it [points], shape (..., 2)."""
     return np.asarray(offset - np.clip(offset, -size / 2.0, size / 2.0))
 
 
@@ -107,31 +108,45 @@ def _best(
 ) -> tuple[Array, Array] | None:  # fmt: skip
     """Return the offset and the box of a name (left, bottom, right, top) where it covers the fewest points of lines.
 
-    ``covered`` are these points, shape (2, n).
-    ``None`` where it, or the line to it, would cover a box or a line to another name, or it too much, or where it would
-    leave the page, everywhere.
+    ``covered`` are these points, shape (2, n). ``None`` where it has no room, or covers too much, everywhere.
     """
-    places, (x, y) = list[tuple[float, Array, Array]](), covered
-    for k, (distance, turn) in enumerate((d, t) for d in DISTANCES for t in TURNS):
-        if any(cost <= AWAY * distance for cost, _, _ in places):  # no place that far away costs less
+    best, least = None, np.inf
+    for ring, distance in enumerate(DISTANCES):
+        if least <= AWAY * distance:  # no place that far away costs less
             break
-        direction = np.array([np.cos(turn), np.sin(turn)])
-        offset = direction * distance + np.sign(np.round(direction, 9)) * size / 2.0
-        low, high = point + offset - size / 2.0, point + offset + size / 2.0
-        own = np.array([point, point + _nearest(offset, size)])
-        struck = (
-            not ((low >= page[:2]).all() and (high <= page[2:]).all())
-            or ((boxes[:, :2] < high + CLEAR) & (boxes[:, 2:] > low - CLEAR)).all(axis=1).any()
-            or (len(leading) and _meets(leading, np.concatenate([low, high])[None]).any())
-            or (np.linalg.norm(own[1] - own[0]) > BESIDE
-                and (_meets(own[None], boxes).any() or _cross(own, leading).any()))
-        )  # fmt: skip
-        if not struck:
-            inside = (x > low[0] - CLEAR) & (x < high[0] + CLEAR) & (y > low[1] - CLEAR) & (y < high[1] + CLEAR)
-            hidden = np.count_nonzero(inside)
-            if hidden <= MOST:
-                places.append((hidden + AWAY * distance + 0.02 * k, offset, np.concatenate([low, high])))
-    return min(places, key=lambda place: place[0])[1:] if places else None
+        offsets = TOWARDS * distance + np.sign(TOWARDS) * size / 2.0
+        names = np.hstack([point + offsets - size / 2.0, point + offsets + size / 2.0])
+        free = np.flatnonzero(_free(point, point + _nearest(offsets, size), names, boxes, leading, page))
+        hidden = _hidden(names[free], covered)
+        costs = np.where(hidden <= MOST, hidden + AWAY * distance + 0.02 * (len(TURNS) * ring + free), np.inf)
+        if costs.min(initial=least) < least:
+            k = free[costs.argmin()]
+            best, least = (offsets[k], names[k]), costs.min()
+    return best
+
+
+def _hidden(names: Array, covered: Array) -> Array:
+    """Return how many points, shape (2, n), names with these boxes, shape (m, 4), cover, shape (m,)."""
+    (left, bottom, right, top), (x, y) = names.T[:, :, None], covered
+    inside = (x > left - CLEAR) & (x < right + CLEAR) & (y > bottom - CLEAR) & (y < top + CLEAR)
+    return np.asarray(np.count_nonzero(inside, axis=1))
+
+
+def _free(point: Array, edges: Array, names: Array, boxes: Array, leading: Array, page: Array) -> Flags:
+    """Return at which places, shape (n,), a name has room.
+
+    It stays on the page, and neither it nor the line to it covers a box or a line to another name. ``edges`` are those
+    of the name next to its point, shape (n, 2), and ``names`` its boxes, shape (n, 4).
+    """
+    low, high = names[:, None, :2], names[:, None, 2:]
+    on_page = ((low >= page[:2]) & (high <= page[2:])).all(axis=(1, 2))
+    over = np.any(((boxes[:, :2] < high + CLEAR) & (boxes[:, 2:] > low - CLEAR)).all(axis=2), axis=1)
+    free: Flags = np.asarray(on_page & ~over)
+    free[free] = ~_meets(leading, names[free]).any(axis=0)
+    led = np.flatnonzero(free & (np.linalg.norm(edges - point, axis=1) > BESIDE))
+    own = np.stack([np.broadcast_to(point, edges[led].shape), edges[led]], axis=1)
+    free[led] = ~(_meets(own, boxes).any(axis=1) | _cross(own, leading).any(axis=1))
+    return free
 
 
 def _meets(lines: Array, boxes: Array) -> Array:
@@ -142,15 +157,18 @@ def _meets(lines: Array, boxes: Array) -> Array:
     return np.asarray(inside.all(axis=3).any(axis=0))
 
 
-def _cross(line: Array, others: Array) -> Array:
-    """Return which of other lines, shape (n, 2, 2), cross one, shape (2, 2); those that begin at one point do not."""
-    return np.asarray((_sides(line[None], others) < 0.0) & (_sides(others, line[None]) < 0.0))
+def _cross(lines: Array, others: Array) -> Array:
+    """Return which lines, shape (m, 2, 2), cross which others, shape (n, 2, 2), as an array (m, n).
+
+    Those that begin at one point do not.
+    """
+    return np.asarray((_sides(lines, others) < 0.0) & (_sides(others, lines).T < 0.0))
 
 
 def _sides(lines: Array, others: Array) -> Array:
-    """Return numbers below 0 where the ends of others are on different sides of lines, shape (n,)."""
-    way, ends = lines[:, None, 1] - lines[:, None, 0], others - lines[:, None, 0]
-    return np.asarray(np.prod(way[..., 0] * ends[..., 1] - way[..., 1] * ends[..., 0], axis=1))
+    """Return numbers below 0 where the ends of others, n, are on different sides of lines, m, shape (m, n)."""
+    way, ends = (lines[:, 1] - lines[:, 0])[:, None, None], others - lines[:, None, None, 0]
+    return np.asarray(np.prod(way[..., 0] * ends[..., 1] - way[..., 1] * ends[..., 0], axis=2))
 
 
 def _dense(lines: Sequence[Line], per: float) -> Array:

@@ -15,11 +15,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 
 import numpy as np
+from msgspec import Struct
 
 from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import Trajectory
@@ -154,8 +154,7 @@ class _Unbounded(Exception):
         self.place = place
 
 
-@dataclass(eq=False)
-class _Counted:
+class _Counted(Struct, eq=False):
     """Functions that are evaluated a limited number of times.
 
     Attributes:
