@@ -382,7 +382,7 @@ def prepare(folder: Path) -> None:
     (folder / "p.yaml").write_text(SCENARIO.replace("arm.yaml\narguments: {m: 3 kg}", "plain.yaml"))
     journal = Journal(folder / "journal.jsonl", "task", width=2)
     for case in range(3):
-        journal.add(str(case), Row((1.5, float("nan")), "", (str(folder / "law.csv"),)), Sources())
+        journal.add([(str(case), Row((1.5, float("nan")), "", (str(folder / "law.csv"),)))], Sources())
     journal.close()
 
 

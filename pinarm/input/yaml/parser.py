@@ -11,6 +11,7 @@ from typing import Any
 from pinarm.errors import InputError, Location, PinarmError
 
 MAX_DEPTH = 50
+NESTED, LEVELS = "the file is nested too deeply", f"at most {MAX_DEPTH} levels"
 MAX_VALUES = 50_000
 """Largest number of values; they are read in half a second."""
 MAX_DIGITS = 400
@@ -62,6 +63,8 @@ class Builder:
                 self._take(event)
         except yaml.MarkedYAMLError as error:
             place, problem = self._location(error.problem_mark or error.context_mark), error.problem or error.context
+            if "nesting depth" in str(problem):  # libyaml looks ahead, and has a bound of its own
+                raise InputError(NESTED, expected=LEVELS).at(place) from None
             hint = _yaml_hint(str(problem), place.text[place.column - 1 : place.column])
             raise InputError(f"this is not YAML: {problem}", hint=hint).at(place) from None
         except (yaml.YAMLError, ValueError, RecursionError, AttributeError) as error:
@@ -91,7 +94,7 @@ class Builder:
 
     def _open(self, container: Any, event: Any) -> None:
         if len(self.stack) >= MAX_DEPTH:
-            raise self._refuse(event, "the file is nested too deeply", f"at most {MAX_DEPTH} levels")
+            raise self._refuse(event, NESTED, LEVELS)
         path = self._put(container, event)
         self.stack.append((container, path, []))
 

@@ -173,7 +173,7 @@ def solved(matrix: Array, right: Array) -> Array:
 
 def acting_values(rows: Array) -> Array:
     """Return the singular values of matrices, shape (.., m, nv), descending; rows that are 0 cost nothing."""
-    sizes = np.abs(rows).max(axis=-1, initial=0.0).reshape(-1, rows.shape[-2]).max(axis=0, initial=0.0)
+    sizes = np.abs(rows).max(axis=(*range(rows.ndim - 2), -1), initial=0.0)
     values = np.linalg.svd(rows[..., sizes > ROUNDING * sizes.max(initial=0.0), :], compute_uv=False)
     found = np.zeros((*rows.shape[:-2], min(rows.shape[-2:])))
     found[..., : values.shape[-1]] = values

@@ -34,8 +34,8 @@ FEWEST = 400
 """Number of constraint rows in all instants from which on it pays to solve these together."""
 
 Solved = tuple[Flags, Sequence[Array]]
-"""Which rows have been solved, shape (n,), and of these q, v, a, the efforts, and the multipliers of the constraints where
-they are known, shapes (s, nq), (s, nv), (s, nv), (s, k) and (s, m)."""
+"""Which rows have been solved, shape (n,), and of these q, v, a, the efforts, and the multipliers of the constraints,
+NaN where they are not known: shapes (s, nq), (s, nv), (s, nv), (s, k) and (s, m)."""
 
 
 class BatchRows(Record, frozen=True):
