@@ -121,6 +121,20 @@ def test_accelerations_of_loops_within_loops_are_those_of_the_singular_values(se
     compare(interval.compiled, closure, closed_states(general))
 
 
+@pytest.mark.parametrize("linkage", [scissor(3), bennett(), four_bar()])
+def test_states_that_are_no_numbers_leave_nothing_behind(linkage, tmp_path):
+    """As a step that is rejected may try."""
+    loops = [name for name in linkage.joints if name.startswith("loop")] or [next(reversed(linkage.joints))]
+    mechanism = linkage.build(tmp_path, loops)
+    dynamics, nv = Dynamics.of(mechanism.model), mechanism.model.nv
+    system = system_of(mechanism.closure, dynamics, FREE, Initial(np.zeros(nv), np.zeros(nv)))
+    flow, y = system.interval(dynamics, 0.0, 1.0).compiled, np.concatenate([np.zeros(nv), np.ones(nv)])
+    first = flow.slope(y)
+    assert np.isfinite(first).all()
+    assert np.isnan(flow.slope(np.full(2 * nv, np.nan))).any()
+    assert np.array_equal(flow.slope(y), first)
+
+
 def test_motion_of_a_scissor_on_a_hinge_is_that_of_python(tmp_path, calls, without):
     """Its loops end at bars; states are closed, and regularity is looked at, in compiled code."""
     linkage = scissor(4)

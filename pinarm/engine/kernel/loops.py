@@ -106,14 +106,14 @@ class CompiledLoops(Record, frozen=True):
             return None
         model, rows = self.tree.model, sum(self._rows)
         loaded = loaded.with_unknowns(model.nv + rows)
-        squares = self._skyline
+        squares, inner = self._skyline, int(self._records["rows"][self._records["end"] >= 0].sum())
         known = self._records, self._passed, self._unknowns, self._weights, np.zeros(len(self.tied), LOOP_STATE)
         buffers = (
             np.zeros((model.njoints, MOST_ROWS), FORCE), np.zeros((len(self._unknowns), MOST_ROWS)),
             np.zeros((model.nv + rows, MOST_ROWS)), np.zeros(model.nv), *(np.zeros(rows) for _ in range(3)),
         )  # fmt: skip
         structure = ConstraintsStructure(
-            ctypes.addressof(loaded.structure), len(self.tied), *map(pointer, known),
+            ctypes.addressof(loaded.structure), len(self.tied), inner, *map(pointer, known),
             SkylineStructure(rows, *map(pointer, squares)), *map(pointer, buffers),
         )  # fmt: skip
         return LoadedLoops(structure, (loaded, squares, known, buffers), self._places)
@@ -193,6 +193,8 @@ class CompiledLoops(Record, frozen=True):
                 record["link"][i], record["frame"]["rotation"][i], record["frame"]["translation"][i] = (
                     self.tree.placed(joint, place)
                 )  # fmt: skip
+        found["tail"] = found["support"] + [way.before for way in ways]
+        found["own"] = found["support"] + [len(way.unknowns) for way in ways]
         found["coupled"] = self._coupled
         return found
 

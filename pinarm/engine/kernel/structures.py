@@ -46,7 +46,7 @@ MOST_ROWS = 6
 
 LOOP = np.dtype([
     ("kind", np.intc), ("rows", np.intc), ("link", np.intc, 2),
-    *((name, np.intc) for name in ("first", "end", "path", "links", "support", "degrees", "coupled")),
+    *((name, np.intc) for name in ("first", "end", "path", "links", "support", "degrees", "tail", "own", "coupled")),
     ("frame", [("rotation", float, (3, 3)), ("translation", float, 3)], 2),
     ("along", float, (MOST_ROWS, 3)), ("about", float, (MOST_ROWS, 3)),
 ], align=True)  # fmt: skip
@@ -94,7 +94,7 @@ class ConstraintsStructure(ctypes.Structure):
     """A tree with loops, and its buffers."""
 
     _fields_ = [
-        ("tree", POINTER), ("loops", INT),
+        ("tree", POINTER), ("loops", INT), ("inner", INT),
         *((name, POINTER) for name in ("loop", "path", "unknown", "weight_of", "loop_state")),
         ("squares", SkylineStructure),
         *((name, POINTER) for name in ("carried", "reduced", "spread", "response", "right", "multiplier", "part")),

@@ -17,12 +17,14 @@ class Way(Record, frozen=True):
         passed: Links, children before their parents, and ``~k`` where loop joint k is eliminated.
         unknowns: The unknowns there: velocities, and multipliers behind all velocities.
         own: Its own multipliers.
+        before: How many of the unknowns are not eliminated at the link at which it ends.
     """
 
     end: int
     passed: list[int]
     unknowns: list[int]
     own: list[int]
+    before: int
 
     @property
     def support(self) -> list[int]:
@@ -51,9 +53,10 @@ class Ways(Record, frozen=True):
             passed.append(link)
             joint = model.joints[link + 1]
             unknowns += range(joint.idx_v, joint.idx_v + joint.nv)
+        before = len(unknowns)
         self._meet(end, passed, unknowns)
         first = self.found[-1].own[-1] + 1 if self.found else model.nv
-        way = Way(end, passed, unknowns, list(range(first, first + rows)))
+        way = Way(end, passed, unknowns, list(range(first, first + rows)), before)
         for unknown in way.support:
             self.meeting.setdefault((end, unknown), []).append(len(self.found))
         self.found.append(way)

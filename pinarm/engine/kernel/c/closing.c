@@ -7,13 +7,8 @@ static void copy(int n, const double *from, double *to) { memcpy(to, from, (size
 
 /* q moves along s x. */
 static void move(const tree *t, double s, const double *x, double *q) {
-    double part[6];
-    for (int i = 0; i < t->links; i++) {
-        const link *l = &t->link[i];
-        for (int k = 0; k < joint_velocities(l->kind); k++)
-            part[k] = s * x[l->v + k];
-        joint_move(l->kind, q + l->q, part);
-    }
+    for (int i = 0; i < t->links; i++)
+        joint_move(t->link[i].kind, s, x + t->link[i].v, q + t->link[i].q);
 }
 
 /* Write what is open at points to `right`, and G v to `multiplier`; return the length of what is open. */
@@ -35,6 +30,7 @@ static double gap(const constraints *c) {
  * A change is the least x, measured by the masses, with G x = `right`. */
 static void close_state(const closing *c, double w, double *q, double *v) {
     const constraints *r = &c->rows;
+    const proximal once = {c->projection, 0.0, 1};
     double before = INFINITY;
     for (int n = 0;; n++) {
         constraints_factorise(r, c->projection);
@@ -43,14 +39,14 @@ static void close_state(const closing *c, double w, double *q, double *v) {
         if (n == c->corrections || size <= c->closed || (size < c->stalled && size > 0.5 * before))
             break;
         before = size;
-        constraints_solve(r, r->loop[0].end);
+        constraints_solve(r, &once, r->loop[0].end);
         move(r->tree, 1.0, r->response, q);
         for (int k = 0; k < r->tree->nv; k++)
             c->aside[k] += w * r->response[k];
         constraints_place(r, q, v);
     }
     copy((int)r->squares.rows, r->multiplier, r->right);
-    constraints_solve(r, r->loop[0].end);
+    constraints_solve(r, &once, r->loop[0].end);
     for (int k = 0; k < r->tree->nv; k++)
         v[k] -= r->response[k];
 }
@@ -121,15 +117,11 @@ static double accelerations(closing *c, const double *q, const double *v, double
     return constraints_accelerate(&c->rows, &c->exact, a);
 }
 
-static double rates(closing *c, double *y, double *slope) {
-    const tree *t = c->rows.tree;
-    tree_coordinate_rates(t, y, y + t->nq, slope);
-    return accelerations(c, y, y + t->nq, slope + t->nq);
-}
-
 void closing_rates(void *system, double time, double *y, double *slope) {
+    const closing *c = system;
     (void)time;
-    rates(system, y, slope);
+    tree_coordinate_rates(c->rows.tree, y, y + c->rows.tree->nq, slope);
+    accelerations(system, y, y + c->rows.tree->nq, slope + c->rows.tree->nq);
 }
 
 /* Choose how to go on, by how regular the position last closed is; return 0 where the rank has grown. */
@@ -162,7 +154,9 @@ int closing_settle(void *system, double time, double *y, double *slope) {
         c->step = singular || !isfinite(c->t) ? c->step : time - c->t;
         c->floor = singular && !turns(c) ? c->limits.floor * c->step : 0.0;
         c->t = time;
-        if ((c->near || c->tolerant.repeats > 0) && rates(c, y, slope) <= c->torn * c->torn)
+        tree_coordinate_rates(t, y, y + t->nq, slope);
+        if ((c->near || c->tolerant.repeats > 0) &&
+            accelerations(c, y, y + t->nq, slope + t->nq) <= c->torn * c->torn)
             return 1;
     }
     copy(t->nq + t->nv, c->saved, y);

@@ -67,15 +67,14 @@ static void reduce(const constraints *c, const loop *l, const loop_state *s) {
 /* Eliminate the multipliers of reduced rows, which leave the forces K on the link at which they end: K' a + L lam + .. = 0
  * makes lam an unknown with U = -K and D = -(L + term). */
 static void eliminate(const constraints *c, const loop *l, double term) {
-    const int place = l->support + l->degrees - l->rows;
     force *left = carried(c, l->end);
     for (int r = 0; r < l->rows; r++) {
-        degree_state *e = &c->tree->degree_state[c->unknown[place + r]];
+        degree_state *e = &c->tree->degree_state[c->unknown[l->own + r]];
         e->u = (force){scale(-1.0, left[r].linear), scale(-1.0, left[r].angular)};
         e->inverse = -1.0 / (entry(c, r, l, r) + term);
         subtract_square(&c->tree->link_state[l->end].inertia, e->inverse, &e->u);
         for (int q = r + 1; q < l->rows; q++)
-            pass_row(c, place + r, q, l, r, &left[q]);
+            pass_row(c, l->own + r, q, l, r, &left[q]);
     }
 }
 
@@ -92,8 +91,7 @@ static void multiply(const constraints *c, const loop *l) {
 static void clear(const constraints *c, const loop *l) {
     for (int k = l->support; k < l->support + l->degrees; k++)
         memset(c->spread + c->unknown[k] * MOST_ROWS, 0, MOST_ROWS * sizeof *c->spread);
-    for (int r = 0; r < l->rows; r++)
-        carried(c, l->end)[r] = NO_FORCE;
+    memset(carried(c, l->end), 0, MOST_ROWS * sizeof *c->carried);
 }
 
 void constraints_factorise(const constraints *c, double term) {
@@ -125,42 +123,75 @@ void constraints_place(const constraints *c, const double *q, const double *v) {
         loop_place(c->tree, &c->loop[i], &c->loop_state[i]);
 }
 
-/* What the unknowns passed ask of the multiplier of each row, u = sum W u / D - right, which loads the link it ends at. */
+/* What unknowns at some places of its support ask of the multiplier of a row, sum W u / D, and get of it, u + W lam. */
+static double asked(const constraints *c, int r, int place, int end) {
+    double sum = 0.0;
+    for (int k = place; k < end; k++)
+        sum += c->reduced[k * MOST_ROWS + r] * c->tree->tau[c->unknown[k]] *
+               c->tree->degree_state[c->unknown[k]].inverse;
+    return sum;
+}
+static void give(const constraints *c, int r, double lam, int place, int end) {
+    for (int k = place; k < end; k++)
+        c->tree->tau[c->unknown[k]] += c->reduced[k * MOST_ROWS + r] * lam;
+}
+
+/* u = sum W u / D - right of each row, which loads the link at which it ends. */
 static void load_rows(const constraints *c, const loop *l) {
     const tree *t = c->tree;
     for (int r = 0; r < l->rows; r++) {
         const int n = t->nv + l->first + r;
-        double sum = -c->right[l->first + r];
-        for (int k = l->support; k < l->support + l->degrees; k++)
-            sum += c->reduced[k * MOST_ROWS + r] * t->tau[c->unknown[k]] * t->degree_state[c->unknown[k]].inverse;
-        t->tau[n] = sum;
-        t->link_state[l->end].bias = tree_beyond(t, n, t->link_state[l->end].bias, -sum);
+        t->tau[n] = asked(c, r, l->support, l->own + r) - c->right[l->first + r];
+        t->link_state[l->end].bias = tree_beyond(t, n, t->link_state[l->end].bias, -t->tau[n]);
     }
 }
 
-/* lam = (u - U' a) / D of each row, the last one first, and u + W lam of the unknowns passed. */
+/* lam = (u - U' a) / D of each row of an inner loop joint, the last one first. */
 static void release_rows(const constraints *c, const loop *l) {
-    const tree *t = c->tree;
     for (int r = l->rows - 1; r >= 0; r--) {
-        const double lam = tree_unknown(t, t->nv + l->first + r, &t->link_state[l->end].change);
-        c->part[l->first + r] = lam;
-        for (int k = l->support; k < l->support + l->degrees; k++)
-            t->tau[c->unknown[k]] += c->reduced[k * MOST_ROWS + r] * lam;
+        const int n = c->tree->nv + l->first + r;
+        c->part[l->first + r] = tree_unknown(c->tree, n, &c->tree->link_state[l->end].change);
+        give(c, r, c->part[l->first + r], l->support, l->own + r);
     }
 }
 
-void constraints_solve(const constraints *c, int from) {
+/* The multipliers of loop joints from k on, which end at the world, by the proximal iteration: each solves for what the
+ * term has left of the last one. */
+static void find_multipliers(const constraints *c, const proximal *p, int k) {
+    const tree *t = c->tree;
+    const loop *first = &c->loop[k], *end = &c->loop[c->loops];
+    for (const loop *l = first; l < end; l++)
+        for (int r = 0; r < l->rows; r++)
+            c->right[l->first + r] -= asked(c, r, l->support, l->tail), c->part[l->first + r] = 0.0;
+    double largest = INFINITY;
+    for (int n = 0; n < p->repeats && p->term * largest > p->accuracy; n++) {
+        largest = 0.0;
+        for (const loop *l = first; l < end; l++)
+            for (int r = 0; r < l->rows; r++)
+                t->tau[t->nv + l->first + r] = asked(c, r, l->tail, l->own + r) - c->right[l->first + r];
+        for (const loop *l = end - 1; l >= first; l--)
+            for (int r = l->rows - 1; r >= 0; r--) {
+                const double x = tree_unknown(t, t->nv + l->first + r, &NO_MOTION);
+                give(c, r, x, l->tail, l->own + r);
+                c->part[l->first + r] += x, c->right[l->first + r] = p->term * x, largest = fmax(largest, fabs(x));
+            }
+    }
+    for (const loop *l = first; l < end; l++)
+        for (int r = 0; r < l->rows; r++)
+            give(c, r, c->part[l->first + r], l->support, l->tail);
+}
+
+void constraints_solve(const constraints *c, const proximal *p, int from) {
     const tree *t = c->tree;
     int k = 0;
-    for (int i = from; i >= -1; i--) {
+    for (int i = from; i >= 0; i--) {
         for (; k < c->loops && c->loop[k].end == i; k++)
             load_rows(c, &c->loop[k]);
-        if (i >= 0)
-            tree_load(t, i);
+        tree_load(t, i);
     }
-    for (int i = -1; i < t->links; i++) {
-        if (i >= 0)
-            tree_accelerate(t, i, c->response);
+    find_multipliers(c, p, k);
+    for (int i = 0; i < t->links; i++) {
+        tree_accelerate(t, i, c->response);
         for (; k > 0 && c->loop[k - 1].end == i; k--)
             release_rows(c, &c->loop[k - 1]);
     }
@@ -193,15 +224,15 @@ double constraints_accelerate(const constraints *c, const proximal *p, double *a
     memset(a, 0, (size_t)t->nv * sizeof *a), memset(c->multiplier, 0, (size_t)m * sizeof *c->multiplier);
     double square = torn(c, a), largest = INFINITY;
     for (int n = 0; n < p->repeats && p->term * largest > p->accuracy; n++) {
-        constraints_solve(c, n ? c->loop[0].end : t->links - 1);
+        constraints_solve(c, p, n ? c->loop[0].end : t->links - 1);
         tree_unload(t);
         for (int k = 0; k < t->nv; k++)
             a[k] += c->response[k];
         for (int i = 0; i < t->links; i++)
             accumulate_motion(&t->link_state[i].acceleration, t->link_state[i].change);
         largest = 0.0;
-        for (ptrdiff_t k = 0; k < m; k++)
-            c->multiplier[k] += c->part[k], largest = fmax(largest, fabs(c->part[k]));
+        for (int r = 0; r < (int)m; r++)
+            c->multiplier[r] += c->part[r], largest = r < c->inner ? fmax(largest, fabs(c->part[r])) : largest;
         square = torn(c, a);
     }
     return square;

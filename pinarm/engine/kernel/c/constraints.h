@@ -16,7 +16,7 @@ typedef struct {
 /* Unknowns are the velocities of the tree, then the multipliers of the rows, which have U, D and u in its buffers too. */
 typedef struct {
     const tree *tree;
-    int loops;
+    int loops, inner;        /* loop joints, and rows of those that end at links */
     const loop *loop;        /* in the order of the links at which they end, from the tips */
     const int *path;         /* what a row passes, in this order: a link, or ~k for a loop joint k before it */
     const int *unknown;      /* the unknowns there, and behind them its own multipliers */
@@ -38,7 +38,7 @@ void constraints_factorise(const constraints *c, double term);
 
 /* Write q'' to `response` and lam to `part`, with M q'' = tau - sum S' p + G' lam and G q'' + term lam = `right`. Links
  * behind `from` have no loads: where none has, it is the first at which a loop joint ends. */
-void constraints_solve(const constraints *c, int from);
+void constraints_solve(const constraints *c, const proximal *p, int from);
 
 /* Write G G', where the state is placed; what was factorised is lost. */
 void constraints_squares(const constraints *c);

@@ -3,9 +3,7 @@
 #include <math.h>
 
 /* A joint with several coordinates: some are lengths along x, y and z, then come those of a rotation. */
-typedef struct {
-    int slides, coordinates; /* number of lengths; of numbers that are a (cos, sin) pair or a quaternion, or 0 */
-} layout;
+typedef struct { int slides, coordinates; } layout; /* how many lengths, and numbers of a pair, a quaternion or 0 */
 
 enum { NONE, PAIR = 2, QUATERNION = 4 };
 
@@ -128,15 +126,15 @@ static vector way_of(vector u, vector w) {
     return add(u, add(scale(half, first), scale(sixth, cross(w, first))));
 }
 
-void joint_move(int kind, double *q, const double *x) {
+void joint_move(int kind, double s, const double *x, double *q) {
     const layout *p = &LAYOUTS[kind];
-    const vector w = spun(p, x);
+    const vector w = scale(s, spun(p, x));
     const double n = share(p) * sqrt(dot(w, w)), sine = n > 1e-8 ? sin(n) / n : 1.0;
     if (kind == SCREW)
-        q[0] += x[0];
+        q[0] += s * x[0];
     if (p->slides) {
         const matrix r = rotation_of(p, q + p->slides);
-        add_slides(p, times(&r, way_of(slid(p, x), w)), q);
+        add_slides(p, times(&r, way_of(scale(s, slid(p, x)), w)), q);
     }
     multiply(p, q + p->slides, scale(share(p) * sine, w), cos(n), q + p->slides);
     joint_normalise(kind, q);

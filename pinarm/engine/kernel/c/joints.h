@@ -53,8 +53,8 @@ placement joint_placement(const link *l, const screw *s, const double *q);
 /* Bring quaternions and (cos, sin) pairs among the coordinates of a joint to unit length. */
 void joint_normalise(int kind, double *q);
 
-/* Move the coordinates of a joint along a small x of its velocities: by exp, as Pinocchio's `integrate`. */
-void joint_move(int kind, double *q, const double *x);
+/* Move the coordinates of a joint along s x of its velocities: by exp, as Pinocchio's `integrate`. */
+void joint_move(int kind, double s, const double *x, double *q);
 
 /* Write q' of a joint's coordinates and velocities: Featherstone, section 4.5. */
 void joint_rates(int kind, const double *q, const double *v, double *rates);

@@ -19,6 +19,7 @@ typedef struct {
     int end;                 /* the last link that moves both frames, or all joints that it couples, or -1 */
     int path, links;         /* first place in `path`, and number, of what its rows pass on their ways there */
     int support, degrees;    /* first place in `unknown`, and number, of the unknowns there, its multipliers too */
+    int tail, own;           /* places there of the first multiplier that is eliminated where it ends, and of its own */
     int coupled;             /* first loop joint that shares one of these unknowns with it */
     placement frame[2];      /* of frames 1 and 2 in their links */
     vector along[MOST_ROWS]; /* e */

@@ -11,18 +11,10 @@ typedef struct { vector linear, angular; } force; /* force, and moment about the
 typedef struct { matrix rotation; vector translation; } placement;
 
 /* A rigid body: mass m, m c with the centre of mass c, and the inertia about the origin of the frame. */
-typedef struct {
-    double mass;
-    vector moment;
-    symmetric inertia;
-} body;
+typedef struct { double mass; vector moment; symmetric inertia; } body;
 
 /* An articulated inertia: f = M a + H' alpha, n = H a + I alpha; section 7.1. */
-typedef struct {
-    symmetric mass;    /* M */
-    matrix coupling;   /* H */
-    symmetric inertia; /* I */
-} articulated;
+typedef struct { symmetric mass; matrix coupling; symmetric inertia; } articulated; /* M, H, I */
 
 static const vector ZERO = {0.0, 0.0, 0.0};
 static const motion NO_MOTION = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};

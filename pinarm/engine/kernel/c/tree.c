@@ -3,19 +3,10 @@
 #include <float.h>
 #include <math.h>
 
-static vector symmetric_row(const symmetric *s, int axis) {
-    return axis == 0 ? (vector){s->xx, s->xy, s->xz} : axis == 1 ? (vector){s->xy, s->yy, s->yz} :
-                                                                   (vector){s->xz, s->yz, s->zz};
-}
-
-/* I S: a column of M and of H, and a row of H and of I */
-static force column(const articulated *i, const screw *s) {
-    const matrix *h = &i->coupling;
-    const int k = s->axis;
-    const vector coupled = {component(k, h->x), component(k, h->y), component(k, h->z)};
-    const vector moment = k == 0 ? h->x : k == 1 ? h->y : h->z;
-    return (force){add(scale(s->slide, symmetric_row(&i->mass, k)), scale(s->turn, moment)),
-                   add(scale(s->slide, coupled), scale(s->turn, symmetric_row(&i->inertia, k)))};
+/* I m */
+static force inertia_times(const articulated *i, motion m) {
+    return (force){add(symmetric_times(&i->mass, m.linear), transposed_times(&i->coupling, m.angular)),
+                   add(times(&i->coupling, m.linear), symmetric_times(&i->inertia, m.angular))};
 }
 
 /* The loads of the joints' springs, dampers and efforts. */
@@ -116,7 +107,7 @@ void tree_reduce(const tree *t, int i) {
     for (int k = l->v; k < l->v + joint_velocities(l->kind); k++) {
         const degree *d = &t->degree[k];
         degree_state *e = &t->degree_state[k];
-        e->u = column(&s->inertia, &d->s);
+        e->u = inertia_times(&s->inertia, along(&d->s, 1.0));
         e->inverse = 1.0 / (power(&d->s, &e->u) + d->armature);
         subtract_square(&s->inertia, e->inverse, &e->u);
     }

@@ -11,10 +11,7 @@ typedef struct {
 } degree;
 
 /* A spring of a ball joint to its zero: tau = -stiffness w, with the rotation vector w of its quaternion. */
-typedef struct {
-    int q, v;
-    double stiffness;
-} rotation_spring;
+typedef struct { int q, v; double stiffness; } rotation_spring;
 
 /* A spring, damper and constant pull along the line between two points, of links or of the world (link -1):
  * tension = stiffness (l - rest) + damping l' + pull. */
@@ -32,10 +29,7 @@ typedef struct {
     force bias;                            /* p^A */
 } link_state;
 
-typedef struct {
-    force u;        /* U = I^A S */
-    double inverse; /* 1 / D */
-} degree_state;
+typedef struct { force u; double inverse; } degree_state; /* U = I^A S and 1 / D */
 
 typedef struct {
     int links, nq, nv, rotation_springs, point_springs;
