@@ -205,7 +205,7 @@ ELSEWHERE = {
     "use/output/test_folder.py": ("which files are ours", "use/output/manifest"),
     "use/store/test_new.py": ("what is written for a model", "use/store/first_files"),
     "use/study/accuracy/test_error_estimate.py": (
-        "errors that are found", "engine/checks/free_masses engine/checks/residuals use/study/accuracy/common_rows "
+        "errors that are found", "engine/checks/residuals use/study/accuracy/common_rows "
         "use/study/accuracy/integration_settings "
         "use/study/accuracy/solved",
     ),

@@ -25,7 +25,11 @@ class FreeMasses(Protocol):
 
     @property
     def condition(self) -> Array:
-        """Largest condition number of ``T^T M T`` scaled to a diagonal of ones, infinite if one is singular; (..)."""
+        """Largest condition number of ``T^T M T``, infinite if one is singular, shape (..).
+
+        Coordinates are scaled so that M has a diagonal of ones, and T is a basis of right angles then: which one it is
+        has no part in it.
+        """
         ...
 
     @property
@@ -88,7 +92,7 @@ class MassMatrices(TreeMassMatrices, frozen=True):
     @property
     def condition(self) -> Array:
         """See ``FreeMasses``. Shape (), or (k,) of variants."""
-        return condition_of(self._along)
+        return condition_along(self.free, self.diagonal, self._along)
 
     def responses(self, moving: Array, most: Array) -> tuple[Array, Array]:
         """See ``FreeMasses``."""
@@ -133,7 +137,7 @@ class ConstrainedMasses(_RecursiveMasses, frozen=True):
     @property
     def condition(self) -> Array:
         """See ``FreeMasses``."""
-        return condition_of(self._along)
+        return condition_along(self.free, self.diagonal, self._along)
 
     def responses(self, moving: Array, most: Array) -> tuple[Array, Array]:
         """See ``FreeMasses``."""
@@ -182,6 +186,26 @@ def condition_of(along: Array) -> Array:
     idle = (square <= NOTHING * square.max(axis=(0, -1), keepdims=True)).any(axis=(0, -1))
     size = np.sqrt(np.where(idle[..., None], 1.0, square))
     least, most = _extreme_values(along / (size[..., :, None] * size[..., None, :]))
+    idle |= ~(least.min(axis=0) > MASSLESS)
+    return np.where(idle, np.inf, (most / np.where(idle, 1.0, least)).max(axis=0))
+
+
+def condition_along(free: Array, diagonal: Array, along: Array) -> Array:
+    """Return the largest condition number of masses along free motions, whatever basis of these is given.
+
+    It is the ratio of the extreme eigenvalues of ``T^T M T x = value T^T D T x``, where D has the diagonal of M.
+
+    Args:
+        free: T, shape (n, .., nv, f).
+        diagonal: Diagonal of M, shape (n, .., nv).
+        along: ``T^T M T``, shape (n, .., f, f).
+    """
+    if free.shape[-1] < 2:
+        return condition_of(along)
+    values, vectors = np.linalg.eigh(free.swapaxes(-2, -1) @ (diagonal[..., None] * free))
+    idle = (values[..., 0] <= NOTHING * values[..., -1].max(axis=0, keepdims=True)).any(axis=0)
+    ways = vectors / np.sqrt(np.where(idle[..., None], 1.0, values))[..., None, :]
+    least, most = _extreme_values(ways.swapaxes(-2, -1) @ along @ ways)
     idle |= ~(least.min(axis=0) > MASSLESS)
     return np.where(idle, np.inf, (most / np.where(idle, 1.0, least)).max(axis=0))
 
