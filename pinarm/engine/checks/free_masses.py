@@ -185,9 +185,7 @@ def condition_of(along: Array) -> Array:
     square = np.maximum(along.diagonal(axis1=-2, axis2=-1), 0.0)
     idle = (square <= NOTHING * square.max(axis=(0, -1), keepdims=True)).any(axis=(0, -1))
     size = np.sqrt(np.where(idle[..., None], 1.0, square))
-    least, most = _extreme_values(along / (size[..., :, None] * size[..., None, :]))
-    idle |= ~(least.min(axis=0) > MASSLESS)
-    return np.where(idle, np.inf, (most / np.where(idle, 1.0, least)).max(axis=0))
+    return _largest_ratio(along / (size[..., :, None] * size[..., None, :]), idle)
 
 
 def condition_along(free: Array, diagonal: Array, along: Array) -> Array:
@@ -202,12 +200,21 @@ def condition_along(free: Array, diagonal: Array, along: Array) -> Array:
     """
     if free.shape[-1] < 2:
         return condition_of(along)
-    values, vectors = np.linalg.eigh(free.swapaxes(-2, -1) @ (diagonal[..., None] * free))
+    metric = free.swapaxes(-2, -1) @ (diagonal[..., None] * free)
+    square = metric.diagonal(axis1=-2, axis2=-1)
+    size = 1.0 / np.sqrt(np.where(square > 0.0, square, 1.0))  # their units may lie many orders apart
+    values, vectors = np.linalg.eigh(size[..., :, None] * metric * size[..., None, :])
+    vectors = size[..., :, None] * vectors
     idle = (values[..., 0] <= NOTHING * values[..., -1].max(axis=0, keepdims=True)).any(axis=0)
     ways = vectors / np.sqrt(np.where(idle[..., None], 1.0, values))[..., None, :]
-    least, most = _extreme_values(ways.swapaxes(-2, -1) @ along @ ways)
-    idle |= ~(least.min(axis=0) > MASSLESS)
-    return np.where(idle, np.inf, (most / np.where(idle, 1.0, least)).max(axis=0))
+    return _largest_ratio(ways.swapaxes(-2, -1) @ along @ ways, idle)
+
+
+def _largest_ratio(scaled: Array, idle: Array) -> Array:
+    """Return the largest ratio of extreme eigenvalues of n matrices, infinite where one moves no mass, shape (..)."""
+    least, most = _extreme_values(scaled)
+    massless = idle | ~(least.min(axis=0) > MASSLESS)
+    return np.where(massless, np.inf, (most / np.where(massless, 1.0, least)).max(axis=0))
 
 
 def _extreme_values(x: Array) -> tuple[Array, Array]:
