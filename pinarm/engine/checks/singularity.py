@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 NEAR = 0.1
 """Regularity at the rows from which on it is looked for between them."""
 
-ROUNDS, EVENLY = 10, 4
+ROUNDS, EVENLY = 10, 8
 """How often instants between rows are looked at; at first so many on either side, evenly, as rows may be far apart."""
 
 SAME = 1e-10

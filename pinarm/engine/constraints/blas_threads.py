@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextvars import ContextVar
 from functools import cache
 from typing import Any
 
@@ -13,6 +15,9 @@ they have as many rows as velocities and constraints together."""
 UNLIMITED = nullcontext()
 """What such matrices are worked on in."""
 
+_limited = ContextVar("limited", default=False)
+"""Whether a block of this thread has set the limit: those within it need not ask the libraries again (30 us)."""
+
 
 def one_blas_thread(nv: int) -> AbstractContextManager[Any]:
     """Let linear algebra use one thread in a ``with`` block, if it would use more for a mechanism of nv velocities.
@@ -21,8 +26,17 @@ def one_blas_thread(nv: int) -> AbstractContextManager[Any]:
     in force again after the block; environment variables stay as they are. Of blocks in several threads at once, that
     which was the first decides, as the limit is the whole process's.
     """
-    limited: AbstractContextManager[Any] = _libraries().limit(limits=1) if nv > SMALL else UNLIMITED
-    return limited
+    return UNLIMITED if nv <= SMALL or _limited.get() else _one_thread()
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    before = _limited.set(True)
+    try:
+        with _libraries().limit(limits=1):
+            yield
+    finally:
+        _limited.reset(before)
 
 
 @cache

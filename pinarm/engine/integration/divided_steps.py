@@ -108,7 +108,7 @@ def _parts(
 def _rates(interval: Interval, manifold: Manifold, begin: Array, t: Array, y: Array) -> tuple[Array, Array]:
     """Return projected states and their slopes, both of shape (n, nq + nv), in steps that begin at ``begin``."""
     y = _projected(manifold, y)
-    if interval.compiled is not None and interval.batch is None:
+    if interval.compiled is not None:
         return y, interval.compiled.slopes(begin, y)
     q, v = y[:, : manifold.nq], y[:, manifold.nq :]
     return y, np.concatenate([manifold.velocity(q, v), interval.accelerations(begin, t, q, v)], axis=1)
