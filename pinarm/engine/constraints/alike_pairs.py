@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Container, Hashable, Iterable, Iterator, Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from msgspec import Struct
@@ -17,7 +16,7 @@ from msgspec import Struct
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.nullspaces.elimination import Row
 from pinarm.engine.constraints.row_measures import EvaluatedPair, PairMeasure, RowMeasure
-from pinarm.records import Record, replace
+from pinarm.records import Record, constants_of, replace
 
 BLOCK = 2048
 """Number of configurations that are worked on at once: arrays of more would not stay in the processor's cache."""
@@ -148,22 +147,10 @@ def alike_pairs(measures: Sequence[RowMeasure]) -> tuple[AlikePairs, ...]:
             stages = measure.chain.stages
             numbered = tuple(replace(stage, index=k) for k, stage in enumerate(stages))
             one = replace(measure, chain=replace(measure.chain, stages=numbered))
-            _, joints, places = found.setdefault(_constants(one), (one, [], []))
+            _, joints, places = found.setdefault(constants_of(one), (one, [], []))
             joints.append([stage.index for stage in stages])
             places.append(place)
     return tuple(
         AlikePairs(one, np.array(joints, dtype=np.intp).reshape(len(places), -1), tuple(places))
         for one, joints, places in found.values()
     )
-
-
-def _constants(x: Any) -> Hashable:
-    """Return what two measures have the same of if they are alike: the numbers in arrays and in fields."""
-    if isinstance(x, np.ndarray):
-        return x.shape, (x + 0.0).tobytes()  # of -0 those of 0
-    if isinstance(x, Record):
-        return type(x), tuple(_constants(getattr(x, name)) for name in x.__struct_fields__)
-    if isinstance(x, tuple | list):
-        return tuple(map(_constants, x))
-    known: Hashable = x  # a number, or a function
-    return known

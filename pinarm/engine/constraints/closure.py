@@ -5,10 +5,10 @@ An open chain has no rows; nothing else distinguishes it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pinocchio as pin
@@ -29,7 +29,8 @@ from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree, states_first
-from pinarm.records import Record, replace
+from pinarm.mechanics.loops.loop_joints import AlikeLoopJoints, LoopJoint
+from pinarm.records import Record, constants_of, replace
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -330,11 +331,38 @@ class Closure(Record, frozen=True):
 
         [f; m] at the world's origin, world axes [N, N*m]. Couplings whose forces are not known do nothing to them.
         """
-        total = states_first(np.zeros((6, self.model.njoints, *lam.shape[:-1])))
-        for constraint, rows in zip(self.constraints, self.slices().values(), strict=True):
-            for joint, wrench in constraint.wrenches(links, lam[..., rows]).items():
+        return self._acting(links, lam, lam.shape[:-1])[0]
+
+    def _acting(
+        self, links: LinkPlacements, lam: Array, states: tuple[int, ...]
+    ) -> tuple[Array, list[tuple[Constraint, slice]]]:
+        """Return what multipliers do to the links, and the constraints that have no wrenches, with their rows."""
+        total = states_first(np.zeros((6, self.model.njoints, *states)))
+        for joints, places in self._alike[0]:
+            joints.add_wrenches(links, lam[..., places], total)
+        idle = []
+        for constraint, rows in self._alike[1]:
+            wrenches = constraint.wrenches(links, lam[..., rows])
+            for joint, wrench in wrenches.items():
                 total[..., joint, :] += wrench
-        return total
+            if not wrenches:
+                idle.append((constraint, rows))
+        return total, idle
+
+    @cached_property
+    def _alike(self) -> tuple[list[tuple[AlikeLoopJoints, Indices]], list[tuple[Constraint, slice]]]:
+        """Loop joints that hold the same and the rows of each, shape (k, m), and the other constraints with theirs."""
+        alike: dict[Hashable, list[tuple[Constraint, slice]]] = {}
+        for constraint, rows in zip(self.constraints, self.slices().values(), strict=True):
+            same = constants_of(constraint.pair) if isinstance(constraint, LoopJoint) else constraint.name
+            alike.setdefault(same, []).append((constraint, rows))
+        several = [each for each in alike.values() if len(each) > 1]
+        together = [
+            (AlikeLoopJoints.of([cast("LoopJoint", joint) for joint, _ in each]),
+             np.array([np.arange(rows.start, rows.stop) for _, rows in each]))
+            for each in several
+        ]  # fmt: skip
+        return together, [each[0] for each in alike.values() if len(each) == 1]
 
     def added_wrenches(self, links: LinkPlacements, lam: Array) -> Array:
         """Return what multipliers add to the wrenches on links without any, as of the pretension of belts."""
@@ -356,13 +384,9 @@ class Closure(Record, frozen=True):
         total = np.zeros((*states, self.model.nv))
         if not self.constraints:
             return total
-        acting = np.zeros((*states, self.model.njoints, 6))
-        for constraint, part in zip(self.constraints, self.slices().values(), strict=True):
-            wrenches = constraint.wrenches(links, lam[..., part])
-            for joint, wrench in wrenches.items():
-                acting[..., joint, :] += wrench
-            if not wrenches:
-                total += np.vecmat(lam[..., part], replace(self, constraints=(constraint,)).at(q)[1])
+        acting, idle = self._acting(links, lam, states)
+        for constraint, part in idle:
+            total += np.vecmat(lam[..., part], replace(self, constraints=(constraint,)).at(q)[1])
         held = np.vecdot(tree.carried(acting)[..., tree.moved, :], columns.swapaxes(-2, -1))
         return np.asarray(total + held)
 

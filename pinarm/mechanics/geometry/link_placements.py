@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -48,6 +49,14 @@ class LinkPlacements(Record, frozen=True):
         turn, place = self.turns[..., frame.parentJoint, :, :], self.places[..., frame.parentJoint, :]
         rotation, along = frame.placement.rotation, rotated(turn, np.asfortranarray(frame.placement.translation))
         return turn if (rotation == np.eye(3)).all() else turn @ rotation, place + along
+
+    def frames(self, indices: Sequence[int]) -> tuple[Array, Array]:
+        """Return the same of k frames, shapes (n, k, 3, 3) and (n, k, 3)."""
+        frames = [self.model.frames[index] for index in indices]
+        parents = [frame.parentJoint for frame in frames]
+        turns, along = self.turns[..., parents, :, :], np.array([frame.placement.translation for frame in frames])
+        rotations = np.array([frame.placement.rotation for frame in frames])
+        return turns @ rotations, self.places[..., parents, :] + rotated(turns, along)
 
     def inwards(self, wrenches: Array) -> Array:
         """Return wrenches [f; m] in link frames from those at the world origin: ``R^T f``, ``R^T (m - p x f)``.

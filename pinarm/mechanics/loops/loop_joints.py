@@ -6,6 +6,7 @@ the origin of frame 2 and a moment ``lam w``, of the first link on the second: t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -103,8 +104,7 @@ class LoopJoint(Record, frozen=True):
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
         """Return what multipliers, shape (.., m), do to links: joint index -> [f; m] at the world's origin, (.., 6)."""
-        wrench, place = self.wrench(links, lam), links.frame(self.second)[1]
-        moved = joined(wrench[..., :3], wrench[..., 3:] + crossed(place, wrench[..., :3]))
+        moved = _at_world(self.wrench(links, lam), links.frame(self.second)[1])
         frames = links.model.frames
         return {frames[self.second].parentJoint: moved, frames[self.first].parentJoint: -moved}
 
@@ -113,19 +113,55 @@ class LoopJoint(Record, frozen=True):
 
         Of multipliers of shape (n, m), or (n, k, m) of variants, as (n, 6) or (n, k, 6).
         """
-        if self.pair.constant is not None:
-            turn = links.frame(self.first)[0]
-            return joined(*(rotated(turn, lam @ direction) for direction in self.pair.constant))
-        (turn, origin), (other, place) = links.frame(self.first), links.frame(self.second)
-        axes, p = turn.swapaxes(-1, -2) @ other, np.vecmat(place - origin, turn)
-        states = np.broadcast_shapes(axes.shape[:-2], p.shape[:-1], lam.shape[:-1])
-        axes, p, lam = (
-            np.broadcast_to(x, (*states, *x.shape[len(states) :])).reshape(-1, *x.shape[len(states) :])
-            for x in (axes, p, lam)
-        )
-        directions = self.pair.directions(p.T, axes.transpose(2, 1, 0))
-        inner = (np.einsum("nk,kcn->nc", lam, _spread(direction, len(lam))) for direction in directions)
-        return joined(*(rotated(turn, one.reshape(*states, 3)) for one in inner))
+        return _wrench(self.pair, links.frame(self.first), links.frame(self.second), lam)
+
+
+class AlikeLoopJoints(Record, frozen=True):
+    """Several loop joints that hold the same between their frames, as in the cells of a lattice.
+
+    Attributes:
+        first: Index of frame 1 of each, k of them.
+        second: Index of frame 2 of each.
+        pair: What every one of them holds.
+    """
+
+    first: tuple[int, ...]
+    second: tuple[int, ...]
+    pair: Pair
+
+    @classmethod
+    def of(cls, joints: Sequence[LoopJoint]) -> AlikeLoopJoints:
+        """Return joints with the same pair together."""
+        return cls(tuple(one.first for one in joints), tuple(one.second for one in joints), joints[0].pair)
+
+    def add_wrenches(self, links: LinkPlacements, lam: Array, total: Array) -> None:
+        """Add what multipliers, shape (.., k, m), do to links to [f; m] at the world's origin, (.., njoints, 6)."""
+        one, other = links.frames(self.first), links.frames(self.second)
+        moved = _at_world(_wrench(self.pair, one, other, lam), other[1])
+        for sign, frames in ((1.0, self.second), (-1.0, self.first)):
+            joints = np.array([links.model.frames[index].parentJoint for index in frames])
+            np.add.at(np.moveaxis(total, -2, 0), joints, np.moveaxis(sign * moved, -2, 0))
+
+
+def _at_world(wrench: Array, place: Array) -> Array:
+    """Return [f; m] at the world's origin from those at places, world axes, shapes (.., 6) and (.., 3)."""
+    return joined(wrench[..., :3], wrench[..., 3:] + crossed(place, wrench[..., :3]))
+
+
+def _wrench(pair: Pair, one: tuple[Array, Array], two: tuple[Array, Array], lam: Array) -> Array:
+    """Return the wrench of multipliers, shape (.., m), given the rotation matrices and the origins of both frames."""
+    (turn, origin), (other, place) = one, two
+    if pair.constant is not None:
+        return joined(*(rotated(turn, lam @ direction) for direction in pair.constant))
+    axes, p = turn.swapaxes(-1, -2) @ other, np.vecmat(place - origin, turn)
+    states = np.broadcast_shapes(axes.shape[:-2], p.shape[:-1], lam.shape[:-1])
+    axes, p, lam = (
+        np.broadcast_to(x, (*states, *x.shape[len(states) :])).reshape(-1, *x.shape[len(states) :])
+        for x in (axes, p, lam)
+    )
+    directions = pair.directions(p.T, axes.transpose(2, 1, 0))
+    inner = (np.einsum("nk,kcn->nc", lam, _spread(direction, len(lam))) for direction in directions)
+    return joined(*(rotated(turn, one.reshape(*states, 3)) for one in inner))
 
 
 def _spread(directions: Array, n: int) -> Array:

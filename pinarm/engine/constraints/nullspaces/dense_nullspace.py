@@ -7,7 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Flags, Indices
+from pinarm.engine.constraints.nullspaces.independent_rows import SEVERAL, IndependentRows
 from pinarm.records import Record
 
 UNCLOSED = 1e-9
@@ -105,7 +106,7 @@ class RowDecomposition(Record, frozen=True):
     @classmethod
     def of(cls, rows: Array, reach: Array | float = 1.0) -> RowDecomposition:
         """Return the parts of the rows G, shape (m, nv); ``reach`` as in ``RowDecompositions.of``."""
-        ((_, split),) = dense_parts(rows[None], reach)
+        ((_, split),) = _singular_parts(rows[None], *_scaled(rows[None], reach))
         return cls(split.scale[0], split.left[0], split.values[0], split.right[0], split.free[0], rows)
 
     @property
@@ -143,18 +144,35 @@ class RowDecomposition(Record, frozen=True):
         return np.asarray(np.matvec(q, solved(r.swapaxes(-1, -2), wanted)))
 
 
-def dense_parts(rows: Array, reach: Array | float) -> list[tuple[Indices, RowDecomposition]]:
-    """Return the same by one singular value decomposition for each configuration."""
+def dense_parts(rows: Array, reach: Array | float) -> list[tuple[Indices, SplitRows]]:
+    """Return the parts of G at n configurations, shape (n, m, nv), those with the same rank together."""
+    scale, acting, scaled = _scaled(rows, reach)
+    if not SEVERAL <= scaled.shape[1] <= rows.shape[2]:
+        return [*_singular_parts(rows, scale, acting, scaled)]
+    independent, sure = IndependentRows.of(rows, scaled, scale, acting, RANK)
+    doubtful = np.flatnonzero(~sure)
+    parts = _singular_parts(rows[doubtful], scale[doubtful], acting, scaled[doubtful]) if len(doubtful) else []
+    found: list[tuple[Indices, SplitRows]] = [(doubtful[some], split) for some, split in parts]
+    return [*found, (np.flatnonzero(sure), independent)] if sure.any() else found
+
+
+def _scaled(rows: Array, reach: Array | float) -> tuple[Array, Flags, Array]:
+    """Return the diagonal of D, shape (n, m), which rows of G are not 0 everywhere, and these of D G."""
+    length = np.sqrt((rows * rows).sum(axis=2))
+    counts = length > VANISHED * reach
+    scale = 1.0 / np.where(counts, np.maximum(length, SHORT * reach), 1.0)
+    acting = counts.any(axis=0)  # the others are 0, as are those that hold a plane linkage in its plane
+    return scale, acting, (rows * (counts * scale)[:, :, None])[:, acting]
+
+
+def _singular_parts(rows: Array, scale: Array, acting: Flags, scaled: Array) -> list[tuple[Indices, RowDecomposition]]:
+    """Return the parts by one singular value decomposition for each configuration."""
     *states, m, nv = rows.shape
     if not m:
         nothing = (np.ones((*states, 0)), np.zeros((*states, 0, 0)), np.zeros((*states, 0)), np.zeros((*states, 0, nv)))
         free = np.broadcast_to(np.eye(nv), (*states, nv, nv))
         return [(np.arange(len(rows)), RowDecomposition(*nothing, free, rows))]
-    length = np.sqrt((rows * rows).sum(axis=2))
-    counts = length > VANISHED * reach
-    scale = 1.0 / np.where(counts, np.maximum(length, SHORT * reach), 1.0)
-    acting = counts.any(axis=0)  # the others are 0, as are those that hold a plane linkage in its plane
-    some, s, vt = np.linalg.svd((rows * (counts * scale)[:, :, None])[:, acting], full_matrices=acting.sum() < nv)
+    some, s, vt = np.linalg.svd(scaled, full_matrices=acting.sum() < nv)
     left = np.zeros((len(rows), m, some.shape[2]))
     left[:, acting] = some
     ranks = (s > RANK * s[:, :1]).sum(axis=1)

@@ -183,7 +183,7 @@ def _states(segment: MotionSegment, t: Array) -> tuple[Array, Array]:
     """Return the integrated states at instants; few are closed in compiled code, one by one, which costs least."""
     solution = segment.solution
     q, v = solution.states(t)
-    if len(t) * segment.system.closure.size >= FEWEST:
+    if len(t) >= FEWEST:
         return q, v
     y = np.hstack([q, v])
     owners = np.searchsorted([interval.start for interval in solution.intervals[1:]], t, side="right")

@@ -30,8 +30,8 @@ TURNED = 1e-15
 ITERATIONS = 12
 """Steps of Newton's method at most, which close a state that is nearly closed in two or three."""
 
-FEWEST = 400
-"""Number of constraint rows in all instants from which on it pays to solve these together."""
+FEWEST = 100
+"""Number of instants from which on it pays to solve these together, however many the loops are."""
 
 Solved = tuple[Flags, Sequence[Array]]
 """Which rows have been solved, shape (n,), and of these q, v, a, the efforts, and the multipliers of the constraints,
@@ -71,7 +71,7 @@ class BatchRows(Record, frozen=True):
         Returns:
             The rows that the order of elimination serves that suits the first one; ``None`` where it has none.
         """
-        if len(q) * self.measures.size < FEWEST or q.shape[1] > MANY:  # an order would take the cube of the time
+        if len(q) < FEWEST or q.shape[1] > MANY:  # an order would take the cube of the time
             return None
         every, measured, still = range(self.measures.size), self.measures.at(q.T), np.zeros_like(v)
         rows = measured.rows(every)
