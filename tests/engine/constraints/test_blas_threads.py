@@ -13,7 +13,7 @@ import pytest
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 import pinarm
-from pinarm.engine.constraints.blas_threads import SMALL, one_blas_thread
+from pinarm.engine.constraints.blas_threads import SMALL, UNLIMITED, one_blas_thread
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.problems.simplify.simplification import Simplification
 
@@ -36,8 +36,9 @@ def test_a_block_has_one_and_what_was_before_comes_back() -> None:
     before = dict(os.environ)
     with one_blas_thread(SMALL + 1):
         assert threads() == {1}
-        with one_blas_thread(1000):
+        with (within := one_blas_thread(1000)):
             assert threads() == {1}
+        assert within is UNLIMITED, "asking the libraries again takes time"
         assert threads() == {1}
     assert threads() == {2}
     with pytest.raises(ZeroDivisionError), one_blas_thread(1000):

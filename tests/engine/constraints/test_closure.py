@@ -10,6 +10,11 @@ import pinarm
 from benchmarks.growth import written
 from pinarm.engine.constraints.closure import KEPT, SEVERAL, Closure
 from pinarm.engine.mechanism import Mechanism
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.loops.lower_pairs import Revolute
+from pinarm.mechanics.loops.rod import Rod
+from pinarm.mechanics.loops.universal import Universal
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
 
@@ -108,3 +113,24 @@ def test_a_run_measures_rows_that_the_run_before_has_measured(monkeypatch):
         measured.append(0)
         scenario.run()
     assert 0 < measured[-1] == measured[-2]
+
+
+AXIS, AXES, POINT = (0.6, 0.0, 0.8), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), np.array([0.1, -0.2, 0.3])
+
+
+@pytest.mark.parametrize("kind", [Revolute(between=("", ""), axis=AXIS), Rod(between=("", ""), length=0.4),
+                                  Universal(between=("", ""), axes=AXES)])  # fmt: skip
+def test_wrenches_of_alike_joints_are_those_of_each(kind, closure):
+    """Whether directions stay or turn; frames are turned and shifted, and one link is held by all."""
+    model, n = closure.model.copy(), 4
+    place = pin.SE3(pin.exp3(POINT), POINT)
+    frames = [model.addFrame(pin.Frame(f"f{joint}", joint, place, pin.FrameType.OP_FRAME)) for joint in (1, 3, 5, 7)]
+    joints = [LoopJoint(f"loop_{k}", "any", frames[0], other, kind.pair()) for k, other in enumerate(frames[1:])]
+    own = Closure.of(model, [*joints, *closure.constraints[:1]])
+    q, lam = (np.random.default_rng(k).uniform(-1.0, 1.0, (n, size)) for k, size in enumerate((model.nq, own.size)))
+    links, total = LinkPlacements.at(model, q), np.zeros((n, model.njoints, 6))
+    for constraint, rows in zip(own.constraints, own.slices().values(), strict=True):
+        for joint, wrench in constraint.wrenches(links, lam[:, rows]).items():
+            total[:, joint] += wrench
+    assert [len(alike.first) for alike, _ in own._alike[0]] == [3]
+    np.testing.assert_allclose(own.wrenches(links, lam), total, atol=1e-13)
