@@ -106,10 +106,10 @@ def test_the_rows_of_a_free_motion_are_those_computed_one_by_one(name, tmp_path,
     linkage, cut, (drive, *_) = LINKAGES[name]
     mechanism = linkage().build(tmp_path, cut)
     motion = {drive: Harmonic(amplitude=0.3, pulsation=5.0)} if name == "five_bar" else {}
-    together = free(mechanism, 0.2, 100, tolerance=1e-5, motion=motion)
+    together = free(mechanism, 0.2, 120, tolerance=1e-5, motion=motion)
     monkeypatch.setattr(BatchRows, "of", lambda *_: None)
     monkeypatch.setattr(closure, "MANY", 1_000)
-    alone = free(mechanism, 0.2, 100, tolerance=1e-5, motion=motion)
+    alone = free(mechanism, 0.2, 120, tolerance=1e-5, motion=motion)
     for one, other in ((together.q, alone.q), (together.v, alone.v), (together.a, alone.a), (together.tau, alone.tau)):
         assert one == pytest.approx(other, rel=1e-8, abs=1e-8 * np.abs(other).max())  # of the squares of gaps of 1e-5
     assert np.asarray(together.lam) == pytest.approx(np.asarray(alone.lam), rel=1e-7, abs=1e-7)

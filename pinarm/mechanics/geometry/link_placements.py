@@ -54,8 +54,9 @@ class LinkPlacements(Record, frozen=True):
         """Return the same of k frames, shapes (n, k, 3, 3) and (n, k, 3)."""
         frames = [self.model.frames[index] for index in indices]
         parents = [frame.parentJoint for frame in frames]
-        turns, along = self.turns[..., parents, :, :], np.array([frame.placement.translation for frame in frames])
-        rotations = np.array([frame.placement.rotation for frame in frames])
+        rotations = np.stack(np.broadcast_arrays(*(frame.placement.rotation for frame in frames)), axis=-3)
+        along = np.stack(np.broadcast_arrays(*(frame.placement.translation for frame in frames)), axis=-2)
+        turns = self.turns[..., parents, :, :]
         return turns @ rotations, self.places[..., parents, :] + rotated(turns, along)
 
     def inwards(self, wrenches: Array) -> Array:

@@ -11,10 +11,12 @@ from benchmarks.growth import written
 from pinarm.engine.constraints.closure import KEPT, SEVERAL, Closure
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.geometry.model_variants import ModelVariants
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import Revolute
 from pinarm.mechanics.loops.rod import Rod
 from pinarm.mechanics.loops.universal import Universal
+from pinarm.records import replace
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
 
@@ -118,19 +120,48 @@ def test_a_run_measures_rows_that_the_run_before_has_measured(monkeypatch):
 AXIS, AXES, POINT = (0.6, 0.0, 0.8), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), np.array([0.1, -0.2, 0.3])
 
 
-@pytest.mark.parametrize("kind", [Revolute(between=("", ""), axis=AXIS), Rod(between=("", ""), length=0.4),
-                                  Universal(between=("", ""), axes=AXES)])  # fmt: skip
-def test_wrenches_of_alike_joints_are_those_of_each(kind, closure):
-    """Whether directions stay or turn; frames are turned and shifted, and one link is held by all."""
-    model, n = closure.model.copy(), 4
+KINDS = pytest.mark.parametrize("kind", [
+    Revolute(between=("", ""), axis=AXIS), Rod(between=("", ""), length=0.4), Universal(between=("", ""), axes=AXES),
+])  # fmt: skip
+"""Of directions that stay in a frame, and that do not."""
+
+
+def star(closure, kind):
+    """Three joints that hold the same, all of one link, and another one."""
+    model = closure.model.copy()
     place = pin.SE3(pin.exp3(POINT), POINT)
     frames = [model.addFrame(pin.Frame(f"f{joint}", joint, place, pin.FrameType.OP_FRAME)) for joint in (1, 3, 5, 7)]
     joints = [LoopJoint(f"loop_{k}", "any", frames[0], other, kind.pair()) for k, other in enumerate(frames[1:])]
-    own = Closure.of(model, [*joints, *closure.constraints[:1]])
-    q, lam = (np.random.default_rng(k).uniform(-1.0, 1.0, (n, size)) for k, size in enumerate((model.nq, own.size)))
-    links, total = LinkPlacements.at(model, q), np.zeros((n, model.njoints, 6))
-    for constraint, rows in zip(own.constraints, own.slices().values(), strict=True):
-        for joint, wrench in constraint.wrenches(links, lam[:, rows]).items():
-            total[:, joint] += wrench
-    assert [len(alike.first) for alike, _ in own._alike[0]] == [3]
-    np.testing.assert_allclose(own.wrenches(links, lam), total, atol=1e-13)
+    found = Closure.of(model, [*joints, *closure.constraints[:1]])
+    assert [len(alike.first) for alike, _ in found._alike[0]] == [3]
+    return found, frames
+
+
+def wrenches_of_each(closure, links, lam):
+    """Return the wrenches on all links, joint by joint."""
+    total = np.zeros((*lam.shape[:-1], closure.model.njoints, 6))
+    for constraint, rows in zip(closure.constraints, closure.slices().values(), strict=True):
+        for joint, wrench in constraint.wrenches(links, lam[..., rows]).items():
+            total[..., joint, :] += wrench
+    return total
+
+
+@KINDS
+def test_wrenches_of_alike_joints_are_those_of_each(kind, closure):
+    lattice, _ = star(closure, kind)
+    generator = np.random.default_rng(4)
+    q, lam = generator.normal(size=(4, lattice.model.nq)), generator.normal(size=(4, lattice.size))
+    links = LinkPlacements.at(lattice.model, q)
+    np.testing.assert_allclose(lattice.wrenches(links, lam), wrenches_of_each(lattice, links, lam), atol=1e-13)
+
+
+@KINDS
+def test_wrenches_of_alike_joints_of_variants_are_those_of_each(kind, closure):
+    """Frames of one joint are elsewhere in each of five variants."""
+    lattice, frames = star(closure, kind)
+    model, generator = ModelVariants.alike(lattice.model, 5), np.random.default_rng(5)
+    varied = model.frames[frames[2]]
+    model.frames[frames[2]] = replace(varied, placed=replace(varied.placed, translation=generator.normal(size=(5, 3))))
+    q, lam = generator.normal(size=(4, 5, lattice.model.nq)), generator.normal(size=(4, 5, lattice.size))
+    links = LinkPlacements.at(model, q)
+    np.testing.assert_allclose(lattice.wrenches(links, lam), wrenches_of_each(lattice, links, lam), atol=1e-13)
