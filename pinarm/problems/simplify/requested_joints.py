@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from pinarm.engine.mechanism import Mechanism
 from pinarm.input.formulas.expressions import Expression
 
 WORD = re.compile(r"[^\W\d][\w.]*")
+JOINT, DRIVE, POINT = re.compile(r"\b(?:joint|coordinate)\."), re.compile(r"\bdrive\."), re.compile(r"\.")
+
+MOTION = re.compile(r"(?:position|velocity|acceleration)\b")
+"""What is asked of a joint and is no force."""
 
 
 def requested_joints(texts: Iterable[str], symbols: Mapping[str, Expression], mechanism: Mechanism) -> set[str]:
@@ -28,13 +32,15 @@ def requested_joints(texts: Iterable[str], symbols: Mapping[str, Expression], me
         for word in WORD.findall(text):
             left += [known[word].text for known in (symbols, mechanism.symbols) if word in known]
     joints = {
-        name for name in mechanism.joints
-        if any(re.search(rf"\b(joint|coordinate)\.{re.escape(name)}\.(?!{MOTION})", text) for text in seen)
+        name for text in seen for name, rest in _asked(text, JOINT)
+        if name in mechanism.joints and not MOTION.match(rest)
     }  # fmt: skip
-    return joints | {
-        drive.coordinate for name, drive in mechanism.drives.items() if any(f"drive.{name}." in text for text in seen)
-    }
+    drives = {name for text in seen for name, _ in _asked(text, DRIVE)}
+    return joints | {drive.coordinate for name, drive in mechanism.drives.items() if name in drives}
 
 
-MOTION = r"(position|velocity|acceleration)\b"
-"""What is asked of a joint and is no force."""
+def _asked(text: str, family: re.Pattern[str]) -> Iterator[tuple[str, str]]:
+    """Yield what may be a name behind the word of a family, with what follows behind a point: names may hold points."""
+    for word in family.finditer(text):
+        for point in POINT.finditer(text, word.end()):
+            yield text[word.end() : point.start()], text[point.end() :]
