@@ -8,7 +8,9 @@ import pytest
 
 import pinarm
 from benchmarks.growth import written
-from pinarm.engine.constraints.closure import KEPT, SEVERAL, Closure
+from pinarm.engine.constraints import closure as closures
+from pinarm.engine.constraints.closure import DENSE, KEPT, SEVERAL, Closure
+from pinarm.engine.constraints.nullspaces.nullspace import MANY
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.model_variants import ModelVariants
@@ -78,6 +80,19 @@ def test_what_moves_both_links_alike_is_not_in_their_rows(tmp_path):
     rows = scissor.rows(scissor.state(q))
     assert np.array_equal(rows != 0.0, wanted.toarray() != 0.0)
     np.testing.assert_allclose(rows, wanted.toarray(), atol=1e-13)
+
+
+def test_singular_values_of_many_rows_are_those_of_the_dense_matrix(tmp_path, monkeypatch):
+    """All of them; where Lanczos' method takes over, the extreme ones to 1e-4."""
+    own = pinarm.Scenario.load(written(tmp_path, "fourbars", 60)).mechanism.closure
+    assert MANY < own.model.nv < DENSE
+    q = np.random.default_rng(1).uniform(-1.0, 1.0, (2, own.model.nq))
+    rows = np.array([own.rows(own.state(one)) for one in q])
+    wanted = np.linalg.svd(rows * own.scale / own.measure[:, None], compute_uv=False)
+    np.testing.assert_allclose(own.values(q), wanted, atol=1e-12 * wanted.max())
+    monkeypatch.setattr(closures, "DENSE", 0)
+    rank = int((wanted[0] > 1e-9).sum())
+    np.testing.assert_allclose(own.values(q)[:, [0, rank - 1]], wanted[:, [0, rank - 1]], rtol=1e-4)
 
 
 def test_the_extent_is_that_of_the_longest_branch():
