@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pinarm.errors import InputError
+from pinarm.records import Record
 
 if TYPE_CHECKING:  # it writes documentation when it is imported
     from numpy.typing import ArrayLike, NDArray
@@ -70,3 +71,15 @@ def others(places: Indices, count: int) -> Indices:
     left = np.ones(count, dtype=bool)
     left[places] = False
     return np.flatnonzero(left)
+
+
+def constants_of(x: Any) -> Hashable:
+    """Return what two records have the same of if they are alike: the numbers in arrays and in fields."""
+    if isinstance(x, np.ndarray):
+        return x.shape, (x + 0.0).tobytes()  # of -0 those of 0
+    if isinstance(x, Record):
+        return type(x), tuple(constants_of(getattr(x, name)) for name in x.__struct_fields__)
+    if isinstance(x, tuple | list):
+        return tuple(map(constants_of, x))
+    known: Hashable = x  # a number, or a function
+    return known

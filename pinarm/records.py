@@ -7,10 +7,8 @@ eighth of the time to make one.
 from __future__ import annotations
 
 from abc import ABCMeta
-from collections.abc import Hashable
 from typing import Any, ClassVar, TypeVar
 
-import numpy as np
 from msgspec import Struct, StructMeta, structs
 
 ValueT = TypeVar("ValueT")
@@ -59,15 +57,3 @@ def replace(value: ValueT, /, **changes: Any) -> ValueT:
     import dataclasses
 
     return dataclasses.replace(value, **changes)  # type: ignore[type-var]
-
-
-def constants_of(x: Any) -> Hashable:
-    """Return what two records have the same of if they are alike: the numbers in arrays and in fields."""
-    if isinstance(x, np.ndarray):
-        return x.shape, (x + 0.0).tobytes()  # of -0 those of 0
-    if isinstance(x, Record):
-        return type(x), tuple(constants_of(getattr(x, name)) for name in x.__struct_fields__)
-    if isinstance(x, tuple | list):
-        return tuple(map(constants_of, x))
-    known: Hashable = x  # a number, or a function
-    return known

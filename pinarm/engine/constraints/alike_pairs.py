@@ -13,10 +13,10 @@ from functools import cached_property
 import numpy as np
 from msgspec import Struct
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Indices, constants_of
 from pinarm.engine.constraints.nullspaces.elimination import Row
 from pinarm.engine.constraints.row_measures import EvaluatedPair, PairMeasure, RowMeasure
-from pinarm.records import Record, constants_of, replace
+from pinarm.records import Record, replace
 
 BLOCK = 2048
 """Number of configurations that are worked on at once: arrays of more would not stay in the processor's cache."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Indices, constants_of
 from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
 from pinarm.engine.constraints.nullspaces.dense_nullspace import acting_values
 from pinarm.engine.constraints.nullspaces.nullspace import (
@@ -30,7 +30,7 @@ from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree, states_first
 from pinarm.mechanics.loops.loop_joints import AlikeLoopJoints, LoopJoint
-from pinarm.records import Record, constants_of, replace
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
