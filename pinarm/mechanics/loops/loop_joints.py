@@ -161,7 +161,7 @@ def _wrench(pair: Pair, one: tuple[Array, Array], two: tuple[Array, Array], lam:
     )
     directions = pair.directions(p.T, axes.transpose(2, 1, 0))
     inner = (np.einsum("nk,kcn->nc", lam, _spread(direction, len(lam))) for direction in directions)
-    return joined(*(rotated(turn, one.reshape(*states, 3)) for one in inner))
+    return joined(*(rotated(turn, part.reshape(*states, 3)) for part in inner))
 
 
 def _spread(directions: Array, n: int) -> Array:
