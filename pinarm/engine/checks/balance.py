@@ -233,7 +233,7 @@ class EnergyAccount(Record, frozen=True):
 
     @cached_property
     def _intervals(self) -> Indices:
-        return np.array([step.interval for step in self.solution.steps])
+        return self.solution.steps.interval
 
     def _even(self, every: bool) -> list[int]:
         """Return steps that are looked into in any case: all of them, or an even choice."""
@@ -248,9 +248,8 @@ class EnergyAccount(Record, frozen=True):
             counts[divided] = self.solution.method.subdivisions
         index = np.repeat(np.arange(len(steps)), counts)
         part = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
-        start, end = np.array([(step.t, step.until) for step in steps]).T
-        h = ((end - start) / counts)[index]
-        return index, start[index] + part * h, h
+        h = ((steps.until - steps.t) / counts)[index]
+        return index, steps.t[index] + part * h, h
 
     def _losses(self, dynamics: Dynamics, index: Indices, start: Array, h: Array) -> Array:
         """Return the energy that elements take out in parts of steps [J], shape (n,).

@@ -51,7 +51,8 @@ class Nodes(NamedTuple):
         """Return the nodes of an integrated motion."""
         parts = []
         for segment in motion.segments:
-            start, end = np.array([(step.t, step.until) for step in segment.solution.steps]).reshape(-1, 2).T
+            steps = segment.solution.steps
+            start, end = steps.t, steps.until
             t = (start[:, None] + 0.5 * (end - start)[:, None] * (NODES + 1.0)).ravel()
             index = np.repeat(np.arange(len(start)), len(NODES))
             states = segment.system.whole(t, *segment.solution.states_in(index, t))

@@ -15,8 +15,8 @@ from pinarm.engine.integration.integrator import (
     Interval,
     Manifold,
     Solution,
-    Step,
 )
+from pinarm.engine.integration.steps import Step, Steps
 from pinarm.errors import IntegrationError
 
 ROWS = 16384
@@ -122,7 +122,7 @@ class Ensemble:
         """
         steps = [step for taken in self.steps if (step := taken.step(number))]
         count = Count(int(self.evaluations[number]), int(self.rejected[number]))
-        solution = Solution(self.method, self.manifold, self.intervals, steps, self.crossings[number], count)
+        solution = Solution(self.method, self.manifold, self.intervals, Steps.of(steps), self.crossings[number], count)
         if number in self.failures:
             raise IntegrationError(self.failures[number], hint=self.method.remedy, partial=solution, t=solution.end)
         return solution

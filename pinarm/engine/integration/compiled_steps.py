@@ -11,7 +11,7 @@ import numpy as np
 from msgspec import Struct
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.integration.integrator import EmbeddedPair, Interval, Solution, Step
+from pinarm.engine.integration.integrator import EmbeddedPair, Interval, Solution
 from pinarm.engine.integration.step_control import FASTEST, GAIN, HUGE, LOST, NOISE, SAFETY, SHORTEST, SLOWEST, TINY
 from pinarm.engine.integration.tableaus import Tableau
 from pinarm.engine.kernel.library import Flow, contiguous, library, pointer
@@ -162,9 +162,8 @@ class CompiledSteps(Struct, eq=False, dict=True, weakref=True):
     def _add(self, index: int, course: CourseStructure, record: _Record) -> None:
         """Add what the library has written to the solution, and give the last slopes to the stepper."""
         count, written = self.solution.count, course.written
-        times, states, slopes = record.times[:, :written].T.tolist(), record.states[:written].copy(), record.slopes
-        added = zip(times, states, slopes[:written].copy(), strict=True)
-        self.solution.steps += [Step(t, h, until, y, k, index) for (t, h, until), y, k in added]
+        slopes = record.slopes
+        self.solution.steps.extend(record.times[:, :written].T, record.states[:written], slopes[:written], index)
         before = count.rejected
         self._rejected += [before + number for number in record.rejections[:written].tolist()]
         self._floored += record.floored[:written].tolist()

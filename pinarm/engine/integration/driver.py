@@ -11,8 +11,9 @@ from msgspec import Struct
 
 from pinarm.arrays import Array
 from pinarm.engine.integration.events import Watch, locate_crossings, possible_crossings
-from pinarm.engine.integration.integrator import Interval, Manifold, Method, Solution, Step, Stepper, StepsOver
+from pinarm.engine.integration.integrator import Interval, Manifold, Method, Solution, Stepper, StepsOver
 from pinarm.engine.integration.step_control import PASSED, SHORTEST
+from pinarm.engine.integration.steps import Step
 from pinarm.errors import IntegrationError, Interrupted
 
 PROBED = 20
@@ -178,7 +179,7 @@ class _Driver(Struct, eq=False, dict=True, weakref=True):
         """Record the crossings from the step of an index on; return whether one of them stops the integration."""
         steps, y = self.solution.steps, self.stepper.y
         for index in possible_crossings(self.solution, self.watches, first, y):
-            end = steps[index + 1].y if index + 1 < len(steps) else y
+            end = steps.y[index + 1] if index + 1 < len(steps) else y
             if locate_crossings(self.solution, self.watches, index, end):
                 self.steps.drop_after(index)
                 return True
@@ -215,7 +216,7 @@ class _Driver(Struct, eq=False, dict=True, weakref=True):
     def is_hopeless(self, t: float) -> bool:
         """Tell whether steps ten times as long as until now would still be far too many, as with huge velocities."""
         steps = self.solution.steps
-        longest = 10.0 * max(self.h, (t - steps[0].t) / len(steps)) if steps else 10.0 * self.h
+        longest = 10.0 * max(self.h, (t - float(steps.t[0])) / len(steps)) if steps else 10.0 * self.h
         return self.solution.intervals[-1].end - t > HOPELESS * self.max_steps * longest
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.integration.integrator import Crossing, Solution
-from pinarm.records import ValueRecord, replace
+from pinarm.records import ValueRecord
 
 PARTS, REFINEMENTS = 16, 14
 """Parts into which a bracket is divided, and how often: 16^-14 is below the rounding of a double."""
@@ -55,15 +55,14 @@ def possible_crossings(solution: Solution, watches: Sequence[Watch], first: int,
         first: Index of the first step that is looked at; all those after it are, too.
         y: State at the end of the last one, projected onto the constraints, shape (nq + nv,).
     """
-    steps, nq, x = solution.steps[first:], solution.manifold.nq, nodes(solution.method.subdivisions)
-    indices = np.arange(first, first + len(steps))
-    if len(steps) < 2:  # what would be computed here is computed again to locate them
+    steps, nq, x = solution.steps, solution.manifold.nq, nodes(solution.method.subdivisions)
+    indices = np.arange(first, len(steps))
+    if len(indices) < 2:  # what would be computed here is computed again to locate them
         return indices
-    t, h = np.array([(step.t, step.h) for step in steps]).T
-    instants = t[:, None] + h[:, None] * x
-    instants[:, -1] = [step.until for step in steps]
-    ends = np.array([*(step.y for step in steps), y])
-    shape = (len(steps), len(x), -1)
+    instants = steps.t[first:, None] + steps.h[first:, None] * x
+    instants[:, -1] = steps.until[first:]
+    ends = np.concatenate([steps.y[first:], y[None]])
+    shape = (len(indices), len(x), -1)
     q, v = (z.reshape(shape) for z in solution.states_in(np.repeat(indices, len(x)), instants.ravel()))
     for end, states in ((0, ends[:-1]), (-1, ends[1:])):
         q[:, end], v[:, end] = states[:, :nq], states[:, nq:]
@@ -104,7 +103,7 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
         q, v = solution.states_in(np.array([index]), np.array([instant]))
         solution.crossings.append(Crossing(number, instant, q[0], v[0]))
     if stop is not None:
-        solution.steps[index] = replace(step, until=stop)
+        solution.steps.end_at(index, stop)
     return stop is not None
 
 
@@ -228,7 +227,7 @@ def _refined(solution: Solution, index: int, watch: Watch, bracket: tuple[float,
     def value(t: Array) -> Array:
         return watch.value(t, *solution.states_in(np.full(len(t), index), t))
 
-    begins = solution.steps[index].t
+    begins = float(solution.steps.t[index])
     first_above, low_above = value(np.array([begins, low])) >= 0.0
     if low_above != above and first_above == above:
         low, high = begins, low

@@ -6,7 +6,6 @@ No module of this package knows mechanisms.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import groupby
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -14,7 +13,8 @@ from msgspec import Struct, field
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.integration.dense_output import DenseOutput
-from pinarm.records import Record, ValueRecord, replace
+from pinarm.engine.integration.steps import InterpolatedSteps, Steps
+from pinarm.records import ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.tableaus import Tableau
@@ -149,26 +149,6 @@ class Interval(ValueRecord, frozen=True):
         return a
 
 
-class Step(Record, frozen=True):
-    """An accepted step, with the data of its dense output.
-
-    Attributes:
-        t: Start [s].
-        h: Length [s].
-        until: End [s]: ``t + h`` to rounding, or earlier where an event ended the step.
-        y: State [q, v] at the start, shape (nq + nv,).
-        slopes: Slopes [q', v'] at the method's stages, shape (s, nq + nv).
-        interval: Index of its interval.
-    """
-
-    t: float
-    h: float
-    until: float
-    y: Array
-    slopes: Array
-    interval: int
-
-
 class Count(Struct):
     """Cost of an integration.
 
@@ -271,7 +251,7 @@ class Method(Protocol):
         """Return a stepper of this method on a manifold; it counts its work in ``count``."""
         ...
 
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> DenseOutput:
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: Steps) -> DenseOutput:
         """Return the dense output of steps in one interval."""
         ...
 
@@ -335,26 +315,25 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
     method: Method
     manifold: Manifold
     intervals: Sequence[Interval]
-    steps: list[Step] = []
+    steps: Steps = field(default_factory=Steps)
     crossings: list[Crossing] = []
     count: Count = field(default_factory=Count)
-    _starts: Array | None = None
-    _outputs: dict[int, DenseOutput] = {}
+    _interpolated: InterpolatedSteps = field(default_factory=InterpolatedSteps)
 
     @property
     def end(self) -> float:
         """Last time reached [s]."""
-        return self.steps[-1].until if self.steps else self.intervals[0].start
+        return float(self.steps.until[-1]) if self.steps else self.intervals[0].start
 
     @property
     def size(self) -> float:
         """Largest coordinate or velocity at the ends of its steps, in SI; 0 without steps."""
-        return float(np.abs([step.y for step in self.steps]).max(initial=0.0))
+        return float(np.abs(self.steps.y).max(initial=0.0))
 
     @property
     def displacement(self) -> float:
         """Largest change of a coordinate, or velocity, at the ends of its steps, in SI; 0 without steps."""
-        states = np.array([step.y for step in self.steps]).reshape(len(self.steps), -1)
+        states = self.steps.y.copy()
         states[:, : self.manifold.nq] -= states[:1, : self.manifold.nq].copy()
         return float(np.abs(states).max(initial=0.0))
 
@@ -367,45 +346,38 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
         Returns:
             q of shape (n, nq) and v of shape (n, nv).
         """
-        if self._starts is None or len(self._starts) != len(self.steps):
-            self._starts = np.array([step.t for step in self.steps])
-        index = np.clip(np.searchsorted(self._starts, t, side="right") - 1, 0, len(self.steps) - 1)
-        return self.states_in(index, t)
+        index = np.searchsorted(self.steps.t, t, side="right") - 1
+        return self.states_in(np.maximum(index, 0), t)
 
     def states_in(self, index: Indices, t: Array) -> tuple[Array, Array]:
         """Return the states at many times, each from the step of the given index, both of shape (n,)."""
-        needed, where = self._places(index)
-        steps = [self.steps[i] for i in needed]
-        if not steps:
+        if not len(index):
             return np.empty((0, self.manifold.nq)), np.empty((0, self.manifold.nv))
-        start, h = np.array([(step.t, step.h) for step in steps])[where].T
-        y, x = np.array([step.y for step in steps])[where], (t - start) / h
-        inside = np.flatnonzero(x)  # at the start of a step its state is known
+        start, y = self.steps.t[index], self.steps.y[index]
+        inside = np.flatnonzero(t != start)  # at the start of a step its state is known
         if len(inside):
-            needed, where = self._places(index[inside])
-            self._interpolate([i for i in needed if i not in self._outputs])
-            y[inside] = DenseOutput.joined([self._outputs[i] for i in needed]).states(where, x[inside])
+            within = index[inside]
+            self._interpolate(within)
+            y[inside] = self._interpolated.states(within, (t - start)[inside] / self.steps.h[within])
         return self.manifold.project(y[:, : self.manifold.nq]), y[:, self.manifold.nq :]
-
-    def _places(self, index: Indices) -> tuple[list[int], Indices]:
-        """Return the distinct entries of an array of step indices, ascending, and the position of each entry."""
-        needed = np.flatnonzero(np.bincount(index, minlength=len(self.steps)))
-        return needed.tolist(), np.searchsorted(needed, index)
 
     def truncate(self, count: int) -> None:
         """Keep the first steps only."""
-        del self.steps[count:]
-        self._outputs = {index: output for index, output in self._outputs.items() if index < count}
+        self.steps.truncate(count)
+        self._interpolated.truncate(count)
 
     @property
     def interpolated_steps(self) -> list[int]:
         """Indices of the steps whose dense output has been computed, ascending."""
-        return sorted(self._outputs)
+        return self._interpolated.indices
 
-    def _interpolate(self, indices: list[int]) -> None:
-        """Compute the dense output of steps, interval by interval."""
-        for number, group in groupby(indices, lambda i: self.steps[i].interval):
-            members = list(group)
-            steps = [self.steps[i] for i in members]
-            output = self.method.dense_output(self.intervals[number], self.manifold, steps)
-            self._outputs.update(zip(members, output.split(), strict=True))
+    def _interpolate(self, index: Indices) -> None:
+        """Compute the dense output of those steps that have none yet, interval by interval."""
+        missing = self._interpolated.missing(index, len(self.steps))
+        if not len(missing):
+            return
+        intervals = self.steps.interval[missing]
+        for some in np.split(missing, np.flatnonzero(np.diff(intervals)) + 1):
+            interval = self.intervals[self.steps.interval[some[0]]]
+            output = self.method.dense_output(interval, self.manifold, self.steps.some(some))
+            self._interpolated.add(some, output)

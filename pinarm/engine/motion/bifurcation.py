@@ -101,9 +101,9 @@ class _Pace(Record, frozen=True):
     def of(cls, segment: MotionSegment, scale: Array) -> _Pace:
         """Return that of a segment."""
         steps, nq = segment.solution.steps, segment.solution.manifold.nq
-        t = np.array([*(step.t for step in steps), steps[-1].until])
+        t = np.append(steps.t, steps.until[-1])
         last = np.hstack(segment.solution.states(t[-1:]))
-        y = np.concatenate([[step.y for step in steps], last])  # only the last step is interpolated
+        y = np.concatenate([steps.y, last])  # only the last step is interpolated
         q, v = segment.system.whole(t, y[:, :nq], y[:, nq:])
         v = v / scale
         speed = np.linalg.norm(v, axis=1)
@@ -117,7 +117,7 @@ class _Pace(Record, frozen=True):
 
     def within(self, steps: Indices) -> tuple[Array, Array, Array]:
         """Return instants within the steps of given indices, configurations and speeds there."""
-        h = np.array([self.segment.solution.steps[k].until for k in steps]) - self.t[steps]
+        h = self.segment.solution.steps.until[steps] - self.t[steps]
         t = (self.t[steps][:, None] + h[:, None] * np.linspace(0.0, 1.0, WITHIN)).ravel()
         q, v = self.segment.system.whole(t, *self.segment.solution.states_in(np.repeat(steps, WITHIN), t))
         return t, q, np.linalg.norm(v / self.scale, axis=1)
@@ -166,8 +166,8 @@ class _Usual(Record, frozen=True):
         found = []
         for segment in segments:
             steps, nq = segment.solution.steps, segment.solution.manifold.nq
-            some = [steps[k] for k in distinct(np.linspace(0, len(steps) - 1, USUAL).astype(int))]
-            t, y = np.array([step.t for step in some]), np.array([step.y for step in some])
+            some = distinct(np.linspace(0, len(steps) - 1, USUAL).astype(int))
+            t, y = steps.t[some], steps.y[some]
             found.append(segment.system.whole(t, y[:, :nq], y[:, nq:])[0])
         begun = np.concatenate(found)
         values, further = np.split(closure.values(np.concatenate([begun, q])), [len(begun)])

@@ -100,7 +100,7 @@ class IntegratedMotion(Record, frozen=True):
 
     def steps(self) -> Array:
         """Return where the steps of the integrator end; see ``SolvedMotion``."""
-        return np.array([step.until for segment in self.motion.segments for step in segment.solution.steps])
+        return np.concatenate([segment.solution.steps.until for segment in self.motion.segments])
 
     def jumps(self) -> Array:
         """Return where controllers change what they do; see ``SolvedMotion``."""

@@ -27,18 +27,18 @@ def top():
 class TestDenseOutput:
     def test_meets_the_steps_at_their_ends(self):
         solution = integrate([Interval(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
-        t = np.array([step.t for step in solution.steps])
-        assert np.array_equal(np.hstack(solution.states(t)), np.array([step.y for step in solution.steps]))
+        t = solution.steps.t
+        assert np.array_equal(np.hstack(solution.states(t)), solution.steps.y)
 
     def test_is_smooth_across_the_steps(self):
         solution = integrate([Interval(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
-        ends = np.array([step.t for step in solution.steps[1:]])
+        ends = solution.steps.t[1:]
         before, after = solution.states(np.nextafter(ends, -1.0)), solution.states(ends)
         assert np.hstack(before) == pytest.approx(np.hstack(after), abs=1e-14)
 
     def test_is_as_accurate_as_the_steps(self):
         solution = integrate([Interval(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-10))
-        ends = np.array([step.t for step in solution.steps])
+        ends = solution.steps.t
         between = np.linspace(0.0, 6.0, 2001)
         assert deviation(solution, between) < 10 * deviation(solution, ends) + 1e-12
 
@@ -155,8 +155,8 @@ class TestStretches:
         first = {k: next(step for step in solution.steps if step.interval == k) for k in range(3)}
         assert [step.t for step in first.values()] == list(self.bounds[:-1])
         assert solution.end == pytest.approx(5.0, abs=1e-15)
-        for step, after in zip(solution.steps, solution.steps[1:], strict=False):
-            assert step.t + step.h == pytest.approx(after.t, abs=1e-15)
+        steps = solution.steps
+        assert steps.t[:-1] + steps.h[:-1] == pytest.approx(steps.t[1:], abs=1e-15)
 
     def test_without_them_the_same_load_is_refused_again_and_again(self):
         def load(t):
@@ -208,7 +208,7 @@ class TestFailures:
     def test_no_finite_acceleration_at_the_start(self, value):
         error = self.fails(lambda t, q, v: v * value)
         assert "not finite at the start, t = 0 s" in error.message
-        assert error.partial.steps == []
+        assert not error.partial.steps
         assert error.data["v"].tolist() == [1.0]
 
     def test_blow_up_in_finite_time(self):
@@ -274,7 +274,7 @@ class TestInterruption:
 
     def test_within_the_first_step(self):
         error = self.stopped(3)
-        assert error.partial.steps == []
+        assert not error.partial.steps
         assert "t = 0 s" in error.message
 
 

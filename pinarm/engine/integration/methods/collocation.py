@@ -11,10 +11,11 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.integration.dense_output import DenseOutput
 from pinarm.engine.integration.first_step import first_step
-from pinarm.engine.integration.integrator import BATCH_ROUNDING, Count, Interval, Manifold, Solution, Step
+from pinarm.engine.integration.integrator import BATCH_ROUNDING, Count, Interval, Manifold, Solution
 from pinarm.engine.integration.methods import for_all_motions
 from pinarm.engine.integration.methods.collocation_window import SlopePolynomial, Window
 from pinarm.engine.integration.methods.gauss_legendre import gauss
+from pinarm.engine.integration.steps import Steps
 from pinarm.errors import MethodError
 
 SAFETY, GAIN, SLOWEST, FASTEST = 0.8, 0.5, 0.3, 4.0
@@ -103,12 +104,11 @@ class Collocation:
         """Return a stepper of this method."""
         return CollocationStepper(self, manifold, count)
 
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> DenseOutput:
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: Steps) -> DenseOutput:
         """Return the terms of the collocation polynomial: ``h terms @ (series @ k)``."""
         table = gauss(self.nodes)
-        slopes, h = np.array([step.slopes for step in steps]), np.array([step.h for step in steps])
-        terms = h[:, None, None] * (table.terms @ (table.series @ slopes))
-        return DenseOutput.whole(np.array([step.y for step in steps]), terms)
+        terms = steps.h[:, None, None] * (table.terms @ (table.series @ steps.slopes))
+        return DenseOutput.whole(steps.y, terms)
 
     def diagnose(self, solution: Solution) -> list[str]:
         """Return a note where the convergence of the sweeps, not the error, keeps windows short."""

@@ -13,7 +13,8 @@ from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.dense_output import DenseOutput
-    from pinarm.engine.integration.integrator import Count, Energy, Interval, Manifold, Projection, Solution, Step
+    from pinarm.engine.integration.integrator import Count, Energy, Interval, Manifold, Projection, Solution
+    from pinarm.engine.integration.steps import Steps
 
 SLOW = 1e-2
 """Kinetic energy, over its largest value so far, below which velocities are not scaled: near standstill a small
@@ -95,14 +96,14 @@ class Conserving:
         """Return a stepper of this method."""
         return self.steps.stepper(manifold, count)
 
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> DenseOutput:
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: Steps) -> DenseOutput:
         """Return the terms of the dense output."""
         return self.steps.dense_output(interval, manifold, steps)
 
     def diagnose(self, solution: Solution) -> list[str]:
         """Return notes where the stability limit, not the error, keeps steps short, or energies are rounding."""
         nq, energy = solution.manifold.nq, solution.intervals[0].energy
-        states = [(step.y[:nq], step.y[nq:]) for step in solution.steps]
+        states = [(y[:nq], y[nq:]) for y in solution.steps.y]
         notes = self.steps.diagnose(solution)
         if energy and states:
             kinetic = max(energy(*state)[0] for state in states)

@@ -16,8 +16,9 @@ from pinarm.arrays import Array, distinct
 from pinarm.engine.integration.dense_output import DenseOutput
 from pinarm.engine.integration.divided_steps import divided, terms_of
 from pinarm.engine.integration.first_step import first_step
-from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution, Step
+from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution
 from pinarm.engine.integration.step_control import FASTEST, HUGE, LOST, NOISE, TINY, growth, shrinkage
+from pinarm.engine.integration.steps import Step, Steps
 from pinarm.engine.integration.tableaus import DOP853, DOPRI5, RK4, Tableau
 from pinarm.errors import MethodError
 from pinarm.records import ValueRecord, replace
@@ -87,9 +88,9 @@ class Adaptive(ValueRecord, frozen=True):
         """Return a stepper of this method."""
         return AdaptiveStepper(self, manifold, count)
 
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> DenseOutput:
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: Steps) -> DenseOutput:
         """Return the dense output."""
-        arrays = _arrays(steps)
+        arrays = steps.t, steps.h, steps.y, steps.slopes
         if interval.compiled is None:
             return self.output_of(interval, manifold, *arrays)
         from pinarm.engine.integration.compiled_steps import terms
@@ -116,8 +117,7 @@ class Adaptive(ValueRecord, frozen=True):
         steps, tableau = solution.steps, self.tableau
         if not steps:
             return []
-        h, slopes = np.array([step.h for step in steps]), np.array([step.slopes for step in steps])
-        s = tableau.stages
+        h, slopes, s = steps.h, steps.slopes, tableau.stages
         apart = h[:, None] * np.vecmat(tableau.b - tableau.a[-1], slopes[:, :s])
         last = slopes[:, s] - slopes[:, s - 1]
         change, size = h * np.sqrt(np.vecdot(last, last)), np.sqrt(np.vecdot(apart, apart))
@@ -176,9 +176,9 @@ class FixedStep(ValueRecord, frozen=True):
         """Return a stepper of this method."""
         return FixedStepper(self, manifold, count)
 
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> DenseOutput:
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: Steps) -> DenseOutput:
         """Return the dense output."""
-        t, h, y, slopes = _arrays(steps)
+        t, h, y, slopes = steps.t, steps.h, steps.y, steps.slopes
         return DenseOutput.whole(y, terms_of(self.tableau, interval, manifold, t, t, h, y, slopes))
 
     def diagnose(self, solution: Solution) -> list[str]:
@@ -444,9 +444,3 @@ class FixedStepper:
 def middle(h: Array | float, y: Array, new: Array, slopes: Array) -> Array:
     """Return the middle of the cubic Hermite interpolant: ``(y + y_new) / 2 + h (k_0 - k_s) / 8``."""
     return np.asarray(0.5 * (y + new) + 0.125 * h * (slopes[0] - slopes[-1]))
-
-
-def _arrays(steps: Sequence[Step]) -> tuple[Array, Array, Array, Array]:
-    """Return starts and lengths of n steps [s], states at the starts, and slopes at the stages, each of n rows."""
-    t, h = np.array([(step.t, step.h) for step in steps]).T
-    return t, h, np.array([step.y for step in steps]), np.array([step.slopes for step in steps])

@@ -15,7 +15,8 @@ from pinarm.engine.integration.first_step import first_step
 from pinarm.engine.integration.methods.radau_coefficients import Complex, radau
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution, Step
+    from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution
+    from pinarm.engine.integration.steps import Steps
 
 STAGES = ((3e-5, 3), (1e-7, 5), (0.0, 7))
 """Tolerance above which a number of stages is used. Many stages take long steps: at tight tolerances they save most of
@@ -76,10 +77,10 @@ class Radau:
         """Return a stepper of this method."""
         return RadauStepper(self, manifold, count)
 
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> DenseOutput:
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: Steps) -> DenseOutput:
         """Return the terms of the collocation polynomial: ``terms @ Z``."""
-        terms = radau(self.stages).terms @ np.array([step.slopes for step in steps])
-        return DenseOutput.whole(np.array([step.y for step in steps]), terms)
+        terms = radau(self.stages).terms @ steps.slopes
+        return DenseOutput.whole(steps.y, terms)
 
     def diagnose(self, solution: Solution) -> list[str]:
         """Return nothing: its steps are neither limited by stability nor unchecked."""

@@ -8,7 +8,8 @@ import pinocchio as pin
 from scipy.integrate import solve_ivp
 
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration.integrator import Flat, Solution, Step
+from pinarm.engine.integration.integrator import Flat, Solution
+from pinarm.engine.integration.steps import Step
 
 PLANE = Flat(2, 2)
 ECCENTRICITY = 0.1
