@@ -15,8 +15,8 @@ from pinarm.engine.constraints.nullspaces.nullspace import MANY
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.geometry.link_tree import LinkTree
-from pinarm.mechanics.geometry.vectors import crossed, rotated
+from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, states_first, states_last
+from pinarm.mechanics.geometry.vectors import cross, crossed, rotated
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -116,46 +116,66 @@ def _asked(links: LinkPlacements, columns: Array, wrenches: Array) -> tuple[Arra
     """
     if links.model.nv > MANY:
         return _asked_of_many(links, columns, wrenches)
-    moved, parts = LinkTree.of(links.model).supports, wrenches.transpose(*range(1, wrenches.ndim - 2), 0, -2, -1)
-    powers = _powers(parts, columns, moved)
-    most = np.abs(powers).sum(axis=-3).sum(axis=-2)
-    return powers.sum(axis=-3).sum(axis=-2), most + _paths(links, columns, moved)
+    if columns.ndim > 3:
+        return _asked_of_variants(links, columns, wrenches)
+    moved = LinkTree.of(links.model).supports
+    powers = _powers(wrenches.transpose(1, 0, 2, 3), columns, moved)
+    each = np.ones(powers.shape[-2])
+    asked = np.vecmat(each, powers)
+    return asked, np.vecmat(each, np.abs(powers, out=powers)) + _paths(links, columns, moved)
 
 
 def _powers(wrenches: Array, ways: Array, moved: Flags) -> Array:
     """Return the powers of k wrenches on every link along w velocities, 0 of links that these do not move.
 
     Args:
-        wrenches: At the world's origin, shape (n, .., k, njoints, 6).
-        ways: Twists of the velocities in the world's frame, shape (n, .., 6, w).
+        wrenches: At the world's origin, shape (n, k, njoints, 6).
+        ways: Twists of the velocities in the world's frame, shape (n, 6, w).
         moved: Which links they move, shape (njoints, w).
 
     Returns:
-        Shape (n, .., k, njoints, w).
+        Shape (n, k njoints, w).
     """
-    found = wrenches.reshape(*wrenches.shape[:-3], -1, 6) @ ways  # one product of matrices a state
-    return np.where(moved, found.reshape(*found.shape[:-2], -1, *moved.shape), 0.0)
+    n, count = wrenches.shape[:2]
+    found = wrenches.reshape(n, -1, 6) @ ways  # one product of matrices a state
+    found *= np.tile(moved, (count, 1))
+    return found
 
 
-def _paths(links: LinkPlacements, columns: Array, moved: Flags) -> Array:
-    """Return the sum of the weights times the lengths of their paths, of k velocities, shape (n, .., k).
+def _paths(links: LinkPlacements, ways: Array, moved: Flags) -> Array:
+    """Return the sum of the weights times the lengths of their paths, of w velocities, shape (n, w).
 
     Args:
         links: Where they are.
-        columns: Twists of these velocities, shape (n, .., 6, k).
-        moved: Which links they move, shape (njoints, k).
+        ways: Twists of these velocities, shape (n, 6, w).
+        moved: Which links they move, shape (njoints, w).
     """
-    tree, size = LinkTree.of(links.model), np.linalg.norm(links.model.gravity.linear)
+    tree = LinkTree.of(links.model)
     centres = _centres(links, tree)
-    pulls = (centres @ MOMENTS + FORCES).reshape(*centres.shape[:-2], -1, 6)
-    paths = pulls @ columns  # what unit forces along x, y and z at the centres would do
-    paths = paths.reshape(*paths.shape[:-2], -1, 3, paths.shape[-1])
-    lengths = np.where(moved, np.sqrt(np.einsum("...ak,...ak->...k", paths, paths)), 0.0)
-    return np.asarray(size * np.vecmat(tree.masses, lengths))
+    pulls = (centres @ MOMENTS + FORCES).reshape(len(centres), -1, 6)
+    paths = pulls @ ways  # what unit forces along x, y and z at the centres would do
+    paths *= paths
+    lengths = np.sqrt(paths[:, ::3] + paths[:, 1::3] + paths[:, 2::3]) * moved
+    return np.asarray(np.linalg.norm(links.model.gravity.linear) * np.vecmat(tree.masses, lengths))
 
 
 def _centres(links: LinkPlacements, tree: LinkTree) -> Array:
     return links.places + rotated(links.turns, tree.levers)
+
+
+def _asked_of_variants(links: LinkPlacements, columns: Array, wrenches: Array) -> tuple[Array, Array]:
+    """Return what ``_asked`` does, of variants: of few links in many states, so that numpy's rows are the states."""
+    tree, rank = LinkTree.of(links.model), columns.ndim - 2
+    moved = tree.supports.reshape(*tree.supports.shape, *(1,) * rank)
+    ways = columns.transpose(-2, -1, *range(rank))
+    powers = np.einsum("paj...,aw...->pjw...", wrenches.transpose(0, -1, -2, *range(1, 1 + rank)), ways)
+    powers *= moved
+    paths = cross(ways[3:, None], components_first(_centres(links, tree))[:, :, None])
+    paths += ways[:3, None]
+    lengths = np.sqrt(np.einsum("ajw...,ajw...->jw...", paths, paths))
+    lengths *= moved * states_last(tree.masses[..., None], rank, 2)[0, :, None]
+    asked, weighed = powers.sum(axis=(0, 1)), np.linalg.norm(links.model.gravity.linear) * lengths.sum(axis=0)
+    return states_first(asked, 1), states_first(np.abs(powers, out=powers).sum(axis=(0, 1)) + weighed, 1)
 
 
 def _asked_of_many(links: LinkPlacements, columns: Array, wrenches: Array) -> tuple[Array, Array]:
@@ -176,9 +196,9 @@ def _asked_of_many(links: LinkPlacements, columns: Array, wrenches: Array) -> tu
     ways, moved = columns[..., chosen], tree.moves(chosen)
     for row in range(len(columns)):  # of all rows at once, memory would grow with their number
         some = slice(row, row + 1)
-        each = _powers(wrenches[:, row], ways[row], moved)
+        each = _powers(wrenches[None, :, row], ways[some], moved)
         paths = _paths(links.some(np.array([row])), ways[some], moved)
-        most[some, chosen] = np.abs(each).sum(axis=(0, 1)) + paths
+        most[some, chosen] = np.abs(each).sum(axis=1) + paths
     return powers.sum(axis=0), most
 
 
