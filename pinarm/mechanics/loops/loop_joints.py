@@ -18,7 +18,7 @@ from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.geometry.link_tree import LinkTree
+from pinarm.mechanics.geometry.link_tree import LinkTree, states_first
 from pinarm.mechanics.geometry.vectors import cross, crossed, joined, rotated
 from pinarm.mechanics.joints import METRE, RADIAN, frame_of
 from pinarm.records import Record
@@ -152,7 +152,9 @@ def _wrench(pair: Pair, one: tuple[Array, Array], two: tuple[Array, Array], lam:
     """Return the wrench of multipliers, shape (.., m), given the rotation matrices and the origins of both frames."""
     (turn, origin), (other, place) = one, two
     if pair.constant is not None:
-        return joined(*(rotated(turn, lam @ direction) for direction in pair.constant))
+        columns = lam.reshape(-1, lam.shape[-1]).T
+        inner = ((direction.T @ columns).reshape(3, *lam.shape[:-1]) for direction in pair.constant)
+        return joined(*(rotated(turn, states_first(part, 1)) for part in inner))  # components apart: in a third
     axes, p = turn.swapaxes(-1, -2) @ other, np.vecmat(place - origin, turn)
     states = np.broadcast_shapes(axes.shape[:-2], p.shape[:-1], lam.shape[:-1])
     axes, p, lam = (
