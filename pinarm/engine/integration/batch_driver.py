@@ -26,7 +26,7 @@ from pinarm.engine.integration.step_control import (
     growth,
     shrinkage,
 )
-from pinarm.engine.integration.steps import Steps
+from pinarm.engine.integration.steps import StepTable
 
 Advance = Callable[[ActiveMotions], tuple[ActiveMotions, Flags]]
 """Takes steps of motions: where these are then, and which of them an event ends."""
@@ -240,7 +240,7 @@ class _BatchDriver:
         """Record the crossings in the step of one motion; return whether the motion ends at one."""
         ensemble, number = self.ensemble, int(taken.number[column])
         step = taken.step(number)
-        alone = Solution(self.method, self.manifold, ensemble.intervals, Steps.of([step] if step else []))
+        alone = Solution(self.method, self.manifold, ensemble.intervals, StepTable.of([step] if step else []))
         stops = locate_crossings(alone, self.watches, len(alone.steps) - 1, new)
         ensemble.crossings[number].extend(alone.crossings)
         if stops:

@@ -16,7 +16,7 @@ from pinarm.engine.integration.integrator import (
     Manifold,
     Solution,
 )
-from pinarm.engine.integration.steps import Step, Steps
+from pinarm.engine.integration.steps import Step, StepTable
 from pinarm.errors import IntegrationError
 
 ROWS = 16384
@@ -122,7 +122,9 @@ class Ensemble:
         """
         steps = [step for taken in self.steps if (step := taken.step(number))]
         count = Count(int(self.evaluations[number]), int(self.rejected[number]))
-        solution = Solution(self.method, self.manifold, self.intervals, Steps.of(steps), self.crossings[number], count)
+        solution = Solution(
+            self.method, self.manifold, self.intervals, StepTable.of(steps), self.crossings[number], count
+        )
         if number in self.failures:
             raise IntegrationError(self.failures[number], hint=self.method.remedy, partial=solution, t=solution.end)
         return solution

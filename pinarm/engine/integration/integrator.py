@@ -13,7 +13,7 @@ from msgspec import Struct, field
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.integration.dense_output import DenseOutput
-from pinarm.engine.integration.steps import InterpolatedSteps, Steps
+from pinarm.engine.integration.steps import InterpolatedSteps, StepTable
 from pinarm.records import ValueRecord, replace
 
 if TYPE_CHECKING:
@@ -251,7 +251,7 @@ class Method(Protocol):
         """Return a stepper of this method on a manifold; it counts its work in ``count``."""
         ...
 
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: Steps) -> DenseOutput:
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> DenseOutput:
         """Return the dense output of steps in one interval."""
         ...
 
@@ -315,7 +315,7 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
     method: Method
     manifold: Manifold
     intervals: Sequence[Interval]
-    steps: Steps = field(default_factory=Steps)
+    steps: StepTable = field(default_factory=StepTable)
     crossings: list[Crossing] = []
     count: Count = field(default_factory=Count)
     _interpolated: InterpolatedSteps = field(default_factory=InterpolatedSteps)

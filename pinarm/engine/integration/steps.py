@@ -69,7 +69,7 @@ class _Columns(Struct, eq=False):
         return self._rooms[k][: self.count] if self._rooms else np.empty((0, 0))
 
 
-class Steps(Struct, eq=False):
+class StepTable(Struct, eq=False):
     """The accepted steps of a motion, in order of time.
 
     Every column is an array in place, valid until further steps are added.
@@ -78,7 +78,7 @@ class Steps(Struct, eq=False):
     _columns: _Columns = field(default_factory=_Columns)
 
     @classmethod
-    def of(cls, steps: Sequence[Step]) -> Steps:
+    def of(cls, steps: Sequence[Step]) -> StepTable:
         """Return a table of steps."""
         table = cls()
         for step in steps:
@@ -147,10 +147,12 @@ class Steps(Struct, eq=False):
         """
         self._columns.add(times, y, slopes, np.full(len(times), interval, np.intp))
 
-    def some(self, index: Indices | slice) -> Steps:
+    def some(self, index: Indices | slice) -> StepTable:
         """Return some of the steps."""
         columns = self._columns
-        return Steps(_Columns(len(self.t[index]), [columns.column(k)[index] for k in range(4)] if len(self) else []))
+        return StepTable(
+            _Columns(len(self.t[index]), [columns.column(k)[index] for k in range(4)] if len(self) else [])
+        )
 
     def end_at(self, index: int, until: float) -> None:
         """Let a step end at an instant [s]."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pinarm.engine.integration.dense_output import DenseOutput
-from pinarm.engine.integration.steps import InterpolatedSteps, Step, Steps
+from pinarm.engine.integration.steps import InterpolatedSteps, Step, StepTable
 
 
 def step(k: int) -> Step:
@@ -19,7 +19,7 @@ def polynomial(index: np.ndarray, parts: int) -> DenseOutput:
 
 
 def test_a_step_comes_back_as_it_was_added_however_long_the_table_has_become():
-    steps = Steps()
+    steps = StepTable()
     for k in range(57):
         steps.append(step(k))
     assert len(steps) == len(list(steps)) == 57
@@ -32,7 +32,7 @@ def test_a_step_comes_back_as_it_was_added_however_long_the_table_has_become():
 
 
 def test_steps_that_are_added_after_others_were_taken_away_stand_in_their_place():
-    steps = Steps.of([step(k) for k in range(20)])
+    steps = StepTable.of([step(k) for k in range(20)])
     steps.truncate(5)
     steps.extend(np.array([[40.0, 1.0, 41.0], [41.0, 1.0, 42.0]]), np.ones((2, 2)), np.ones((2, 3, 2)), 7)
     assert steps.t.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 40.0, 41.0]
@@ -45,7 +45,7 @@ def test_steps_that_are_added_after_others_were_taken_away_stand_in_their_place(
 
 
 def test_a_table_without_steps_has_columns_without_rows():
-    steps = Steps()
+    steps = StepTable()
     assert not steps
     assert [len(x) for x in (steps.t, steps.h, steps.until, steps.y, steps.slopes, steps.interval)] == [0] * 6
 

@@ -15,7 +15,7 @@ from pinarm.engine.integration.integrator import BATCH_ROUNDING, Count, Interval
 from pinarm.engine.integration.methods import for_all_motions
 from pinarm.engine.integration.methods.collocation_window import SlopePolynomial, Window
 from pinarm.engine.integration.methods.gauss_legendre import gauss
-from pinarm.engine.integration.steps import Steps
+from pinarm.engine.integration.steps import StepTable
 from pinarm.errors import MethodError
 
 SAFETY, GAIN, SLOWEST, FASTEST = 0.8, 0.5, 0.3, 4.0
@@ -104,7 +104,7 @@ class Collocation:
         """Return a stepper of this method."""
         return CollocationStepper(self, manifold, count)
 
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: Steps) -> DenseOutput:
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> DenseOutput:
         """Return the terms of the collocation polynomial: ``h terms @ (series @ k)``."""
         table = gauss(self.nodes)
         terms = steps.h[:, None, None] * (table.terms @ (table.series @ steps.slopes))

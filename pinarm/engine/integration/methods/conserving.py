@@ -14,7 +14,7 @@ from pinarm.records import replace
 if TYPE_CHECKING:
     from pinarm.engine.integration.dense_output import DenseOutput
     from pinarm.engine.integration.integrator import Count, Energy, Interval, Manifold, Projection, Solution
-    from pinarm.engine.integration.steps import Steps
+    from pinarm.engine.integration.steps import StepTable
 
 SLOW = 1e-2
 """Kinetic energy, over its largest value so far, below which velocities are not scaled: near standstill a small
@@ -96,7 +96,7 @@ class Conserving:
         """Return a stepper of this method."""
         return self.steps.stepper(manifold, count)
 
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: Steps) -> DenseOutput:
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> DenseOutput:
         """Return the terms of the dense output."""
         return self.steps.dense_output(interval, manifold, steps)
 

@@ -18,7 +18,7 @@ from pinarm.engine.integration.divided_steps import divided, terms_of
 from pinarm.engine.integration.first_step import first_step
 from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution
 from pinarm.engine.integration.step_control import FASTEST, HUGE, LOST, NOISE, TINY, growth, shrinkage
-from pinarm.engine.integration.steps import Step, Steps
+from pinarm.engine.integration.steps import Step, StepTable
 from pinarm.engine.integration.tableaus import DOP853, DOPRI5, RK4, Tableau
 from pinarm.errors import MethodError
 from pinarm.records import ValueRecord, replace
@@ -88,7 +88,7 @@ class Adaptive(ValueRecord, frozen=True):
         """Return a stepper of this method."""
         return AdaptiveStepper(self, manifold, count)
 
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: Steps) -> DenseOutput:
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> DenseOutput:
         """Return the dense output."""
         arrays = steps.t, steps.h, steps.y, steps.slopes
         if interval.compiled is None:
@@ -176,7 +176,7 @@ class FixedStep(ValueRecord, frozen=True):
         """Return a stepper of this method."""
         return FixedStepper(self, manifold, count)
 
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: Steps) -> DenseOutput:
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> DenseOutput:
         """Return the dense output."""
         t, h, y, slopes = steps.t, steps.h, steps.y, steps.slopes
         return DenseOutput.whole(y, terms_of(self.tableau, interval, manifold, t, t, h, y, slopes))

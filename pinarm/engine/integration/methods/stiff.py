@@ -16,7 +16,7 @@ from pinarm.engine.integration.methods.radau_coefficients import Complex, radau
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution
-    from pinarm.engine.integration.steps import Steps
+    from pinarm.engine.integration.steps import StepTable
 
 STAGES = ((3e-5, 3), (1e-7, 5), (0.0, 7))
 """Tolerance above which a number of stages is used. Many stages take long steps: at tight tolerances they save most of
@@ -77,7 +77,7 @@ class Radau:
         """Return a stepper of this method."""
         return RadauStepper(self, manifold, count)
 
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: Steps) -> DenseOutput:
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> DenseOutput:
         """Return the terms of the collocation polynomial: ``terms @ Z``."""
         terms = radau(self.stages).terms @ steps.slopes
         return DenseOutput.whole(steps.y, terms)
