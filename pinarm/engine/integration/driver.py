@@ -145,6 +145,7 @@ class _Driver(Struct, eq=False, dict=True, weakref=True):
                 t, y = self.run_span(interval, index, t, y)
             if self.stopped:
                 return
+        self.solution.final = y
 
     def run_span(self, interval: Interval, index: int, t: float, y: Array) -> tuple[float, Array]:
         """Integrate from t [s] to the next sample of an interval, or to its end; return when it ended, and its state.

@@ -310,6 +310,8 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
         steps: Accepted steps, in order of time.
         crossings: Zero crossings of the watched values, in order of time.
         count: Cost.
+        final: State [q, v] at the end, projected onto the constraints, shape (nq + nv,); ``None`` where an event or a
+            failure ended the integration.
     """
 
     method: Method
@@ -318,6 +320,7 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
     steps: StepTable = field(default_factory=StepTable)
     crossings: list[Crossing] = []
     count: Count = field(default_factory=Count)
+    final: Array | None = None
     _interpolated: InterpolatedSteps = field(default_factory=InterpolatedSteps)
 
     @property
@@ -336,6 +339,11 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
         states = self.steps.y.copy()
         states[:, : self.manifold.nq] -= states[:1, : self.manifold.nq].copy()
         return float(np.abs(states).max(initial=0.0))
+
+    @property
+    def last(self) -> Array:
+        """State [q, v] at the last time reached, shape (nq + nv,)."""
+        return np.hstack(self.states(np.array([self.end])))[0] if self.final is None else self.final
 
     def states(self, t: Array) -> tuple[Array, Array]:
         """Return the states at many times, by dense output.

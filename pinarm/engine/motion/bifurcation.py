@@ -102,8 +102,7 @@ class _Pace(Record, frozen=True):
         """Return that of a segment."""
         steps, nq = segment.solution.steps, segment.solution.manifold.nq
         t = np.append(steps.t, steps.until[-1])
-        last = np.hstack(segment.solution.states(t[-1:]))
-        y = np.concatenate([steps.y, last])  # only the last step is interpolated
+        y = np.concatenate([steps.y, segment.solution.last[None]])
         q, v = segment.system.whole(t, y[:, :nq], y[:, nq:])
         v = v / scale
         speed = np.linalg.norm(v, axis=1)

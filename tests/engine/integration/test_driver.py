@@ -42,6 +42,14 @@ class TestDenseOutput:
         between = np.linspace(0.0, 6.0, 2001)
         assert deviation(solution, between) < 10 * deviation(solution, ends) + 1e-12
 
+    def test_the_last_state_is_that_of_the_dense_output_at_the_end(self, top):
+        for method in (Adaptive(1e-9), radau_of(1e-6)):
+            interval = Interval(0.0, 4.0, top.acceleration())
+            solution = integrate([interval], top.manifold, ATTITUDE, SPIN, method)
+            at_end = np.hstack(solution.states(np.array([4.0])))[0]
+            assert solution.final is not None
+            assert solution.last == pytest.approx(at_end, abs=1e-14)  # rounding of the polynomial at its end
+
     def test_takes_times_in_any_order(self):
         solution = integrate([Interval(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
         t = np.array([5.0, 0.0, 6.0, 2.5, 2.5])

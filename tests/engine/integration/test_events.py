@@ -52,6 +52,7 @@ def test_a_watch_that_stops_ends_the_solution_there():
     solution = oscillator(20.0, [position(0.3, -1, stops=True), position(-2.0)])
     assert solution.end == pytest.approx(np.pi - np.arcsin(0.3), abs=1e-10)
     assert solution.states(np.array([solution.end]))[0][0, 0] == pytest.approx(0.3, abs=1e-15)
+    assert np.array_equal(solution.last, np.concatenate([solution.crossings[-1].q, solution.crossings[-1].v]))
 
 
 def test_what_would_come_after_the_stop_is_not_listed():
