@@ -112,7 +112,8 @@ class SideBySide:
         given = np.zeros((len(shares), *shares.shape[2:], len(self.variants)))
         for total, component in zip(given, shares, strict=True):  # each fits into the caches
             for share, weight in zip(component, weights, strict=True):
-                total += share[..., None] * weight
+                if share.any():  # in the plane most of them are 0
+                    total += share[..., None] * weight
         return np.asarray(np.moveaxis(given, (-2, -1, 0), (0, 1, -1)) + others)
 
     def mass_matrices(self, q: Array) -> Array:
