@@ -51,10 +51,20 @@ class DenseOutput(Record, frozen=True):
             x: ``(t - start) / h`` of each in its step, shape (m,).
         """
         if len(self.base) > len(self.counts):
-            count = self.counts[step]
-            part = np.clip((x * count).astype(np.intp), 0, count - 1)
-            step, x = (np.cumsum(self.counts) - self.counts)[step] + part, x * count - part
+            step, x = divided_at((np.cumsum(self.counts) - self.counts)[step], self.counts[step], x)
         return interpolated(self.base[step], self.terms[step], x)
+
+
+def divided_at(first: Indices, count: Indices, x: Array) -> tuple[Indices, Array]:
+    """Return the part of its step in which each instant lies, and its place on the part, both of shape (m,).
+
+    Args:
+        first: First part of the step of each, shape (m,).
+        count: Number of parts of this step, shape (m,).
+        x: ``(t - start) / h`` of each in its step, shape (m,).
+    """
+    part = np.clip((x * count).astype(np.intp), 0, count - 1)
+    return first + part, x * count - part
 
 
 def interpolated(base: Array, terms: Array, x: Array) -> Array:

@@ -311,7 +311,7 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
         crossings: Zero crossings of the watched values, in order of time.
         count: Cost.
         final: State [q, v] at the end, projected onto the constraints, shape (nq + nv,); ``None`` where an event or a
-            failure ended the integration.
+            failure ended the integration, or where it was one of many at once.
     """
 
     method: Method

@@ -9,11 +9,11 @@ import numpy as np
 from msgspec import Struct, field
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.integration.dense_output import DenseOutput
+from pinarm.engine.integration.dense_output import DenseOutput, divided_at, interpolated
 from pinarm.records import Record
 
 LEAST = 16
-"""Rows for which a table has room at least."""
+"""Rows for which a table has storage at least."""
 
 Column = np.ndarray[tuple[Any, ...], np.dtype[Any]]
 """An array whose rows are numbers of any kind."""
@@ -40,33 +40,33 @@ class Step(Record, frozen=True):
 
 
 class _Columns(Struct, eq=False):
-    """Columns that grow by rows; room for twice as many is made where it is full, so that a row costs the same always.
+    """Columns that grow by rows; storage that is full is doubled, so that a row costs the same always.
 
     Attributes:
         count: Number of rows.
     """
 
     count: int = 0
-    _rooms: list[Column] = []
+    _storage: list[Column] = []
 
     def add(self, *rows: Column) -> None:
         """Add rows to every column, the same number to each."""
         end = self.count + len(rows[0])
-        if not self._rooms or end > len(self._rooms[0]):
-            self._rooms = [self._larger(k, end, x) for k, x in enumerate(rows)]
-        for room, x in zip(self._rooms, rows, strict=True):
-            room[self.count : end] = x
+        if not self._storage or end > len(self._storage[0]):
+            self._storage = [self._larger(k, end, x) for k, x in enumerate(rows)]
+        for stored, x in zip(self._storage, rows, strict=True):
+            stored[self.count : end] = x
         self.count = end
 
     def _larger(self, k: int, end: int, rows: Column) -> Column:
-        room = np.empty((max(2 * self.count, end, LEAST), *rows.shape[1:]), rows.dtype)
-        if self._rooms:
-            room[: self.count] = self._rooms[k][: self.count]
-        return room
+        larger = np.empty((max(2 * self.count, end, LEAST), *rows.shape[1:]), rows.dtype)
+        if self._storage:
+            larger[: self.count] = self._storage[k][: self.count]
+        return larger
 
     def column(self, k: int) -> Column:
         """Return the rows of a column, in place; before any have been added, none."""
-        return self._rooms[k][: self.count] if self._rooms else np.empty((0, 0))
+        return self._storage[k][: self.count] if self._storage else np.empty((0, 0))
 
 
 class StepTable(Struct, eq=False):
@@ -145,14 +145,12 @@ class StepTable(Struct, eq=False):
             slopes: Slopes at the stages, shape (n, s, nq + nv).
             interval: Index of the interval.
         """
-        self._columns.add(times, y, slopes, np.full(len(times), interval, np.intp))
+        numbers = (np.asarray(x, np.float64) for x in (times, y, slopes))
+        self._columns.add(*numbers, np.full(len(times), interval, np.intp))
 
-    def some(self, index: Indices | slice) -> StepTable:
-        """Return some of the steps."""
-        columns = self._columns
-        return StepTable(
-            _Columns(len(self.t[index]), [columns.column(k)[index] for k in range(4)] if len(self) else [])
-        )
+    def some(self, index: Indices) -> StepTable:
+        """Return copies of some of the steps."""
+        return StepTable(_Columns(len(index), [self._columns.column(k)[index] for k in range(4)]))
 
     def end_at(self, index: int, until: float) -> None:
         """Let a step end at an instant [s]."""
@@ -169,7 +167,7 @@ class InterpolatedSteps(Struct, eq=False):
     _known: Indices = field(default_factory=lambda: np.empty(0, np.intp))
     """Place of the output of every step; -1 where it has not been asked for."""
     _counts: _Columns = field(default_factory=_Columns)
-    """Number of parts of the output of each."""
+    """First part of the output of each, and number of its parts."""
     _parts: _Columns = field(default_factory=_Columns)
     """States at the starts of the parts, and terms; see ``DenseOutput``."""
 
@@ -183,7 +181,8 @@ class InterpolatedSteps(Struct, eq=False):
     def add(self, index: Indices, output: DenseOutput) -> None:
         """Add the output of the steps of given indices."""
         self._known[index] = self._counts.count + np.arange(len(index))
-        self._counts.add(output.counts)
+        first = self._parts.count + np.cumsum(output.counts) - output.counts
+        self._counts.add(first, output.counts)
         self._parts.add(output.base, output.terms)
 
     @property
@@ -193,8 +192,11 @@ class InterpolatedSteps(Struct, eq=False):
 
     def states(self, index: Indices, x: Array) -> Array:
         """Return states within steps whose output is known; see ``DenseOutput.states``."""
-        known = DenseOutput(self._parts.column(0), self._parts.column(1), self._counts.column(0))
-        return known.states(self._known[index], x)
+        place = self._known[index]
+        part = self._counts.column(0)[place]
+        if self._parts.count > self._counts.count:
+            part, x = divided_at(part, self._counts.column(1)[place], x)
+        return interpolated(self._parts.column(0)[part], self._parts.column(1)[part], x)
 
     def truncate(self, count: int) -> None:
         """Forget the output of all but the first steps."""

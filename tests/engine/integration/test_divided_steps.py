@@ -110,7 +110,7 @@ def test_shorter_steps_that_miss_the_end_are_not_taken(pulse, parts):
         apart = np.abs(stages - x).min() > 1e-9
         return -q + (1e-4 if abs(x - 0.5) < 1e-9 else pulse * apart)
 
-    alone = solution.steps.some(slice(longest, longest + 1))
+    alone = solution.steps.some(np.array([longest]))
     output = method.dense_output(replace(clean, acceleration=disturbed), Flat(1, 1), alone)
     x = np.linspace(0.0, 1.0, 9)
     t = step.t + x * step.h

@@ -44,6 +44,14 @@ def test_steps_that_are_added_after_others_were_taken_away_stand_in_their_place(
     assert some.y.tolist() == [[1.0, 1.0], [0.0, 0.0]]
 
 
+def test_times_that_begin_as_whole_numbers_keep_the_fractions_of_later_ones():
+    steps = StepTable.of([Step(0, 1, 1, np.zeros(2, int), np.zeros((3, 2), int), 0)])
+    steps.append(Step(1.0, 0.5, 1.5, np.array([0.25, 0.0]), np.full((3, 2), 0.5), 0))
+    assert steps.until.tolist() == [1.0, 1.5]
+    assert steps.y[1, 0] == 0.25
+    assert steps.slopes[1, 0, 0] == 0.5
+
+
 def test_a_table_without_steps_has_columns_without_rows():
     steps = StepTable()
     assert not steps
