@@ -28,6 +28,9 @@ from pinarm.mechanics.geometry.model_variants import PARAMETERS, ModelVariants, 
 WIDTH = 48
 """Coordinates side by side: more take longer to build, since Pinocchio's buffers grow with their third power."""
 
+KEPT, LARGEST = 8, 4_000_000
+"""Motions of a tree of which regressors are kept, and bytes of one at most."""
+
 FREE = 6
 """Velocities of a joint that leaves everything free."""
 
@@ -94,16 +97,10 @@ class SideBySide:
             tree: The tree of the first variant, which may have other joints.
             states: q, v and a, each of shape (n, 1, ..).
         """
-        data, bodies = tree.createData(), self.variants.bodies
-        rows = [
-            pin.computeJointTorqueRegressor(tree, data, *state).T
-            for state in zip(*(x[:, 0] for x in states), strict=True)
-        ]
-        shares = np.reshape(rows, (len(rows), tree.njoints - 1, PARAMETERS, tree.nv))
+        shares, own = _regressors(tree, *states), np.array(self.variants.bodies) - 1
         given = np.array([body.toDynamicParameters() for body in tree.inertias[1:]])
-        own = np.array(bodies) - 1
         given[own] = 0.0
-        return shares[:, own].reshape(len(rows), -1, tree.nv), np.einsum("bp,nbpw->nw", given, shares)[:, None]
+        return shares[:, own].reshape(len(shares), -1, tree.nv), np.einsum("bp,nbpw->nw", given, shares)[:, None]
 
     def _weighed(self, own: Array, others: Array) -> Array:
         """Return what shares, shape (n, p, ..) and (n, 1, ..), give with the parameters of all variants, (n, k, ..)."""
@@ -251,6 +248,35 @@ def _wrenches(found: Array) -> Array:
     wrenches = np.zeros((6, 1 + moved.shape[1], *found.shape[:2]))
     wrenches[:, 1:] = moved
     return states_first(wrenches)
+
+
+def _regressors(tree: pin.Model, *states: Array) -> Array:
+    """Return what each parameter of each body gives to the efforts, shape (n, njoints - 1, p, nv).
+
+    Those of the last motions are kept: every block of cases asks for the same.
+
+    Args:
+        tree: The tree.
+        states: q, v and a, each of shape (n, 1, ..).
+    """
+    known, key = _known_regressors(tree), b"".join(x.tobytes() for x in states)
+    if key in known:
+        return known[key]
+    data = tree.createData()
+    rows = [pin.computeJointTorqueRegressor(tree, data, *state).T
+            for state in zip(*(x[:, 0] for x in states), strict=True)]  # fmt: skip
+    found = np.reshape(rows, (len(rows), tree.njoints - 1, PARAMETERS, tree.nv))
+    if found.nbytes <= LARGEST:
+        known[key] = found
+        if len(known) > KEPT:
+            del known[next(iter(known))]
+    return found
+
+
+@cached_by_model
+def _known_regressors(tree: pin.Model) -> dict[bytes, Array]:
+    """Return the regressors that are kept of a tree, by the bytes of its states."""
+    return {}
 
 
 @cached_by_model
