@@ -164,7 +164,7 @@ class StepTable(Struct, eq=False):
 class InterpolatedSteps(Struct, eq=False):
     """The dense output of those steps of a motion that have been asked for."""
 
-    _known: Indices = field(default_factory=lambda: np.empty(0, np.intp))
+    _places: Indices = field(default_factory=lambda: np.empty(0, np.intp))
     """Place of the output of every step; -1 where it has not been asked for."""
     _counts: _Columns = field(default_factory=_Columns)
     """First part of the output of each, and number of its parts."""
@@ -173,14 +173,14 @@ class InterpolatedSteps(Struct, eq=False):
 
     def missing(self, index: Indices, count: int) -> Indices:
         """Return which of the steps of given indices have no known output, ascending, of ``count`` steps in all."""
-        if len(self._known) < count:
-            self._known = np.append(self._known, np.full(max(count, 2 * len(self._known)) - len(self._known), -1))
-        unknown = index[self._known[index] < 0]
+        if len(self._places) < count:
+            self._places = np.append(self._places, np.full(max(count, 2 * len(self._places)) - len(self._places), -1))
+        unknown = index[self._places[index] < 0]
         return np.flatnonzero(np.bincount(unknown)) if len(unknown) else unknown
 
     def add(self, index: Indices, output: DenseOutput) -> None:
         """Add the output of the steps of given indices."""
-        self._known[index] = self._counts.count + np.arange(len(index))
+        self._places[index] = self._counts.count + np.arange(len(index))
         first = self._parts.count + np.cumsum(output.counts) - output.counts
         self._counts.add(first, output.counts)
         self._parts.add(output.base, output.terms)
@@ -188,11 +188,11 @@ class InterpolatedSteps(Struct, eq=False):
     @property
     def indices(self) -> list[int]:
         """Indices of the steps whose output is known, ascending."""
-        return np.flatnonzero(self._known >= 0).tolist()
+        return np.flatnonzero(self._places >= 0).tolist()
 
     def states(self, index: Indices, x: Array) -> Array:
         """Return states within steps whose output is known; see ``DenseOutput.states``."""
-        place = self._known[index]
+        place = self._places[index]
         part = self._counts.column(0)[place]
         if self._parts.count > self._counts.count:
             part, x = divided_at(part, self._counts.column(1)[place], x)
@@ -200,4 +200,4 @@ class InterpolatedSteps(Struct, eq=False):
 
     def truncate(self, count: int) -> None:
         """Forget the output of all but the first steps."""
-        self._known[count:] = -1
+        self._places[count:] = -1

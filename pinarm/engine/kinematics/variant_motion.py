@@ -259,7 +259,7 @@ class VariantMotion:
         correction = np.abs(q[:, 1:] - q[:, :-1] - 0.5 * h * (v[:, :-1] + slope)).max(axis=0)
         near = (correction <= NEAR) & on_branch(h * (v[:, 1:] - slope), correction)
         turned = np.einsum("fcnk,gcnk->nkfg", free[:, :, :-1], free[:, :, 1:])
-        kept = turned[..., 0, 0] if len(free) == 1 else np.linalg.det(turned)  # of single numbers it takes long
+        kept = turned[..., 0, 0] if len(free) == 1 else np.linalg.det(turned)  # slow for single numbers
         return np.asarray((near & (kept > 0.0)).all(axis=0))
 
     def _assembled(self, start: Array, w: Array) -> tuple[Array, Flags]:
