@@ -56,16 +56,16 @@ def control_of(pair: EmbeddedPair, interval: Interval) -> ControlStructure:
     )
 
 
-class _Record(Record, frozen=True):
-    """Where the library writes up to m steps of s stages with n numbers in y.
+class StepBuffers(Record, frozen=True):
+    """Where the library writes up to m steps with n numbers in y.
 
     Attributes:
         times: Starts, lengths and ends of the steps [s], shape (3, m).
         rejections: Steps rejected before each, shape (m,).
         floored: Whether each was accepted as rounding, shape (m,).
         states: y at their starts, shape (m, n).
-        slopes: Slopes at their stages, those of the step that is tried last included, shape (m + 1, s + 1, n).
-        scratch: Buffer, shape (2, n).
+        slopes: What their stages are, those of the step that is tried last included, shape (m + 1, s, n).
+        scratch: Buffer, shape (k, n).
     """
 
     times: Array
@@ -76,10 +76,11 @@ class _Record(Record, frozen=True):
     scratch: Array
 
     @classmethod
-    def of(cls, room: int, stages: int, n: int) -> _Record:
-        slopes = np.empty((room + 1, stages + 1, n))
+    def of(cls, room: int, stages: int, n: int, scratch: int) -> StepBuffers:
+        """Return buffers for ``room`` steps, a row of n numbers for each of their stages, and ``scratch`` rows more."""
+        slopes = np.empty((room + 1, stages, n))
         times, floored, states = np.empty((3, room)), np.empty(room, np.intc), np.empty((room, n))
-        return cls(times, np.empty(room, np.intp), floored, states, slopes, np.empty((2, n)))
+        return cls(times, np.empty(room, np.intp), floored, states, slopes, np.empty((scratch, n)))
 
     def pointers(self) -> list[int]:
         """Return the addresses in the order of ``Course``, behind that of y."""
@@ -105,7 +106,7 @@ class CompiledSteps(Struct, eq=False, dict=True, weakref=True):
     """Number of steps rejected in all before each step of the solution."""
     _floored: list[int] = []
     """Which of its steps were accepted as rounding."""
-    _record: _Record | None = None
+    _record: StepBuffers | None = None
     _addresses: list[int] = []
     _numbers: ControlStructure | None = None
 
@@ -135,14 +136,14 @@ class CompiledSteps(Struct, eq=False, dict=True, weakref=True):
             self._settle(span, flow, course, record)
         return course.t, course.h
 
-    def _buffer(self, stages: int, n: int) -> _Record:
+    def _buffer(self, stages: int, n: int) -> StepBuffers:
         """Return where the library writes; what it has written is copied from there."""
         if self._record is None or len(self._record.states) != self.room:
-            self._record = _Record.of(self.room, stages, n)
+            self._record = StepBuffers.of(self.room, stages + 1, n, 2)
             self._addresses = [pointer(self.stepper.y), *self._record.pointers()]
         return self._record
 
-    def _settle(self, interval: Interval, flow: Flow, course: CourseStructure, record: _Record) -> None:
+    def _settle(self, interval: Interval, flow: Flow, course: CourseStructure, record: StepBuffers) -> None:
         """Let the motion know which states have been settled, and let it settle the one that is handed back."""
         settled, count = course.written - course.handed, self.solution.count
         if settled:
@@ -159,7 +160,7 @@ class CompiledSteps(Struct, eq=False, dict=True, weakref=True):
             self._numbers = control_of(self.pair, interval)
         return self._numbers
 
-    def _add(self, index: int, course: CourseStructure, record: _Record) -> None:
+    def _add(self, index: int, course: CourseStructure, record: StepBuffers) -> None:
         """Add what the library has written to the solution, and give the last slopes to the stepper."""
         count, written = self.solution.count, course.written
         slopes = record.slopes

@@ -224,12 +224,17 @@ class _Driver(Struct, eq=False, dict=True, weakref=True):
 def _compiled(solution: Solution, stepper: Stepper, steps_over: StepsOver | None) -> StepTaker | None:
     """Return the steps of the compiled library; ``None`` where it does not know the motion or the method."""
     pair = solution.method.pair
-    if pair is None or steps_over or not all(interval.compiled for interval in solution.intervals):
+    if steps_over or not all(interval.compiled for interval in solution.intervals):
         return None
-    from pinarm.engine.integration.compiled_steps import CompiledSteps
-    from pinarm.engine.integration.methods.explicit import AdaptiveStepper
+    if pair is not None:
+        from pinarm.engine.integration.compiled_steps import CompiledSteps
+        from pinarm.engine.integration.methods.explicit import AdaptiveStepper
 
-    return CompiledSteps(solution, pair, stepper) if isinstance(stepper, AdaptiveStepper) else None
+        return CompiledSteps(solution, pair, stepper) if isinstance(stepper, AdaptiveStepper) else None
+    from pinarm.engine.integration.compiled_radau import CompiledRadau
+    from pinarm.engine.integration.methods.stiff import RadauStepper
+
+    return CompiledRadau.of(solution, stepper) if isinstance(stepper, RadauStepper) else None
 
 
 def _not_finite(solution: Solution, t: float, y: Array) -> IntegrationError:

@@ -56,16 +56,6 @@ class Flow(Record, frozen=True):
         self.ready()
         return self._slope(y)
 
-    def present_slopes(self, y: Array) -> Array:
-        """Return the slopes of states [q, v] at the present instant, shape (n, nq + nv)."""
-        self.ready()
-        rates, *_ = self._evaluation
-        states, slopes = np.array(y, order="C"), np.empty(y.shape)  # the library normalises what it reads
-        first, found, size = pointer(states), pointer(slopes), states.itemsize * self.structure.n
-        for place in range(0, size * len(y), size):
-            rates(self.structure.system, 0.0, first + place, found + place)
-        return slopes
-
     def settled(self, y: Array) -> Array:
         """Return states [q, v], shape (n, nq + nv), brought back onto constraints as accepted ones are, or as given."""
         kind = ctypes.PYFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)

@@ -1,4 +1,4 @@
-"""The structures of the compiled library, as its headers declare them: ``spatial.h`` to ``runge_kutta.h``."""
+"""The structures of the compiled library, as its headers declare them: ``spatial.h`` to ``radau.h``."""
 
 from __future__ import annotations
 
@@ -122,6 +122,27 @@ class PairStructure(ctypes.Structure):
     ]
 
 
+class RadauStructure(ctypes.Structure):
+    """The coefficients of a Radau IIA method."""
+
+    _fields_ = [
+        *((name, SIZE) for name in ("stages", "eigenvalues")),
+        *((name, POINTER) for name in ("c", "inverse", "powers", "error", "eigenvalue", "forth", "back")),
+        ("iterations", SIZE), *((name, REAL) for name in ("enough", "contraction", "kept")),
+    ]  # fmt: skip
+
+
+class NewtonStructure(ctypes.Structure):
+    """What implicit steps keep from one to the next."""
+
+    _fields_ = [
+        *((name, POINTER) for name in ("slope", "jacobian", "system", "pivot", "right", "last", "change")),
+        *((name, REAL) for name in ("length", "factorised", "rate", "promise", "before", "worst")),
+        *((name, SIZE) for name in ("iterations", "evaluations")), ("spent", POINTER),
+        *((name, INT) for name in ("known", "fresh")),
+    ]  # fmt: skip
+
+
 class FlowStructure(ctypes.Structure):
     """What is integrated."""
 
@@ -171,7 +192,7 @@ ARRAYS = (
 )  # fmt: skip
 STRUCTURES = (
     TreeStructure, SkylineStructure, ConstraintsStructure, ClosingStructure, PairStructure, FlowStructure,
-    HeldStructure, ControlStructure, CourseStructure,
+    HeldStructure, ControlStructure, CourseStructure, RadauStructure, NewtonStructure,
 )  # fmt: skip
 SIZES = (*(one.itemsize for one in ARRAYS), *map(ctypes.sizeof, STRUCTURES))
 """Sizes [bytes], in the order of ``kernel_sizes`` in ``kernel.c``."""

@@ -13,7 +13,6 @@ from pinarm.engine.integration import compiled_steps, driver
 from pinarm.engine.integration.driver import SingleSteps, integrate
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.methods.explicit import Adaptive
-from pinarm.engine.integration.methods.stiff import radau_of
 from pinarm.engine.integration.tableaus import DOPRI5
 from pinarm.engine.kernel.library import absence
 from pinarm.engine.motion.systems.free import FreeSystem
@@ -109,17 +108,6 @@ class TestSteps:
         assert len(many.steps) > 2 * compiled_steps.FEWEST
         assert many.count == few.count
         assert np.array_equal(many.steps.y, few.steps.y)
-
-    def test_of_the_stiff_method_have_compiled_slopes(self):
-        """Its Jacobian is that of differences, which rounding changes by 1e-8: so do its Newton iterations the end."""
-        dynamics = regular(["FreeFlyer", "RX", "RY"])
-        (compiled,), python = intervals(dynamics, 0.0, 1.0)
-        alone = replace(compiled, acceleration=lambda *_: pytest.fail("a slope in Python"))
-        (q, v), method, end = states(dynamics.model, 1)[0], radau_of(1e-6), np.array([1.0])
-        solutions = [integrate(each, dynamics.manifold, q, 0.5 * v, method) for each in ([alone], python)]
-        found, expected = (np.hstack(solution.states(end)) for solution in solutions)
-        assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
-        assert solutions[0].count == solutions[1].count
 
     def test_that_are_rejected_are_counted(self):
         found, expected = both(regular(["RX", "RX"], seed=2), Adaptive(1e-9), 0.0, 20.0)

@@ -17,7 +17,7 @@ SANITIZERS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno
 
 TESTED = [
     "tests/engine/kernel/test_tree.py", "tests/engine/integration/test_compiled_steps.py",
-    "tests/loops/test_compiled.py",
+    "tests/engine/integration/test_compiled_radau.py", "tests/loops/test_compiled.py",
 ]  # fmt: skip
 
 LOAD = """

@@ -33,6 +33,9 @@ SAFETY, SLOWEST, FASTEST, KEPT = 0.9, 0.2, 8.0, 1.2
 """Step control of RADAU5: safety factor, bounds of the factor of the next step, and the factor up to which the step is
 kept, so that its matrices can be used again."""
 
+UNSOLVED = 0.5
+"""Factor of the next step where Newton's method did not converge."""
+
 
 @dataclass(frozen=True)
 class Radau:
@@ -115,7 +118,8 @@ class RadauStepper:
 
     def begin(self, interval: Interval, y: Array) -> None:
         """Set the state at the start of an interval."""
-        self.interval, self.t, self.jacobian, self.last_h = interval, interval.start, None, 0.0
+        self.interval, self.t, self.jacobian = interval, interval.start, None
+        self.last_z, self.last_h = np.zeros_like(self.z), 0.0
         self.y[:] = y
         self.slope = self.rates(self.t, self.y)
 
@@ -131,7 +135,7 @@ class RadauStepper:
         self.count.evaluations += len(y)
         compiled = self.interval.compiled
         if compiled is not None and not compiled.settles:
-            return compiled.present_slopes(y)
+            return np.array(list(map(compiled.slope, y)))
         slopes, nq, acceleration = np.empty_like(y), self.manifold.nq, self.interval.acceleration
         q, v = self.manifold.project(y[:, :nq]), y[:, nq:]
         slopes[:, :nq] = self.manifold.velocity(q, v)
@@ -198,9 +202,8 @@ class RadauStepper:
 
     def estimate(self, t: float, h: float) -> float:
         """Return the error over the tolerance: ``(lambda_0 / h - J)^-1 (lambda_0 / h (error @ Z) + f(y))``, rms."""
-        nq, method = self.manifold.nq, self.method
+        method = self.method
         self.new = self.y + self.z[-1]
-        self.new[:nq] = self.manifold.project(self.new[:nq])
         scale = self.tolerance * (self.interval.size + np.maximum(np.abs(self.y), np.abs(self.new)))
         filtered, inner = self.systems[0].real, method.eigenvalues[0].real / h * (method.error @ self.z)
         error = filtered @ (inner + self.slope)
@@ -219,7 +222,7 @@ class RadauStepper:
         self.ceiling = 1.0
         if not self.fresh:
             self.jacobian = None
-        return h * (max(SLOWEST, self.safety() * error**self.exponent) if np.isfinite(error) else 0.5)
+        return h * (max(SLOWEST, self.safety() * error**self.exponent) if np.isfinite(error) else UNSOLVED)
 
     def safety(self) -> float:
         """Return the safety factor, smaller the more Newton iterations were needed."""
@@ -234,7 +237,7 @@ class RadauStepper:
         factor = min(self.ceiling, FASTEST, max(SLOWEST, factor))
         self.before, self.ceiling = (h, max(error, 1e-2)), FASTEST
         self.last_z, self.last_h = z, h
-        self.y[:] = self.new
+        self.y[:nq], self.y[nq:] = self.manifold.project(self.new[:nq]), self.new[nq:]
         if self.interval.settle is not None:
             self.y[:] = np.concatenate(self.interval.settle(t, self.y[:nq].copy(), self.y[nq:].copy()))
         self.t, self.slope = t, self.rates(t, self.y)

@@ -66,24 +66,10 @@ static double shrinkage(const pair *p, const control *c, double error) {
     return error < c->huge ? fmax(c->slowest, c->safety * pow(error, -1.0 / (double)p->order)) : c->lost;
 }
 
-static double ulp(double x) { return nextafter(x, INFINITY) - x; }
-
-/* Write an accepted step and move to its end. */
-static void accept(const flow *f, course *m, double taken, int last, int floored, const double *end, double *slopes) {
-    const ptrdiff_t k = m->written++;
-    m->starts[k] = m->t, m->lengths[k] = taken, m->ends[k] = last ? m->end : m->t + taken;
-    m->rejections[k] = m->rejected, m->floored[k] = floored;
-    copy(f->n, m->y, m->states + k * f->n);
-    copy(f->n, end, m->y);
-    m->t = m->ends[k];
-    m->handed = f->settle && !f->settle(f->system, m->t, m->y, slopes);
-}
-
 void pair_steps(const pair *p, const flow *f, const control *c, course *m) {
     const ptrdiff_t n = f->n, block = (p->stages + 1) * n;
     double *at = m->scratch, *end = m->scratch + n;
-    while (m->t < m->end && !m->handed && m->written < m->room && m->tries > 0 &&
-           m->h >= c->shortest * ulp(fmax(fabs(m->t), m->end - m->start))) {
+    while (course_continues(m, c)) {
         const int last = m->t + 1.01 * m->h >= m->end;
         const double taken = last ? m->end - m->t : m->h;
         double *slopes = m->slopes + m->written * block;
@@ -95,7 +81,9 @@ void pair_steps(const pair *p, const flow *f, const control *c, course *m) {
         if (error <= 1.0 || floored) {
             const double following = taken * growth(p, c, fmin(error, 1.0), m->ceiling);
             copy(n, slopes + block - n, slopes + block); /* k_s is k_0 of the next step */
-            accept(f, m, taken, last, floored, end, slopes + block);
+            course_accept(m, n, taken, last, end);
+            m->floored[m->written - 1] = floored;
+            m->handed = f->settle && !f->settle(f->system, m->t, m->y, slopes + block);
             const double next = floored ? fmax(following, *f->floor) : following;
             m->h = last ? fmax(m->h, next) : next;
             m->ceiling = c->fastest;

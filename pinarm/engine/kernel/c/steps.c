@@ -1,0 +1,21 @@
+#include "steps.h"
+
+#include <math.h>
+#include <string.h>
+
+static double ulp(double x) { return nextafter(x, INFINITY) - x; }
+
+int course_continues(const course *m, const control *c) {
+    return m->t < m->end && !m->handed && m->written < m->room && m->tries > 0 &&
+           m->h >= c->shortest * ulp(fmax(fabs(m->t), m->end - m->start));
+}
+
+void course_accept(course *m, ptrdiff_t n, double taken, int last, const double *end) {
+    const ptrdiff_t k = m->written++;
+    const size_t size = (size_t)n * sizeof *end;
+    m->starts[k] = m->t, m->lengths[k] = taken, m->ends[k] = last ? m->end : m->t + taken;
+    m->rejections[k] = m->rejected, m->floored[k] = 0;
+    memcpy(m->states + k * n, m->y, size);
+    memcpy(m->y, end, size);
+    m->t = m->ends[k];
+}

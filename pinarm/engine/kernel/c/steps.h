@@ -1,0 +1,47 @@
+/* What the steps of all methods share: what is integrated, how errors are judged, and where steps are written. */
+#pragma once
+
+#include <stddef.h>
+
+/* What is integrated: y of n numbers. `rates` writes its slope, and projects y onto the space it belongs to. `settle`,
+ * if there is one, brings an accepted state back onto constraints, writes its slope and returns 1, or returns 0 and
+ * leaves the state, where the steps have to end there. */
+typedef struct {
+    ptrdiff_t n;
+    void (*rates)(void *system, double time, double *y, double *slope);
+    int (*settle)(void *system, double time, double *y, double *slope);
+    const double *floor; /* the smallest useful step: 0, unless rounding is amplified */
+    void *system;
+} flow;
+
+/* Step control. Its numbers stand in pinarm/engine/integration: step_control.py and driver.py. */
+typedef struct {
+    double tolerance, size;                /* errors are relative to tolerance (size + |y|) */
+    double safety, gain, slowest, fastest; /* of the next step */
+    double lost, huge, tiny;               /* of errors that are infinite, or 0 */
+    double shortest;                       /* least step, in units in the last place of the time */
+    double noise;                          /* errors, relative to size + |y|, that amplified rounding explains */
+} control;
+
+/* A motion on an interval without jumps: where it is, and where its steps are written. */
+typedef struct {
+    double t, start, end;
+    double h, ceiling;       /* next step, and the largest factor by which the one after it may be longer */
+    ptrdiff_t tries, room;   /* steps that may be tried, rejected ones included, and that may be written */
+    ptrdiff_t written, rejected; /* steps that have been */
+    ptrdiff_t handed;        /* 1 where the steps ended because the last state is not settled */
+    double *y;               /* present state, n */
+    double *scratch;         /* as many as the method says */
+    double *starts, *lengths, *ends; /* t, h and t + h of the written steps, room each */
+    ptrdiff_t *rejections;   /* steps rejected before each, since the beginning of the call, room */
+    int *floored;            /* whether each was accepted as rounding, room */
+    double *states;          /* y at the start of each, room rows of n */
+    double *slopes;          /* of each a row of n for every stage, as the method says; room for one step more */
+} course;
+
+/* Whether a further step may be tried: the interval goes on, there are room and tries left, and the step is not too
+ * short. */
+int course_continues(const course *m, const control *c);
+
+/* Write a step of a length that was accepted, the last of the interval or not, and move to its end y. */
+void course_accept(course *m, ptrdiff_t n, double taken, int last, const double *end);

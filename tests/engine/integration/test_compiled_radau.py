@@ -1,0 +1,183 @@
+"""Compiled steps of Radau IIA against those of the Python stepper, and against motions in closed form."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.integration import compiled_radau
+from pinarm.engine.integration.compiled_radau import CompiledRadau
+from pinarm.engine.integration.driver import SingleSteps, integrate
+from pinarm.engine.integration.events import Watch
+from pinarm.engine.integration.integrator import Solution
+from pinarm.engine.integration.methods.stiff import Radau, radau_of
+from pinarm.engine.kernel.library import absence
+from pinarm.errors import IntegrationError
+from pinarm.mechanics.forces.joint_springs import SpringDamper
+from pinarm.records import replace
+
+from ..kernel.known_trees import states
+from .methods.known_motions import ATTITUDE, SPIN, body, slope, turned
+from .test_compiled_steps import both, intervals, regular
+
+pytestmark = pytest.mark.skipif(bool(absence()), reason=f"compiled kernel: {absence()}")
+
+NAMES = [["RX", "PY", "RZ"], ["FreeFlyer", "RX", "Spherical", "RY"]]
+
+
+def stiff(names, stiffness=1e4, damping=1e2, seed=0):
+    """Return the dynamics of a chain whose joints with one coordinate are held by stiff springs, with dampers."""
+    dynamics = regular(names, seed)
+    joints = [dynamics.model.joints[k] for k in range(1, dynamics.model.njoints)]
+    q, v = (np.array([getattr(j, x) for j in joints if j.nq == 1]) for x in ("idx_q", "idx_v"))
+    one = np.ones(len(q))
+    return regular(names, seed, {"springs": SpringDamper(q, v, stiffness * one, damping * one, 0.1 * one)})
+
+
+def assert_same(found, expected, near):
+    """Compare the number of steps and their work, and the states at the end and between.
+
+    The Jacobian by differences errs by 1e-8, with rounding, and so do corrections: less than the tolerance by as much.
+    """
+    assert [len(found.steps), found.count] == [len(expected.steps), expected.count]
+    t = np.linspace(found.intervals[0].start, found.end, 101)
+    for one, other in zip(found.states(t), expected.states(t), strict=True):
+        assert one == pytest.approx(other, rel=near, abs=near)
+
+
+class TestSteps:
+    @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-6])
+    @pytest.mark.parametrize("names", NAMES, ids=str)
+    def test_are_those_of_python(self, names, tolerance):
+        assert_same(*both(stiff(names), radau_of(tolerance), 0.0, 0.5), 1e-3 * tolerance)
+
+    @pytest.mark.parametrize("tolerance", [1e-7, 1e-9])
+    @pytest.mark.parametrize("names", NAMES, ids=str)
+    def test_of_seven_stages_are_as_good_as_those_of_python(self, names, tolerance):
+        """The error of the first step is rounding, and its eighth root chooses the next: other steps follow."""
+        found, expected = both(stiff(names), radau_of(tolerance), 0.0, 0.5)
+        assert found.method.stages == 7
+        assert found.count.evaluations == pytest.approx(expected.count.evaluations, rel=0.05)
+        end = np.array([0.5])
+        for one, other in zip(found.states(end), expected.states(end), strict=True):
+            assert one == pytest.approx(other, rel=10.0 * tolerance, abs=10.0 * tolerance)
+
+    def test_over_several_intervals_are_those_of_python(self):
+        found, expected = both(stiff(["RX", "RY"]), radau_of(1e-6), 0.0, 0.3, 0.35, 1.0)
+        assert_same(found, expected, 1e-9)
+        assert {0.3, 0.35, 1.0} <= set(found.steps.until.tolist())
+
+    def test_are_taken_by_the_library(self, monkeypatch):
+        """The Python stepper would give the same: see that it takes none."""
+        monkeypatch.setattr(SingleSteps, "take", lambda *_: pytest.fail("a step in Python"))
+        dynamics = stiff(["RX"])
+        integrate(intervals(dynamics, 0.0, 1.0)[0], dynamics.manifold, np.ones(1), np.zeros(1), radau_of(1e-6))
+
+    def test_of_large_states_are_taken_in_python(self):
+        """With compiled slopes: on the way to the steps no acceleration is computed in Python."""
+        dynamics = stiff(["RX"] * (compiled_radau.LARGEST // 2 + 1))
+        (interval,) = intervals(dynamics, 0.0, 1e-3)[0]
+        alone = replace(interval, acceleration=lambda *_: pytest.fail("a slope in Python"))
+        zero, method = np.zeros(dynamics.model.nv), radau_of(1e-3)
+        solution = Solution(method, dynamics.manifold, [alone])
+        assert CompiledRadau.of(solution, method.stepper(dynamics.manifold, solution.count)) is None
+        assert integrate([alone], dynamics.manifold, zero, zero, method).end == 1e-3
+
+    def test_do_not_depend_on_how_many_are_taken_in_a_call(self, monkeypatch):
+        dynamics, method = stiff(["RX", "RY"]), radau_of(1e-6)
+        many = both(dynamics, method, 0.0, 2.0)[0]
+        monkeypatch.setattr(compiled_radau, "FEWEST", 1)
+        few = both(dynamics, method, 0.0, 2.0)[0]
+        assert len(many.steps) > 20
+        assert many.count == few.count
+        assert np.array_equal(many.steps.y, few.steps.y)
+
+    def test_that_are_rejected_are_counted(self):
+        """The first ones of a fast transient, and those that Newton's method does not solve."""
+        found, expected = both(stiff(["RX", "RX", "RY"], 1e3, 0.1), radau_of(1e-6), 0.0, 1.0)
+        assert found.count == expected.count
+        assert found.count.rejected > 3
+
+    @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-6, 1e-8])
+    @pytest.mark.parametrize(("stiffness", "damping"), [(1e6, 3e3), (1e3, 1e6), (1e9, 1e7)])
+    def test_follow_a_slow_motion_in_closed_form(self, stiffness, damping, tolerance):
+        """A mass of 1 kg on a spring, overdamped: ``x = A exp(s t) + B exp(f t)``, with roots s and f < s."""
+        model = pin.Model()
+        joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "x")
+        model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+        place, zero = np.array([0]), np.zeros(1)
+        spring = SpringDamper(place, place, np.full(1, stiffness), np.full(1, damping), zero)
+        dynamics = Dynamics.of(model, {"spring": spring})
+        given, t = intervals(dynamics, 0.0, 2.0)[0], np.linspace(0.0, 2.0, 101)
+        solution = integrate(given, dynamics.manifold, np.ones(1), zero, radau_of(tolerance))
+        fast = -0.5 * damping - np.sqrt(0.25 * damping**2 - stiffness)
+        slow = stiffness / fast
+        expected = (fast * np.exp(slow * t) - slow * np.exp(fast * t)) / (fast - slow)
+        assert np.abs(solution.states(t)[0][:, 0] - expected).max() < 5.0 * tolerance
+        assert solution.count.evaluations < 800  # an explicit method takes 2e3 to 1e7
+
+
+@pytest.mark.parametrize(("stages", "counts"), [(3, (20, 40, 80)), (5, (8, 12, 16)), (7, (3, 4, 5))])
+def test_the_order_is_that_of_the_method(stages, counts, monkeypatch):
+    """Steps of one length that are never refused, on the body free to turn of the tests of orders.
+
+    The references are right to 1e-12, iterations end at 1e-13; 13 digits leave 7 stages no longer range of steps.
+    """
+    monkeypatch.setattr(compiled_radau, "ITERATIONS", 30)  # long steps near rounding take more than are allowed
+    dynamics = body()
+    (interval,) = intervals(dynamics, 0.0, 4.0)[0]
+    errors = []
+    for count in counts:
+        method = Radau(1.0, stages)
+        solution, h = Solution(method, dynamics.manifold, [interval]), 4.0 / count
+        stepper = method.stepper(dynamics.manifold, solution.count)
+        stepper.enough = 1e-13
+        stepper.begin(interval, np.concatenate([ATTITUDE, SPIN]))
+        steps, t = CompiledRadau(solution, stepper), 0.0
+        for k in range(count):
+            t, _ = steps.take(0, interval, t, (k + 1) * h - t, 1)
+        assert [len(solution.steps), solution.count.rejected] == [count, 0]
+        errors.append(np.abs(stepper.y - turned()(4.0)).max())
+    assert 1e-12 < errors[-1] < errors[0] < 1e-3
+    assert slope(counts, errors) == pytest.approx(2 * stages - 1, abs=0.5)
+
+
+class TestEvents:
+    @pytest.mark.parametrize("at", [0.0005, 0.02, 0.7, 1.9])
+    def test_that_stop_end_the_motion_and_the_count(self, at):
+        """Steps that the library took beyond are no part of the solution."""
+        over = Watch(lambda t, q, v: t - at + 0.0 * q[:, 0], 1, stops=True)
+        found, expected = both(stiff(["RX", "RX", "RY"], 1e3, 0.1), radau_of(1e-6), 0.0, 2.0, watches=[over])
+        assert found.end == pytest.approx(at, abs=1e-12)
+        assert found.end == found.steps[-1].until == found.crossings[-1].t
+        assert found.count == expected.count
+        assert len(found.steps) == len(expected.steps)
+
+
+class TestFailures:
+    def test_a_motion_of_too_many_steps_is_given_up(self):
+        dynamics = regular(["RX", "RY"])
+        for given in intervals(dynamics, 0.0, 1e3):
+            with pytest.raises(IntegrationError, match="has taken 150 steps") as caught:
+                integrate(given, dynamics.manifold, np.ones(2), np.zeros(2), radau_of(1e-6), max_steps=150)
+            partial = caught.value.partial
+            assert len(partial.steps) + partial.count.rejected == 150
+
+    def test_numbers_that_overflow_end_it(self):
+        """A repelling damper drives the velocity beyond all numbers: ``v = exp(c t / m)``."""
+        repelling = stiff(["PX"], 0.0, -1e3)
+        for given in intervals(repelling, 0.0, 1e3):
+            with np.errstate(all="ignore"), pytest.raises(IntegrationError, match="cannot go on at t ="):
+                integrate(given, repelling.manifold, np.ones(1), np.ones(1), radau_of(1e-6))
+
+    @pytest.mark.parametrize("h", [np.nan, 0.0, -1.0])
+    def test_a_step_that_is_none_takes_none(self, h):
+        dynamics, method = stiff(["RX"]), radau_of(1e-6)
+        (interval,) = intervals(dynamics, 0.0, 1.0)[0]
+        solution = Solution(method, dynamics.manifold, [interval])
+        stepper = method.stepper(dynamics.manifold, solution.count)
+        stepper.begin(interval, np.concatenate(states(dynamics.model, 1)[0]))
+        t, following = CompiledRadau(solution, stepper).take(0, interval, 0.0, h, 100)
+        assert t == 0.0
+        assert following == pytest.approx(h, nan_ok=True)
+        assert not solution.steps
