@@ -283,8 +283,11 @@ class EnergyAccount(Record, frozen=True):
         t = (start[first, None] + 0.5 * (h[first] * counts)[:, None] * (nodes + 1.0)).ravel()
         q, v = self.whole(t, *self.solution.states_in(np.repeat(index[first], GAUSS_NODES), t))
         powers = dynamics.dissipated_power(t, q, v).reshape(-1, GAUSS_NODES)
-        lost = [part_weights(int(count)) @ power for count, power in zip(counts, powers, strict=True)]
-        return np.asarray(np.concatenate(lost) * h)
+        lost = np.empty(len(h))
+        for count in np.flatnonzero(np.bincount(counts)).tolist():
+            alike = counts == count
+            lost[np.repeat(alike, counts)] = (powers[alike] @ part_weights(count).T).ravel()
+        return lost * h
 
 
 @cache
