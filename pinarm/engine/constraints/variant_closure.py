@@ -20,7 +20,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.constraints.nullspaces.nullspace import VANISHED
 from pinarm.engine.constraints.nullspaces.nullspace_batch import regular_order
-from pinarm.engine.constraints.nullspaces.orthogonal_rows import OrthogonalRows, along
+from pinarm.engine.constraints.nullspaces.orthogonal_rows import OrthogonalRows, along, singular_values
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.model_variants import ModelVariants, VariantsDiffer, placements_of
 
@@ -143,7 +143,7 @@ class VariantClosure(Closure, frozen=True):
         full = np.asarray(rows)
         counts = full.any(axis=(0, 1, 3))
         scaled = full[..., counts, :] * self.scale / self.measure[counts, None]
-        return np.asarray(np.linalg.svd(scaled, compute_uv=False))
+        return singular_values(np.moveaxis(scaled, (-2, -1), (0, 1)))
 
     def stresses(self, q: Array) -> list[Array]:
         """Return multipliers of length 1 that do nothing, each of shape (n, k, m): see ``Reactions.stresses``."""
