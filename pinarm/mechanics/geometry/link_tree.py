@@ -117,7 +117,13 @@ class LinkTree(Record, frozen=True):
     def momenta(self, motions: Array) -> Array:
         """Return ``I V`` in link axes, of motions of shape (k, 6, njoints, ..)."""
         inertias = states_last(self.inertias, motions.ndim - 3, 3)
-        return np.asarray(np.einsum("ab...,kb...->ka...", inertias, motions))
+        if motions.ndim == 4:
+            return np.asarray(np.einsum("ab...,kb...->ka...", inertias, motions))
+        found = np.zeros((*motions.shape[:3], *np.broadcast_shapes(motions.shape[3:], inertias.shape[3:])))
+        part, every = np.empty_like(found[:, 0]), tuple(range(self.inertias.ndim - 2))
+        for a, b in np.argwhere(self.inertias.any(axis=every)).tolist():  # in the plane most of them are 0
+            found[:, a] += np.multiply(inertias[a, b], motions[:, b], out=part)
+        return found
 
     def summed(self, x: Array) -> Array:
         """Return the sums over the paths from the world to every link, whose own term is 0; shape (3, njoints, ..)."""
