@@ -93,9 +93,9 @@ class OrthogonalRows:
 def singular_values(rows: Array) -> Array:
     """Return the singular values of matrices at many states, shape (r, c, ..), descending, shape (.., min(r, c)).
 
-    Of two rows, the longer one being p and the rest of the other q + r p / |p|, at right angles to p: their sum and
-    difference are ``sqrt((|p| +- |q|)^2 + r^2)``, and their product is ``|p| |q|``. As by LAPACK, errors are rounding of
-    the largest.
+    Of two rows, the longer one being p and the other q + r p / |p| with q at right angles to p: the sum and the
+    difference of the values are ``sqrt((|p| +- |q|)^2 + r^2)``, and their product is ``|p| |q|``. As by LAPACK, errors
+    are rounding of the largest.
     """
     if len(rows) != 2 or rows.shape[1] < 2:
         return np.asarray(np.linalg.svd(np.moveaxis(rows, (0, 1), (-2, -1)), compute_uv=False))
