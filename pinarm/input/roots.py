@@ -190,12 +190,13 @@ def example_robot_data() -> Path:
 
 
 def _prefixes() -> Iterator[Path]:
-    """Yield the folders where it may be installed: beside its metadata, beside Pinocchio, under the interpreter."""
-    from importlib.metadata import PackageNotFoundError, distribution  # 20 ms that few runs need
+    """Yield the folders where it may be installed: beside Python's packages, beside Pinocchio, under the interpreter.
+
+    Its metadata tell the same, 20 ms later.
+    """
     from importlib.util import find_spec
 
-    with suppress(PackageNotFoundError):
-        yield Path(str(distribution("example-robot-data").locate_file("cmeel.prefix")))
+    yield from (Path(folder, "cmeel.prefix") for folder in sys.path)
     pinocchio = find_spec("pinocchio")
     if pinocchio and pinocchio.origin:
         yield from Path(pinocchio.origin).parents[3:6]  # prefix/lib/pythonX/site-packages/pinocchio/__init__.py
