@@ -184,20 +184,22 @@ def example_robot_data() -> Path:
     """
     for prefix in _prefixes():
         folder = prefix / "share" / "example-robot-data"
-        if (folder / "robots").is_dir():
+        if os.path.isdir(folder / "robots"):  # not of pathlib, which raises where a folder is closed to the user
             return folder
     raise ModelError("example-robot-data is not installed", hint="pip install example-robot-data")
 
 
 def _prefixes() -> Iterator[Path]:
-    """Yield the folders where it may be installed: beside Python's packages, beside Pinocchio, under the interpreter.
+    """Yield the folders where it may be installed: beside Pinocchio, beside Python's packages, under the interpreter.
 
-    Its metadata tell the same, 20 ms later.
+    Its metadata tell the same, 20 ms later. The current folder, where Python looks for modules too, is none of them.
     """
     from importlib.util import find_spec
 
-    yield from (Path(folder, "cmeel.prefix") for folder in sys.path)
     pinocchio = find_spec("pinocchio")
     if pinocchio and pinocchio.origin:
         yield from Path(pinocchio.origin).parents[3:6]  # prefix/lib/pythonX/site-packages/pinocchio/__init__.py
+    for folder in sys.path:
+        if isinstance(folder, str) and os.path.isabs(folder) and folder != os.getcwd():
+            yield Path(folder, "cmeel.prefix")
     yield Path(sys.prefix)

@@ -64,7 +64,7 @@ class StepBuffers(Record, frozen=True):
         rejections: Steps rejected before each, shape (m,).
         floored: Whether each was accepted as rounding, shape (m,).
         states: y at their starts, shape (m, n).
-        slopes: What their stages are, those of the step that is tried last included, shape (m + 1, s, n).
+        slopes: A row for each of their stages, and those of the step that is tried last, shape (m + 1, s, n).
         scratch: Buffer, shape (k, n).
     """
 

@@ -126,7 +126,7 @@ class RadauStructure(ctypes.Structure):
     """The coefficients of a Radau IIA method."""
 
     _fields_ = [
-        *((name, SIZE) for name in ("stages", "eigenvalues")),
+        *((name, SIZE) for name in ("stages", "systems")),
         *((name, POINTER) for name in ("c", "inverse", "powers", "error", "eigenvalue", "forth", "back")),
         ("iterations", SIZE), *((name, REAL) for name in ("enough", "contraction", "kept")),
     ]  # fmt: skip

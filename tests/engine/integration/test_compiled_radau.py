@@ -121,7 +121,7 @@ class TestSteps:
 def test_the_order_is_that_of_the_method(stages, counts, monkeypatch):
     """Steps of one length that are never refused, on the body free to turn of the tests of orders.
 
-    The references are right to 1e-12, iterations end at 1e-13; 13 digits leave 7 stages no longer range of steps.
+    The references are right to 1e-12, and iterations end at 1e-13: the range of steps between is short with 7 stages.
     """
     monkeypatch.setattr(compiled_radau, "ITERATIONS", 30)  # long steps near rounding take more than are allowed
     dynamics = body()

@@ -95,7 +95,7 @@ def singular_values(rows: Array) -> Array:
 
     Of two rows, the longer one being p and the other q + r p / |p| with q at right angles to p: the sum and the
     difference of the values are ``sqrt((|p| +- |q|)^2 + r^2)``, and their product is ``|p| |q|``. As by LAPACK, errors
-    are rounding of the largest.
+    are rounding of the largest, of entries between 1e-150 and 1e150; where one is no number, neither are the values.
     """
     if len(rows) != 2 or rows.shape[1] < 2:
         return np.asarray(np.linalg.svd(np.moveaxis(rows, (0, 1), (-2, -1)), compute_uv=False))

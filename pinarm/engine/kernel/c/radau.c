@@ -85,7 +85,7 @@ static void differentiate(const flow *f, const course *m, newton *x) {
 /* The systems lambda_i / h - J of a step; return 0 where one is singular. */
 static int prepare(const radau *p, ptrdiff_t n, double h, newton *x) {
     x->factorised = 0.0;
-    for (ptrdiff_t i = 0; i < p->eigenvalues; i++) {
+    for (ptrdiff_t i = 0; i < p->systems; i++) {
         double complex *a = x->system + i * n * n;
         for (ptrdiff_t k = 0; k < n * n; k++)
             a[k] = -x->jacobian[k];
@@ -130,7 +130,7 @@ static void correct(const radau *p, const flow *f, const course *m, double h, ne
             for (ptrdiff_t k = 0; k < n; k++)
                 left[i * n + k] -= p->inverse[i * s + j] / h * z[j * n + k];
     }
-    for (ptrdiff_t i = 0; i < p->eigenvalues; i++) {
+    for (ptrdiff_t i = 0; i < p->systems; i++) {
         double complex *right = x->right + i * n;
         memset(right, 0, (size_t)n * sizeof *right);
         for (ptrdiff_t j = 0; j < s; j++)
@@ -141,8 +141,8 @@ static void correct(const radau *p, const flow *f, const course *m, double h, ne
     for (ptrdiff_t j = 0; j < s; j++)
         for (ptrdiff_t k = 0; k < n; k++) {
             double sum = 0.0;
-            for (ptrdiff_t i = 0; i < p->eigenvalues; i++)
-                sum += creal(p->back[j * p->eigenvalues + i] * x->right[i * n + k]);
+            for (ptrdiff_t i = 0; i < p->systems; i++)
+                sum += creal(p->back[j * p->systems + i] * x->right[i * n + k]);
             x->change[j * n + k] = sum;
             z[j * n + k] += sum;
         }
@@ -161,9 +161,10 @@ static int solve(const radau *p, const flow *f, const control *c, const course *
             return 0;
         if (k)
             x->promise = x->rate / (1.0 - x->rate);
-        x->iterations = k + 1;
-        if (x->promise * size <= p->enough)
+        if (x->promise * size <= p->enough) {
+            x->iterations = k + 1;
             return 1;
+        }
         if (k && x->promise * pow(x->rate, (double)(p->iterations - 2 - k)) * size > p->enough)
             return 0;
         before = size;
@@ -223,6 +224,11 @@ static double safety(const radau *p, const control *c, const newton *x) {
     return c->safety * (most + 1.0) / (most + (double)x->iterations);
 }
 
+/* The factor of the next try after a rejected step whose error is known. */
+static double shrinkage(const radau *p, const control *c, const newton *x, double error) {
+    return fmax(c->slowest, safety(p, c, x) * pow(error, -1.0 / (double)(p->stages + 1)));
+}
+
 /* The next step after an accepted one, by Gustafsson's predictive controller. */
 static double following(const radau *p, const control *c, const course *m, double h, double error, newton *x) {
     const double exponent = 1.0 / (double)(p->stages + 1);
@@ -256,8 +262,7 @@ void radau_steps(const radau *p, const flow *f, const control *c, course *m, new
         } else { /* NaN included */
             m->rejected++;
             x->known = x->fresh;
-            m->h = taken * (isfinite(error) ? fmax(c->slowest, safety(p, c, x) * pow(error, -1.0 / (double)(p->stages + 1)))
-                                            : c->lost);
+            m->h = taken * (isfinite(error) ? shrinkage(p, c, x, error) : c->lost);
             m->ceiling = 1.0;
         }
     }

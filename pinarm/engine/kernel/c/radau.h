@@ -9,7 +9,7 @@
 
 /* A method of s stages. A^-1 has m = (s + 1) / 2 eigenvalues: the first, which is real, and one of each pair. */
 typedef struct {
-    ptrdiff_t stages, eigenvalues;    /* s, m */
+    ptrdiff_t stages, systems;        /* s, m */
     const double *c;                  /* s nodes */
     const double *inverse;            /* A^-1, s rows of s */
     const double *powers;             /* values at the nodes to coefficients of x .. x^s, s rows of s */

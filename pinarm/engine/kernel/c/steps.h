@@ -43,5 +43,5 @@ typedef struct {
  * short. */
 int course_continues(const course *m, const control *c);
 
-/* Write a step of a length that was accepted, the last of the interval or not, and move to its end y. */
+/* Write an accepted step of the length `taken`, and move to its end, where y is `end`; `last`: it ends the interval. */
 void course_accept(course *m, ptrdiff_t n, double taken, int last, const double *end);
