@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from pinarm.engine.integration.methods.stiff import RadauStepper
 
 LARGEST = 200
-"""Most numbers in a state: with more, steps in Python are faster, since LAPACK eliminates by blocks. For chains of 20, 100
-and 300 links with springs, 40, 200 and 600 numbers, steps here take 0.6, 1.1 and 1.4 times as long as those."""
+"""Most numbers in a state: with more, steps in Python are faster, since LAPACK eliminates by blocks. For chains of 20,
+100 and 300 links with springs, 40, 200 and 600 numbers, steps here take 0.6, 1.1 and 1.4 times as long as those."""
 
 
 @cache
