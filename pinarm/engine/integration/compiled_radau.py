@@ -14,7 +14,7 @@ from pinarm.engine.integration.integrator import Interval, Solution
 from pinarm.engine.integration.methods.radau_coefficients import RadauTableau
 from pinarm.engine.integration.methods.stiff import CONTRACTION, FASTEST, ITERATIONS, KEPT, SAFETY, SLOWEST, UNSOLVED
 from pinarm.engine.integration.step_control import HUGE, SHORTEST, TINY
-from pinarm.engine.kernel.library import library, pointer
+from pinarm.engine.kernel.library import contiguous, library, pointer
 from pinarm.engine.kernel.structures import ControlStructure, CourseStructure, NewtonStructure, RadauStructure
 
 if TYPE_CHECKING:
@@ -30,9 +30,9 @@ LARGEST = 200
 @cache
 def coefficients_of(tableau: RadauTableau) -> tuple[list[NDArray[Any]], list[int]]:
     """Return the coefficients of a method as the library reads them, and their addresses."""
-    kinds = {"c": float, "inverse": float, "powers": float, "error": float,
-             "eigenvalues": complex, "forth": complex, "back": complex}  # fmt: skip
-    arrays = [np.ascontiguousarray(getattr(tableau, name), dtype=kind) for name, kind in kinds.items()]
+    numbers = tableau.c, tableau.inverse, tableau.powers, tableau.error
+    others = tableau.eigenvalues, tableau.forth, tableau.back
+    arrays: list[NDArray[Any]] = [*map(contiguous, numbers), *(np.ascontiguousarray(x, dtype=complex) for x in others)]
     return arrays, list(map(pointer, arrays))
 
 
