@@ -57,7 +57,7 @@ class TestSteps:
         """The error of the first step is rounding, and its eighth root chooses the next: other steps follow."""
         found, expected = both(stiff(names), radau_of(tolerance), 0.0, 0.5)
         assert found.method.stages == 7
-        assert found.count.evaluations == pytest.approx(expected.count.evaluations, rel=0.05)
+        assert found.count.evaluations == pytest.approx(expected.count.evaluations, rel=0.25)
         end = np.array([0.5])
         for one, other in zip(found.states(end), expected.states(end), strict=True):
             assert one == pytest.approx(other, rel=10.0 * tolerance, abs=10.0 * tolerance)
