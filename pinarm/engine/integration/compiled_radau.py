@@ -28,12 +28,11 @@ LARGEST = 200
 
 
 @cache
-def coefficients_of(tableau: RadauTableau) -> tuple[list[NDArray[Any]], list[int]]:
-    """Return the coefficients of a method as the library reads them, and their addresses."""
+def arrays_of(tableau: RadauTableau) -> list[NDArray[Any]]:
+    """Return the coefficients of a method in the order of ``RadauStructure``, kept for as long as the library reads."""
     numbers = tableau.c, tableau.inverse, tableau.powers, tableau.error
     others = tableau.eigenvalues, tableau.forth, tableau.back
-    arrays: list[NDArray[Any]] = [*map(contiguous, numbers), *(np.ascontiguousarray(x, dtype=complex) for x in others)]
-    return arrays, list(map(pointer, arrays))
+    return [*map(contiguous, numbers), *(np.ascontiguousarray(x, dtype=complex) for x in others)]
 
 
 class CompiledRadau(Struct, eq=False, dict=True, weakref=True):
@@ -65,9 +64,9 @@ class CompiledRadau(Struct, eq=False, dict=True, weakref=True):
         self._addresses = [pointer(stepper.y), *self._buffers.pointers()]
         self._slope, self._spent = np.empty(n), np.empty(FEWEST, np.intp)
         systems, pivots, right = np.empty((m, n, n), complex), np.empty((m, n), np.intp), np.empty((m, n), complex)
-        self._kept = [self._slope, np.empty((n, n)), systems, pivots, right, *np.empty((2, s, n))]
-        self._newton = NewtonStructure(*map(pointer, self._kept), promise=1.0, spent=pointer(self._spent))
-        _, places = coefficients_of(stepper.method)
+        self._arrays = [self._slope, np.empty((n, n)), systems, pivots, right, *np.empty((2, s, n))]
+        self._newton = NewtonStructure(*map(pointer, self._arrays), promise=1.0, spent=pointer(self._spent))
+        places = map(pointer, arrays_of(stepper.method))
         self._method = RadauStructure(s, m, *places, ITERATIONS, stepper.enough, CONTRACTION, KEPT)
 
     def take(self, index: int, span: Interval, t: float, h: float, tries: int) -> tuple[float, float]:

@@ -106,7 +106,7 @@ class CompiledSteps(Struct, eq=False, dict=True, weakref=True):
     """Number of steps rejected in all before each step of the solution."""
     _floored: list[int] = []
     """Which of its steps were accepted as rounding."""
-    _record: StepBuffers | None = None
+    _buffers: StepBuffers | None = None
     _addresses: list[int] = []
     _numbers: ControlStructure | None = None
 
@@ -119,39 +119,39 @@ class CompiledSteps(Struct, eq=False, dict=True, weakref=True):
         compiled, flow = library(), span.compiled
         if compiled is None or flow is None:
             raise ValueError("the compiled library has gone")
-        record = self._buffer(stages, len(y))
-        record.slopes[0, 0] = self.stepper.stages.slopes[0]
+        buffers = self._room_for(stages, len(y))
+        buffers.slopes[0, 0] = self.stepper.stages.slopes[0]
         course = CourseStructure(
-            t, span.start, span.end, h, self.stepper.ceiling, tries, len(record.states), 0, 0, 0,
+            t, span.start, span.end, h, self.stepper.ceiling, tries, len(buffers.states), 0, 0, 0,
             *self._addresses,
         )  # fmt: skip
         flow.ready()
         parts = self._coefficients.structure, flow.structure, self._control(span), course
         compiled.pair_steps(*map(ctypes.byref, parts))
-        self._add(index, course, record)
+        self._add(index, course, buffers)
         if course.written == self.room:
             self.room = min(2 * self.room, MOST)
         self.stepper.ceiling = course.ceiling
         if flow.settles and course.written:
-            self._settle(span, flow, course, record)
+            self._settle(span, flow, course, buffers)
         return course.t, course.h
 
-    def _buffer(self, stages: int, n: int) -> StepBuffers:
+    def _room_for(self, stages: int, n: int) -> StepBuffers:
         """Return where the library writes; what it has written is copied from there."""
-        if self._record is None or len(self._record.states) != self.room:
-            self._record = StepBuffers.of(self.room, stages + 1, n, 2)
-            self._addresses = [pointer(self.stepper.y), *self._record.pointers()]
-        return self._record
+        if self._buffers is None or len(self._buffers.states) != self.room:
+            self._buffers = StepBuffers.of(self.room, stages + 1, n, 2)
+            self._addresses = [pointer(self.stepper.y), *self._buffers.pointers()]
+        return self._buffers
 
-    def _settle(self, interval: Interval, flow: Flow, course: CourseStructure, record: StepBuffers) -> None:
+    def _settle(self, interval: Interval, flow: Flow, course: CourseStructure, buffers: StepBuffers) -> None:
         """Let the motion know which states have been settled, and let it settle the one that is handed back."""
         settled, count = course.written - course.handed, self.solution.count
         if settled:
-            flow.advanced(record.times[2, :settled].tolist())
+            flow.advanced(buffers.times[2, :settled].tolist())
         count.evaluations += settled
         if course.handed:
             count.evaluations += self.stepper.stages.settle(course.t)
-            if record.floored[course.written - 1]:
+            if buffers.floored[course.written - 1]:
                 course.h = max(course.h, interval.floor())
 
     def _control(self, interval: Interval) -> ControlStructure:
@@ -160,15 +160,15 @@ class CompiledSteps(Struct, eq=False, dict=True, weakref=True):
             self._numbers = control_of(self.pair, interval)
         return self._numbers
 
-    def _add(self, index: int, course: CourseStructure, record: StepBuffers) -> None:
+    def _add(self, index: int, course: CourseStructure, buffers: StepBuffers) -> None:
         """Add what the library has written to the solution, and give the last slopes to the stepper."""
         count, written = self.solution.count, course.written
-        slopes = record.slopes
-        self.solution.steps.extend(record.times[:, :written].T, record.states[:written], slopes[:written], index)
+        slopes = buffers.slopes
+        self.solution.steps.extend(buffers.times[:, :written].T, buffers.states[:written], slopes[:written], index)
         before = count.rejected
-        self._rejected += [before + number for number in record.rejections[:written].tolist()]
-        self._floored += record.floored[:written].tolist()
-        count.floored += sum(record.floored[:written].tolist())
+        self._rejected += [before + number for number in buffers.rejections[:written].tolist()]
+        self._floored += buffers.floored[:written].tolist()
+        count.floored += sum(buffers.floored[:written].tolist())
         count.rejected += course.rejected
         count.evaluations += (written + course.rejected) * self.pair.tableau.stages
         refused_last = not written or count.rejected > self._rejected[-1]

@@ -54,7 +54,11 @@ class TestSteps:
     @pytest.mark.parametrize("tolerance", [1e-7, 1e-9])
     @pytest.mark.parametrize("names", NAMES, ids=str)
     def test_of_seven_stages_are_as_good_as_those_of_python(self, names, tolerance):
-        """The error of the first step is rounding, and its eighth root chooses the next: other steps follow."""
+        """The error of the first step is rounding, and its eighth root chooses the next: other steps follow.
+
+        Two compilers differ by a tenth of the evaluations. Errors of some thirty steps, each below the tolerance, add
+        up to a few of it.
+        """
         found, expected = both(stiff(names), radau_of(tolerance), 0.0, 0.5)
         assert found.method.stages == 7
         assert found.count.evaluations == pytest.approx(expected.count.evaluations, rel=0.25)

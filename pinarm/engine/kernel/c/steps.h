@@ -14,7 +14,7 @@ typedef struct {
     void *system;
 } flow;
 
-/* Step control. Its numbers stand in pinarm/engine/integration: step_control.py and driver.py. */
+/* Step control. Its numbers stand in pinarm/engine/integration: step_control.py and methods/stiff.py. */
 typedef struct {
     double tolerance, size;                /* errors are relative to tolerance (size + |y|) */
     double safety, gain, slowest, fastest; /* of the next step */
