@@ -216,6 +216,18 @@ class TestSingularPositions:
         assert np.abs(q[:, 0]).max() > 3.0 * np.pi  # it has turned past them
         assert np.abs(q[:, 0] - q[:, 2]).max() < 1e-2 or np.abs(q[:, 0] + q[:, 1]).max() < 1e-2
 
+    @pytest.mark.parametrize("tolerance", np.geomspace(1e-3, 1e-11, 17).tolist())
+    def test_are_in_no_step_that_is_clear_of_them(self, tolerance):
+        """Where the crank has turned by a quarter from its start, all rods are in line."""
+        (segment,) = pinarm.run(EQUAL, {"accuracy.tolerance": tolerance}).outcome.motion.motion.segments
+        solution = segment.solution
+        clear = solution.intervals[0].compiled.motion.clear
+        turned = np.append(solution.steps.y[:, 0], solution.last[0])
+        passed = np.diff(np.floor(turned / np.pi - 0.5)) != 0.0
+        assert passed.sum() > 3
+        assert not clear & set(solution.steps.t[passed].tolist())
+        assert len(clear) > (0.3 * len(turned) if tolerance < 1e-9 else -1)
+
     def test_differ_from_python_no_more_than_rounding_does(self, without, monkeypatch):
         """A change of 1e-15 of the start grows as much in Python alone."""
         settings = {"accuracy.tolerance": 1e-6}
@@ -271,21 +283,25 @@ class TestClosing:
     def test_chooses_alike_how_to_go_on(self, motion):
         """By the regularity, by a fall of it over one step, and by both; the least steps follow."""
         python, flow = motion
-        chosen = set()
+        chosen, clear = set(), set()
         for begin in np.linspace(0.0, 1.55, 12):
             for angle in np.linspace(0.05, 1.57, 24):
                 for t, before in ((0.3, begin - 0.01), (0.5, begin)):
-                    python.settle(t, *self.state(before, 0.0))
+                    python.settle(t, *self.state(before, 0.0, speed=0.3))
                 flow.ready()
-                q, v = self.state(angle, 0.0)
+                q, v = self.state(angle, 0.0, speed=0.3)
                 y = np.concatenate([q, v])
                 assert settle(flow, 1.0, y, np.zeros(6)) == 1
                 earlier = python.regular
+                python.clear.clear()
                 python.settle(1.0, q, v)
                 assert bool(flow.system.structure.near) == python.near
+                assert flow.system.structure.clear == (0.5 in python.clear)
                 assert flow.system.structure.floor == pytest.approx(python.least, abs=1e-12)
                 chosen.add((python.near, python.singular, earlier - python.regular > 0.65, python.least > 0.0))
+                clear.add((0.5 in python.clear, min(earlier, python.regular) > 0.3))
         assert {(False, False, False, False), (True, True, False, True), (True, False, True, False)} <= chosen
+        assert clear == {(True, True), (False, False)}  # 0.15 rad in 0.5 s
 
     @pytest.mark.parametrize("angle", [0.3, 0.5 * np.pi, 0.5 * np.pi + 1e-6, 0.5 * np.pi + 1e-2])
     def test_closes_stages_and_looks_past_singular_positions(self, motion, angle):
@@ -310,6 +326,9 @@ class TestClosing:
         y = np.concatenate([q, v])
         assert flow.slopes(np.array([0.5]), y[None])[0, 3:] == pytest.approx(closed, rel=1e-9, abs=1e-9)
         assert flow.slope(y)[3:] == pytest.approx(open_, rel=1e-9, abs=1e-9)
+        python.clear.add(0.5)
+        assert python.since(0.5)(0.9, q, v)[:3] == pytest.approx(open_, rel=1e-12)
+        assert flow.slopes(np.array([0.5]), y[None])[0, 3:] == pytest.approx(open_, rel=1e-9, abs=1e-9)
 
 
 def settle(flow, t, y, slope):

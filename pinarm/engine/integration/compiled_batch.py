@@ -118,7 +118,8 @@ class StepRecord:
         times: Starts, lengths and ends of the steps [s], shape (3, m, r).
         states: y at their starts, shape (m, r, n).
         slopes: Slopes at their stages, and of the step that is tried last, shape (m, r + 1, s + 1, n).
-        unused: Rejections before each step and whether it was accepted as rounding, shape (2, m, r).
+        unused: Rejections before each step, and whether it was accepted as rounding or is clear of singular positions,
+            shape (3, m, r).
         scratch: Buffers, shape (m, 2, n).
     """
 
@@ -137,7 +138,7 @@ class StepRecord:
         slopes = np.empty((m, room + 1, stages + 1, n))
         slopes[:, 0, 0] = active.slope.T
         times, states = np.empty((3, m, room)), np.empty((m, room, n))
-        return cls(contiguous(active.y.T), times, states, slopes, np.empty((2, m, room), np.intp), np.empty((m, 2, n)))
+        return cls(contiguous(active.y.T), times, states, slopes, np.empty((3, m, room), np.intp), np.empty((m, 2, n)))
 
     def courses(
         self, active: ActiveMotions, start: float | Array, end: float | Array, tries: int | Indices
@@ -148,10 +149,10 @@ class StepRecord:
         courses["start"], courses["end"] = start, end
         courses["tries"], courses["room"] = tries, self.states.shape[1]
         starts, lengths, ends = self.times
-        rejections, floored = self.unused
+        rejections, floored, clear = self.unused
         places = {
             "y": self.present, "scratch": self.scratch, "starts": starts, "lengths": lengths, "ends": ends,
-            "rejections": rejections, "floored": floored, "states": self.states, "slopes": self.slopes,
+            "rejections": rejections, "floored": floored, "clear": clear, "states": self.states, "slopes": self.slopes,
         }  # fmt: skip
         for name, array in places.items():
             courses[name] = pointer(array) + array.strides[0] * np.arange(len(courses))

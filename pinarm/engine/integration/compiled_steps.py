@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from functools import cache
-from itertools import groupby
+from itertools import compress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,6 +63,7 @@ class StepBuffers(Record, frozen=True):
         times: Starts, lengths and ends of the steps [s], shape (3, m).
         rejections: Steps rejected before each, shape (m,).
         floored: Whether each was accepted as rounding, shape (m,).
+        clear: Whether each is known to be clear of singular positions, shape (m,).
         states: y at their starts, shape (m, n).
         slopes: A row for each of their stages, and those of the step that is tried last, shape (m + 1, s, n).
         scratch: Buffer, shape (k, n).
@@ -71,6 +72,7 @@ class StepBuffers(Record, frozen=True):
     times: Array
     rejections: Indices
     floored: NDArray[np.intc]
+    clear: NDArray[np.intc]
     states: Array
     slopes: Array
     scratch: Array
@@ -79,12 +81,12 @@ class StepBuffers(Record, frozen=True):
     def of(cls, room: int, stages: int, n: int, scratch: int) -> StepBuffers:
         """Return buffers for ``room`` steps, a row of n numbers for each of their stages, and ``scratch`` rows more."""
         slopes = np.empty((room + 1, stages, n))
-        times, floored, states = np.empty((3, room)), np.empty(room, np.intc), np.empty((room, n))
-        return cls(times, np.empty(room, np.intp), floored, states, slopes, np.empty((scratch, n)))
+        times, flags, states = np.empty((3, room)), np.empty((2, room), np.intc), np.empty((room, n))
+        return cls(times, np.empty(room, np.intp), *flags, states, slopes, np.empty((scratch, n)))
 
     def pointers(self) -> list[int]:
         """Return the addresses in the order of ``Course``, behind that of y."""
-        steps = *self.times, self.rejections, self.floored, self.states, self.slopes
+        steps = *self.times, self.rejections, self.floored, self.clear, self.states, self.slopes
         return [pointer(x) for x in (self.scratch, *steps)]
 
 
@@ -147,7 +149,8 @@ class CompiledSteps(Struct, eq=False, dict=True, weakref=True):
         """Let the motion know which states have been settled, and let it settle the one that is handed back."""
         settled, count = course.written - course.handed, self.solution.count
         if settled:
-            flow.advanced(buffers.times[2, :settled].tolist())
+            starts, _, ends = buffers.times[:, :settled].tolist()
+            flow.advanced(ends, compress(starts, buffers.clear.tolist()))
         count.evaluations += settled
         if course.handed:
             count.evaluations += self.stepper.stages.settle(course.t)
@@ -198,12 +201,13 @@ def terms(tableau: Tableau, flow: Flow, t: Array, h: Array, y: Array, slopes: Ar
         y: States [q, v] at the starts, shape (n, nq + nv).
         slopes: Slopes at the stages, shape (n, s + 1, nq + nv).
     """
-    found, begin = [], 0
-    for way, group in groupby(map(flow.way, t.tolist())):
-        alike = slice(begin, begin := begin + sum(1 for _ in group))
+    ways = [*map(flow.way, t.tolist())]
+    found = np.empty((len(y), 3 + len(tableau.dense_d), y.shape[1]))
+    for way in dict.fromkeys(ways):
+        alike = [k for k, one in enumerate(ways) if one == way]
         flow.take(way)
-        found.append(_terms(tableau, flow, t[alike], h[alike], y[alike], slopes[alike]))
-    return np.concatenate(found)
+        found[alike] = _terms(tableau, flow, t[alike], h[alike], y[alike], slopes[alike])
+    return found
 
 
 def _terms(tableau: Tableau, flow: Flow, t: Array, h: Array, y: Array, slopes: Array) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -103,8 +103,8 @@ class Flow(Record, frozen=True):
         """Let rates be those within the step that began at t [s]."""
         self.take(self.way(t))
 
-    def advanced(self, ends: Sequence[float]) -> None:
-        """Note that steps have been taken to these instants [s], and the states there settled."""
+    def advanced(self, ends: Sequence[float], clear: Iterable[float]) -> None:
+        """Note that steps have been taken to these instants, the states there settled, and where clear ones begin [s]."""
 
 
 @cache

@@ -86,7 +86,7 @@ class LimitsStructure(ctypes.Structure):
 
     _fields_ = [
         *((name, REAL) for name in ("usual", "near", "ahead", "coarse", "close", "blind", "vanished", "accuracy")),
-        ("aside", REAL), ("across", REAL * 6), ("passed", REAL), ("floor", REAL), ("rank", INT),
+        ("aside", REAL), ("across", REAL * 6), ("passed", REAL), ("floor", REAL), ("clear", REAL), ("rank", INT),
     ]  # fmt: skip
 
 
@@ -109,7 +109,7 @@ class ClosingStructure(ctypes.Structure):
         *((name, REAL) for name in ("projection", "closed", "stalled", "torn")), ("corrections", INT),
         ("limits", LimitsStructure),
         *((name, POINTER) for name in ("scale", "sum", "part", "aside", "state", "saved")),
-        ("near", INT), *((name, REAL) for name in ("regular", "open", "t", "step", "floor")),
+        ("near", INT), ("clear", INT), *((name, REAL) for name in ("regular", "open", "speed", "t", "step", "floor")),
     ]  # fmt: skip
 
 
@@ -146,7 +146,7 @@ class NewtonStructure(ctypes.Structure):
 class FlowStructure(ctypes.Structure):
     """What is integrated."""
 
-    _fields_ = [("n", SIZE), *((name, POINTER) for name in ("rates", "settle", "floor", "system"))]
+    _fields_ = [("n", SIZE), *((name, POINTER) for name in ("rates", "settle", "floor", "clear", "system"))]
 
 
 class HeldStructure(ctypes.Structure):
@@ -183,7 +183,7 @@ class CourseStructure(ctypes.Structure):
         *((name, REAL) for name in ("t", "start", "end", "h", "ceiling")),
         *((name, SIZE) for name in ("tries", "room", "written", "rejected", "handed")),
         *((name, POINTER) for name in ("y", "scratch", "starts", "lengths", "ends")),
-        *((name, POINTER) for name in ("rejections", "floored", "states", "slopes")),
+        *((name, POINTER) for name in ("rejections", "floored", "clear", "states", "slopes")),
     ]
 
 

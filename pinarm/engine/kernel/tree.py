@@ -99,7 +99,7 @@ class TreeFlow(Flow, frozen=True):
     def of(cls, tree: LoadedTree, rates: int | None) -> TreeFlow:
         """Return the motion of a tree whose rates a function of the library writes, by its address."""
         n = tree.structure.nq + tree.structure.nv
-        return cls(FlowStructure(n, rates, None, pointer(NO_FLOOR), ctypes.addressof(tree.structure)), tree)
+        return cls(FlowStructure(n, rates, None, pointer(NO_FLOOR), None, ctypes.addressof(tree.structure)), tree)
 
     def copied(self) -> TreeFlow:
         """Return the same motion with buffers of its own."""

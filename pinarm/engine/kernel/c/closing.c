@@ -67,15 +67,23 @@ static ptrdiff_t count_from(const closing *c, double x) {
     return c->rows.squares.rows - skyline_factorise(&c->rows.squares, -x);
 }
 
+/* The largest velocity in its unit. */
+static double speed(const closing *c, const double *v) {
+    double fastest = 0.0;
+    for (int k = 0; k < c->rows.tree->nv; k++)
+        fastest = fmax(fastest, fabs(v[k]) / c->scale[k]);
+    return fastest;
+}
+
 static int turns(const closing *c) { return c->open > c->limits.passed; } /* beside a singular position */
 
 /* Write the acceleration at a singular position that is passed, from both sides of it; return how open it is. */
 static double across(const closing *c, const double *q, const double *v, double *a) {
     static const double places[6] = {-3.0, -2.0, -1.0, 1.0, 2.0, 3.0};
     const tree *t = c->rows.tree;
-    double fastest = 0.0;
+    const double fastest = speed(c, v);
     for (int k = 0; k < t->nv; k++)
-        fastest = fmax(fastest, fabs(v[k]) / c->scale[k]), c->sum[k] = c->aside[k] = 0.0;
+        c->sum[k] = c->aside[k] = 0.0;
     for (int i = 0; i < 6; i++) {
         copy(t->nq, q, c->state);
         copy(t->nv, v, c->state + t->nq);
@@ -153,6 +161,9 @@ int closing_settle(void *system, double time, double *y, double *slope) {
             copy(t->nq + t->nv, c->saved, y);
         c->step = singular || !isfinite(c->t) ? c->step : time - c->t;
         c->floor = singular && !turns(c) ? c->limits.floor * c->step : 0.0;
+        c->speed = speed(c, y + t->nq);
+        c->clear = !before.near && (time - c->t) * fmax(before.speed, c->speed) <
+                                       c->limits.clear * fmin(1.0, fmin(before.regular, c->regular));
         c->t = time;
         tree_coordinate_rates(t, y, y + t->nq, slope);
         if ((c->near || c->tolerant.repeats > 0) &&

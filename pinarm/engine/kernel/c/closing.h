@@ -13,6 +13,7 @@ typedef struct {
     double aside, across[6];          /* how far beside a singular position others are, and their weights */
     double passed;                    /* gap at the position so interpolated up to which it is passed [m] */
     double floor;                     /* least step close to singular positions, relative to a regular one */
+    double clear;                     /* motion within a step, over the regularity, that reaches no singular position */
     int rank;
 } limits;
 
@@ -28,7 +29,9 @@ typedef struct {
     double *sum, *part, *aside; /* nv */
     double *state, *saved;    /* nq + nv */
     int near;                 /* whether the stages of the next step are closed */
+    int clear;                /* whether the last step is clear of singular positions */
     double regular, open;     /* regularity of the last closed position; gap at a singular one that is near */
+    double speed;             /* the largest velocity there, in its unit */
     double t, step, floor;    /* its time, the length of the last regular step, and the least one now */
 } closing;
 

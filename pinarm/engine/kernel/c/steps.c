@@ -14,7 +14,7 @@ void course_accept(course *m, ptrdiff_t n, double taken, int last, const double 
     const ptrdiff_t k = m->written++;
     const size_t size = (size_t)n * sizeof *end;
     m->starts[k] = m->t, m->lengths[k] = taken, m->ends[k] = last ? m->end : m->t + taken;
-    m->rejections[k] = m->rejected, m->floored[k] = 0;
+    m->rejections[k] = m->rejected, m->floored[k] = m->clear[k] = 0;
     memcpy(m->states + k * n, m->y, size);
     memcpy(m->y, end, size);
     m->t = m->ends[k];

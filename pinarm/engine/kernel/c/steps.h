@@ -11,6 +11,7 @@ typedef struct {
     void (*rates)(void *system, double time, double *y, double *slope);
     int (*settle)(void *system, double time, double *y, double *slope);
     const double *floor; /* the smallest useful step: 0, unless rounding is amplified */
+    const int *clear;    /* whether the step last settled is clear of singular positions; mostly none is told */
     void *system;
 } flow;
 
@@ -35,6 +36,7 @@ typedef struct {
     double *starts, *lengths, *ends; /* t, h and t + h of the written steps, room each */
     ptrdiff_t *rejections;   /* steps rejected before each, since the beginning of the call, room */
     int *floored;            /* whether each was accepted as rounding, room */
+    int *clear;              /* whether each is known to be clear of singular positions, room */
     double *states;          /* y at the start of each, room rows of n */
     double *slopes;          /* of each a row of n for every stage, as the method says; room for one step more */
 } course;

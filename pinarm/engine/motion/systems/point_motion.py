@@ -49,6 +49,10 @@ PASSED, TURNED = 1e-11, 1e-9
 passed. Above the second the loops do not close there: the motion turns sharply beside it, which takes short steps. A
 gap between them, as where a rod is 1e-9 longer than would give a singular position, leaves the way to rounding."""
 
+CLEAR = 0.5
+"""Motion within a step, at the larger one of the speeds at its ends, over the smaller one of their regularities, or 1,
+below which no singular position is within [rad]: four-bars take 1 from one end, and 2 from one end to the other."""
+
 VANISHED = 1e-14
 """Square of a singular value, relative to the largest, that is 0 but for rounding."""
 
@@ -66,8 +70,10 @@ class PointMotion:
         self.tolerant: tuple[pin.ProximalSettings, Acceleration] | None = None
         self.near, self.rank, self.looked, self.rows = True, 0, False, np.empty((0, 0))
         self.regular, self.singular, self.open = 0.0, True, 0.0
-        self.t, self.step, self.least = -np.inf, 0.0, 0.0
+        self.t, self.step, self.least, self.speed = -np.inf, 0.0, 0.0, 0.0
         self.ranks: dict[float, int] = {}
+        self.clear: set[float] = set()
+        """Starts of the steps that are clear of singular positions [s]."""
         self.unchecked = np.nan
         """Instant of an accepted state whose acceleration is still to be looked at, when it is first asked for [s]."""
 
@@ -144,13 +150,16 @@ class PointMotion:
         if self.places:
             q[self.places], v[self.points.tied.driven], _ = self.targets(t)
         self.points.factorise(q)
-        closed = self.closed(q)
+        closed, (near, regular) = self.closed(q), (self.near, self.regular)
         self.look(closed)
         if not self.blind(self.regular):
             q, v = closed, self.tangent(v)
         if not self.singular and self.t > -np.inf:
             self.step = t - self.t
         self.least = FLOOR * self.step if self.singular else 0.0
+        before, self.speed = self.speed, float(np.abs(v / self.scale).max())
+        if not near and (t - self.t) * max(before, self.speed) < CLEAR * min(1.0, regular, self.regular):
+            self.clear.add(self.t)
         self.t = self.unchecked = t
         self.ranks[t] = self.rank
         self.require_known_way(t)
@@ -160,14 +169,18 @@ class PointMotion:
         """Return the rank of the rows in the step that begins at t [s]."""
         return self.ranks.get(t, self.rank)
 
-    def since(self, t: float) -> Acceleration:
-        """Return the acceleration for the dense output of the step that begins at t [s], which closes each state.
+    def closes(self, t: float) -> bool:
+        """Return whether the dense output of the step that begins at t [s] closes the states of its stages.
 
         The error of a step says nothing of the further stages of its dense output: in a long step that passes a
         singular position in one go they may lie right beside it, where states that are a little open have accelerations
         of any size.
         """
-        chosen = True, self.rank_at(t)
+        return t not in self.clear
+
+    def since(self, t: float) -> Acceleration:
+        """Return the acceleration for the dense output of the step that begins at t [s]."""
+        chosen = self.closes(t), self.rank_at(t)
 
         def acceleration(instant: float, q: Array, v: Array) -> Array:
             now, (self.near, self.rank) = (self.near, self.rank, self.open), chosen

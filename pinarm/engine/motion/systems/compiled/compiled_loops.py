@@ -66,15 +66,15 @@ class LoopSystem(Record, frozen=True):
         if not np.isfinite([exact.term, exact.accuracy, *closing, *scale]).all():
             return None
         structure = ClosingStructure(
-            loops.structure, exact, exact, *closing, limits or kind, *map(pointer, kept), 0, 0.0, 0.0, -np.inf, 0.0, 0.0
+            loops.structure, exact, exact, *closing, limits or kind, *map(pointer, kept), t=-np.inf
         )
         return cls(structure, loops, kept)
 
     def flow(self, functions: tuple[Any, Any]) -> FlowStructure:
         """Return what is integrated, with the functions of the library for rates and for accepted states."""
         place = ctypes.addressof(self.structure)
-        floor = place + ClosingStructure.floor.offset
-        return FlowStructure(len(self.kept[-1]), *map(address, functions), floor, place)
+        floor, clear = place + ClosingStructure.floor.offset, place + ClosingStructure.clear.offset
+        return FlowStructure(len(self.kept[-1]), *map(address, functions), floor, clear, place)
 
 
 def closed_states(q: Array, scale: Array, moved: Callable[[Array, Array], Array], closed: Rows) -> list[State]:

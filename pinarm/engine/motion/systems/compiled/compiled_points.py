@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -64,14 +64,15 @@ class PointFlow(Flow, frozen=True):
         self.choose(motion.near, motion.rank)
         structure.regular, structure.limits.rank, structure.open = motion.regular, motion.rank, motion.open
         structure.t, structure.step, structure.floor = motion.t, motion.step, motion.least
+        structure.speed = motion.speed
 
     def way(self, t: float) -> Any:
-        """Return the rank of the rows in the step that begins at t."""
-        return self.motion.rank_at(t)
+        """Return whether stages are closed, and the rank, in the step that begins at t; see ``PointMotion.since``."""
+        return self.motion.closes(t), self.motion.rank_at(t)
 
     def take(self, way: Any) -> None:
-        """Let rates be those of stages that are closed, with a rank; see ``PointMotion.since``."""
-        self.choose(True, way)
+        """Let rates be those of such stages."""
+        self.choose(*way)
 
     def choose(self, near: bool, rank: int) -> None:
         """Choose whether stages are closed, and the rank."""
@@ -80,13 +81,15 @@ class PointFlow(Flow, frozen=True):
         if rank == len(self.system.loops.places):
             structure.tolerant = ProximalStructure(INDEPENDENT * structure.tolerant.term, 0.0, 1)
 
-    def advanced(self, ends: Sequence[float]) -> None:
+    def advanced(self, ends: Sequence[float], clear: Iterable[float]) -> None:
         """Let the motion know how far it is."""
         structure, motion = self.system.structure, self.motion
         motion.ranks |= dict.fromkeys(ends, motion.rank)
+        motion.clear.update(clear)
         motion.near, motion.regular = bool(structure.near), structure.regular
         motion.singular, motion.open = motion.regular < point_motion.NEAR, structure.open
         motion.t, motion.step, motion.least = structure.t, structure.step, structure.floor
+        motion.speed = structure.speed
         motion.require_known_way(motion.t)
 
 
@@ -161,7 +164,7 @@ def _system(loops: LoadedLoops, motion: PointMotion) -> LoopSystem | None:
     of_motion = (getattr(point_motion, name) for name in ("NEAR", "AHEAD", "COARSE", "CLOSE", "BLIND", "VANISHED"))
     limits = LimitsStructure(
         points.tied.regularity, *of_motion, ALIKE, point_motion.ASIDE, tuple(point_motion.ACROSS),
-        point_motion.PASSED * extent, point_motion.FLOOR, points.tied.rank,
+        point_motion.PASSED * extent, point_motion.FLOOR, point_motion.CLEAR, points.tied.rank,
     )  # fmt: skip
     closing = PROJECTION * points.scale, ROUNDED * extent, point_motion.STALLED * extent, MET * LEAST, ITERATIONS
     return LoopSystem.of(loops, motion.scale, points.tied.model.nq, _proximal(motion.exact), closing, limits)
