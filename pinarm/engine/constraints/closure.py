@@ -25,6 +25,7 @@ from pinarm.engine.constraints.nullspaces.nullspace import (
     SplitRows,
     split_rows,
 )
+from pinarm.engine.constraints.nullspaces.squared_rows import regular_values_of_sparse
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
@@ -319,11 +320,14 @@ class Closure(Record, frozen=True):
         return acting_values(rows * self.scale / self.measure[:, None])
 
     def _extreme_values(self, rows: csr_array) -> Array:
-        from scipy.sparse import diags_array
+        from scipy.sparse import csr_array
 
         from pinarm.engine.constraints.nullspaces.sparse_nullspace import extreme_values
 
-        measured = (diags_array(1.0 / self.measure) @ rows @ diags_array(self.scale)).tocsr()
+        data = rows.data * self.scale[rows.indices] / np.repeat(self.measure, np.diff(rows.indptr))
+        measured = csr_array((data, rows.indices, rows.indptr), shape=rows.shape)
+        if (regular := regular_values_of_sparse(measured)) is not None:
+            return regular
         return acting_values(measured.toarray()) if self.model.nv <= DENSE else extreme_values(measured)
 
     def rank(self, values: Array) -> int:

@@ -81,8 +81,9 @@ class StepBuffers(Record, frozen=True):
     def of(cls, room: int, stages: int, n: int, scratch: int) -> StepBuffers:
         """Return buffers for ``room`` steps, a row of n numbers for each of their stages, and ``scratch`` rows more."""
         slopes = np.empty((room + 1, stages, n))
-        times, flags, states = np.empty((3, room)), np.empty((2, room), np.intc), np.empty((room, n))
-        return cls(times, np.empty(room, np.intp), *flags, states, slopes, np.empty((scratch, n)))
+        times, states = np.empty((3, room)), np.empty((room, n))
+        floored, clear = np.empty((2, room), np.intc)
+        return cls(times, np.empty(room, np.intp), floored, clear, states, slopes, np.empty((scratch, n)))
 
     def pointers(self) -> list[int]:
         """Return the addresses in the order of ``Course``, behind that of y."""

@@ -104,7 +104,10 @@ class Flow(Record, frozen=True):
         self.take(self.way(t))
 
     def advanced(self, ends: Sequence[float], clear: Iterable[float]) -> None:
-        """Note that steps have been taken to these instants, the states there settled, and where clear ones begin [s]."""
+        """Note that steps have been taken to, and settled at, these instants [s].
+
+        And where those of them begin that are clear of singular positions [s].
+        """
 
 
 @cache

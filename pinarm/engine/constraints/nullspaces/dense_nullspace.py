@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import Protocol
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.nullspaces.independent_rows import SEVERAL, IndependentRows
+from pinarm.engine.constraints.nullspaces.squared_rows import ROUNDING, regular_values
 from pinarm.records import Record
 
 UNCLOSED = 1e-9
@@ -27,9 +29,6 @@ until it told those others what to do. A row that stands alone is 40 times above
 RANK = 1e-7
 """Singular value of G, its rows of length 1 or less, relative to the largest, below which rows count as dependent. What
 ``UNCLOSED`` makes of redundant rows stays well below it, so that it changes no rank and is not divided by."""
-
-ROUNDING = 1e-16
-"""Part of the largest entry of all rows below which a row is 0, as those that hold a plane linkage in its plane."""
 
 ACTS = 1e-7
 """Part of a self-stress of length 1 that acts on a component: what rounding of the file tilts it by stays below."""
@@ -190,9 +189,15 @@ def solved(matrix: Array, right: Array) -> Array:
 
 
 def acting_values(rows: Array) -> Array:
-    """Return the singular values of matrices, shape (.., m, nv), descending; rows that are 0 cost nothing."""
+    """Return the singular values of matrices, shape (.., m, nv), descending; rows that are 0 cost nothing.
+
+    Of several rows that are regular those between the largest and the smallest are given as the largest.
+    """
     sizes = np.abs(rows).max(axis=(*range(rows.ndim - 2), -1), initial=0.0)
-    values = np.linalg.svd(rows[..., sizes > ROUNDING * sizes.max(initial=0.0), :], compute_uv=False)
+    acting = rows[..., sizes > ROUNDING * sizes.max(initial=0.0), :]
+    acting = acting.reshape(math.prod(rows.shape[:-2]), *acting.shape[-2:])
+    values, known = regular_values(acting)
+    values[~known] = np.linalg.svd(acting[~known], compute_uv=False)
     found = np.zeros((*rows.shape[:-2], min(rows.shape[-2:])))
-    found[..., : values.shape[-1]] = values
+    found[..., : values.shape[-1]] = values.reshape(*rows.shape[:-2], values.shape[-1])
     return found
