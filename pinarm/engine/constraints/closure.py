@@ -25,7 +25,6 @@ from pinarm.engine.constraints.nullspaces.nullspace import (
     SplitRows,
     split_rows,
 )
-from pinarm.engine.constraints.nullspaces.squared_rows import regular_values_of_sparse
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
@@ -326,8 +325,6 @@ class Closure(Record, frozen=True):
 
         data = rows.data * self.scale[rows.indices] / np.repeat(self.measure, np.diff(rows.indptr))
         measured = csr_array((data, rows.indices, rows.indptr), shape=rows.shape)
-        if (regular := regular_values_of_sparse(measured)) is not None:
-            return regular
         return acting_values(measured.toarray()) if self.model.nv <= DENSE else extreme_values(measured)
 
     def rank(self, values: Array) -> int:

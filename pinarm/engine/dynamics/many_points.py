@@ -225,13 +225,14 @@ class ManyPointConstraints:
         if tied is None:
             return None
         found = cls(tied, 1.0)
-        sizes = [found._diagonal(place) for place in (q, *places_of(closure.model))]
-        if any(size is None for size in sizes):
+        for place in places_of(closure.model):
+            diagonal = found._diagonal(place)
+            if diagonal is None or found._unevenness(place, diagonal) > UNEVEN:
+                return None
+        if (diagonal := found._diagonal(q)) is None:
             return None
-        diagonal = sizes[0]
-        assert diagonal is not None
         found.scale = float(diagonal[diagonal > NOISE * diagonal.max()].min())
-        return found if max(found._unevenness(place) for place in places_of(closure.model)) <= UNEVEN else None
+        return found
 
     def _diagonal(self, q: Array) -> Array | None:
         """Return the diagonal of ``G M^-1 G^T``, acting rows only, shape (m,); ``None`` where M is singular."""
@@ -246,12 +247,15 @@ class ManyPointConstraints:
         diagonal = np.concatenate(found)
         return diagonal if (diagonal >= 0.0).all() and np.isfinite(diagonal).all() else None
 
-    def _unevenness(self, q: Array) -> float:
-        """Return the condition number of ``G M^-1 G^T``, scaled to a diagonal of ones, acting rows only."""
-        size = self._diagonal(q)
-        assert size is not None
+    def _unevenness(self, q: Array, diagonal: Array) -> float:
+        """Return the condition number of ``G M^-1 G^T``, scaled to a diagonal of ones, acting rows only.
+
+        Args:
+            q: The configuration at which the rows are in place, shape (nq,).
+            diagonal: See ``_diagonal``.
+        """
         rows, mass = self._acting_rows(), sparse_mass_matrix(self.tied.model, q)
-        scaled = diags_array(1.0 / np.sqrt(size)) @ rows
+        scaled = diags_array(1.0 / np.sqrt(diagonal)) @ rows
         solve, m, nv = splu(mass).solve, rows.shape[0], self.tied.model.nv
         whole = splu(csc_array(block_array([[mass, scaled.T], [scaled, None]])))
         largest = largest_eigenvalue(m, lambda x: scaled @ solve(scaled.T @ x))

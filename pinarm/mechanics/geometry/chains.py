@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import takewhile
 
 import numpy as np
 import pinocchio as pin
@@ -75,7 +76,8 @@ class Chain(Record, frozen=True):
         """Return the chain between two frames; ``None`` where it contains another kind of joint."""
         start, end = model.frames[first], model.frames[second]
         up, down = (list(model.supports[frame.parentJoint]) for frame in (start, end))
-        path = [(j, -1.0) for j in reversed(up) if j not in down] + [(j, 1.0) for j in down if j not in up]
+        shared = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(up, down, strict=False)))
+        path = [(j, -1.0) for j in reversed(up[shared:])] + [(j, 1.0) for j in down[shared:]]
         stages, between, axes, count = [], start.placement.inverse(), np.eye(3), 1
         here = VariantPlacement.of(pin.SE3.Identity()) if isinstance(model, ModelVariants) else pin.SE3.Identity()
         for joint, direction in path:

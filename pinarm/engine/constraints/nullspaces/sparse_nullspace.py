@@ -23,6 +23,7 @@ from pinarm.engine.constraints.nullspaces.dense_nullspace import (
     dense_parts,
 )
 from pinarm.engine.constraints.nullspaces.sparse_rows import BlockDecomposition
+from pinarm.engine.constraints.nullspaces.squared_rows import regular_values_of_sparse
 
 MOTIONS = 3
 """Steps of the power method that see whether a singular value is beyond doubt: one at 1e-8 of the largest among 1e4
@@ -160,6 +161,8 @@ def extreme_values(rows: csr_array) -> Array:
     They are at the places that they have in the order of all, which is descending; those between are not known and
     given as the largest, those behind as 0.
     """
+    if (regular := regular_values_of_sparse(rows)) is not None:
+        return regular
     values, found = np.zeros(min(rows.shape)), _part(rows, 0.0)
     if found is None:
         return np.asarray(np.linalg.svd(rows.toarray(), compute_uv=False))
