@@ -6,7 +6,6 @@ An open chain has no rows; nothing else distinguishes it.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from contextlib import contextmanager
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, cast
 
@@ -25,6 +24,7 @@ from pinarm.engine.constraints.nullspaces.nullspace import (
     SplitRows,
     split_rows,
 )
+from pinarm.engine.one_run import kept_in_a_run
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
@@ -447,19 +447,7 @@ class MeasuredRows(Record, frozen=True):
         return RowDecompositions.of(self.matrices, self.reach)
 
 
-@contextmanager
-def rows_of_one_run() -> Iterator[None]:
-    """Keep the rows measured at the configurations asked for last until the end of a ``with`` block, but no longer.
-
-    Another run of the same scenario measures anew, as one with other numbers would.
-    """
-    try:
-        yield
-    finally:
-        _kept_rows.cache_clear()
-
-
-@lru_cache(maxsize=4)
+@kept_in_a_run(4)
 def _kept_rows(closure: Closure, content: bytes, n: int) -> MeasuredRows:
     """Return the rows at n configurations, given by the bytes of their array."""
     return closure.together(np.frombuffer(content).reshape(n, -1))

@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.nullspaces.nullspace import MANY
+from pinarm.engine.one_run import kept_in_a_run
 from pinarm.mechanics.geometry.buffers import give_back, take
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.model_cache import cached_by_model
@@ -19,6 +20,9 @@ from pinarm.records import Record
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
+
+KEPT = 64
+"""Number of configurations up to which mass matrices are kept until the end of a run."""
 
 
 def mass_matrix(model: pin.Model, q: Array) -> Array:
@@ -34,6 +38,19 @@ def mass_matrices(model: pin.Model, q: Array) -> Array:
     give_back(model, data)
     diagonal, above = _triangle(model.nv)
     return np.asarray(upper * (diagonal + above) + (upper * above).swapaxes(1, 2))
+
+
+def shared_mass_matrices(model: pin.Model, q: Array) -> Array:
+    """Return the same, to be read only: what closes the states of a table and what checks it ask for the same few."""
+    return _kept_matrices(model, q.tobytes(), len(q)) if 1 < len(q) <= KEPT else mass_matrices(model, q)
+
+
+@kept_in_a_run(1)
+def _kept_matrices(model: pin.Model, content: bytes, n: int) -> Array:
+    """Return the same at n configurations, given by the bytes of their array."""
+    found = mass_matrices(model, np.frombuffer(content).reshape(n, -1))
+    found.flags.writeable = False
+    return found
 
 
 @cache
@@ -72,7 +89,7 @@ def masses(model: pin.Model, q: Array) -> Masses:
     """Return M at configurations, shape (n, nq), or at one, (nq,): a matrix, or of many joints its products."""
     if model.nv > MANY:
         return MassProducts(model, q)
-    return mass_matrices(model, q) if q.ndim > 1 else mass_matrix(model, q)
+    return shared_mass_matrices(model, q) if q.ndim > 1 else mass_matrix(model, q)
 
 
 def sparse_mass_matrix(model: pin.Model, q: Array) -> csc_array:

@@ -14,7 +14,7 @@ import pinocchio as pin
 from msgspec import Struct, field
 
 from pinarm.arrays import Array
-from pinarm.engine.dynamics.mass_matrix import Masses, mass_matrices, masses
+from pinarm.engine.dynamics.mass_matrix import Masses, masses, shared_mass_matrices
 from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.mechanics.geometry.pinocchio_data import WIDE, new_data
 from pinarm.records import Record
@@ -129,7 +129,7 @@ class Parallel(Record, frozen=True):
 
     def mass_matrices(self, q: Array) -> Array:
         """Return M at configurations, shape (n, nq), as an array of shape (n, nv, nv); armatures are in it."""
-        return mass_matrices(self.model, q)
+        return shared_mass_matrices(self.model, q)
 
     def masses(self, q: Array) -> Masses:
         """Return M at configurations, shape (n, nq): as ``mass_matrices``, or of many joints its products."""

@@ -26,6 +26,11 @@ PATH = Path(__file__).parent / "c" / ("kernel.dylib" if sys.platform == "darwin"
 """The library, as the build writes it; beside the sources, where Python does not take it for one of its modules."""
 
 
+PLACES = ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p
+RATES, SETTLE = ctypes.PYFUNCTYPE(None, *PLACES), ctypes.PYFUNCTYPE(ctypes.c_int, *PLACES)
+"""Functions ``rates`` and ``settle`` of a flow, by their addresses: system, time, y and its slope."""
+
+
 class Flow(Record, frozen=True):
     """What the library integrates: y = [q, v], with the slope ``[velocity(q, v), a(q, v)]``.
 
@@ -58,8 +63,7 @@ class Flow(Record, frozen=True):
 
     def settled(self, y: Array) -> Array:
         """Return states [q, v], shape (n, nq + nv), brought back onto constraints as accepted ones are, or as given."""
-        kind = ctypes.PYFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
-        settle, states, slope = kind(self.structure.settle), np.array(y, order="C"), np.empty(self.structure.n)
+        settle, states, slope = SETTLE(self.structure.settle), np.array(y, order="C"), np.empty(self.structure.n)
         first, found, size = pointer(states), pointer(slope), states.itemsize * self.structure.n
         self.ready()
         for place in range(0, size * len(y), size):
@@ -84,9 +88,8 @@ class Flow(Record, frozen=True):
     @cached_property
     def _evaluation(self) -> tuple[Any, Array, Array, tuple[int, int]]:
         """The function of the library, its buffers for a state and its slope, and their addresses."""
-        kind = ctypes.PYFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
         state, slope = np.zeros((2, self.structure.n))
-        return kind(self.structure.rates), state, slope, (pointer(state), pointer(slope))
+        return RATES(self.structure.rates), state, slope, (pointer(state), pointer(slope))
 
     def held(self, starts: Sequence[float]) -> HeldStructure:
         """Return the numbers that were others in each of some steps, by their starts [s]; mostly none."""

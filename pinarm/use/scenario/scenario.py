@@ -17,9 +17,9 @@ from pinarm.engine.checks.figures import plain
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.checks.unclosed import unclosed
 from pinarm.engine.constraints.blas_threads import one_blas_thread
-from pinarm.engine.constraints.closure import rows_of_one_run
 from pinarm.engine.mechanism import Mechanism, mechanism_document, mechanism_of_data, read_mechanism
 from pinarm.engine.motion.outcome import Outcome
+from pinarm.engine.one_run import one_run
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, Key, MethodError, NumericsError
 from pinarm.input.formulas.expressions import Expression
@@ -398,7 +398,7 @@ class Scenario(Record, frozen=True):
 
     def _solve_once(self) -> Result:
         """Solve, measure the accuracy, and refuse what is not finite."""
-        with one_blas_thread(self.mechanism.model.nv), rows_of_one_run():
+        with one_blas_thread(self.mechanism.model.nv), one_run():
             try:
                 solved = self.simplification.solve()
             except MethodError as error:

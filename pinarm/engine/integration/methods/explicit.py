@@ -334,7 +334,8 @@ class AdaptiveStepper:
             return h
         self.count.evaluations += 1
         interval, order = self.stages.interval, self.tableau.error_order
-        slope, rates = self.stages.slopes[0], self.stages.rates
+        slope, compiled = self.stages.slopes[0], interval.compiled
+        rates = self.stages.rates if compiled is None else lambda _, y: compiled.slope(y)
         return float(
             first_step(interval.start, interval.end, self.y, slope, rates, self.tolerance, order, interval.size)
         )
