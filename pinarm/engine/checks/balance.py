@@ -7,6 +7,7 @@ from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.checks.figures import relative
@@ -91,13 +92,27 @@ def _virtual_powers(run: Trajectory) -> tuple[Array, Array, Array]:
     Two of shape (n, nv) [W per rad/s or m/s], and the most power that the links' wrenches could have at their speeds,
     shape (n,) [W].
     """
-    model, (links, twists, _, columns) = run.mechanism.model, run.link_motion
+    model, (links, _, _, columns) = run.mechanism.model, run.link_motion
     loads = run.gather(lambda dynamics, part: dynamics.loads(run.grid.t[part], run.q[part], run.v[part]))
     held = run.closure.load(links, columns, run.q, run.lam.at(np.arange(len(run))))
-    asked, sizes = _asked(links, columns, links.at_world(run.demands))
+    asked, sizes, most = _demanded(run)
     acting = run.tau, loads, run.friction_loads, held
     supplied = sum(acting) - model.armature * run.a
-    return supplied - asked, sum(map(np.abs, acting)) + sizes, _most_powers(run.demands, twists)
+    return supplied - asked, sum(map(np.abs, acting)) + sizes, most
+
+
+def _demanded(run: Trajectory) -> tuple[Array, Array, Array]:
+    """Return the virtual powers that the links' motion asks for, and the most that they could be; see ``_asked``.
+
+    And the most power that their wrenches could have at their speeds, shape (n,) [W].
+    """
+    links, twists, rates, columns = run.link_motion
+    if isinstance(links.model, pin.Model) and links.model.nv <= MANY:
+        from pinarm.engine.kernel.bodies import demanded_powers
+
+        if (found := demanded_powers(links, twists, rates, columns)) is not None:
+            return found
+    return *_asked(links, columns, links.at_world(run.demands)), _most_powers(run.demands, twists)
 
 
 def _asked(links: LinkPlacements, columns: Array, wrenches: Array) -> tuple[Array, Array]:

@@ -11,9 +11,14 @@ REAL, INT, SIZE, POINTER = ctypes.c_double, ctypes.c_int, ctypes.c_ssize_t, ctyp
 SCREW = np.dtype([("axis", np.intc), ("slide", float), ("turn", float)], align=True)
 """A column of the motion subspace of a joint: it slides along, and turns about, an axis of the link's frame."""
 
+_BODY = ("mass", float), ("moment", float, 3), ("inertia", float, 6)
+
+BODY = np.dtype([*_BODY])
+"""A rigid body."""
+
 LINK = np.dtype([
     *((name, np.intc) for name in ("parent", "kind", "q", "v")), ("rotation", float, (3, 3)), ("translation", float, 3),
-    ("mass", float), ("moment", float, 3), ("inertia", float, 6),
+    *_BODY,
 ], align=True)  # fmt: skip
 """A link with its joint and its body."""
 
@@ -113,6 +118,15 @@ class ClosingStructure(ctypes.Structure):
     ]  # fmt: skip
 
 
+class BodiesStructure(ctypes.Structure):
+    """The bodies of a tree."""
+
+    _fields_ = [
+        ("links", SIZE), ("nv", SIZE), *((name, POINTER) for name in ("parent", "first", "count", "body")),
+        ("gravity", REAL * 3),
+    ]  # fmt: skip
+
+
 class PairStructure(ctypes.Structure):
     """The coefficients of an embedded Runge-Kutta pair."""
 
@@ -188,11 +202,12 @@ class CourseStructure(ctypes.Structure):
 
 
 ARRAYS = (
-    SCREW, LINK, DEGREE, ROTATION_SPRING, POINT_SPRING, LINK_STATE, DEGREE_STATE, LOOP, LOOP_STATE, FORCE,
+    SCREW, BODY, LINK, DEGREE, ROTATION_SPRING, POINT_SPRING, LINK_STATE, DEGREE_STATE, LOOP, LOOP_STATE, FORCE,
 )  # fmt: skip
 STRUCTURES = (
     TreeStructure, SkylineStructure, ConstraintsStructure, ClosingStructure, PairStructure, FlowStructure,
     HeldStructure, ControlStructure, CourseStructure, RadauStructure, NewtonStructure,
+    BodiesStructure,
 )  # fmt: skip
 SIZES = (*(one.itemsize for one in ARRAYS), *map(ctypes.sizeof, STRUCTURES))
 """Sizes [bytes], in the order of ``kernel_sizes`` in ``kernel.c``."""
