@@ -24,7 +24,7 @@ NEAR = 0.1
 ROUNDS, EVENLY = 10, 8
 """How often instants between rows are looked at; at first so many on either side, evenly, as rows may be far apart."""
 
-SAME = 1e-10
+SAME = 1e-9
 """Difference of regularities, relative to them, that is rounding: of positions that a motion takes twice the first
 counts, whatever the processor."""
 

@@ -27,7 +27,7 @@ SEVERAL = 32
 """Number of rows from which on this is tried."""
 
 REGULAR = 1e-3
-"""Singular value, relative to the largest, above which its square has digits enough: rounding leaves 1e-10 of it."""
+"""Singular value, relative to the largest, above which its square has digits enough: rounding leaves 1e-9 of it."""
 
 ACCURATE = 1e-11
 """Relative accuracy of the squares."""
