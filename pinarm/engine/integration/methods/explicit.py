@@ -265,6 +265,13 @@ class Stages:
         q, v = self.manifold.project(y[:nq]), y[nq:]
         return np.concatenate([self.manifold.velocity(q, v), self.interval.acceleration(t, q, v)])
 
+    def trial_rates(self, t: float, y: Array) -> Array:
+        """Return the slope of a state that no step reaches, in compiled code where that can solve for it."""
+        compiled = self.interval.compiled
+        if compiled is not None and np.isfinite(slope := compiled.slope(y)).all():
+            return slope
+        return self.rates(t, y)
+
     def advance(self, t: float, h: float) -> None:
         """Compute the stages and the step from the present state, and the slope at its end."""
         dot, velocity, project, acceleration = (
@@ -334,8 +341,7 @@ class AdaptiveStepper:
             return h
         self.count.evaluations += 1
         interval, order = self.stages.interval, self.tableau.error_order
-        slope, compiled = self.stages.slopes[0], interval.compiled
-        rates = self.stages.rates if compiled is None else lambda _, y: compiled.slope(y)
+        slope, rates = self.stages.slopes[0], self.stages.trial_rates
         return float(
             first_step(interval.start, interval.end, self.y, slope, rates, self.tolerance, order, interval.size)
         )
