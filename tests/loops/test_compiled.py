@@ -219,14 +219,33 @@ class TestSingularPositions:
     @pytest.mark.parametrize("tolerance", np.geomspace(1e-3, 1e-11, 17).tolist())
     def test_are_in_no_step_that_is_clear_of_them(self, tolerance):
         """Where the crank has turned by a quarter from its start, all rods are in line."""
-        (segment,) = pinarm.run(EQUAL, {"accuracy.tolerance": tolerance}).outcome.motion.motion.segments
+        clear, passing, count = self.steps({"accuracy.tolerance": tolerance})
+        assert len(passing) > 3
+        assert not clear & passing
+        assert len(clear) > (0.3 * count if tolerance < 1e-9 else -1)
+
+    @pytest.mark.parametrize("amplitude", [0.3, 0.75, 1.4])
+    def test_are_in_no_step_that_swings_across_them_from_rest_to_rest(self, amplitude):
+        """On a spring about the flat position steps are as long as half a period, and slow at both ends."""
+        angle = 0.5 * np.pi - amplitude
+        spring = {"kind": "joint_spring", "joint": "upright_0", "stiffness": "20 N*m/rad", "rest": "90 deg"}
+        clear, passing, _ = self.steps({
+            "changes": {"gravity": "none", "forces": {"spring": spring}}, "accuracy.tolerance": 1e-2,
+            "problem.initial.position": {
+                name: f"{sign * angle!r} rad" for name, sign in (("upright_0", 1), ("coupler_0", -1), ("upright_1", 1))
+            },
+            "problem.initial.velocity": {"upright_0": "0 rad/s"},
+        })  # fmt: skip
+        assert len(passing) > 3
+        assert not clear & passing
+
+    def steps(self, values):
+        """Return the starts of clear steps, and of those in which the rods get in line, and the number of all."""
+        (segment,) = pinarm.run(EQUAL, values).outcome.motion.motion.segments
         solution = segment.solution
-        clear = solution.intervals[0].compiled.motion.clear
         turned = np.append(solution.steps.y[:, 0], solution.last[0])
         passed = np.diff(np.floor(turned / np.pi - 0.5)) != 0.0
-        assert passed.sum() > 3
-        assert not clear & set(solution.steps.t[passed].tolist())
-        assert len(clear) > (0.3 * len(turned) if tolerance < 1e-9 else -1)
+        return solution.intervals[0].compiled.motion.clear, set(solution.steps.t[passed].tolist()), len(passed)
 
     def test_differ_from_python_no_more_than_rounding_does(self, without, monkeypatch):
         """A change of 1e-15 of the start grows as much in Python alone."""
@@ -287,21 +306,23 @@ class TestClosing:
         for begin in np.linspace(0.0, 1.55, 12):
             for angle in np.linspace(0.05, 1.57, 24):
                 for t, before in ((0.3, begin - 0.01), (0.5, begin)):
-                    python.settle(t, *self.state(before, 0.0, speed=0.3))
+                    python.acceleration(t, *python.settle(t, *self.state(before, 0.0, speed=0.3)))
                 flow.ready()
                 q, v = self.state(angle, 0.0, speed=0.3)
                 y = np.concatenate([q, v])
                 assert settle(flow, 1.0, y, np.zeros(6)) == 1
                 earlier = python.regular
                 python.clear.clear()
-                python.settle(1.0, q, v)
+                python.acceleration(1.0, *python.settle(1.0, q, v))
                 assert bool(flow.system.structure.near) == python.near
                 assert flow.system.structure.clear == (0.5 in python.clear)
                 assert flow.system.structure.floor == pytest.approx(python.least, abs=1e-12)
                 chosen.add((python.near, python.singular, earlier - python.regular > 0.65, python.least > 0.0))
-                clear.add((0.5 in python.clear, min(earlier, python.regular) > 0.3))
+                most = 0.5 * (0.3 + 0.125 * python.pull)  # of all velocities alike, and of equal accelerations
+                clear.add((0.5 in python.clear, 0.5 * min(1.0, earlier, python.regular) > most))
         assert {(False, False, False, False), (True, True, False, True), (True, False, True, False)} <= chosen
-        assert clear == {(True, True), (False, False)}  # 0.15 rad in 0.5 s
+        assert (True, True) in clear
+        assert (True, False) not in clear
 
     @pytest.mark.parametrize("angle", [0.3, 0.5 * np.pi, 0.5 * np.pi + 1e-6, 0.5 * np.pi + 1e-2])
     def test_closes_stages_and_looks_past_singular_positions(self, motion, angle):

@@ -227,7 +227,7 @@ class ManyPointConstraints:
         found = cls(tied, 1.0)
         for place in places_of(closure.model):
             diagonal = found._diagonal(place)
-            if diagonal is None or found._unevenness(place, diagonal) > UNEVEN:
+            if diagonal is None or not found._unevenness(place, diagonal) <= UNEVEN:  # NaN included
                 return None
         if (diagonal := found._diagonal(q)) is None:
             return None

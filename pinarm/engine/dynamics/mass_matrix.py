@@ -41,7 +41,10 @@ def mass_matrices(model: pin.Model, q: Array) -> Array:
 
 
 def shared_mass_matrices(model: pin.Model, q: Array) -> Array:
-    """Return the same, to be read only: what closes the states of a table and what checks it ask for the same few."""
+    """Return the same, to be read only: what closes the states of a table and what checks it ask for the same few.
+
+    The model must not have changed since, as for all that is kept of it; q is an array of doubles.
+    """
     return _kept_matrices(model, q.tobytes(), len(q)) if 1 < len(q) <= KEPT else mass_matrices(model, q)
 
 

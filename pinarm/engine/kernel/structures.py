@@ -114,7 +114,8 @@ class ClosingStructure(ctypes.Structure):
         *((name, REAL) for name in ("projection", "closed", "stalled", "torn")), ("corrections", INT),
         ("limits", LimitsStructure),
         *((name, POINTER) for name in ("scale", "sum", "part", "aside", "state", "saved")),
-        ("near", INT), ("clear", INT), *((name, REAL) for name in ("regular", "open", "speed", "t", "step", "floor")),
+        ("near", INT), ("clear", INT),
+        *((name, REAL) for name in ("regular", "open", "speed", "pull", "t", "step", "floor")),
     ]  # fmt: skip
 
 

@@ -67,12 +67,18 @@ static ptrdiff_t count_from(const closing *c, double x) {
     return c->rows.squares.rows - skyline_factorise(&c->rows.squares, -x);
 }
 
-/* The largest velocity in its unit. */
-static double speed(const closing *c, const double *v) {
-    double fastest = 0.0;
+/* The largest velocity or acceleration in the units of velocities. */
+static double largest(const closing *c, const double *x) {
+    double size = 0.0;
     for (int k = 0; k < c->rows.tree->nv; k++)
-        fastest = fmax(fastest, fabs(v[k]) / c->scale[k]);
-    return fastest;
+        size = fmax(size, fabs(x[k]) / c->scale[k]);
+    return size;
+}
+
+/* Whether a step of length h is too short to reach a singular position. */
+static int is_clear(const closing *from, const closing *to, double h) {
+    const double speed = fmax(from->speed, to->speed) + 0.25 * h * fmax(from->pull, to->pull);
+    return !from->near && h * speed < to->limits.clear * fmin(1.0, fmin(from->regular, to->regular));
 }
 
 static int turns(const closing *c) { return c->open > c->limits.passed; } /* beside a singular position */
@@ -81,7 +87,7 @@ static int turns(const closing *c) { return c->open > c->limits.passed; } /* bes
 static double across(const closing *c, const double *q, const double *v, double *a) {
     static const double places[6] = {-3.0, -2.0, -1.0, 1.0, 2.0, 3.0};
     const tree *t = c->rows.tree;
-    const double fastest = speed(c, v);
+    const double fastest = largest(c, v);
     for (int k = 0; k < t->nv; k++)
         c->sum[k] = c->aside[k] = 0.0;
     for (int i = 0; i < 6; i++) {
@@ -161,14 +167,14 @@ int closing_settle(void *system, double time, double *y, double *slope) {
             copy(t->nq + t->nv, c->saved, y);
         c->step = singular || !isfinite(c->t) ? c->step : time - c->t;
         c->floor = singular && !turns(c) ? c->limits.floor * c->step : 0.0;
-        c->speed = speed(c, y + t->nq);
-        c->clear = !before.near && (time - c->t) * fmax(before.speed, c->speed) <
-                                       c->limits.clear * fmin(1.0, fmin(before.regular, c->regular));
         c->t = time;
         tree_coordinate_rates(t, y, y + t->nq, slope);
         if ((c->near || c->tolerant.repeats > 0) &&
-            accelerations(c, y, y + t->nq, slope + t->nq) <= c->torn * c->torn)
+            accelerations(c, y, y + t->nq, slope + t->nq) <= c->torn * c->torn) {
+            c->speed = largest(c, y + t->nq), c->pull = largest(c, slope + t->nq);
+            c->clear = is_clear(&before, c, time - before.t);
             return 1;
+        }
     }
     copy(t->nq + t->nv, c->saved, y);
     *c = before;

@@ -50,8 +50,9 @@ passed. Above the second the loops do not close there: the motion turns sharply 
 gap between them, as where a rod is 1e-9 longer than would give a singular position, leaves the way to rounding."""
 
 CLEAR = 0.5
-"""Motion within a step, at the larger one of the speeds at its ends, over the smaller one of their regularities, or 1,
-below which no singular position is within [rad]: four-bars take 1 from one end, and 2 from one end to the other."""
+"""Motion within a step, over the smaller one of the regularities at its ends, or 1, below which no singular position is
+within [rad]: four-bars take 1 from one end, and 2 from one end to the other. It is taken as ``h (v + h a / 4)`` of the
+larger speed and the larger acceleration at the ends: more than a harmonic swing moves from rest to rest."""
 
 VANISHED = 1e-14
 """Square of a singular value, relative to the largest, that is 0 but for rounding."""
@@ -70,10 +71,12 @@ class PointMotion:
         self.tolerant: tuple[pin.ProximalSettings, Acceleration] | None = None
         self.near, self.rank, self.looked, self.rows = True, 0, False, np.empty((0, 0))
         self.regular, self.singular, self.open = 0.0, True, 0.0
-        self.t, self.step, self.least, self.speed = -np.inf, 0.0, 0.0, 0.0
+        self.t, self.step, self.least, self.speed, self.pull = -np.inf, 0.0, 0.0, 0.0, 0.0
         self.ranks: dict[float, int] = {}
         self.clear: set[float] = set()
         """Starts of the steps that are clear of singular positions [s]."""
+        self.ended: tuple[float, float, float] | None = None
+        """Start and length of the step that ended last [s], and the motion that is clear; ``None`` where none is."""
         self.unchecked = np.nan
         """Instant of an accepted state whose acceleration is still to be looked at, when it is first asked for [s]."""
 
@@ -95,6 +98,7 @@ class PointMotion:
         if t == self.unchecked:  # stages of steps that end there are not closed
             self.unchecked = np.nan
             require_closed_accelerations(self.rows, a, self.points.right(), t, q)
+            self._note_clear(v, a)
         return a
 
     def settings(self, rank: int) -> pin.ProximalSettings | None:
@@ -157,13 +161,20 @@ class PointMotion:
         if not self.singular and self.t > -np.inf:
             self.step = t - self.t
         self.least = FLOOR * self.step if self.singular else 0.0
-        before, self.speed = self.speed, float(np.abs(v / self.scale).max())
-        if not near and (t - self.t) * max(before, self.speed) < CLEAR * min(1.0, regular, self.regular):
-            self.clear.add(self.t)
+        self.ended = None if near else (self.t, t - self.t, CLEAR * min(1.0, regular, self.regular))
         self.t = self.unchecked = t
         self.ranks[t] = self.rank
         self.require_known_way(t)
         return q, v
+
+    def _note_clear(self, v: Array, a: Array) -> None:
+        """Note whether the step that ended in a state is clear of singular positions."""
+        speed, pull = self.speed, self.pull
+        self.speed, self.pull = (float(np.abs(x / self.scale).max()) for x in (v, a))
+        if self.ended is not None:
+            start, h, most = self.ended
+            if h * (max(speed, self.speed) + 0.25 * h * max(pull, self.pull)) < most:
+                self.clear.add(start)
 
     def rank_at(self, t: float) -> int:
         """Return the rank of the rows in the step that begins at t [s]."""
