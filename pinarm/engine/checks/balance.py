@@ -292,8 +292,7 @@ class EnergyAccount(Record, frozen=True):
         Steps between samples of controllers are short beside the motion: the nodes of one such step do for all its
         parts.
         """
-        wholes = index if self._sampled else np.arange(len(index))
-        _, first = np.unique(wholes, return_index=True)
+        first = np.unique(index, return_index=True)[1] if self._sampled else np.arange(len(index))
         nodes = gauss_nodes()
         count = len(h) // len(first)  # all steps have as many parts
         t = (start[first, None] + 0.5 * count * h[first, None] * (nodes + 1.0)).ravel()

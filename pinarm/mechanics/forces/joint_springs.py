@@ -70,11 +70,13 @@ class SpringDamper(AbstractRecord, ForceElement, frozen=True):
 
     def potential_energy(self, q: Array) -> Array:
         """Return the energy of the springs."""
-        return np.asarray((0.5 * self.stiffness * (q[..., self.q] - self.rest) ** 2).sum(axis=-1))
+        moved = q[..., self._places[0]] - self.rest
+        return np.asarray(0.5 * np.vecdot(self.stiffness * moved, moved))
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the power of the dampers."""
-        return np.asarray((self.damping * v[..., self.v] ** 2).sum(axis=-1))
+        rates = v[..., self._places[1]]
+        return np.asarray(np.vecdot(self.damping * rates, rates))
 
     @property
     def conservative(self) -> bool:
