@@ -221,7 +221,7 @@ def screw_of(joint: pin.JointModel) -> tuple[bool, Array] | None:
     if joint.nq != 1 or joint.nv != 1:
         return None
     data = joint.createData()
-    joint.calc(data, np.zeros(1))
+    joint.calc(data, np.zeros(max(joint.idx_q, 0) + 1))  # it reads at its place in q, unchecked
     motion = np.asarray(data.S, float).ravel()
     slides, turns = motion[:3].any(), motion[3:].any()
     return None if slides and turns else (bool(turns), motion[3:] if turns else motion[:3])

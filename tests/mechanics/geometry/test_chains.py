@@ -1,10 +1,12 @@
 """A chain between two frames, against Pinocchio's placements, Jacobians and accelerations of both frames."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.mechanics.geometry.chains import Chain
+from pinarm.mechanics.geometry.chains import Chain, screw_of
 from tests.mechanics.geometry.random_variants import random_variants
 
 ROWS = 6
@@ -86,3 +88,22 @@ def test_chains_of_variants_are_those_of_each_model_alone():
         own = Chain.between(model, first, second).placed(q[:, :, k], np.cos(q[:, :, k]), np.sin(q[:, :, k]))
         for one, other in zip(found, (own.p, *own.rates(v[:, :, k])), strict=True):
             np.testing.assert_allclose(one[:, :, k], np.broadcast_to(other, (3, n)), atol=1e-12)
+
+
+@pytest.mark.parametrize("place", [-1, 0, 700])
+def test_the_screw_of_a_joint_is_read_with_coordinates_up_to_its_own(place):
+    """Pinocchio reads the coordinate at the joint's place in q, and does not look how many there are."""
+
+    class Joint:
+        nq = nv = 1
+        idx_q = place
+
+        def createData(self):  # noqa: N802
+            return SimpleNamespace(S=np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0]))
+
+        def calc(self, data, q):
+            assert len(q) > place
+
+    turns, axis = screw_of(Joint())
+    assert turns
+    assert axis.tolist() == [0.0, 1.0, 0.0]
