@@ -98,7 +98,7 @@ def test_the_screw_of_a_joint_is_read_with_coordinates_up_to_its_own(place):
         nq = nv = 1
         idx_q = place
 
-        def createData(self):  # noqa: N802
+        def createData(self):
             return SimpleNamespace(S=np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0]))
 
         def calc(self, data, q):
