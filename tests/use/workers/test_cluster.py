@@ -218,7 +218,7 @@ def test_an_interrupt_keeps_what_is_done(path: Path, tmp_path: Path, start: Call
     wait_for(lambda: solved(out) > 20)
     client.send_signal(signal.SIGINT)
     _, errors = client.communicate(timeout=WAIT)
-    assert client.returncode == 130
+    assert client.returncode == 130, errors
     assert re.fullmatch(rf"error: interrupted with {solved(out)} of 20000 cases solved\n  try: the same .*\n", errors)
 
 
