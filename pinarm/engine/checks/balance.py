@@ -102,10 +102,7 @@ def _virtual_powers(run: Trajectory) -> tuple[Array, Array, Array]:
 
 
 def _demanded(run: Trajectory) -> tuple[Array, Array, Array]:
-    """Return the virtual powers that the links' motion asks for, and the most that they could be; see ``_asked``.
-
-    And the most power that their wrenches could have at their speeds, shape (n,) [W].
-    """
+    """Return what ``_asked`` and ``_most_powers`` do of the links' motion, by the compiled library if it is there."""
     links, twists, rates, columns = run.link_motion
     if isinstance(links.model, pin.Model) and links.model.nv <= MANY:
         from pinarm.engine.kernel.bodies import demanded_powers

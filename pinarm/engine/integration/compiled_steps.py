@@ -151,7 +151,7 @@ class CompiledSteps(Struct, eq=False, dict=True, weakref=True):
         settled, count = course.written - course.handed, self.solution.count
         if settled:
             starts, _, ends = buffers.times[:, :settled].tolist()
-            flow.advanced(ends, compress(starts, buffers.clear.tolist()))
+            flow.advanced(ends, compress(starts, buffers.clear[:settled].tolist()))
         count.evaluations += settled
         if course.handed:
             count.evaluations += self.stepper.stages.settle(course.t)

@@ -115,7 +115,7 @@ class ClosingStructure(ctypes.Structure):
         ("limits", LimitsStructure),
         *((name, POINTER) for name in ("scale", "sum", "part", "aside", "state", "saved")),
         ("near", INT), ("clear", INT),
-        *((name, REAL) for name in ("regular", "open", "speed", "pull", "t", "step", "floor")),
+        *((name, REAL) for name in ("regular", "open", "speed", "acceleration", "t", "step", "floor")),
     ]  # fmt: skip
 
 

@@ -12,7 +12,7 @@ static motion column(const double *columns, ptrdiff_t nv, ptrdiff_t v) {
 }
 
 /* Add the powers of link i along the velocities that move it: I V', V x* I V and the wrench against its weight, by
- * Newton's and Euler's equations, and m g times the way of its mass centre. Return their largest power in its motion. */
+ * Newton's and Euler's equations, and m g times the way of its mass centre. Return sum |f| |v| + |m| |w| of the three. */
 static double add_powers(const bodies *b, ptrdiff_t i, const placement *x, const motion *twist, const motion *rate,
                          const double *columns, double *asked, double *sizes) {
     const body *m = &b->body[i];

@@ -77,7 +77,7 @@ static double largest(const closing *c, const double *x) {
 
 /* Whether a step of length h is too short to reach a singular position. */
 static int is_clear(const closing *from, const closing *to, double h) {
-    const double speed = fmax(from->speed, to->speed) + 0.25 * h * fmax(from->pull, to->pull);
+    const double speed = fmax(from->speed, to->speed) + 0.25 * h * fmax(from->acceleration, to->acceleration);
     return !from->near && h * speed < to->limits.clear * fmin(1.0, fmin(from->regular, to->regular));
 }
 
@@ -171,7 +171,7 @@ int closing_settle(void *system, double time, double *y, double *slope) {
         tree_coordinate_rates(t, y, y + t->nq, slope);
         if ((c->near || c->tolerant.repeats > 0) &&
             accelerations(c, y, y + t->nq, slope + t->nq) <= c->torn * c->torn) {
-            c->speed = largest(c, y + t->nq), c->pull = largest(c, slope + t->nq);
+            c->speed = largest(c, y + t->nq), c->acceleration = largest(c, slope + t->nq);
             c->clear = is_clear(&before, c, time - before.t);
             return 1;
         }

@@ -31,7 +31,7 @@ typedef struct {
     int near;                 /* whether the stages of the next step are closed */
     int clear;                /* whether the last step is clear of singular positions */
     double regular, open;     /* regularity of the last closed position; gap at a singular one that is near */
-    double speed, pull;       /* the largest velocity and acceleration there, in the units of velocities */
+    double speed, acceleration; /* the largest velocity and acceleration there, in the units of velocities */
     double t, step, floor;    /* its time, the length of the last regular step, and the least one now */
 } closing;
 

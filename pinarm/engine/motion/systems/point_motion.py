@@ -71,7 +71,9 @@ class PointMotion:
         self.tolerant: tuple[pin.ProximalSettings, Acceleration] | None = None
         self.near, self.rank, self.looked, self.rows = True, 0, False, np.empty((0, 0))
         self.regular, self.singular, self.open = 0.0, True, 0.0
-        self.t, self.step, self.least, self.speed, self.pull = -np.inf, 0.0, 0.0, 0.0, 0.0
+        self.t, self.step, self.least, self.speed, self.largest = -np.inf, 0.0, 0.0, 0.0, 0.0
+        """Of the last accepted state the instant, of the last regular step the length, the least step now [s], and the
+        largest velocity and acceleration of that state in the units of velocities."""
         self.ranks: dict[float, int] = {}
         self.clear: set[float] = set()
         """Starts of the steps that are clear of singular positions [s]."""
@@ -169,11 +171,11 @@ class PointMotion:
 
     def _note_clear(self, v: Array, a: Array) -> None:
         """Note whether the step that ended in a state is clear of singular positions."""
-        speed, pull = self.speed, self.pull
-        self.speed, self.pull = (float(np.abs(x / self.scale).max()) for x in (v, a))
+        speed, largest = self.speed, self.largest
+        self.speed, self.largest = (float(np.abs(x / self.scale).max()) for x in (v, a))
         if self.ended is not None:
             start, h, most = self.ended
-            if h * (max(speed, self.speed) + 0.25 * h * max(pull, self.pull)) < most:
+            if h * (max(speed, self.speed) + 0.25 * h * max(largest, self.largest)) < most:
                 self.clear.add(start)
 
     def rank_at(self, t: float) -> int:

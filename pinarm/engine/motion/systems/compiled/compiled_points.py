@@ -64,7 +64,7 @@ class PointFlow(Flow, frozen=True):
         self.choose(motion.near, motion.rank)
         structure.regular, structure.limits.rank, structure.open = motion.regular, motion.rank, motion.open
         structure.t, structure.step, structure.floor = motion.t, motion.step, motion.least
-        structure.speed, structure.pull = motion.speed, motion.pull
+        structure.speed, structure.acceleration = motion.speed, motion.largest
 
     def way(self, t: float) -> Any:
         """Return whether stages are closed, and the rank, in the step that begins at t; see ``PointMotion.since``."""
@@ -89,7 +89,7 @@ class PointFlow(Flow, frozen=True):
         motion.near, motion.regular = bool(structure.near), structure.regular
         motion.singular, motion.open = motion.regular < point_motion.NEAR, structure.open
         motion.t, motion.step, motion.least = structure.t, structure.step, structure.floor
-        motion.speed, motion.pull = structure.speed, structure.pull
+        motion.speed, motion.largest = structure.speed, structure.acceleration
         motion.require_known_way(motion.t)
 
 
