@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
 import pinocchio as pin
 from msgspec import field
 
@@ -505,10 +505,15 @@ class Mechanism(Record, frozen=True):
         names = (*self.joints, *self.balls, *links_of(self.model), *self.drives, *ties)
         return frozenset(name for name in names if "." in name)
 
+    @cached_property
+    def worded(self) -> frozenset[str]:
+        """Names that stand for symbols, arguments and coordinates, not only for words of quantities."""
+        return frozenset((*self.symbols, *self.arguments, *self.coordinates))
+
     @property
     def gravity(self) -> float:
         """Magnitude of gravity [m/s^2]."""
-        return float(np.linalg.norm(self.model.gravity.linear))
+        return math.hypot(*self.model.gravity.linear.tolist())
 
     def coordinate(self, name: str) -> Coordinate:
         """Return a coordinate by name.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Annotated
 
 import msgspec
@@ -36,4 +37,12 @@ class TimeGrid(InputStruct, frozen=True):
 
     def instants(self) -> Array:
         """Return the instants [s], shape (samples,)."""
-        return np.linspace(self.start, self.end, self.samples)
+        return _even(self.start, self.end, self.samples)
+
+
+@lru_cache(maxsize=1)
+def _even(start: float, end: float, samples: int) -> Array:
+    """Return evenly spaced numbers, to be read only."""
+    found = np.linspace(start, end, samples)
+    found.flags.writeable = False
+    return found

@@ -270,7 +270,7 @@ class EnergyAccount(Record, frozen=True):
     def _even(self, every: bool) -> list[int]:
         """Return steps that are looked into in any case: all of them, or an even choice."""
         n = len(self.solution.steps)
-        return list(range(n)) if every or n <= STEPS else np.linspace(0, n - 1, STEPS).astype(int).tolist()
+        return list(range(n)) if every or n <= STEPS else [k * (n - 1) // (STEPS - 1) for k in range(STEPS)]
 
     def _parts(self, divided: list[int]) -> tuple[Indices, Array, Array]:
         """Return the step of every part, its start and its length [s], each of shape (n,)."""
@@ -278,8 +278,8 @@ class EnergyAccount(Record, frozen=True):
         counts = np.ones(len(steps), dtype=np.intp)
         if not self._sampled or len(divided) < FINE:
             counts[divided] = self.solution.method.subdivisions
-        index = np.repeat(np.arange(len(steps)), counts)
-        part = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
+        index = np.arange(len(steps)).repeat(counts)
+        part = np.arange(len(index)) - (counts.cumsum() - counts)[index]
         h = ((steps.until - steps.t) / counts)[index]
         return index, steps.t[index] + part * h, h
 

@@ -238,6 +238,8 @@ def _solved(mass: Array, loads: Array) -> Array:
     Small matrices are taken apart entry by entry in all states at once, as ``L D L^T``: LAPACK is called once a state.
     """
     f = mass.shape[-1]
+    if f == 1:
+        return loads / mass
     if f > FEW:
         return np.asarray(np.linalg.solve(mass, loads))
     rows, x = np.moveaxis(mass, (-2, -1), (0, 1)).copy(), np.moveaxis(loads, (-2, -1), (0, 1)).copy()

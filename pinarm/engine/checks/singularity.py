@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 NEAR = 0.1
 """Regularity at the rows from which on it is looked for between them."""
 
-ROUNDS, EVENLY = 10, 8
-"""How often instants between rows are looked at; at first so many on either side, evenly, as rows may be far apart."""
+ROUNDS, EVENLY = 10, np.linspace(0.0, 1.0, 10)[1:-1]
+"""How often instants between rows are looked at; places of the first ones on either side, as rows may be far apart."""
 
 SAME = 1e-9
 """Difference of regularities, relative to them, that is rounding: of positions that a motion takes twice the first
@@ -131,7 +131,7 @@ def _least(t: Array, regular: Array, at: Callable[[Array], Array] | None) -> tup
 
 def _evenly(t: Array) -> Array:
     """Return instants between three, as many before the middle one as behind it."""
-    return np.concatenate([np.linspace(*ends, EVENLY + 2)[1:-1] for ends in pairwise(t.tolist())])
+    return np.concatenate([start + EVENLY * (end - start) for start, end in pairwise(t.tolist())])
 
 
 def _lowest(t: Array, values: Array) -> Array:
@@ -140,14 +140,14 @@ def _lowest(t: Array, values: Array) -> Array:
     Where the signed quantity goes through 0 on the one side or on the other, by inverse quadratic interpolation where
     that stays on its side, and where a parabola through the squares, which are smooth in any case, is lowest.
     """
-    crossing = (t[:-1] * values[1:] + t[1:] * values[:-1]) / (values[:-1] + values[1:])
-    signed = values * SIDES
+    crossing, gaps = (t[:-1] * values[1:] + t[1:] * values[:-1]) / (values[:-1] + values[1:]), t[1:] - t[:-1]
+    signed, squares = values * SIDES, values * values
     with np.errstate(divide="ignore", invalid="ignore"):
-        slopes = np.diff(t) / np.diff(signed)
-        bend = np.diff(slopes)[:, 0] / (signed[:, 2] - signed[:, 0])
+        slopes = gaps / (signed[:, 1:] - signed[:, :-1])
+        bend = (slopes[:, 1] - slopes[:, 0]) / (signed[:, 2] - signed[:, 0])
         bent = crossing + bend * -values[:-1] * values[1:]
     crossing = np.where((t[:-1] < bent) & (bent < t[1:]), bent, crossing)
-    (left, right), (falling, rising) = np.diff(t), np.diff(values**2) / np.diff(t)
+    (left, right), (falling, rising) = gaps, (squares[1:] - squares[:-1]) / gaps
     vertex = t[1] - 0.5 * (falling * right + rising * left) / (rising - falling) if rising > falling else t[1]
     inside = np.array([*crossing, vertex])
     apart = 1e-9 * (t[2] - t[0])

@@ -271,7 +271,7 @@ class Dynamics(Record, frozen=True):
         for configuration, velocity in zip(q, v, strict=True):
             pin.computeMechanicalEnergy(model, data, configuration, velocity)
             rows.append((data.kinetic_energy, data.potential_energy))
-        kinetic, potential = np.reshape(rows, (-1, 2)).T
+        kinetic, potential = np.array(rows).reshape(-1, 2).T
         kinetic = kinetic + v**2 @ self._forgotten
         for force in self._storing:
             potential = potential + force.potential_energy(q)
@@ -280,7 +280,15 @@ class Dynamics(Record, frozen=True):
     @cached_property
     def _storing(self) -> tuple[ForceElement, ...]:
         """The force elements but for the steady ones, whose work counts as dissipated: they have no potential."""
-        return tuple(force for force in self.forces.values() if not force.steady)
+        return tuple(force for force in self._energetic if not force.steady)
+
+    @cached_property
+    def _energetic(self) -> tuple[ForceElement, ...]:
+        if not self.forces:
+            return ()
+        from pinarm.mechanics.forces.joint_springs import energetic
+
+        return energetic(self.forces.values())
 
     @cached_property
     def conserved(self) -> Energy | None:
@@ -326,7 +334,7 @@ class Dynamics(Record, frozen=True):
 
     def dissipated_power(self, t: Array, q: Array, v: Array) -> Array:
         """Return the power that leaves through force elements [W], shape (n,); negative where they drive."""
-        return np.asarray(sum((force.dissipated_power(t, q, v) for force in self.forces.values()), np.zeros(len(q))))
+        return np.asarray(sum((force.dissipated_power(t, q, v) for force in self._energetic), np.zeros(len(q))))
 
 
 def farthest(q: Array) -> int:

@@ -203,8 +203,12 @@ def terms(tableau: Tableau, flow: Flow, t: Array, h: Array, y: Array, slopes: Ar
         slopes: Slopes at the stages, shape (n, s + 1, nq + nv).
     """
     ways = [*map(flow.way, t.tolist())]
+    several = dict.fromkeys(ways)
+    if len(several) == 1:
+        flow.take(ways[0])
+        return _terms(tableau, flow, t, h, y, slopes)
     found = np.empty((len(y), 3 + len(tableau.dense_d), y.shape[1]))
-    for way in dict.fromkeys(ways):
+    for way in several:
         alike = [k for k, one in enumerate(ways) if one == way]
         flow.take(way)
         found[alike] = _terms(tableau, flow, t[alike], h[alike], y[alike], slopes[alike])

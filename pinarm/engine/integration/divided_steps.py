@@ -74,7 +74,7 @@ def divided(
         terms: Terms of ``Tableau.examined``, shape (n, d + 1, nq + nv).
     """
     output, defects = DenseOutput.whole(y, terms[:, :-1]), np.abs(terms[:, -1]).max(axis=1)
-    poor = np.flatnonzero(defects > DEFECT * tolerance * (interval.size + np.abs(y).max(axis=1)))
+    poor = (defects > DEFECT * tolerance * (interval.size + np.abs(y).max(axis=1))).nonzero()[0]
     if not len(poor):
         return output
     parts, ends = _parts(tableau, interval, manifold, t[poor], h[poor], y[poor])

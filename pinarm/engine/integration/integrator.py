@@ -6,6 +6,7 @@ No module of this package knows mechanisms.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -354,7 +355,7 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
         Returns:
             q of shape (n, nq) and v of shape (n, nv).
         """
-        index = np.searchsorted(self.steps.t, t, side="right") - 1
+        index = self.steps.t.searchsorted(t, side="right") - 1
         return self.states_in(np.maximum(index, 0), t)
 
     def states_in(self, index: Indices, t: Array) -> tuple[Array, Array]:
@@ -362,7 +363,7 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
         if not len(index):
             return np.empty((0, self.manifold.nq)), np.empty((0, self.manifold.nv))
         start, y = self.steps.t[index], self.steps.y[index]
-        inside = np.flatnonzero(t != start)  # at the start of a step its state is known
+        inside = (t != start).nonzero()[0]  # at the start of a step its state is known
         if len(inside):
             within = index[inside]
             self._interpolate(within)
@@ -385,7 +386,8 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
         if not len(missing):
             return
         intervals = self.steps.interval[missing]
-        for some in np.split(missing, np.flatnonzero(np.diff(intervals)) + 1):
-            interval = self.intervals[self.steps.interval[some[0]]]
+        ends = (intervals[1:] != intervals[:-1]).nonzero()[0] + 1
+        for start, end in pairwise([0, *ends.tolist(), len(missing)]):
+            some, interval = missing[start:end], self.intervals[intervals[start]]
             output = self.method.dense_output(interval, self.manifold, self.steps.some(some))
             self._interpolated.add(some, output)

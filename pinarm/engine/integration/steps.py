@@ -149,8 +149,10 @@ class StepTable(Struct, eq=False):
         self._columns.add(*numbers, np.full(len(times), interval, np.intp))
 
     def some(self, index: Indices) -> StepTable:
-        """Return copies of some of the steps."""
-        return StepTable(_Columns(len(index), [self._columns.column(k)[index] for k in range(4)]))
+        """Return some of the steps, ascending, to be read only: in place where they follow one another."""
+        first, last = int(index[0]), int(index[-1])
+        rows = slice(first, last + 1) if last - first + 1 == len(index) else index
+        return StepTable(_Columns(len(index), [self._columns.column(k)[rows] for k in range(4)]))
 
     def end_at(self, index: int, until: float) -> None:
         """Let a step end at an instant [s]."""
@@ -176,19 +178,20 @@ class InterpolatedSteps(Struct, eq=False):
         if len(self._places) < count:
             self._places = np.append(self._places, np.full(max(count, 2 * len(self._places)) - len(self._places), -1))
         unknown = index[self._places[index] < 0]
-        return np.flatnonzero(np.bincount(unknown)) if len(unknown) else unknown
+        return np.bincount(unknown).nonzero()[0] if len(unknown) else unknown
 
     def add(self, index: Indices, output: DenseOutput) -> None:
         """Add the output of the steps of given indices."""
         self._places[index] = self._counts.count + np.arange(len(index))
-        first = self._parts.count + np.cumsum(output.counts) - output.counts
+        first = self._parts.count + output.counts.cumsum() - output.counts
         self._counts.add(first, output.counts)
         self._parts.add(output.base, output.terms)
 
     @property
     def indices(self) -> list[int]:
         """Indices of the steps whose output is known, ascending."""
-        return np.flatnonzero(self._places >= 0).tolist()
+        indices: list[int] = (self._places >= 0).nonzero()[0].tolist()
+        return indices
 
     def states(self, index: Indices, x: Array) -> Array:
         """Return states within steps whose output is known; see ``DenseOutput.states``."""

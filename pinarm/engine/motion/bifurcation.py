@@ -22,8 +22,8 @@ REGULAR, SLOW = 1e-3, 0.07
 which both a motion is not determined. A parallelogram that turns back just beyond its singular position has errors of
 order 1 where it passes this at 0.03 of its largest speed, and none at 0.1."""
 
-WITHIN, BLOCK, USUAL = 16, 500, 8
-"""Instants within a step that are looked at, steps that are looked at together, and states that tell what is usual."""
+WITHIN, BLOCK, USUAL = np.linspace(0.0, 1.0, 16), 500, 8
+"""Places within a step that are looked at, steps that are looked at together, and states that tell what is usual."""
 
 TOGETHER = 200
 """Velocities of the configurations whose regularity is computed at once: many are skipped, of which it is in vain."""
@@ -107,7 +107,7 @@ class _Pace(Record, frozen=True):
         v = v / scale
         speed = np.linalg.norm(v, axis=1)
         if q.shape == v.shape:
-            mean = np.diff(q, axis=0) / (np.diff(t)[:, None] * scale)
+            mean = (q[1:] - q[:-1]) / ((t[1:] - t[:-1])[:, None] * scale)
             least = _least(v[:-1], mean, v[1:])
         else:  # half of the smaller one at its ends; 0 where the direction changes much
             along = (v[:-1] * v[1:]).sum(axis=1) > 0.5 * speed[:-1] * speed[1:]
@@ -117,16 +117,16 @@ class _Pace(Record, frozen=True):
     def within(self, steps: Indices) -> tuple[Array, Array, Array]:
         """Return instants within the steps of given indices, configurations and speeds there."""
         h = self.segment.solution.steps.until[steps] - self.t[steps]
-        t = (self.t[steps][:, None] + h[:, None] * np.linspace(0.0, 1.0, WITHIN)).ravel()
-        q, v = self.segment.system.whole(t, *self.segment.solution.states_in(np.repeat(steps, WITHIN), t))
+        t = (self.t[steps][:, None] + h[:, None] * WITHIN).ravel()
+        q, v = self.segment.system.whole(t, *self.segment.solution.states_in(steps.repeat(len(WITHIN)), t))
         return t, q, np.linalg.norm(v / self.scale, axis=1)
 
 
 def _least(first: Array, mean: Array, last: Array) -> Array:
     """Return the least speed of parabolas through velocities at both ends, with given means, each of shape (n, nv)."""
-    x = np.linspace(0.0, 1.0, WITHIN)[:, None, None]
+    x = WITHIN[:, None, None]
     v = first * (1.0 - x) + last * x + (6.0 * mean - 3.0 * (first + last)) * (x * (1.0 - x))
-    return np.asarray(np.linalg.norm(v, axis=2).min(axis=0))
+    return np.asarray(np.sqrt(np.vecdot(v, v).min(axis=0)))
 
 
 def _slow(paces: Sequence[_Pace], limit: float) -> Iterator[tuple[Array, Array, float]]:

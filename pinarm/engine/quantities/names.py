@@ -276,7 +276,7 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         Raises:
             InputError: Says for which.
         """
-        if name not in self._several:
+        if name not in self._several and name not in self.trajectory.mechanism.worded:
             return
         run, mechanism = self.trajectory, self.trajectory.mechanism
         known, arguments = {*self.symbols, *mechanism.symbols}, mechanism.arguments
@@ -297,12 +297,8 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
 
     @cached_property
     def _several(self) -> set[str]:
-        """Names that stand for more than a quantity of the mechanism."""
-        run, mechanism = self.trajectory, self.trajectory.mechanism
-        return {
-            run.parameter, "g", *CONSTANTS, *self.symbols, *mechanism.symbols, *mechanism.arguments,
-            *mechanism.coordinates,
-        }  # fmt: skip
+        """Names that stand for more than a quantity, besides those that the mechanism gives a meaning."""
+        return {self.trajectory.parameter, "g", *CONSTANTS, *self.symbols}
 
     def _is_quantity(self, name: str) -> bool:
         """Tell whether a name is that of a quantity, whatever else is called so."""

@@ -44,6 +44,12 @@ class SpringDamper(AbstractRecord, ForceElement, frozen=True):
         rest = np.divide(pull, stiffness, out=np.zeros(len(kept)), where=stiffness > 0.0)
         return cls(places[kept], kept, stiffness, damping, rest)
 
+    @classmethod
+    def together(cls, elements: Sequence[SpringDamper]) -> SpringDamper:
+        """Return the element whose energy and power are the sums of theirs; a joint may stand in it several times."""
+        parts = zip(*((each.q, each.v, each.stiffness, each.damping, each.rest) for each in elements), strict=True)
+        return cls(*map(np.concatenate, parts))
+
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load to ``tau``."""
         places, rates = self._places
@@ -164,7 +170,18 @@ def _following(indices: Indices) -> slice | Indices:
 
 def summed(forces: Iterable[ForceElement]) -> tuple[ForceElement, ...]:
     """Return elements with the same load in all, the springs and dampers at joints as one."""
+    springs, others = _springs(forces)
+    return (SpringDamper.sum(springs), *others) if springs else others
+
+
+def energetic(forces: Iterable[ForceElement]) -> tuple[ForceElement, ...]:
+    """Return elements with the same energy and power in all, the springs and dampers at joints as one."""
+    springs, others = _springs(forces)
+    return (SpringDamper.together(springs), *others) if springs else others
+
+
+def _springs(forces: Iterable[ForceElement]) -> tuple[list[SpringDamper], tuple[ForceElement, ...]]:
+    """Return the springs and dampers at joints, and the other elements."""
     known = tuple(forces)
     springs = [force for force in known if isinstance(force, SpringDamper)]
-    others = tuple(force for force in known if not isinstance(force, SpringDamper))
-    return (SpringDamper.sum(springs), *others) if springs else others
+    return springs, tuple(force for force in known if not isinstance(force, SpringDamper))

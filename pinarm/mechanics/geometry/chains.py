@@ -181,7 +181,7 @@ class Placed(Record, frozen=True):
             motions[:3, k] = travel
             if stage.turns:
                 motions[3:, k] = screw
-        return (np.hstack([e, w]) @ motions.reshape(6, -1)).reshape(len(e), -1, count)
+        return (np.concatenate([e, w], axis=1) @ motions.reshape(6, -1)).reshape(len(e), -1, count)
 
     def rates(self, v: Array) -> tuple[Array, Array, Array, Array]:
         """Return the motion of frame 2 in frame 1 for joint velocities v, shape (nv, n), and zero joint accelerations.

@@ -122,7 +122,7 @@ class Adaptive(ValueRecord, frozen=True):
         last = slopes[:, s] - slopes[:, s - 1]
         change, size = h * np.sqrt(np.vecdot(last, last)), np.sqrt(np.vecdot(apart, apart))
         limited = change > tableau.stability * np.maximum(size, TINY)
-        share = float(limited.mean())
+        share = np.count_nonzero(limited) / len(limited)
         if share < STIFF:
             return []
         return [

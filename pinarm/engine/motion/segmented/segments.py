@@ -137,10 +137,10 @@ class SegmentedMotion(Record, frozen=True):
         """Return the motion at the rows of a grid whose intervals do not reach over seams."""
         bounds = np.array(self.seams)
         middles = 0.5 * (np.array(grid.cuts[1:]) + np.array(grid.cuts[:-1]))
-        owners = np.searchsorted(bounds, middles)
+        owners = bounds.searchsorted(middles)
         motions = []
         for number in sorted(set(owners.tolist())):
-            segment, local = self.segments[number], grid.part(*np.flatnonzero(owners == number)[[0, -1]])
+            segment, local = self.segments[number], grid.part(*(owners == number).nonzero()[0][[0, -1]])
             found = segment.system.complete(self.dynamics, local, *_states(segment, local.t))
             motions.append(found if segment.holding.all() else _opened(found, segment.holding))
         return CompletedStates.joined(motions)
@@ -183,13 +183,13 @@ def _states(segment: MotionSegment, t: Array) -> tuple[Array, Array]:
     """Return the integrated states at instants; few are closed in compiled code, one by one, which costs least."""
     solution = segment.solution
     q, v = solution.states(t)
-    if len(t) >= FEWEST:
+    flows = {k: flow for k, interval in enumerate(solution.intervals) if (flow := interval.compiled) and flow.settles}
+    if len(t) >= FEWEST or not flows:
         return q, v
-    y = np.hstack([q, v])
+    y = np.concatenate([q, v], axis=1)
     owners = np.searchsorted([interval.start for interval in solution.intervals[1:]], t, side="right")
-    for number, interval in enumerate(solution.intervals):
-        if interval.compiled and interval.compiled.settles:
-            y[owners == number] = interval.compiled.settled(y[owners == number])
+    for number, flow in flows.items():
+        y[owners == number] = flow.settled(y[owners == number])
     return y[:, : q.shape[1]], y[:, q.shape[1] :]
 
 
