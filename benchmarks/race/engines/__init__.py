@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib import import_module
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from benchmarks.race.problems import Problem
 
@@ -58,6 +59,11 @@ def prepare(engine: str, problem: Problem) -> list[Setting]:
         raise Unable(f"not installed ({error})") from None
     settings: list[Setting] = module.prepare(problem)
     return settings
+
+
+def flown(places: np.ndarray, turned: Rotation, joints: np.ndarray) -> np.ndarray:
+    """Return the answer for a linkage that flies: places, entries of rotation matrices and angles, row by row."""
+    return np.concatenate([places, turned.as_matrix().reshape(-1, 9), joints], axis=1)
 
 
 def decades(first: float, last: float, per_decade: int) -> list[float]:

@@ -16,8 +16,9 @@ import exudyn as exu
 import numpy as np
 from exudyn import itemInterface as item
 from exudyn.solver import SolveDynamic
+from scipy.spatial.transform import Rotation
 
-from benchmarks.race.engines import WORKERS, Run, Setting, Unable, halvings
+from benchmarks.race.engines import WORKERS, Run, Setting, Unable, flown, halvings
 from benchmarks.race.mechanisms import ORIGIN, Body, Linkage, Z, diagonal
 from benchmarks.race.problems import SAMPLES, Batch, Inverse, Motion, Problem
 
@@ -156,7 +157,7 @@ class Tree:
         _solve(self.system, given)
         found = np.asarray(self.system.GetSensorStoredData(self._sensor))[-SAMPLES:, 1:]
         joints = self.signs * found[:, self._before :]
-        return np.hstack([found[:, :3], [_turned(*row[3:6]) for row in found], joints]) if flight else joints
+        return flown(found[:, :3], Rotation.from_euler("XYZ", found[:, 3:6]), joints) if flight else joints
 
 
 class Planar:
@@ -255,12 +256,3 @@ def _list(empty: Any, rows: list[Any]) -> Any:
     for row in rows:
         empty.Append(np.array(row))
     return empty
-
-
-def _turned(x: float, y: float, z: float) -> Array:
-    """Return the entries of the rotation about x, then about the new y, then about the new z, shape (9,)."""
-    (cx, cy, cz), (sx, sy, sz) = np.cos((x, y, z)), np.sin((x, y, z))
-    first = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
-    second = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
-    third = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
-    return (first @ second @ third).ravel()

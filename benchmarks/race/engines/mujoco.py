@@ -13,8 +13,9 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 from pinocchio import Quaternion
+from scipy.spatial.transform import Rotation
 
-from benchmarks.race.engines import WORKERS, Run, Setting, Unable, halvings
+from benchmarks.race.engines import WORKERS, Run, Setting, Unable, flown, halvings
 from benchmarks.race.mechanisms import Body, Linkage
 from benchmarks.race.problems import SAMPLES, STARTS, Batch, Inverse, Motion, Problem
 from pinarm.records import replace
@@ -70,8 +71,7 @@ def _motion(problem: Motion, method: str, stiffness: float, steps: int) -> Run:
                 raise ArithmeticError("MuJoCo warned of a bad state")
         if not linkage.flight:
             return rows[:, angles]
-        turned = [Quaternion(*(x / np.linalg.norm(x))).toRotationMatrix().ravel() for x in rows[:, 3:7]]
-        return np.hstack([rows[:, :3], turned, rows[:, angles]])
+        return flown(rows[:, :3], Rotation.from_quat(rows[:, 3:7], scalar_first=True), rows[:, angles])
 
     return run
 

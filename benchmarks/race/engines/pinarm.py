@@ -10,9 +10,10 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 import pinarm
-from benchmarks.race.engines import Run, Setting, decades
+from benchmarks.race.engines import Run, Setting, decades, flown
 from benchmarks.race.mechanisms import ORIGIN, Body, Linkage, Vector, Z
 from benchmarks.race.problems import Batch, Inverse, Motion, Problem
 from pinarm.engine.integration.methods import METHODS
@@ -38,8 +39,6 @@ def prepare(problem: Problem) -> list[Setting]:
 
 
 def _motion(problem: Motion, method: str, tolerance: float) -> Run:
-    from pinocchio import Quaternion
-
     linkage = problem.linkage
     scenario = _scenario(linkage, problem.end, len(problem.times) + 1, method, tolerance)
     columns = [scenario.mechanism.joints[body.name].q for body in linkage.hinged]
@@ -48,8 +47,7 @@ def _motion(problem: Motion, method: str, tolerance: float) -> Run:
         q = scenario.run().trajectory.q[1:]
         if not linkage.flight:
             return q[:, columns]
-        turned = [Quaternion(x / np.linalg.norm(x)).toRotationMatrix().ravel() for x in q[:, 3:7]]
-        return np.hstack([q[:, :3], turned, q[:, columns]])
+        return flown(q[:, :3], Rotation.from_quat(q[:, 3:7]), q[:, columns])
 
     return run
 

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from scipy.integrate import odeint, solve_ivp
+from scipy.spatial.transform import Rotation
 
-from benchmarks.race.engines import WORKERS, Run, Setting, Unable, decades
+from benchmarks.race.engines import WORKERS, Run, Setting, Unable, decades, flown
 from benchmarks.race.mechanisms import Body, Linkage
 from benchmarks.race.problems import STARTS, Batch, Inverse, Motion, Problem
 
@@ -151,8 +152,7 @@ def integration(problem: Motion, acceleration: Acceleration, method: str, tolera
             y = solution.y.T
         if not linkage.flight:
             return y[:, :nq]
-        turned = [pin.Quaternion(x / np.linalg.norm(x)).toRotationMatrix().ravel() for x in y[:, 3:7]]
-        return np.hstack([y[:, :3], turned, y[:, 7:nq]])
+        return flown(y[:, :3], Rotation.from_quat(y[:, 3:7]), y[:, 7:nq])
 
     return run
 
