@@ -48,9 +48,9 @@ MOMENTS = np.append(np.zeros((3, 3, 3)), crossed(np.eye(3)[:, None], np.eye(3)),
 """What is added to these wrenches per metre that the forces act along x, y and z from the origin, shape (3, 18)."""
 
 STEPS, GAUSS_NODES = 8, 4
-"""Steps within which the energy is looked at, evenly, besides those that have been looked into, as for rows of the
-table: there the dense output errs more than at their ends. Nodes of the quadrature of dissipated power over a part of a
-step: degree 7, the order of the dense output."""
+"""Steps within which the energy is looked at, where fewer have been looked into, as for rows of the table: there the
+dense output errs more than at their ends. Nodes of the quadrature of dissipated power over a part of a step: degree 7,
+the order of the dense output."""
 
 
 def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, Array]:
@@ -242,7 +242,7 @@ class EnergyAccount(Record, frozen=True):
     def columns(self) -> tuple[Array, Array, Array]:
         """Return kinetic, potential and so far dissipated energy [J] at the ends of all parts, each of shape (n,)."""
         varying = [dynamics.exchanging for dynamics in self.dynamics]
-        index, start, h = self._parts(sorted({*self.solution.interpolated_steps, *self._even(any(varying))}))
+        index, start, h = self._parts(self._divided(any(varying)))
         ends, last = np.append(start, self.solution.end), index[-1:]
         q, v = self.whole(ends, *self.solution.states_in(np.concatenate([index, last]), ends))
         kinetic, potential = self.dynamics[0].energy(q, v)
@@ -267,10 +267,12 @@ class EnergyAccount(Record, frozen=True):
     def _intervals(self) -> Indices:
         return self.solution.steps.interval
 
-    def _even(self, every: bool) -> list[int]:
-        """Return steps that are looked into in any case: all of them, or an even choice."""
-        n = len(self.solution.steps)
-        return list(range(n)) if every or n <= STEPS else [k * (n - 1) // (STEPS - 1) for k in range(STEPS)]
+    def _divided(self, every: bool) -> list[int]:
+        """Return the steps that are looked into: all of them, or those that have been, or an even choice besides."""
+        n, looked = len(self.solution.steps), self.solution.interpolated_steps
+        if every:
+            return list(range(n))
+        return looked if len(looked) >= STEPS else sorted({*looked, *even_choice(n)})
 
     def _parts(self, divided: list[int]) -> tuple[Indices, Array, Array]:
         """Return the step of every part, its start and its length [s], each of shape (n,)."""
@@ -296,6 +298,12 @@ class EnergyAccount(Record, frozen=True):
         q, v = self.whole(t, *self.solution.states_in(np.repeat(index[first], GAUSS_NODES), t))
         powers = dynamics.dissipated_power(t, q, v).reshape(-1, GAUSS_NODES)
         return np.asarray((powers @ part_weights(count).T).ravel() * h)
+
+
+@cache
+def even_choice(count: int) -> list[int]:
+    """Return ``STEPS`` of so many steps, evenly, or all where there are no more."""
+    return [*range(count)] if count <= STEPS else [k * (count - 1) // (STEPS - 1) for k in range(STEPS)]
 
 
 @cache

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.checks.balance import STEPS, gauss_nodes, part_weights, unaccounted
+from pinarm.engine.checks.balance import STEPS, even_choice, gauss_nodes, part_weights, unaccounted
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.mechanics.geometry.link_placements import speeding
 from pinarm.mechanics.geometry.link_tree import LinkTree, components_first
@@ -61,7 +60,7 @@ def variant_energies(dynamics: Dynamics, solution: VariantSolution, interpolated
         interpolated: Steps within which there are rows of the table, shape (steps,).
     """
     exchanging = dynamics.exchanging
-    divided = np.ones_like(interpolated) if exchanging else interpolated | _even(solution)
+    divided = np.ones_like(interpolated) if exchanging else _divided(solution, interpolated)
     parts = VariantParts.of(solution, divided)
     last = np.maximum(solution.firsts + solution.counts - 1, 0)
     step, ends = np.vstack([parts.step, last]), np.vstack([parts.start, solution.until[last]])
@@ -72,17 +71,12 @@ def variant_energies(dynamics: Dynamics, solution: VariantSolution, interpolated
     return unaccounted(np.abs(drift).max(axis=0), np.array(columns))
 
 
-def _even(solution: VariantSolution) -> Flags:
-    """Return an even choice of the steps of each motion, shape (steps,)."""
-    chosen = np.zeros(len(solution.t), dtype=bool)
-    for first, count in zip(solution.firsts.tolist(), solution.counts.tolist(), strict=True):
-        chosen[first + _choice(count)] = True
-    return chosen
-
-
-@cache
-def _choice(count: int) -> Indices:
-    return np.linspace(0, count - 1, min(count, STEPS)).astype(np.intp)
+def _divided(solution: VariantSolution, looked: Flags) -> Flags:
+    """Return the steps that are looked into, shape (steps,): see ``EnergyAccount``."""
+    divided, known = looked.copy(), np.bincount(solution.motion[looked], minlength=len(solution.counts))
+    for k in np.flatnonzero(known < STEPS).tolist():
+        divided[[solution.firsts[k] + step for step in even_choice(int(solution.counts[k]))]] = True
+    return divided
 
 
 def _energies(dynamics: Dynamics, q: Array, v: Array) -> tuple[Array, Array]:
