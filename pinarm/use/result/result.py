@@ -350,12 +350,20 @@ class Result(Record, frozen=True):
         """Return the names of its quantities, for completion in notebooks."""
         return self.quantities.names()
 
+    @cached_property
+    def _states_known(self) -> bool:
+        """Whether coordinates, velocities and accelerations are numbers in all rows."""
+        run = self.trajectory
+        return all(bool(np.isfinite(x).all()) for x in (run.q, run.v, run.a))
+
     def require_finite(self, name: str) -> None:
         """Raise where a quantity is not a number somewhere.
 
         Raises:
             DynamicsError: Says where; ``partial`` holds the result.
         """
+        if self._states_known and self.quantities.is_rate(name):
+            return
         known = self[name].known
         if not known.all():
             run, bad = self.trajectory, np.flatnonzero(~known)

@@ -57,6 +57,29 @@ def test_every_name_that_is_offered_has_finite_values(run, found):
         assert np.isfinite(values).all(), name
 
 
+def test_coordinates_of_joints_and_their_rates_are_told_from_other_names(run, found):
+    """These alone are numbers wherever the states are, and need no look at each of their rows."""
+    rates = {f"joint.{joint}.{rate}": column for joint in run.mechanism.joints
+             for rate, column in (("position", run.q), ("velocity", run.v), ("acceleration", run.a))}  # fmt: skip
+    assert {name for name in found.names() if found.is_rate(name)} == rates.keys()
+    for name, states in rates.items():
+        assert any(np.array_equal(found[name].values, column) for column in states.T)
+    for other in (
+        "joint.O",
+        "joint.nothing.position",
+        "joint.O.position.x",
+        "body.O.position",
+        "O",
+        "",
+        "joint..position",
+    ):
+        assert not found.is_rate(other)
+
+
+def test_a_rate_that_is_also_a_symbol_is_not_told_by_the_states(run):
+    assert not Quantities(run, {"joint.O.position": Expression.parse("2*g")}).is_rate("joint.O.position")
+
+
 def test_points_move_as_trigonometry_says(found, tip):
     for k, rate in enumerate(("position", "velocity", "acceleration")):
         for axis, expected in zip("xy", tip[k], strict=True):

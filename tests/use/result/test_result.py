@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pinarm.errors import DynamicsError, ExpressionError, InputError, UnitError
+from pinarm.records import replace
 from pinarm.use.show.terminal import report
 from pinarm.use.store.restore import restore
 
@@ -122,6 +123,21 @@ def test_an_output_that_is_not_finite_is_an_error_of_the_numerics(scenario: Call
     assert caught.value.exit_code == 3
     assert len(caught.value.partial) == 10
     assert str(caught.value.location).endswith("inverse.yaml:7:14")
+
+
+@pytest.mark.parametrize("rate", ["position", "velocity", "acceleration"])
+def test_states_that_are_not_finite_are_an_error_where_they_are_asked_for(
+    scenario: Callable[..., Any], rate: str
+) -> None:
+    result = scenario("inverse").run()
+    array = {"position": "q", "velocity": "v", "acceleration": "a"}[rate]
+    spoilt = getattr(result.trajectory, array).copy()
+    spoilt[3] = np.nan
+    rows = replace(result.trajectory, **{array: spoilt})
+    partial = result.scenario.result(replace(result.outcome, rows=rows))
+    result.require_finite(f"joint.pivot.{rate}")
+    with pytest.raises(DynamicsError, match=rf"joint\.pivot\.{rate} is not finite at"):
+        partial.require_finite(f"joint.pivot.{rate}")
 
 
 def test_an_event_that_does_not_take_place_is_named_where_its_time_is_asked(scenario: Callable[..., Any]) -> None:
