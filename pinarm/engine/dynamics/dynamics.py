@@ -183,12 +183,12 @@ class Dynamics(Record, frozen=True):
         from pinarm.engine.integration.integrator import BATCH_ROUNDING
 
         a = self._parallel.aba(q, v, tau)
-        for row in checked:
-            exact = pin.aba(self.model, self.data, q[row], v[row], tau[row])
-            apart = a[row] - exact
-            if not apart @ apart <= BATCH_ROUNDING**2 * (exact @ exact):
-                return np.array([pin.aba(self.model, self.data, *each) for each in zip(q, v, tau, strict=True)])
-        return a
+        rows = list(checked)
+        exact = np.array([pin.aba(self.model, self.data, q[row], v[row], tau[row]) for row in rows])
+        apart = a[rows] - exact
+        if (np.vecdot(apart, apart) <= BATCH_ROUNDING**2 * np.vecdot(exact, exact)).all():  # not of NaN
+            return a
+        return np.array([pin.aba(self.model, self.data, *each) for each in zip(q, v, tau, strict=True)])
 
     def acceleration(self) -> Acceleration:
         """Return the free motion's ``(t, q, v) -> a`` for one state at a time, with as few calls as there can be."""

@@ -48,7 +48,7 @@ def first_step(
     d0, d1 = norm(y), norm(slope)
     small = np.minimum(d0, d1) < 1e-5
     h0 = np.where(small, 1e-6, 0.01 * d0 / np.where(small, 1.0, d1))
-    h0 = np.clip(h0, NOISELESS * (end - start), end - start)
+    h0 = np.minimum(np.maximum(h0, NOISELESS * (end - start)), end - start)
     d2 = norm(rates(start + h0, y + h0[..., None] * slope) - slope) / h0
     steepest = np.maximum(d1, d2)
     at_rest = steepest <= 1e-15

@@ -52,7 +52,10 @@ class _Columns(Struct, eq=False):
     def add(self, *rows: Column) -> None:
         """Add rows to every column, the same number to each."""
         end = self.count + len(rows[0])
-        if not self._storage or end > len(self._storage[0]):
+        if not self._storage:
+            self._storage, self.count = [x.copy() for x in rows], end
+            return
+        if end > len(self._storage[0]):
             self._storage = [self._larger(k, end, x) for k, x in enumerate(rows)]
         for stored, x in zip(self._storage, rows, strict=True):
             stored[self.count : end] = x
@@ -60,8 +63,7 @@ class _Columns(Struct, eq=False):
 
     def _larger(self, k: int, end: int, rows: Column) -> Column:
         larger = np.empty((max(2 * self.count, end, LEAST), *rows.shape[1:]), rows.dtype)
-        if self._storage:
-            larger[: self.count] = self._storage[k][: self.count]
+        larger[: self.count] = self._storage[k][: self.count]
         return larger
 
     def column(self, k: int) -> Column:
@@ -176,7 +178,9 @@ class InterpolatedSteps(Struct, eq=False):
     def missing(self, index: Indices, count: int) -> Indices:
         """Return which of the steps of given indices have no known output, ascending, of ``count`` steps in all."""
         if len(self._places) < count:
-            self._places = np.append(self._places, np.full(max(count, 2 * len(self._places)) - len(self._places), -1))
+            places = np.full(max(count, 2 * len(self._places)), -1)
+            places[: len(self._places)] = self._places
+            self._places = places
         unknown = index[self._places[index] < 0]
         return np.bincount(unknown).nonzero()[0] if len(unknown) else unknown
 
