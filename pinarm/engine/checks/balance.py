@@ -48,9 +48,9 @@ MOMENTS = np.append(np.zeros((3, 3, 3)), crossed(np.eye(3)[:, None], np.eye(3)),
 """What is added to these wrenches per metre that the forces act along x, y and z from the origin, shape (3, 18)."""
 
 STEPS, GAUSS_NODES = 8, 4
-"""Steps within which the energy is looked at, where fewer have been looked into, as for rows of the table: there the
-dense output errs more than at their ends. Nodes of the quadrature of dissipated power over a part of a step: degree 7,
-the order of the dense output."""
+"""Steps within which the energy is looked at, evenly, besides those that have been looked into, as for rows of the
+table: there the dense output errs more than at their ends. Nodes of the quadrature of dissipated power over a part of a
+step: degree 7, the order of the dense output."""
 
 
 def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, Array]:
@@ -268,11 +268,9 @@ class EnergyAccount(Record, frozen=True):
         return self.solution.steps.interval
 
     def _divided(self, every: bool) -> list[int]:
-        """Return the steps that are looked into: all of them, or those that have been, or an even choice besides."""
-        n, looked = len(self.solution.steps), self.solution.interpolated_steps
-        if every:
-            return list(range(n))
-        return looked if len(looked) >= STEPS else sorted({*looked, *even_choice(n)})
+        """Return the steps that are looked into: all of them, or those that have been and an even choice besides."""
+        n = len(self.solution.steps)
+        return list(range(n)) if every else sorted({*self.solution.interpolated_steps, *even_choice(n)})
 
     def _parts(self, divided: list[int]) -> tuple[Indices, Array, Array]:
         """Return the step of every part, its start and its length [s], each of shape (n,)."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.checks.balance import STEPS, even_choice, gauss_nodes, part_weights, unaccounted
+from pinarm.engine.checks.balance import even_choice, gauss_nodes, part_weights, unaccounted
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.mechanics.geometry.link_placements import speeding
 from pinarm.mechanics.geometry.link_tree import LinkTree, components_first
@@ -72,10 +72,10 @@ def variant_energies(dynamics: Dynamics, solution: VariantSolution, interpolated
 
 
 def _divided(solution: VariantSolution, looked: Flags) -> Flags:
-    """Return the steps that are looked into, shape (steps,): see ``EnergyAccount``."""
-    divided, known = looked.copy(), np.bincount(solution.motion[looked], minlength=len(solution.counts))
-    for k in np.flatnonzero(known < STEPS).tolist():
-        divided[[solution.firsts[k] + step for step in even_choice(int(solution.counts[k]))]] = True
+    """Return the steps that are looked into, shape (steps,): those that have been, and an even choice besides."""
+    divided = looked.copy()
+    for first, count in zip(solution.firsts.tolist(), solution.counts.tolist(), strict=True):
+        divided[[first + step for step in even_choice(count)]] = True
     return divided
 
 

@@ -13,7 +13,7 @@ from pinarm.engine.integration.dense_output import DenseOutput, divided_at, inte
 from pinarm.records import Record
 
 LEAST = 16
-"""Rows for which a table has storage at least."""
+"""Rows for which a table has storage at least, once it grows."""
 
 Column = np.ndarray[tuple[Any, ...], np.dtype[Any]]
 """An array whose rows are numbers of any kind."""

@@ -36,7 +36,7 @@ INDEPENDENT = 1e-5
 """Part of the proximal term that rows without redundant ones take in regular steps: it keeps pivots from 0, and one
 iteration leaves rounding."""
 
-ALIKE = 1e-3
+ALIKE = 1e-4
 """Relative accuracy of squares of singular values: the limits of the regularity have two digits."""
 
 
