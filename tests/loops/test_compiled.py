@@ -296,7 +296,7 @@ class TestClosing:
         structure = flow.system.structure
         assert y == pytest.approx(np.concatenate([closed, rate]), abs=1e-11)
         assert bool(flow.system.structure.near) == python.near
-        assert structure.regular == pytest.approx(python.regular, rel=compiled_points.ALIKE)
+        assert structure.regular == pytest.approx(python.regular, rel=compiled_points.ALIKE)  # so its square is known
         assert structure.floor == pytest.approx(python.least, abs=1e-12)
         assert slope[3:] == pytest.approx(python.acceleration(0.9, closed, rate), rel=1e-6, abs=1e-6)
 

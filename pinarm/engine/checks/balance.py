@@ -270,7 +270,7 @@ class EnergyAccount(Record, frozen=True):
     def _divided(self, every: bool) -> list[int]:
         """Return the steps that are looked into: all of them, or those that have been and an even choice besides."""
         n = len(self.solution.steps)
-        return list(range(n)) if every else sorted({*self.solution.interpolated_steps, *even_choice(n)})
+        return list(range(n)) if every else sorted({*self.solution.interpolated_steps, *sampled(n, STEPS).tolist()})
 
     def _parts(self, divided: list[int]) -> tuple[Indices, Array, Array]:
         """Return the step of every part, its start and its length [s], each of shape (n,)."""
@@ -296,12 +296,6 @@ class EnergyAccount(Record, frozen=True):
         q, v = self.whole(t, *self.solution.states_in(np.repeat(index[first], GAUSS_NODES), t))
         powers = dynamics.dissipated_power(t, q, v).reshape(-1, GAUSS_NODES)
         return np.asarray((powers @ part_weights(count).T).ravel() * h)
-
-
-@cache
-def even_choice(count: int) -> list[int]:
-    """Return ``STEPS`` of so many steps, evenly, or all where there are no more."""
-    return [*range(count)] if count <= STEPS else [k * (count - 1) // (STEPS - 1) for k in range(STEPS)]
 
 
 @cache

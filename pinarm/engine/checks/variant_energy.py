@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.checks.balance import even_choice, gauss_nodes, part_weights, unaccounted
+from pinarm.engine.checks.balance import STEPS, gauss_nodes, part_weights, unaccounted
+from pinarm.engine.checks.sample import sampled
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.mechanics.geometry.link_placements import speeding
 from pinarm.mechanics.geometry.link_tree import LinkTree, components_first
@@ -75,7 +76,7 @@ def _divided(solution: VariantSolution, looked: Flags) -> Flags:
     """Return the steps that are looked into, shape (steps,): those that have been, and an even choice besides."""
     divided = looked.copy()
     for first, count in zip(solution.firsts.tolist(), solution.counts.tolist(), strict=True):
-        divided[[first + step for step in even_choice(count)]] = True
+        divided[first + sampled(count, STEPS)] = True
     return divided
 
 
