@@ -325,6 +325,15 @@ class TestClosing:
         assert (True, True) in clear
         assert (True, False) not in clear
 
+    @pytest.mark.parametrize(("angle", "clear"), [(0.3, True), (0.5 * np.pi, False)])
+    def test_a_step_at_whose_start_a_rank_is_missing_is_not_clear(self, motion, angle, clear):
+        """Though the rows that are left are regular there, and it seems too slow to get anywhere."""
+        python, _ = motion
+        python.acceleration(0.5, *self.state(angle, 0.0, speed=1e-3))
+        assert python.regular > 0.3
+        python.acceleration(0.6, *python.settle(0.6, *self.state(0.3, 0.0, speed=1e-3)))
+        assert python.outlook(0.5)[0] is clear
+
     @pytest.mark.parametrize("angle", [0.3, 0.5 * np.pi, 0.5 * np.pi + 1e-6, 0.5 * np.pi + 1e-2])
     def test_closes_stages_and_looks_past_singular_positions(self, motion, angle):
         """Where the rods are in line the position says nothing; the acceleration comes from both sides."""

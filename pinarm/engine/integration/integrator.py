@@ -113,6 +113,8 @@ class Interval(ValueRecord, frozen=True):
         compiled: The same motion in compiled code; ``None`` where there is none.
         sampling: Instants at which steps have to end, since the acceleration may jump there; ``None`` for none.
         remark: What is to be said to the user of how the motion is computed; mostly empty.
+        outlook: Start of an accepted step [s] -> whether it is known to stay clear of singular positions, and the rank
+            of the constraints in it; ``None`` where nothing is known.
     """
 
     start: float
@@ -128,6 +130,7 @@ class Interval(ValueRecord, frozen=True):
     compiled: Flow | None = None
     sampling: SampleTimes | None = None
     remark: str = ""
+    outlook: Callable[[float], tuple[bool, int]] | None = None
 
     def span(self, t: float) -> Interval:
         """Return the part from t [s] on in which the acceleration does not jump: up to the next sample."""
@@ -369,6 +372,11 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
             self._interpolate(within)
             y[inside] = self._interpolated.states(within, (t - start)[inside] / self.steps.h[within])
         return self.manifold.project(y[:, : self.manifold.nq]), y[:, self.manifold.nq :]
+
+    def outlook(self, index: int) -> tuple[bool, int]:
+        """Return what is known of the step of an index, see ``Interval.outlook``; ``(False, 0)`` where nothing is."""
+        known = self.intervals[self.steps.interval[index]].outlook
+        return known(float(self.steps.t[index])) if known else (False, 0)
 
     def truncate(self, count: int) -> None:
         """Keep the first steps only."""

@@ -64,7 +64,7 @@ def undetermined_rest(closure: Closure, motion: SegmentedMotion) -> Undetermined
     fastest = max(float(pace.speed.max()) for pace in paces)
     usual, looked = None, -np.inf
     some = max(1, TOGETHER // closure.model.nv)
-    for times, q, least in _slow(paces, SLOW * fastest):
+    for times, q, least in _slow(paces, SLOW * fastest, _rank_of(segments)):
         while (ahead := int(times.searchsorted(looked))) < len(times):
             part = slice(ahead, ahead + some)
             usual, found = usual.also(q[part]) if usual else _Usual.of(closure, segments, q[part])
@@ -129,18 +129,30 @@ def _least(first: Array, mean: Array, last: Array) -> Array:
     return np.asarray(np.sqrt(np.vecdot(v, v).min(axis=0)))
 
 
-def _slow(paces: Sequence[_Pace], limit: float) -> Iterator[tuple[Array, Array, float]]:
-    """Yield instants at which a motion is slow, shape (n,), the configurations, and how regular these are at least."""
-    first, since = paces[0], -np.inf
+def _slow(paces: Sequence[_Pace], limit: float, rank: int) -> Iterator[tuple[Array, Array, float]]:
+    """Yield instants at which a motion is slow, shape (n,), the configurations, and how regular these are at least.
+
+    Where it is not known to be clear of singular positions anyway, with the rank that the constraints have in the run.
+    """
+    first, since, clear = paces[0], -np.inf, (True, rank)
     if limit and not first.speed[0]:
-        yield first.t[:1], first.q[None], RANK
+        if first.segment.solution.outlook(0) != clear:
+            yield first.t[:1], first.q[None], RANK
         since = float(min(first.t[first.speed >= limit], default=np.inf))
     for pace in paces:
+        solution = pace.segment.solution
         steps = np.flatnonzero((pace.least < MARGIN * limit) & (np.append(pace.t[1:], np.inf) > since))
+        steps = steps[[solution.outlook(k) != clear for k in steps.tolist()]]
         for start in range(0, len(steps), BLOCK):
             t, q, speed = pace.within(steps[start : start + BLOCK])
             slow = (speed < limit) & (t >= since)
             yield t[slow], q[slow], REGULAR
+
+
+def _rank_of(segments: Sequence[MotionSegment]) -> int:
+    """Return the rank of the constraints if all segments tell the same one, which never falls along them; or -1."""
+    ranks = {segment.solution.outlook(len(segment.solution.steps) - 1)[1] for segment in segments}
+    return ranks.pop() if len(ranks) == 1 else -1
 
 
 class _Usual(Record, frozen=True):

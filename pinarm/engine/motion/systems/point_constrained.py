@@ -54,7 +54,7 @@ class PointSystem(Record, frozen=True):
         compiled, remark = self._compiled(dynamics, start, end, motion)
         return Interval(
             start, end, motion.acceleration, motion.settle, motion.floor, self.general.energy(dynamics), motion.since,
-            compiled=compiled, remark=remark,
+            compiled=compiled, remark=remark, outlook=motion.outlook,
         )  # fmt: skip
 
     def _motion(self, dynamics: Dynamics, start: float, end: float) -> PointMotion:

@@ -93,7 +93,7 @@ class PointMotion:
                 self.points.factorise(q)
             q = self.closed(q)
             if not self.looked:
-                self.begin(q, v)
+                self.begin(t, q, v)
             v = self.tangent(v)
         tolerant = self.tolerant if not self.near and self.rank < self.points.tied.rank else None
         a = (tolerant[1] if tolerant else self.free)(t, q, v)
@@ -156,14 +156,15 @@ class PointMotion:
         if self.places:
             q[self.places], v[self.points.tied.driven], _ = self.targets(t)
         self.points.factorise(q)
-        closed, (near, regular) = self.closed(q), (self.near, self.regular)
+        closed, (near, regular, rank) = self.closed(q), (self.near, self.regular, self.rank)
         self.look(closed)
         if not self.blind(self.regular):
             q, v = closed, self.tangent(v)
         if not self.singular and self.t > -np.inf:
             self.step = t - self.t
         self.least = FLOOR * self.step if self.singular else 0.0
-        self.ended = None if near else (self.t, t - self.t, CLEAR * min(1.0, regular, self.regular))
+        known = not near and self.rank == rank
+        self.ended = (self.t, t - self.t, CLEAR * min(1.0, regular, self.regular)) if known else None
         self.t = self.unchecked = t
         self.ranks[t] = self.rank
         self.require_known_way(t)
@@ -178,22 +179,19 @@ class PointMotion:
             if h * (max(speed, self.speed) + 0.25 * h * max(largest, self.largest)) < most:
                 self.clear.add(start)
 
-    def rank_at(self, t: float) -> int:
-        """Return the rank of the rows in the step that begins at t [s]."""
-        return self.ranks.get(t, self.rank)
+    def outlook(self, t: float) -> tuple[bool, int]:
+        """Return whether the step from t [s] on is clear of singular positions, and the rank of the rows in it."""
+        return t in self.clear, self.ranks.get(t, self.rank)
 
-    def closes(self, t: float) -> bool:
-        """Return whether the dense output of the step that begins at t [s] closes the states of its stages.
+    def since(self, t: float) -> Acceleration:
+        """Return the acceleration for the dense output of the step that begins at t [s].
 
         The error of a step says nothing of the further stages of its dense output: in a long step that passes a
         singular position in one go they may lie right beside it, where states that are a little open have accelerations
-        of any size.
+        of any size. They are closed, but in steps that are clear.
         """
-        return t not in self.clear
-
-    def since(self, t: float) -> Acceleration:
-        """Return the acceleration for the dense output of the step that begins at t [s]."""
-        chosen = self.closes(t), self.rank_at(t)
+        clear, rank = self.outlook(t)
+        chosen = not clear, rank
 
         def acceleration(instant: float, q: Array, v: Array) -> Array:
             now, (self.near, self.rank) = (self.near, self.rank, self.open), chosen
@@ -204,9 +202,12 @@ class PointMotion:
 
         return acceleration
 
-    def begin(self, q: Array, v: Array) -> None:
+    def begin(self, t: float, q: Array, v: Array) -> None:
         """Choose how to go on from the start; next to a singular position a regular step is the time to get away."""
         self.look(q)
+        self.ranks[t] = self.rank
+        if not self.near:
+            self.t = self.unchecked = t
         speed = float(np.abs(v / self.scale).max())
         if self.singular and speed:
             self.step = NEAR / speed

@@ -68,7 +68,8 @@ class PointFlow(Flow, frozen=True):
 
     def way(self, t: float) -> Any:
         """Return whether stages are closed, and the rank, in the step that begins at t; see ``PointMotion.since``."""
-        return self.motion.closes(t), self.motion.rank_at(t)
+        clear, rank = self.motion.outlook(t)
+        return not clear, rank
 
     def take(self, way: Any) -> None:
         """Let rates be those of such stages."""
