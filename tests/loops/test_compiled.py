@@ -22,7 +22,7 @@ from pinarm.engine.kernel.loops import CompiledLoops
 from pinarm.engine.kernel.structures import SkylineStructure
 from pinarm.engine.kernel.tree import CompiledTree
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.systems import Initial, system_of
+from pinarm.engine.motion.systems import Initial, point_motion, system_of
 from pinarm.engine.motion.systems.compiled import compiled_points, compiled_rows
 from pinarm.engine.motion.systems.constrained import ConstrainedSystem
 from pinarm.engine.motion.systems.point_constrained import PointSystem
@@ -346,6 +346,21 @@ class TestClosing:
         expected = python.acceleration(0.9, q, v)
         found = flow.slope(np.concatenate([q, v]))[3:]
         assert found == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+    @pytest.mark.parametrize("angle", 0.5 * np.pi + np.linspace(-4.6e-3, 4.6e-3, 93))
+    def test_passes_singular_positions_from_all_blind_states(self, motion, angle):
+        """Those of stages, which are a little open: no position from which accelerations come is singular itself."""
+        python, _ = motion
+        found = []
+        for open_by in (0.0, 3e-8):
+            q, v = self.state(angle, open_by)
+            python.near = python.looked = True
+            python.rank = python.points.tied.rank
+            python.points.factorise(q)
+            assert python.blind(python.regularity())
+            found.append(python.acceleration(0.9, q, v).copy())
+            assert python.open < 0.01 * point_motion.PASSED * python.extent
+        assert found[1] == pytest.approx(found[0], abs=1e-5)
 
     def test_closes_states_within_steps_that_have_been_taken(self, motion):
         """As in Python, whatever the present step does."""
