@@ -10,7 +10,7 @@ import numpy as np
 from msgspec.structs import replace as replace_fields
 
 from pinarm.arrays import Array
-from pinarm.engine.checks.balance import LOST, energy_of
+from pinarm.engine.checks.balance import LOST, EnergyAccount, energy_balance
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspaces.nullspace import VANISHED
 from pinarm.engine.dynamics.dynamics import Dynamics
@@ -200,11 +200,12 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
                 grid = hybrid.grid(self.time.instants(), error.partial.seams).until(error.partial.end)
                 error.partial = replace(reached.outcome(grid), notes=tuple(error.partial.diagnose()))
             raise
+        accounts = [] if self.motion else EnergyAccount.each(motion)
         self._require_branch(mechanism, hybrid, motion)
         t, end = self.time.instants(), motion.end
         grid = hybrid.grid(t if end == t[-1] else np.array([*t[t < end], end]), motion.seams)
         whole = IntegratedMotion(mechanism, hybrid, motion).outcome(grid)
-        energy = {} if self.motion else energy_of(motion)
+        energy = energy_balance(*accounts)
         notes = motion.diagnose() or _lost(energy.get("energy", 0.0))
         remarks = [
             *_changed(mechanism, hybrid, v),

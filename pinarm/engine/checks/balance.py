@@ -239,10 +239,23 @@ class EnergyAccount(Record, frozen=True):
     dynamics: list[Dynamics]
     whole: Whole = lambda t, q, v: (q, v)
 
+    @classmethod
+    def each(cls, motion: SegmentedMotion) -> list[EnergyAccount]:
+        """Return those of the segments of a motion.
+
+        The dense output of the steps that they look into is computed with that of the first steps asked for.
+        """
+        accounts = []
+        for segment in motion.segments:
+            local = [segment.dynamics.on(interval.start, interval.end) for interval in segment.solution.intervals]
+            accounts.append(cls(segment.solution, local, segment.system.whole))
+            segment.solution.foresee(accounts[-1]._looked_into)
+        return accounts
+
     def columns(self) -> tuple[Array, Array, Array]:
         """Return kinetic, potential and so far dissipated energy [J] at the ends of all parts, each of shape (n,)."""
-        varying = [dynamics.exchanging for dynamics in self.dynamics]
-        index, start, h = self._parts(self._divided(any(varying)))
+        varying = self._varying
+        index, start, h = self._parts(sorted({*self.solution.interpolated_steps, *self._looked_into.tolist()}))
         ends, last = np.append(start, self.solution.end), index[-1:]
         q, v = self.whole(ends, *self.solution.states_in(np.concatenate([index, last]), ends))
         kinetic, potential = self.dynamics[0].energy(q, v)
@@ -267,10 +280,15 @@ class EnergyAccount(Record, frozen=True):
     def _intervals(self) -> Indices:
         return self.solution.steps.interval
 
-    def _divided(self, every: bool) -> list[int]:
-        """Return the steps that are looked into: all of them, or those that have been and an even choice besides."""
+    @cached_property
+    def _varying(self) -> list[Dynamics | None]:
+        return [dynamics.exchanging for dynamics in self.dynamics]
+
+    @cached_property
+    def _looked_into(self) -> Indices:
+        """The steps that are looked into, besides those that have been: all of them, or an even choice, shape (n,)."""
         n = len(self.solution.steps)
-        return list(range(n)) if every else sorted({*self.solution.interpolated_steps, *sampled(n, STEPS).tolist()})
+        return np.arange(n) if any(self._varying) else sampled(n, STEPS)
 
     def _parts(self, divided: list[int]) -> tuple[Indices, Array, Array]:
         """Return the step of every part, its start and its length [s], each of shape (n,)."""
@@ -314,15 +332,6 @@ def part_weights(count: int) -> Array:
     powers = np.arange(GAUSS_NODES)
     ends = np.linspace(-1.0, 1.0, count + 1)[:, None] ** (powers + 1) / (powers + 1)
     return np.asarray(0.5 * count * np.linalg.solve(np.vander(nodes, increasing=True).T, np.diff(ends, axis=0).T).T)
-
-
-def energy_of(motion: SegmentedMotion) -> dict[str, float]:
-    """Return the energy balance of a motion whose segments have been integrated; see ``energy_balance``."""
-    accounts = []
-    for segment in motion.segments:
-        local = [segment.dynamics.on(interval.start, interval.end) for interval in segment.solution.intervals]
-        accounts.append(EnergyAccount(segment.solution, local, segment.system.whole))
-    return energy_balance(*accounts)
 
 
 def energy_balance(*accounts: EnergyAccount) -> dict[str, float]:

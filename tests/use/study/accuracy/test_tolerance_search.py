@@ -93,7 +93,7 @@ def test_a_target_is_one_of_the_output_itself_whatever_its_size(oscillator, ampl
 
 def test_energy_that_is_lost_contradicts_two_solutions_that_agree(oscillator, monkeypatch, tmp_path, capsys):
     """Both may be wrong in the same way: no target is reached then, and a bound of the error is a failure."""
-    monkeypatch.setattr(forward, "energy_of", lambda motion: {"energy": 0.5})
+    monkeypatch.setattr(forward, "energy_balance", lambda *accounts: {"energy": 0.5})
     arguments = ["run", str(oscillator), "-o", str(tmp_path / "out"), "--no-plots", "--set", "problem.time.end=1 s",
                  "--set"]  # fmt: skip
     assert main([*arguments, "accuracy={target: 1e-2, method: dopri5}"]) == 3
