@@ -362,16 +362,21 @@ class TestClosing:
             assert python.open < 0.01 * point_motion.PASSED * python.extent
         assert found[1] == pytest.approx(found[0], abs=1e-5)
 
-    def test_closes_states_within_steps_that_have_been_taken(self, motion):
-        """As in Python, whatever the present step does."""
+    @pytest.mark.parametrize(("angle", "closes"), [(0.3, False), (1.4, False), (0.5 * np.pi - 0.03, True)])
+    def test_closes_states_within_steps_that_have_been_taken(self, motion, angle, closes):
+        """Those near a singular position, as in Python, whatever the present step does; in clear steps none."""
         python, flow = motion
-        q, v = self.state(0.3, 1e-3)
+        q, v = self.state(angle, 1e-3)
         python.looked, python.near, python.rank = True, False, python.points.tied.rank
-        open_, closed = (each(0.9, q, v)[:3] for each in (python.acceleration, python.since(0.5)))
-        assert np.abs(open_ - closed).max() > 1e-4
+        open_, within = (each(0.9, q, v)[:3] for each in (python.acceleration, python.since(0.5)))
         y = np.concatenate([q, v])
-        assert flow.slopes(np.array([0.5]), y[None])[0, 3:] == pytest.approx(closed, rel=1e-9, abs=1e-9)
+        assert flow.slopes(np.array([0.5]), y[None])[0, 3:] == pytest.approx(within, rel=1e-9, abs=1e-9)
         assert flow.slope(y)[3:] == pytest.approx(open_, rel=1e-9, abs=1e-9)
+        python.near = True
+        closed = python.acceleration(0.9, q, v)[:3]
+        python.near = False
+        assert np.abs(open_ - closed).max() > 1e-4
+        assert within == pytest.approx(closed if closes else open_, rel=1e-12)
         python.clear.add(0.5)
         assert python.since(0.5)(0.9, q, v)[:3] == pytest.approx(open_, rel=1e-12)
         assert flow.slopes(np.array([0.5]), y[None])[0, 3:] == pytest.approx(open_, rel=1e-9, abs=1e-9)

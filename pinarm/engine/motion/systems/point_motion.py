@@ -71,6 +71,8 @@ class PointMotion:
         self.free = points.acceleration(dynamics, targets, self.exact)
         self.tolerant: tuple[pin.ProximalSettings, Acceleration] | None = None
         self.near, self.rank, self.looked, self.rows = True, 0, False, np.empty((0, 0))
+        self.judged = False
+        """Whether of the stages only those are closed that are themselves near a singular position."""
         self.regular, self.singular, self.open = 0.0, True, 0.0
         self.t, self.step, self.least, self.speed, self.largest = -np.inf, 0.0, 0.0, 0.0, 0.0
         """Of the last accepted state the instant, of the last regular step the length, the least step now [s], and the
@@ -85,8 +87,7 @@ class PointMotion:
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration, near singular positions that of the closed state."""
-        if self.near:
-            self.points.factorise(q)
+        if closes := self._closes(q):
             if self.looked and v.any() and self.blind(self.regularity()):
                 a = self.across(t, q, v)
                 if not self.turns:
@@ -96,13 +97,22 @@ class PointMotion:
             if not self.looked:
                 self.begin(t, q, v)
             v = self.tangent(v)
-        tolerant = self.tolerant if not self.near and self.rank < self.points.tied.rank else None
+        tolerant = self.tolerant if not closes and self.rank < self.points.tied.rank else None
         a = (tolerant[1] if tolerant else self.free)(t, q, v)
         if t == self.unchecked:  # stages of steps that end there are not closed
             self.unchecked = np.nan
             require_closed_accelerations(self.rows, a, self.points.right(), t, q)
             self._note_clear(v, a)
         return a
+
+    def _closes(self, q: Array) -> bool:
+        """Return whether a stage is closed, whose position is then factorised."""
+        if not self.near:
+            return False
+        self.points.factorise(q)
+        if not self.judged or self.settings(self.rank) is None:
+            return True
+        return not self.regularity() >= NEAR
 
     def settings(self, rank: int) -> pin.ProximalSettings | None:
         """Return how stages in regular steps are solved for; ``None`` where the rank is low and it is not known yet."""
@@ -192,14 +202,14 @@ class PointMotion:
         of any size. They are closed, but in steps that are clear.
         """
         clear, rank = self.outlook(t)
-        chosen = not clear, rank
 
         def acceleration(instant: float, q: Array, v: Array) -> Array:
-            now, (self.near, self.rank) = (self.near, self.rank, self.open), chosen
+            now = self.near, self.rank, self.judged, self.open
+            self.near, self.rank, self.judged = not clear, rank, True
             try:
                 return self.acceleration(instant, q, v)
             finally:
-                self.near, self.rank, self.open = now
+                self.near, self.rank, self.judged, self.open = now
 
         return acceleration
 
