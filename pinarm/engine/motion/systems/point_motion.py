@@ -199,7 +199,7 @@ class PointMotion:
 
         The error of a step says nothing of the further stages of its dense output: in a long step that passes a
         singular position in one go they may lie right beside it, where states that are a little open have accelerations
-        of any size. They are closed, but in steps that are clear.
+        of any size. Those near one are closed, unless the step is known to be clear.
         """
         clear, rank = self.outlook(t)
 
