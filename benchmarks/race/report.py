@@ -208,7 +208,10 @@ def _losses(results: dict[str, Results]) -> str:
             if not known or (first := min(known, key=lambda engine: known[engine])) == "pinarm":
                 continue
             own = times["pinarm"]
-            behind = "does not reach it" if own is None else f"takes {own / known[first]:.1f} times as long"
+            behind = "does not reach it" if own is None else f"takes {own / known[first]:.2f} times as long"
+            if own and (told := result.get("shares", {}).get(f"{goal:g}")):
+                bare = own * (1.0 - told["energy"] - told["residuals"])
+                behind += f", {bare / known[first]:.2f} without its measures of accuracy"
             at = "" if isinstance(problems()[name], Inverse) else f", {goal:.0e}"
             lines.append(f"- {problems()[name].title}{at}: {ENGINES[first]} is first, pinarm {behind}.")
     return "\n".join(["## Where pinarm loses", "", *(lines or ["Nowhere in this run."])])
