@@ -200,8 +200,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
                 grid = hybrid.grid(self.time.instants(), error.partial.seams).until(error.partial.end)
                 error.partial = replace(reached.outcome(grid), notes=tuple(error.partial.diagnose()))
             raise
-        accounts = [] if self.motion else EnergyAccount.each(motion)
         self._require_branch(mechanism, hybrid, motion)
+        accounts = [] if self.motion else EnergyAccount.each(motion)
         t, end = self.time.instants(), motion.end
         grid = hybrid.grid(t if end == t[-1] else np.array([*t[t < end], end]), motion.seams)
         whole = IntegratedMotion(mechanism, hybrid, motion).outcome(grid)

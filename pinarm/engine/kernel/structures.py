@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-from enum import IntEnum
 
 import numpy as np
 
@@ -105,12 +104,6 @@ class ConstraintsStructure(ctypes.Structure):
         ("squares", SkylineStructure),
         *((name, POINTER) for name in ("carried", "reduced", "spread", "response", "right", "multiplier", "part")),
     ]  # fmt: skip
-
-
-class StageTreatment(IntEnum):
-    """Which stages of a step are closed: none, all, or those that are themselves near a singular position."""
-
-    OPEN, CLOSED, JUDGED = range(3)
 
 
 class ClosingStructure(ctypes.Structure):

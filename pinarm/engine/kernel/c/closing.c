@@ -51,20 +51,14 @@ static void close_state(const closing *c, double w, double *q, double *v) {
         v[k] -= r->response[k];
 }
 
-/* Write G G^T where the state is placed; return its trace. */
-static double squares(const closing *c) {
+/* Return the square of the largest singular value of G where the state is placed; 0 where there is none. */
+static double largest_square(const closing *c) {
     const skyline *s = &c->rows.squares;
     double trace = 0.0;
     constraints_squares(&c->rows);
     for (ptrdiff_t i = 0; i < s->rows; i++)
         trace += s->entry[s->origin[i] + i];
-    return trace;
-}
-
-/* Return the square of the largest singular value of G where the state is placed; 0 where there is none. */
-static double largest_square(const closing *c) {
-    const skyline *s = &c->rows.squares;
-    const double trace = squares(c), mean = trace / (double)s->rows;
+    const double mean = trace / (double)s->rows;
     return mean > 0.0 && mean < INFINITY ? skyline_eigenvalue(s, 0, mean, trace, c->limits.accuracy) : 0.0;
 }
 
@@ -85,14 +79,6 @@ static double largest(const closing *c, const double *x) {
 static int is_clear(const closing *from, const closing *to, double h) {
     const double speed = fmax(from->speed, to->speed) + 0.25 * h * fmax(from->acceleration, to->acceleration);
     return !from->near && h * speed < to->limits.clear * fmin(1.0, fmin(from->regular, to->regular));
-}
-
-/* Whether a stage has to be closed where it is placed. */
-static int closes(const closing *c) {
-    const double near = c->limits.near * c->limits.usual;
-    if (c->near != JUDGED || !c->tolerant.repeats)
-        return c->near;
-    return count_from(c, near * near * squares(c)) < c->limits.rank;
 }
 
 static int turns(const closing *c) { return c->open > c->limits.passed; } /* beside a singular position */
@@ -126,7 +112,7 @@ static double accelerations(closing *c, const double *q, const double *v, double
     const tree *t = c->rows.tree;
     const double blind = c->limits.blind * c->limits.usual;
     constraints_place(&c->rows, q, v);
-    if (!closes(c))
+    if (!c->near)
         return constraints_accelerate(&c->rows, &c->tolerant, a);
     int moving = 0;
     for (int k = 0; k < t->nv; k++)

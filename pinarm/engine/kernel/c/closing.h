@@ -17,9 +17,6 @@ typedef struct {
     int rank;
 } limits;
 
-/* Stages as they are, closed, or closed where they are themselves near a singular position. */
-enum { OPEN, CLOSED, JUDGED };
-
 typedef struct {
     constraints rows;
     proximal exact, tolerant; /* of closed states; of stages in regular steps, 0 repeats where it is not known */
@@ -31,7 +28,7 @@ typedef struct {
     const double *scale;      /* unit of every velocity, nv */
     double *sum, *part, *aside; /* nv */
     double *state, *saved;    /* nq + nv */
-    int near;                 /* which stages of the next step are closed: OPEN, CLOSED, JUDGED */
+    int near;                 /* whether the stages of the next step are closed */
     int clear;                /* whether the last step is clear of singular positions */
     double regular, open;     /* regularity of the last closed position; gap at a singular one that is near */
     double speed, acceleration; /* the largest velocity and acceleration there, in the units of velocities */

@@ -42,8 +42,8 @@ BLIND, ASIDE, ACROSS = 2.5e-3, 8e-3, np.array([1.0, -6.0, 15.0, 15.0, -6.0, 1.0]
 """The same, s, below which a position says little of the state, whose place is known to eps / s and whose velocity to
 eps / s^2, and of the acceleration there. The state is then not closed: it would lose energy. The acceleration is
 interpolated between positions at once, twice and three times that distance [rad], before and behind it on the way, with
-these weights. The motion is smooth. None of them may come close to the singular position itself: of four-bars, whose
-regularity changes by 0.5 per radian, a blind state is up to 5e-3 from it."""
+these weights. The motion is smooth. None of them should come close to the singular position itself: of four-bars, whose
+regularity changes by 0.5 per radian, a blind state is up to 5e-3 from it. If it changes by less than 0.3, one may."""
 
 PASSED, TURNED = 1e-11, 1e-9
 """Gap of the loops, relative to the extent, at the position so interpolated. Up to the first a singular position is
@@ -71,8 +71,6 @@ class PointMotion:
         self.free = points.acceleration(dynamics, targets, self.exact)
         self.tolerant: tuple[pin.ProximalSettings, Acceleration] | None = None
         self.near, self.rank, self.looked, self.rows = True, 0, False, np.empty((0, 0))
-        self.judged = False
-        """Whether of the stages only those are closed that are themselves near a singular position."""
         self.regular, self.singular, self.open = 0.0, True, 0.0
         self.t, self.step, self.least, self.speed, self.largest = -np.inf, 0.0, 0.0, 0.0, 0.0
         """Of the last accepted state the instant, of the last regular step the length, the least step now [s], and the
@@ -87,7 +85,8 @@ class PointMotion:
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration, near singular positions that of the closed state."""
-        if closes := self._closes(q):
+        if self.near:
+            self.points.factorise(q)
             if self.looked and v.any() and self.blind(self.regularity()):
                 a = self.across(t, q, v)
                 if not self.turns:
@@ -97,22 +96,13 @@ class PointMotion:
             if not self.looked:
                 self.begin(t, q, v)
             v = self.tangent(v)
-        tolerant = self.tolerant if not closes and self.rank < self.points.tied.rank else None
+        tolerant = self.tolerant if not self.near and self.rank < self.points.tied.rank else None
         a = (tolerant[1] if tolerant else self.free)(t, q, v)
         if t == self.unchecked:  # stages of steps that end there are not closed
             self.unchecked = np.nan
             require_closed_accelerations(self.rows, a, self.points.right(), t, q)
             self._note_clear(v, a)
         return a
-
-    def _closes(self, q: Array) -> bool:
-        """Return whether a stage is closed, whose position is then factorised."""
-        if not self.near:
-            return False
-        self.points.factorise(q)
-        if not self.judged or self.settings(self.rank) is None:
-            return True
-        return not self.regularity() >= NEAR
 
     def settings(self, rank: int) -> pin.ProximalSettings | None:
         """Return how stages in regular steps are solved for; ``None`` where the rank is low and it is not known yet."""
@@ -191,25 +181,29 @@ class PointMotion:
                 self.clear.add(start)
 
     def outlook(self, t: float) -> tuple[bool, int]:
-        """Return whether the step from t [s] on is clear of singular positions, and the rank of the rows in it."""
-        return t in self.clear, self.ranks.get(t, self.rank)
+        """Return whether the step from t [s] on is clear of singular positions, and the rank of the rows in it.
+
+        It is not where the rank has grown since: it began at a singular position.
+        """
+        rank = self.ranks.get(t, self.rank)
+        return t in self.clear and rank == self.rank, rank
 
     def since(self, t: float) -> Acceleration:
         """Return the acceleration for the dense output of the step that begins at t [s].
 
         The error of a step says nothing of the further stages of its dense output: in a long step that passes a
         singular position in one go they may lie right beside it, where states that are a little open have accelerations
-        of any size. Those near one are closed, unless the step is known to be clear.
+        of any size. They are closed, but in steps that are clear.
         """
         clear, rank = self.outlook(t)
+        chosen = not clear, rank
 
         def acceleration(instant: float, q: Array, v: Array) -> Array:
-            now = self.near, self.rank, self.judged, self.open
-            self.near, self.rank, self.judged = not clear, rank, True
+            now, (self.near, self.rank) = (self.near, self.rank, self.open), chosen
             try:
                 return self.acceleration(instant, q, v)
             finally:
-                self.near, self.rank, self.judged, self.open = now
+                self.near, self.rank, self.open = now
 
         return acceleration
 

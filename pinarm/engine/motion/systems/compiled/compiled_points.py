@@ -14,7 +14,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.pinocchio_constraints import PROJECTION, CoincidentPoints
 from pinarm.engine.kernel.library import Flow, library
 from pinarm.engine.kernel.loops import POINT, CompiledLoops, LoadedLoops, Tied
-from pinarm.engine.kernel.structures import LimitsStructure, ProximalStructure, StageTreatment
+from pinarm.engine.kernel.structures import LimitsStructure, ProximalStructure
 from pinarm.engine.kernel.tree import AGREEMENT, DISAGREES, CompiledTree
 from pinarm.engine.motion.systems import point_motion
 from pinarm.engine.motion.systems.batch_rows import ITERATIONS, ROUNDED
@@ -61,22 +61,22 @@ class PointFlow(Flow, frozen=True):
     def ready(self) -> None:
         """Bring the system to the present state of the motion."""
         structure, motion = self.system.structure, self.motion
-        self.choose(StageTreatment.CLOSED if motion.near else StageTreatment.OPEN, motion.rank)
+        self.choose(motion.near, motion.rank)
         structure.regular, structure.limits.rank, structure.open = motion.regular, motion.rank, motion.open
         structure.t, structure.step, structure.floor = motion.t, motion.step, motion.least
         structure.speed, structure.acceleration = motion.speed, motion.largest
 
     def way(self, t: float) -> Any:
-        """Return which stages are closed, and the rank, in the step that begins at t; see ``PointMotion.since``."""
+        """Return whether stages are closed, and the rank, in the step that begins at t; see ``PointMotion.since``."""
         clear, rank = self.motion.outlook(t)
-        return StageTreatment.OPEN if clear else StageTreatment.JUDGED, rank
+        return not clear, rank
 
     def take(self, way: Any) -> None:
         """Let rates be those of such stages."""
         self.choose(*way)
 
-    def choose(self, near: StageTreatment, rank: int) -> None:
-        """Choose which stages are closed, and the rank."""
+    def choose(self, near: bool, rank: int) -> None:
+        """Choose whether stages are closed, and the rank."""
         structure, settings = self.system.structure, self.motion.settings(rank)
         structure.near, structure.tolerant = near, _proximal(settings) if settings else ProximalStructure()
         if rank == len(self.system.loops.places):
@@ -114,7 +114,7 @@ def judged_loops(dynamics: Dynamics, motion: PointMotion, near: Array) -> tuple[
         return points.rows()[points.tied.acting], drift[points.tied.acting]
 
     states = closed_states(near, motion.scale, lambda q, x: pin.integrate(points.tied.model, q, x), _closed(motion))
-    flow.choose(StageTreatment.OPEN, points.tied.rank)
+    flow.choose(False, points.tied.rank)
     apart = disagreement(flow, points.tied.model, dynamics, rows, states)
     return (loops, "") if apart <= AGREEMENT else (None, DISAGREES.format(apart))
 
