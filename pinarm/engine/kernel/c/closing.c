@@ -1,9 +1,8 @@
 #include "closing.h"
 
 #include <math.h>
-#include <string.h>
 
-static void copy(int n, const double *from, double *to) { memcpy(to, from, (size_t)n * sizeof *to); }
+#include "steps.h"
 
 /* q moves along s x. */
 static void move(const tree *t, double s, const double *x, double *q) {
@@ -41,14 +40,12 @@ static void close_state(const closing *c, double w, double *q, double *v) {
         before = size;
         constraints_solve(r, &once, r->loop[0].end);
         move(r->tree, 1.0, r->response, q);
-        for (int k = 0; k < r->tree->nv; k++)
-            c->aside[k] += w * r->response[k];
+        add_scaled(r->tree->nv, w, r->response, c->aside);
         constraints_place(r, q, v);
     }
-    copy((int)r->squares.rows, r->multiplier, r->right);
+    copy(r->squares.rows, r->multiplier, r->right);
     constraints_solve(r, &once, r->loop[0].end);
-    for (int k = 0; k < r->tree->nv; k++)
-        v[k] -= r->response[k];
+    add_scaled(r->tree->nv, -1.0, r->response, v);
 }
 
 /* Return the square of the largest singular value of G where the state is placed; 0 where there is none. */
@@ -98,8 +95,7 @@ static double across(const closing *c, const double *q, const double *v, double 
         close_state(c, c->limits.across[i], c->state, c->state + t->nq);
         constraints_place(&c->rows, c->state, c->state + t->nq);
         constraints_accelerate(&c->rows, &c->exact, c->part);
-        for (int k = 0; k < t->nv; k++)
-            c->sum[k] += c->limits.across[i] * c->part[k];
+        add_scaled(t->nv, c->limits.across[i], c->part, c->sum);
     }
     copy(t->nv, c->sum, a);
     copy(t->nq, q, c->state), move(t, 1.0, c->aside, c->state);
@@ -114,10 +110,7 @@ static double accelerations(closing *c, const double *q, const double *v, double
     constraints_place(&c->rows, q, v);
     if (!c->near)
         return constraints_accelerate(&c->rows, &c->tolerant, a);
-    int moving = 0;
-    for (int k = 0; k < t->nv; k++)
-        moving = moving || v[k] != 0.0;
-    if (moving && !turns(c) && count_from(c, blind * blind * largest_square(c)) < c->limits.rank) {
+    if (largest(c, v) > 0.0 && !turns(c) && count_from(c, blind * blind * largest_square(c)) < c->limits.rank) {
         c->open = across(c, q, v, a);
         if (!turns(c))
             return 0.0;

@@ -2,7 +2,6 @@
 
 #include <float.h>
 #include <math.h>
-#include <string.h>
 
 static double size_of(double complex a) { return fabs(creal(a)) + fabs(cimag(a)); }
 
@@ -73,7 +72,7 @@ static void differentiate(const flow *f, const course *m, newton *x) {
     const ptrdiff_t n = f->n;
     double *at = m->scratch, *slope = m->scratch + n;
     for (ptrdiff_t j = 0; j < n; j++) {
-        memcpy(at, m->y, (size_t)n * sizeof *at);
+        copy(n, m->y, at);
         at[j] += sqrt(DBL_EPSILON * fmax(1e-5, fabs(at[j])));
         const double apart = at[j] - m->y[j];
         evaluate(f, x, m->t, at, slope);
@@ -110,11 +109,9 @@ static void extrapolate(const radau *p, ptrdiff_t n, double h, const newton *x, 
             double weight = 0.0; /* sum_k at^(k + 1) powers_kj, by Horner's rule */
             for (ptrdiff_t k = s - 1; k >= 0; k--)
                 weight = at * (weight + p->powers[k * s + j]);
-            for (ptrdiff_t k = 0; k < n; k++)
-                z[i * n + k] += weight * x->last[j * n + k];
+            add_scaled(n, weight, x->last + j * n, z + i * n);
         }
-        for (ptrdiff_t k = 0; k < n; k++)
-            z[i * n + k] -= x->last[(s - 1) * n + k];
+        add_scaled(n, -1.0, x->last + (s - 1) * n, z + i * n);
     }
 }
 
@@ -123,12 +120,11 @@ static void correct(const radau *p, const flow *f, const course *m, double h, ne
     const ptrdiff_t s = p->stages, n = f->n;
     double *at = m->scratch, *left = x->change;
     for (ptrdiff_t i = 0; i < s; i++) {
-        for (ptrdiff_t k = 0; k < n; k++)
-            at[k] = m->y[k] + z[i * n + k];
+        copy(n, m->y, at);
+        add_scaled(n, 1.0, z + i * n, at);
         evaluate(f, x, m->t + p->c[i] * h, at, left + i * n);
         for (ptrdiff_t j = 0; j < s; j++)
-            for (ptrdiff_t k = 0; k < n; k++)
-                left[i * n + k] -= p->inverse[i * s + j] / h * z[j * n + k];
+            add_scaled(n, -p->inverse[i * s + j] / h, z + j * n, left + i * n);
     }
     for (ptrdiff_t i = 0; i < p->systems; i++) {
         double complex *right = x->right + i * n;
@@ -138,14 +134,12 @@ static void correct(const radau *p, const flow *f, const course *m, double h, ne
                 right[k] += p->forth[i * s + j] * left[j * n + k];
         substitute(n, x->system + i * n * n, x->pivot + i * n, right);
     }
+    memset(x->change, 0, (size_t)(s * n) * sizeof *x->change);
     for (ptrdiff_t j = 0; j < s; j++)
-        for (ptrdiff_t k = 0; k < n; k++) {
-            double sum = 0.0;
-            for (ptrdiff_t i = 0; i < p->systems; i++)
-                sum += creal(p->back[j * p->systems + i] * x->right[i * n + k]);
-            x->change[j * n + k] = sum;
-            z[j * n + k] += sum;
-        }
+        for (ptrdiff_t i = 0; i < p->systems; i++)
+            for (ptrdiff_t k = 0; k < n; k++)
+                x->change[j * n + k] += creal(p->back[j * p->systems + i] * x->right[i * n + k]);
+    add_scaled(s * n, 1.0, x->change, z);
 }
 
 /* Simplified Newton iterations for Z; return whether they converged, fast enough to be worth them. */
@@ -192,13 +186,13 @@ static double estimate(const radau *p, const flow *f, const control *c, const co
                        const double *z) {
     const ptrdiff_t n = f->n;
     double *at = m->scratch, *end = m->scratch + n, *error = m->scratch + 2 * n;
-    for (ptrdiff_t k = 0; k < n; k++)
-        end[k] = m->y[k] + z[(p->stages - 1) * n + k];
+    copy(n, m->y, end);
+    add_scaled(n, 1.0, z + (p->stages - 1) * n, end);
     filter(p, n, h, x, z, x->slope, error);
     double size = relative(c, 1, n, error, m->y, end);
     if (size > 1.0 && (m->ceiling == 1.0 || x->length == 0.0)) {
-        for (ptrdiff_t k = 0; k < n; k++)
-            at[k] = m->y[k] + error[k];
+        copy(n, m->y, at);
+        add_scaled(n, 1.0, error, at);
         evaluate(f, x, m->t, at, error);
         filter(p, n, h, x, z, error, error);
         size = relative(c, 1, n, error, m->y, end);
@@ -251,7 +245,7 @@ void radau_steps(const radau *p, const flow *f, const control *c, course *m, new
         m->tries--;
         if (error <= 1.0) {
             const double next = following(p, c, m, taken, error, x);
-            memcpy(x->last, z, (size_t)block * sizeof *z);
+            copy(block, z, x->last);
             x->length = taken;
             course_accept(m, n, taken, last, m->scratch + n);
             evaluate(f, x, m->t, m->y, x->slope);

@@ -1,15 +1,6 @@
 #include "runge_kutta.h"
 
 #include <math.h>
-#include <string.h>
-
-static void copy(ptrdiff_t n, const double *from, double *to) { memcpy(to, from, (size_t)n * sizeof *to); }
-
-/* sum += w x, over n numbers */
-static void add_scaled(ptrdiff_t n, double w, const double *x, double *sum) {
-    for (ptrdiff_t k = 0; k < n; k++)
-        sum[k] += w * x[k];
-}
 
 /* y + h sum_j w_j k_j over m slopes, rows of n numbers: a stage, or the step */
 static void stage(ptrdiff_t n, ptrdiff_t m, double h, const double *w, const double *y, const double *slopes,
@@ -101,8 +92,7 @@ void pair_steps(const pair *p, const flow *f, const control *c, course *m) {
 static void terms_of(const pair *p, const flow *f, double h, const double *slopes, double *terms) {
     const ptrdiff_t s = p->stages, n = f->n, all = s + 1 + p->dense_stages;
     double *change = terms, *second = terms + n, *third = terms + 2 * n;
-    for (ptrdiff_t k = 0; k < (3 + p->dense_terms) * n; k++)
-        terms[k] = 0.0;
+    memset(terms, 0, (size_t)((3 + p->dense_terms) * n) * sizeof *terms);
     for (ptrdiff_t j = 0; j < s; j++)
         add_scaled(n, h * p->b[j], slopes + j * n, change);
     for (ptrdiff_t k = 0; k < n; k++) {

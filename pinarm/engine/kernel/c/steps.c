@@ -1,7 +1,6 @@
 #include "steps.h"
 
 #include <math.h>
-#include <string.h>
 
 static double ulp(double x) { return nextafter(x, INFINITY) - x; }
 
@@ -12,10 +11,9 @@ int course_continues(const course *m, const control *c) {
 
 void course_accept(course *m, ptrdiff_t n, double taken, int last, const double *end) {
     const ptrdiff_t k = m->written++;
-    const size_t size = (size_t)n * sizeof *end;
     m->starts[k] = m->t, m->lengths[k] = taken, m->ends[k] = last ? m->end : m->t + taken;
     m->rejections[k] = m->rejected, m->floored[k] = m->clear[k] = 0;
-    memcpy(m->states + k * n, m->y, size);
-    memcpy(m->y, end, size);
+    copy(n, m->y, m->states + k * n);
+    copy(n, end, m->y);
     m->t = m->ends[k];
 }

@@ -2,6 +2,15 @@
 #pragma once
 
 #include <stddef.h>
+#include <string.h>
+
+static inline void copy(ptrdiff_t n, const double *from, double *to) { memcpy(to, from, (size_t)n * sizeof *to); }
+
+/* sum += w x, over n numbers */
+static inline void add_scaled(ptrdiff_t n, double w, const double *x, double *sum) {
+    for (ptrdiff_t k = 0; k < n; k++)
+        sum[k] += w * x[k];
+}
 
 /* What is integrated: y of n numbers. `rates` writes its slope, and projects y onto the space it belongs to. `settle`,
  * if there is one, brings an accepted state back onto constraints, writes its slope and returns 1, or returns 0 and
