@@ -316,7 +316,7 @@ class Closure(Record, frozen=True):
 
             values = [self._extreme_values(csr_array(each)) for each in rows.reshape(-1, *rows.shape[-2:])]
             return np.reshape(values, (*rows.shape[:-2], -1))
-        return acting_values(rows * self.scale / self.measure[:, None])
+        return acting_values(rows, self.scale, self.measure)
 
     def _extreme_values(self, rows: csr_array) -> Array:
         from scipy.sparse import csr_array

@@ -157,11 +157,11 @@ def dense_parts(rows: Array, reach: Array | float) -> list[tuple[Indices, SplitR
 
 def _scaled(rows: Array, reach: Array | float) -> tuple[Array, Flags, Array]:
     """Return the diagonal of D, shape (n, m), which rows of G are not 0 everywhere, and these of D G."""
-    length = np.sqrt((rows * rows).sum(axis=2))
+    length = np.sqrt(np.vecdot(rows, rows))
     counts = length > VANISHED * reach
     scale = 1.0 / np.where(counts, np.maximum(length, SHORT * reach), 1.0)
     acting = counts.any(axis=0)  # the others are 0, as are those that hold a plane linkage in its plane
-    return scale, acting, (rows * (counts * scale)[:, :, None])[:, acting]
+    return scale, acting, rows[:, acting] * (counts * scale)[:, acting, None]
 
 
 def _singular_parts(rows: Array, scale: Array, acting: Flags, scaled: Array) -> list[tuple[Indices, RowDecomposition]]:
@@ -188,16 +188,26 @@ def solved(matrix: Array, right: Array) -> Array:
     return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
 
 
-def acting_values(rows: Array) -> Array:
-    """Return the singular values of matrices, shape (.., m, nv), descending; rows that are 0 cost nothing.
+def acting_values(rows: Array, unit: Array | float = 1.0, measure: Array | float = 1.0) -> Array:
+    """Return the singular values of matrices, descending; rows that are 0 cost nothing.
 
     Of several rows that are regular those between the largest and the smallest are given as the largest.
+
+    Args:
+        rows: G, shape (.., m, nv).
+        unit: What columns are multiplied by, shape (nv,).
+        measure: What rows are divided by, shape (m,).
     """
-    sizes = np.abs(rows).max(axis=(*range(rows.ndim - 2), -1), initial=0.0)
-    acting = rows[..., sizes > ROUNDING * sizes.max(initial=0.0), :]
-    acting = acting.reshape(math.prod(rows.shape[:-2]), *acting.shape[-2:])
+    m, nv = rows.shape[-2:]
+    every, measure = rows.reshape(math.prod(rows.shape[:-2]), m, nv), np.broadcast_to(measure, m)
+    most = np.maximum(every.max(axis=0, initial=0.0), -every.min(axis=0, initial=0.0)) * unit / measure[:, None]
+    sizes = most.max(axis=1, initial=0.0)
+    counts = sizes > ROUNDING * sizes.max(initial=0.0)
+    acting = every[:, counts]
+    acting *= unit
+    acting /= measure[counts, None]
     values, known = regular_values(acting)
     values[~known] = np.linalg.svd(acting[~known], compute_uv=False)
-    found = np.zeros((*rows.shape[:-2], min(rows.shape[-2:])))
-    found[..., : values.shape[-1]] = values.reshape(*rows.shape[:-2], values.shape[-1])
-    return found
+    found = np.zeros((len(every), min(m, nv)))
+    found[:, : values.shape[-1]] = values
+    return found.reshape(*rows.shape[:-2], min(m, nv))

@@ -54,11 +54,13 @@ class IndependentRows(Record, frozen=True):
         r = r[:, :rank]
         pivots = np.abs(r.diagonal(axis1=1, axis2=2))
         sure = pivots.min(axis=1) > least * pivots.max(axis=1)
-        inverse = np.linalg.inv(r[sure])
-        certain = least * np.linalg.norm(r[sure], axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2)) < 1.0
+        inverse = inverse_of_triangular(r[_places(sure)])
+        certain = least * _size(r[_places(sure)]) * _size(inverse) < 1.0
+        inverse = inverse[_places(certain)]
         sure[sure] = certain
-        q = q[sure]
-        return cls(scale[sure], acting, inverse[certain], q[..., :rank], q[..., rank:], rows[sure]), sure
+        some = _places(sure)
+        q = q[some]
+        return cls(scale[some], acting, inverse, q[..., :rank], q[..., rank:], rows[some]), sure
 
     @property
     def rank(self) -> int:
@@ -90,3 +92,31 @@ class IndependentRows(Record, frozen=True):
         found = np.zeros_like(self.scale)
         found[:, self.acting] = np.matvec(self.inverse, np.vecmat(force, self.right))
         return found * self.scale
+
+
+def inverse_of_triangular(matrix: Array) -> Array:
+    """Return the inverses of upper triangular matrices, shape (n, r, r).
+
+    By halves: those of the diagonal blocks A and C, and ``-A^-1 B C^-1`` for the block B beside them.
+
+    Source: Higham, Accuracy and Stability of Numerical Algorithms, second edition (2002), section 14.2.
+    """
+    half = matrix.shape[-1] // 2
+    if half < SEVERAL:
+        return np.asarray(np.linalg.inv(matrix))
+    found = np.zeros_like(matrix)
+    first = found[:, :half, :half] = inverse_of_triangular(matrix[:, :half, :half])
+    last = found[:, half:, half:] = inverse_of_triangular(matrix[:, half:, half:])
+    found[:, :half, half:] = -first @ (matrix[:, :half, half:] @ last)
+    return found
+
+
+def _places(flags: Flags) -> Flags | slice:
+    """Return what selects the flagged elements, without a copy of them where these are all."""
+    return slice(None) if flags.all() else flags
+
+
+def _size(matrix: Array) -> Array:
+    """Return Frobenius' norm of matrices, shape (n, r, r) to (n,)."""
+    flat = matrix.reshape(len(matrix), -1)
+    return np.asarray(np.sqrt(np.vecdot(flat, flat)))

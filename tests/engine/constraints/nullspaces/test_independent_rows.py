@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pinarm.engine.constraints.nullspaces.dense_nullspace import RANK, RowDecomposition
-from pinarm.engine.constraints.nullspaces.independent_rows import SEVERAL, IndependentRows
+from pinarm.engine.constraints.nullspaces.independent_rows import SEVERAL, IndependentRows, inverse_of_triangular
 from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions
 
 N, NV = 5, SEVERAL + 4
@@ -84,3 +84,12 @@ def test_rows_that_depend_on_each_other_though_each_adds_a_direction_are_told() 
     rows = np.eye(m) - np.tri(m, k=-1)
     ((_, split),) = RowDecompositions.of(rows[None]).parts
     assert split.rank == RowDecomposition.of(rows).rank == m - 1
+
+
+@pytest.mark.parametrize("r", [1, 2 * SEVERAL - 1, 2 * SEVERAL, 4 * SEVERAL + 3])
+def test_triangular_matrices_are_inverted_by_halves(generator: np.random.Generator, r: int) -> None:
+    """Errors of the parts of ``R R^-1`` are rounding of the sum of r products: Higham, theorem 14.2."""
+    matrix = np.triu(generator.normal(size=(3, r, r))) / r + np.eye(r)
+    inverse = inverse_of_triangular(matrix)
+    np.testing.assert_allclose(matrix @ inverse, np.broadcast_to(np.eye(r), (3, r, r)), atol=r * 1e-15)
+    assert not np.tril(inverse, -1).any()

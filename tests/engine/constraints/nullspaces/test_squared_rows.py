@@ -99,3 +99,16 @@ def test_without_the_library_all_are_computed(generator, monkeypatch):
     rows = chain(generator)
     np.testing.assert_allclose(acting_values(rows), np.linalg.svd(rows, compute_uv=False))
     assert regular_values_of_sparse(csr_array(rows[0])) is None
+
+
+def test_units_of_rows_and_columns_are_applied_to_rows_that_count(generator):
+    """A row that is 0 in its own unit is none, at however many configurations; without rows there are no values."""
+    rows, unit = chain(generator, 4).reshape(2, 2, 60, 63), generator.uniform(0.1, 10.0, 63)
+    measure = generator.uniform(0.1, 10.0, 60)
+    rows[:, :, 7], measure[7] = 1e-12, 1e9
+    wanted = np.linalg.svd(np.delete(rows * unit / measure[:, None], 7, axis=2), compute_uv=False)
+    found = acting_values(rows, unit, measure)
+    assert found.shape == (2, 2, 60)
+    np.testing.assert_allclose(found[..., [0, 58]], wanted[..., [0, -1]], rtol=1e-9)
+    assert not found[..., 59].any()
+    assert acting_values(rows[:, :, :0], unit, measure[:0]).shape == (2, 2, 0)
