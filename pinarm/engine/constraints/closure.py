@@ -107,6 +107,11 @@ class Closure(Record, frozen=True):
         return np.array([self.length ** float(constraint.unit(row).dimension[0]) for constraint, row in self.owners()])
 
     @cached_property
+    def _units(self) -> Array:
+        """Factor of every entry of G that brings it into the units of its row and of its velocity, shape (m, nv)."""
+        return np.asarray(self.scale / self.measure[:, None])
+
+    @cached_property
     def reach(self) -> Array:
         """Return the length that every row of G can have, shape (m,): the extent, or 1 where it measures an angle."""
         return np.array([self.extent ** float(constraint.unit(row).dimension[0]) for constraint, row in self.owners()])
@@ -316,16 +321,17 @@ class Closure(Record, frozen=True):
 
             values = [self._extreme_values(csr_array(each)) for each in rows.reshape(-1, *rows.shape[-2:])]
             return np.reshape(values, (*rows.shape[:-2], -1))
-        return acting_values(rows, self.scale, self.measure)
+        return acting_values(rows, self._units)
 
     def _extreme_values(self, rows: csr_array) -> Array:
         from scipy.sparse import csr_array
 
         from pinarm.engine.constraints.nullspaces.sparse_nullspace import extreme_values
 
+        if self.model.nv <= DENSE:
+            return acting_values(rows.toarray(), self._units)
         data = rows.data * self.scale[rows.indices] / np.repeat(self.measure, np.diff(rows.indptr))
-        measured = csr_array((data, rows.indices, rows.indptr), shape=rows.shape)
-        return acting_values(measured.toarray()) if self.model.nv <= DENSE else extreme_values(measured)
+        return extreme_values(csr_array((data, rows.indices, rows.indptr), shape=rows.shape))
 
     def rank(self, values: Array) -> int:
         """Return the rank that singular values, shape (n, .., s), have at most; see ``values_of``."""

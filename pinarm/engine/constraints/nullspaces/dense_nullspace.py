@@ -188,24 +188,21 @@ def solved(matrix: Array, right: Array) -> Array:
     return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
 
 
-def acting_values(rows: Array, unit: Array | float = 1.0, measure: Array | float = 1.0) -> Array:
+def acting_values(rows: Array, units: Array) -> Array:
     """Return the singular values of matrices, descending; rows that are 0 cost nothing.
 
     Of several rows that are regular those between the largest and the smallest are given as the largest.
 
     Args:
         rows: G, shape (.., m, nv).
-        unit: What columns are multiplied by, shape (nv,).
-        measure: What rows are divided by, shape (m,).
+        units: What entries are multiplied by, shape (m, nv).
     """
-    m, nv = rows.shape[-2:]
-    every, measure = rows.reshape(math.prod(rows.shape[:-2]), m, nv), np.broadcast_to(measure, m)
-    most = np.maximum(every.max(axis=0, initial=0.0), -every.min(axis=0, initial=0.0)) * unit / measure[:, None]
-    sizes = most.max(axis=1, initial=0.0)
+    m, nv = units.shape
+    every = rows.reshape(math.prod(rows.shape[:-2]), m, nv)
+    most = np.maximum(np.maximum.reduce(every, initial=0.0), -np.minimum.reduce(every, initial=0.0)) * units
+    sizes = np.maximum.reduce(most, axis=1, initial=0.0)
     counts = sizes > ROUNDING * sizes.max(initial=0.0)
-    acting = every[:, counts]
-    acting *= unit
-    acting /= measure[counts, None]
+    acting = every[:, counts] * units[counts]
     values, known = regular_values(acting)
     values[~known] = np.linalg.svd(acting[~known], compute_uv=False)
     found = np.zeros((len(every), min(m, nv)))

@@ -68,7 +68,7 @@ def test_are_known_as_far_as_squares_tell(part, generator):
     assert clear == (part > 1.0)
     _, known = regular_values(rows)
     assert known[0] == clear
-    found = acting_values(rows)
+    found = acting_values(rows, np.ones(rows.shape[1:]))
     np.testing.assert_allclose(found[:, [0, -1]], wanted, rtol=1e-9)
     assert len(set(found[0].tolist())) == (2 if clear else rows.shape[1])
 
@@ -91,24 +91,23 @@ def test_few_rows_and_rows_that_share_all_velocities_are_left_too(generator):
     assert SquaredRows.of(whole) is None
     for rows in (few, whole):
         assert not regular_values(rows)[1].any()
-        np.testing.assert_allclose(acting_values(rows), np.linalg.svd(rows, compute_uv=False))
+        np.testing.assert_allclose(acting_values(rows, np.ones(rows.shape[1:])), np.linalg.svd(rows, compute_uv=False))
 
 
 def test_without_the_library_all_are_computed(generator, monkeypatch):
     monkeypatch.setattr(squared_rows, "library", lambda: None)
     rows = chain(generator)
-    np.testing.assert_allclose(acting_values(rows), np.linalg.svd(rows, compute_uv=False))
+    np.testing.assert_allclose(acting_values(rows, np.ones(rows.shape[1:])), np.linalg.svd(rows, compute_uv=False))
     assert regular_values_of_sparse(csr_array(rows[0])) is None
 
 
 def test_units_of_rows_and_columns_are_applied_to_rows_that_count(generator):
     """A row that is 0 in its own unit is none, at however many configurations; without rows there are no values."""
-    rows, unit = chain(generator, 4).reshape(2, 2, 60, 63), generator.uniform(0.1, 10.0, 63)
-    measure = generator.uniform(0.1, 10.0, 60)
-    rows[:, :, 7], measure[7] = 1e-12, 1e9
-    wanted = np.linalg.svd(np.delete(rows * unit / measure[:, None], 7, axis=2), compute_uv=False)
-    found = acting_values(rows, unit, measure)
+    rows, units = chain(generator, 4).reshape(2, 2, 60, 63), generator.uniform(0.3, 3.0, (60, 63))
+    rows[:, :, 7], units[7] = 1e-12, 1e-9
+    wanted = np.linalg.svd(np.delete(rows * units, 7, axis=2), compute_uv=False)
+    found = acting_values(rows, units)
     assert found.shape == (2, 2, 60)
     np.testing.assert_allclose(found[..., [0, 58]], wanted[..., [0, -1]], rtol=1e-9)
     assert not found[..., 59].any()
-    assert acting_values(rows[:, :, :0], unit, measure[:0]).shape == (2, 2, 0)
+    assert acting_values(rows[:, :, :0], units[:0]).shape == (2, 2, 0)
