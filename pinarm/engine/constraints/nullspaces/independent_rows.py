@@ -118,5 +118,4 @@ def _places(flags: Flags) -> Flags | slice:
 
 def _size(matrix: Array) -> Array:
     """Return Frobenius' norm of matrices, shape (n, r, r) to (n,)."""
-    flat = matrix.reshape(len(matrix), -1)
-    return np.asarray(np.sqrt(np.vecdot(flat, flat)))
+    return np.asarray(np.sqrt(np.einsum("nij,nij->n", matrix, matrix)))

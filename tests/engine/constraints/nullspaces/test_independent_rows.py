@@ -64,6 +64,17 @@ def test_a_row_that_repeats_others_is_told(rows: np.ndarray, generator: np.rando
         assert_same(parts, rows, generator)
 
 
+def test_a_row_that_repeats_others_at_all_configurations_is_told(
+    rows: np.ndarray, generator: np.random.Generator
+) -> None:
+    """None is left whose rows are independent, and none is there without configurations."""
+    rows[:, ACTING[3]] = rows[:, ACTING[1]] - 2.0 * rows[:, ACTING[8]]
+    parts = RowDecompositions.of(rows)
+    assert [(some.tolist(), split.rank) for some, split in parts.parts] == [(list(range(N)), SEVERAL - 1)]
+    assert_same(parts, rows, generator)
+    assert not RowDecompositions.of(rows[:0]).parts
+
+
 def test_a_row_that_vanishes_at_one_configuration_is_told(rows: np.ndarray, generator: np.random.Generator) -> None:
     rows[4, ACTING[5]] = 0.0
     parts = RowDecompositions.of(rows)
