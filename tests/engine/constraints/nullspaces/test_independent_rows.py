@@ -97,6 +97,18 @@ def test_rows_that_depend_on_each_other_though_each_adds_a_direction_are_told() 
     assert split.rank == RowDecomposition.of(rows).rank == m - 1
 
 
+def test_rows_are_taken_apart_by_singular_values_where_the_bound_does_not_tell(generator: np.random.Generator) -> None:
+    """Kahan's matrix: its least singular value is 0.9 RANK of the largest, and its bound 0.6 RANK; beside another."""
+    m = 23
+    rows = np.stack([np.eye(m) - np.tri(m, k=-1), generator.normal(size=(m, m)) + 10.0 * np.eye(m)])
+    parts = RowDecompositions.of(rows)
+    assert {type(split): some.tolist() for some, split in parts.parts} == {RowDecomposition: [0], IndependentRows: [1]}
+    right = generator.normal(size=rows.shape[:2])
+    for some, split in parts.parts:
+        if isinstance(split, IndependentRows):
+            np.testing.assert_allclose(np.matvec(rows[some], split.particular(right[some])), right[some], atol=ROUNDING)
+
+
 @pytest.mark.parametrize("r", [1, 2 * SEVERAL - 1, 2 * SEVERAL, 4 * SEVERAL + 3])
 def test_triangular_matrices_are_inverted_by_halves(generator: np.random.Generator, r: int) -> None:
     """Errors of the parts of ``R R^-1`` are rounding of the sum of r products: Higham, theorem 14.2."""

@@ -111,3 +111,12 @@ def test_units_of_rows_and_columns_are_applied_to_rows_that_count(generator):
     np.testing.assert_allclose(found[..., [0, 58]], wanted[..., [0, -1]], rtol=1e-9)
     assert not found[..., 59].any()
     assert acting_values(rows[:, :, :0], units[:0]).shape == (2, 2, 0)
+
+
+def test_rows_count_whatever_their_signs_are_and_wherever_they_act(generator):
+    """Rows without positive or negative entries, which are 0 but at the first or the last configuration."""
+    rows = chain(generator, 2, SEVERAL - 1)
+    rows[:, 4:6], rows[:, 6:8] = -np.abs(rows[:, 4:6]), np.abs(rows[:, 6:8])
+    rows[0, [4, 6]] = rows[1, [5, 7]] = 0.0
+    found = acting_values(rows, np.ones(rows.shape[1:]))
+    np.testing.assert_allclose(found, np.linalg.svd(rows, compute_uv=False), atol=1e-14 * found.max())
