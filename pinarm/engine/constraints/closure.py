@@ -248,15 +248,7 @@ class Closure(Record, frozen=True):
 
         Where there are fewer than at another configuration, 0 stands for the others.
         """
-        found: list[Array] = []
-        for i, one in enumerate(q if self.size else ()):
-            split = self.split(self.rows(self.state(one)))
-            free = split.scale[:, None] * split.redundant
-            free /= np.linalg.norm(free, axis=0)
-            found += [np.zeros((len(q), self.size)) for _ in range(free.shape[1] - len(found))]
-            for stress, column in zip(found, free.T, strict=False):
-                stress[i] = column
-        return found
+        return self.splits(q).stresses() if self.size and len(q) else []
 
     def drifts(self, q: Array, v: Array) -> Array:
         """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""

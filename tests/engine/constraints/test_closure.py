@@ -12,7 +12,9 @@ from pinarm.engine.constraints import closure as closures
 from pinarm.engine.constraints.closure import DENSE, KEPT, SEVERAL, Closure
 from pinarm.engine.constraints.nullspaces import squared_rows
 from pinarm.engine.constraints.nullspaces.nullspace import MANY
+from pinarm.engine.kinematics.mobility import mobility_of
 from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import InputError
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.model_variants import ModelVariants
 from pinarm.mechanics.loops.loop_joints import LoopJoint
@@ -97,6 +99,22 @@ def test_singular_values_of_many_rows_are_those_of_the_dense_matrix(tmp_path, mo
     np.testing.assert_allclose(own.values(q), wanted, atol=1e-12 * wanted.max())
     monkeypatch.setattr(closures, "DENSE", 0)
     np.testing.assert_allclose(own.values(q)[:, [0, rank - 1]], extreme, rtol=1e-4)
+
+
+@pytest.mark.slow
+def test_what_rigid_bodies_do_not_determine_is_told_of_many_joints_as_of_few(tmp_path):
+    """Forces across the plane and moments in it, three of every loop; forces in the plane are determined."""
+    run = pinarm.Scenario.load(written(tmp_path, "fourbars", 60)).run()
+    own = run.trajectory.mechanism
+    assert own.model.nv > MANY
+    mobility = mobility_of(own, run.trajectory.q[1])
+    assert mobility.degree == 180 and mobility.undetermined["top7"] == ["force z", "moment x", "moment y"]
+    for given in ("force.x", "force.y", "moment.z"):
+        assert np.isfinite(run[f"loop.top7.{given}"].values).all()
+    for shared in ("force.z", "moment.x", "moment.y"):
+        for owner in ("loop.top7", "joint.u7"):
+            with pytest.raises(InputError, match="hyperstatic of degree 180"):
+                _ = run[f"{owner}.{shared}"]
 
 
 def test_the_extent_is_that_of_the_longest_branch():

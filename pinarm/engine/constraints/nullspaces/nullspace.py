@@ -73,6 +73,17 @@ class RowDecompositions(Record, frozen=True):
         """Return what ``RowDecomposition.multipliers`` does, shape (n, m)."""
         return self.each(self.shape[1], lambda split, some: split.multipliers(some), force)
 
+    def stresses(self) -> list[Array]:
+        """Return multipliers of length 1 that do nothing, each of shape (n, m); see ``Closure.stresses``."""
+        found: list[Array] = []
+        for some, split in self.parts:
+            free = split.scale[..., None] * split.redundant
+            free /= np.linalg.norm(free, axis=-2, keepdims=True)
+            found += [np.zeros(self.shape[:2]) for _ in range(free.shape[-1] - len(found))]
+            for stress, column in zip(found, np.moveaxis(free, -1, 0), strict=False):
+                stress[some] = column
+        return found
+
     def each(self, width: int, function: Callable[..., Array], *given: Any) -> Array:
         """Return a function of the decomposition and of rows of arrays at all configurations, shape (n, width)."""
         values = np.empty((self.shape[0], width))

@@ -64,8 +64,9 @@ class SparseRowDecomposition:
 
     @property
     def scale(self) -> Array:
-        """Diagonal of D, shape (.., m)."""
-        return np.reshape(self.scales, (*self.states, -1))
+        """Diagonal of D, 1 for rows that are 0, shape (.., m)."""
+        scales = np.reshape(self.scales, (*self.states, -1))
+        return np.where(scales > 0.0, scales, 1.0)
 
     @cached_property
     def free(self) -> Array:
@@ -76,7 +77,9 @@ class SparseRowDecomposition:
     @cached_property
     def redundant(self) -> Array:
         """N, a basis of the multipliers that do nothing, ``N^T D G = 0``, shape (.., m, m - r)."""
-        found = np.array([RowDecomposition.of(rows.toarray()).redundant for rows in self.matrices])
+        scaled = [diags_array(scale) @ rows for scale, rows in zip(self.scales, self.matrices, strict=True)]
+        splits = [RowDecomposition.of(rows.toarray()) for rows in scaled]  # has a scale of its own where rows are short
+        found = np.array([split.scale[:, None] * split.redundant for split in splits])
         return found.reshape(*self.states, *found.shape[1:])
 
     def particular(self, right: Array) -> Array:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import orth
 from scipy.sparse import csr_array
 
 from pinarm.engine.constraints.nullspaces.dense_nullspace import RowDecomposition
@@ -52,6 +53,21 @@ def test_parts_are_those_of_singular_values(generator):
     for name, given in (("particular", right), ("reached", right), ("multipliers", force)):
         wanted = getattr(other, name)(given)
         np.testing.assert_allclose(getattr(own, name)(given), wanted, atol=1e-10 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("reach", [1.0, 300.0])
+def test_multipliers_that_do_nothing_are_those_of_the_dense_matrix(generator, reach):
+    """Those of rows that are 0 too, and of rows that are short for their reach, which scale otherwise."""
+    rows = ring(generator)
+    rows[7] *= 1e-3
+    own, other = split_rows(rows, reach), RowDecomposition.of(rows, reach)
+    assert isinstance(own, SparseRowDecomposition)
+    found, wanted = (orth(split.scale[:, None] * split.redundant) for split in (own, other))
+    assert found.shape == wanted.shape == (len(rows), len(rows) - 2 * LOOPS)
+    np.testing.assert_allclose(found @ found.T, wanted @ wanted.T, atol=1e-10)
+    stresses = RowDecompositions.of(np.array([rows]), reach).stresses()
+    np.testing.assert_allclose(np.linalg.norm(stresses, axis=-1), 1.0)
+    np.testing.assert_allclose(np.array(stresses)[:, 0] @ rows, 0.0, atol=1e-12)
 
 
 def test_the_same_at_many_configurations_of_different_rank(generator):
