@@ -208,8 +208,7 @@ class BearingReactions:
 
     def undetermined(self, rows: SplitRows, q: Array) -> list[FrictionContact]:
         """Return the contacts whose bearings multipliers load that do nothing; see ``require_determined``."""
-        free = rows.scale[:, None] * rows.redundant
-        stresses = np.vstack([np.zeros(len(free)), (free / np.linalg.norm(free, axis=0)).T])
+        stresses = np.vstack([np.zeros(len(rows.stresses)), rows.stresses.T])
         still, none = np.zeros((len(stresses), self.closure.model.nv)), np.zeros((len(stresses), len(self.contacts)))
         wrenches = self.wrenches(0.0, q, still[0], still, stresses, none)
         added = (wrenches[1:] - wrenches[0]).swapaxes(0, 1)

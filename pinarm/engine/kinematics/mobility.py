@@ -97,8 +97,7 @@ def _spins(mechanism: Mechanism, matrix: Array) -> tuple[str, ...]:
 def _undetermined(closure: Closure, split: SplitRows, q: Array) -> dict[str, list[str]]:
     """Return the components that self-stresses act on, of loop joints in frame 1, of tree joints in their own axes."""
     model, found, links = closure.model, dict[str, set[int]](), LinkPlacements.at(closure.model, q[None])
-    stresses = (split.scale[:, None] * split.redundant).T
-    for stress in stresses / np.maximum(np.linalg.norm(stresses, axis=1, keepdims=True), 1e-300):
+    for stress in split.stresses.T:
         for constraint, rows in zip(closure.constraints, closure.slices().values(), strict=True):
             if isinstance(constraint, LoopJoint):
                 turn, wrench = links.frame(constraint.first)[0][0], constraint.wrench(links, stress[None, rows])[0]

@@ -38,11 +38,6 @@ class SplitRows(Protocol):
     """The rows of G taken apart, at one or at several configurations: see ``RowDecomposition``."""
 
     @property
-    def scale(self) -> Array:
-        """Diagonal of D, shape (.., m)."""
-        ...
-
-    @property
     def free(self) -> Array:
         """T, a basis of the motions that the rows allow, ``G T = 0``, shape (.., nv, nv - r)."""
         ...
@@ -63,8 +58,8 @@ class SplitRows(Protocol):
         ...
 
     @property
-    def redundant(self) -> Array:
-        """N, a basis of the multipliers that do nothing, ``N^T D G = 0``, shape (.., m, m - r)."""
+    def stresses(self) -> Array:
+        """A basis of the multipliers that do nothing, ``G^T lam = 0``, each of length 1, shape (.., m, m - r)."""
         ...
 
     def particular(self, right: Array) -> Array:
@@ -119,9 +114,10 @@ class RowDecomposition(Record, frozen=True):
         return float(self.values[-1] / self.values[0]) if len(self.values) else 0.0
 
     @cached_property
-    def redundant(self) -> Array:
-        """N, a basis of the multipliers that do nothing, ``N^T D G = 0``, shape (.., m, m - r)."""
-        return np.asarray(np.linalg.svd(self.left)[0][..., self.values.shape[-1] :])
+    def stresses(self) -> Array:
+        """A basis of the multipliers that do nothing, ``G^T lam = 0``, each of length 1, shape (.., m, m - r)."""
+        beyond = np.linalg.svd(self.left)[0][..., self.values.shape[-1] :]
+        return of_length_1(self.scale[..., None] * beyond)
 
     def particular(self, right: Array) -> Array:
         """Return the shortest x with ``G x = right`` in the sense of least squares, shape (.., nv)."""
@@ -181,6 +177,11 @@ def _singular_parts(rows: Array, scale: Array, acting: Flags, scaled: Array) -> 
         free = vt[k, r:].swapaxes(1, 2)
         found.append((k, RowDecomposition(scale[k], left[k, :, :r], s[k, :r], vt[k, :r], free, rows[k])))
     return found
+
+
+def of_length_1(columns: Array) -> Array:
+    """Return columns, shape (.., m, k), divided by their lengths."""
+    return np.asarray(columns / np.linalg.norm(columns, axis=-2, keepdims=True))
 
 
 def solved(matrix: Array, right: Array) -> Array:

@@ -54,11 +54,11 @@ class IndependentRows(Record, frozen=True):
         r = r[:, :rank]
         pivots = np.abs(r.diagonal(axis1=1, axis2=2))
         sure = pivots.min(axis=1) > least * pivots.max(axis=1)
-        inverse = inverse_of_triangular(r[_places(sure)])
-        certain = least * _size(r[_places(sure)]) * _size(inverse) < 1.0
-        inverse = inverse[_places(certain)]
+        inverse = inverse_of_triangular(r[_selection(sure)])
+        certain = least * _size(r[_selection(sure)]) * _size(inverse) < 1.0
+        inverse = inverse[_selection(certain)]
         sure[sure] = certain
-        some = _places(sure)
+        some = _selection(sure)
         q = q[some]
         return cls(scale[some], acting, inverse, q[..., :rank], q[..., rank:], rows[some]), sure
 
@@ -74,8 +74,8 @@ class IndependentRows(Record, frozen=True):
         return float((values[:, -1] / values[:, 0]).min())
 
     @cached_property
-    def redundant(self) -> Array:
-        """N, a basis of the multipliers that do nothing, those of rows that are 0, shape (n, m, m - r)."""
+    def stresses(self) -> Array:
+        """A basis of the multipliers that do nothing, those of rows that are 0, shape (n, m, m - r)."""
         basis = np.eye(len(self.acting))[:, ~self.acting]
         return np.broadcast_to(basis, (len(self.scale), *basis.shape))
 
@@ -111,7 +111,7 @@ def inverse_of_triangular(matrix: Array) -> Array:
     return found
 
 
-def _places(flags: Flags) -> Flags | slice:
+def _selection(flags: Flags) -> Flags | slice:
     """Return what selects the flagged elements, without a copy of them where these are all."""
     return slice(None) if flags.all() else flags
 

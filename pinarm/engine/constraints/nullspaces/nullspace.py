@@ -77,10 +77,8 @@ class RowDecompositions(Record, frozen=True):
         """Return multipliers of length 1 that do nothing, each of shape (n, m); see ``Closure.stresses``."""
         found: list[Array] = []
         for some, split in self.parts:
-            free = split.scale[..., None] * split.redundant
-            free /= np.linalg.norm(free, axis=-2, keepdims=True)
-            found += [np.zeros(self.shape[:2]) for _ in range(free.shape[-1] - len(found))]
-            for stress, column in zip(found, np.moveaxis(free, -1, 0), strict=False):
+            found += [np.zeros(self.shape[:2]) for _ in range(split.stresses.shape[-1] - len(found))]
+            for stress, column in zip(found, np.moveaxis(split.stresses, -1, 0), strict=False):
                 stress[some] = column
         return found
 

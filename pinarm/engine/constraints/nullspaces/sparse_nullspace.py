@@ -21,6 +21,7 @@ from pinarm.engine.constraints.nullspaces.dense_nullspace import (
     RowDecomposition,
     SplitRows,
     dense_parts,
+    of_length_1,
 )
 from pinarm.engine.constraints.nullspaces.sparse_rows import BlockDecomposition
 from pinarm.engine.constraints.nullspaces.squared_rows import regular_values_of_sparse
@@ -62,12 +63,6 @@ class SparseRowDecomposition:
         """G itself, shape (.., m, nv)."""
         return np.reshape([matrix.toarray() for matrix in self.matrices], (*self.states, *self.matrices[0].shape))
 
-    @property
-    def scale(self) -> Array:
-        """Diagonal of D, 1 for rows that are 0, shape (.., m)."""
-        scales = np.reshape(self.scales, (*self.states, -1))
-        return np.where(scales > 0.0, scales, 1.0)
-
     @cached_property
     def free(self) -> Array:
         """T, an orthonormal basis of the motions that the rows allow, ``G T = 0``, shape (.., nv, nv - r)."""
@@ -75,11 +70,9 @@ class SparseRowDecomposition:
         return found.reshape(*self.states, *found.shape[1:])
 
     @cached_property
-    def redundant(self) -> Array:
-        """N, a basis of the multipliers that do nothing, ``N^T D G = 0``, shape (.., m, m - r)."""
-        scaled = [diags_array(scale) @ rows for scale, rows in zip(self.scales, self.matrices, strict=True)]
-        splits = [RowDecomposition.of(rows.toarray()) for rows in scaled]  # has a scale of its own where rows are short
-        found = np.array([split.scale[:, None] * split.redundant for split in splits])
+    def stresses(self) -> Array:
+        """A basis of the multipliers that do nothing, ``G^T lam = 0``, each of length 1, shape (.., m, m - r)."""
+        found = np.array([_stresses(*each) for each in zip(self.scales, self.matrices, strict=True)])
         return found.reshape(*self.states, *found.shape[1:])
 
     def particular(self, right: Array) -> Array:
@@ -135,6 +128,17 @@ def sparse_parts(rows: Sequence[csr_array], reach: Array | float) -> list[tuple[
         scales, blocks, matrices = (list(each) for each in zip(*(parts[k] for k in some), strict=True))
         found.append((np.array(some), SparseRowDecomposition(scales, blocks, matrices, (len(some),))))
     return found
+
+
+def _stresses(scale: Array, rows: csr_array) -> Array:
+    """Return a basis of the multipliers that do nothing, each of length 1, shape (m, m - r); of rows that are 0 too.
+
+    Args:
+        scale: Diagonal of D, 0 for rows that are 0, shape (m,).
+        rows: G, shape (m, nv).
+    """
+    split = RowDecomposition.of((diags_array(scale) @ rows).toarray())
+    return of_length_1(np.where(scale > 0.0, scale, 1.0)[:, None] * split.stresses)
 
 
 def _part(rows: csr_array, reach: Array | float) -> tuple[Array, BlockDecomposition, csr_array] | None:

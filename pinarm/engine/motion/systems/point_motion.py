@@ -183,7 +183,7 @@ class PointMotion:
     def outlook(self, t: float) -> tuple[bool, int]:
         """Return whether the step from t [s] on is clear of singular positions, and the rank of the rows in it.
 
-        It is not where the rank has grown since: it began at a singular position.
+        A step is not clear where the rank has grown since it began: it began at a singular position.
         """
         rank = self.ranks.get(t, self.rank)
         return t in self.clear and rank == self.rank, rank
