@@ -6,7 +6,7 @@ traceback and exits with ``exit_code``: 2 for input that has to be mended, 3 whe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, ClassVar
 
@@ -217,3 +217,13 @@ def _few(names: Iterable[str], letters: int) -> list[str]:
 def printable(text: str) -> str:
     """Return text without characters that steer a terminal."""
     return "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
+def listed(what: str, names: Sequence[str]) -> str:
+    """Return a noun with names, such as ``joints a, b``."""
+    return f"{what}{'s' if len(names) > 1 else ''} {several(names)}"
+
+
+def several(names: Sequence[str], most: int = 6) -> str:
+    """Return names separated by commas; beyond ``most`` the rest is counted."""
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")

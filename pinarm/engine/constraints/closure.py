@@ -243,13 +243,6 @@ class Closure(Record, frozen=True):
 
         return free_motions(self, q)
 
-    def stresses(self, q: Array) -> list[Array]:
-        """Return multipliers of length 1 that do nothing, each of shape (n, m), at configurations, shape (n, nq).
-
-        Where there are fewer than at another configuration, 0 stands for the others.
-        """
-        return self.splits(q).stresses() if self.size and len(q) else []
-
     def drifts(self, q: Array, v: Array) -> Array:
         """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""
         if measured := self._measured(q):
@@ -367,10 +360,6 @@ class Closure(Record, frozen=True):
             for each in several
         ]  # fmt: skip
         return together, [each[0] for each in alike.values() if len(each) == 1]
-
-    def added_wrenches(self, links: LinkPlacements, lam: Array) -> Array:
-        """Return what multipliers add to the wrenches on links without any, as of the pretension of belts."""
-        return self.wrenches(links, lam) - self.wrenches(links, np.zeros_like(lam))
 
     def load(self, links: LinkPlacements, columns: Array, q: Array, lam: Array) -> Array:
         """Return G^T lam, through the links' Jacobians, shape (n, nv).

@@ -145,10 +145,6 @@ class VariantClosure(Closure, frozen=True):
         scaled = full[..., counts, :] * self.scale / self.measure[counts, None]
         return singular_values(np.moveaxis(scaled, (-2, -1), (0, 1)))
 
-    def stresses(self, q: Array) -> list[Array]:
-        """Return multipliers of length 1 that do nothing, each of shape (n, k, m): see ``Reactions.stresses``."""
-        return self.splits(q).stresses() if self.size and len(q) else []
-
 
 @dataclass(frozen=True, eq=False)
 class VariantDecomposition:
@@ -206,9 +202,18 @@ class VariantDecomposition:
                 spanned[:, row] = self.orthogonal.components(coefficients)
         return OrthogonalRows.of(spanned)
 
-    def stresses(self) -> list[Array]:
-        """Return multipliers of length 1 that do nothing, each of shape (n, k, m)."""
-        return [_last(stress) for stress in self._spanned.complement()]
+    @property
+    def rank(self) -> int:
+        """Number of independent rows."""
+        return len(self.kept)
+
+    def stresses_on(self, functions: Array) -> Array:
+        """Return all multipliers of length 1 that do nothing, shape (n, k, m, s)."""
+        return self._stresses
+
+    @cached_property
+    def _stresses(self) -> Array:
+        return np.ascontiguousarray(self._spanned.complement().transpose(2, 3, 1, 0))
 
 
 def _first(x: Array) -> Array:

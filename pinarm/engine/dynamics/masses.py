@@ -9,9 +9,8 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspaces.nullspace import MANY, SplitRows
 from pinarm.engine.dynamics.mass_matrix import mass_matrices
-from pinarm.errors import DynamicsError
+from pinarm.errors import DynamicsError, listed
 from pinarm.mechanics.ball_joints import coordinate_name
-from pinarm.mechanics.loading.model_tree import listed
 
 MASSLESS = 1e-12
 """Eigenvalue of the mass matrix, scaled to a diagonal of ones, below which a direction has no mass."""

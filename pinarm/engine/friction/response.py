@@ -208,7 +208,8 @@ class BearingReactions:
 
     def undetermined(self, rows: SplitRows, q: Array) -> list[FrictionContact]:
         """Return the contacts whose bearings multipliers load that do nothing; see ``require_determined``."""
-        stresses = np.vstack([np.zeros(len(rows.stresses)), rows.stresses.T])
+        m = self.closure.size
+        stresses = np.vstack([np.zeros((1, m)), rows.stresses_on(np.eye(m)).T])
         still, none = np.zeros((len(stresses), self.closure.model.nv)), np.zeros((len(stresses), len(self.contacts)))
         wrenches = self.wrenches(0.0, q, still[0], still, stresses, none)
         added = (wrenches[1:] - wrenches[0]).swapaxes(0, 1)

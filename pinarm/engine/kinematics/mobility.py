@@ -9,10 +9,10 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspaces.nullspace import ACTS, SplitRows
+from pinarm.engine.constraints.nullspaces.nullspace import ACTS
+from pinarm.engine.constraints.self_stresses import SelfStresses
 from pinarm.engine.kinematics.loosening import Loosening, loosenings
-from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.errors import several
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 if TYPE_CHECKING:
@@ -61,32 +61,32 @@ class Mobility:
     def shared(self) -> str:
         """What joints share in a way that rigid bodies do not determine, and what to loosen, in one sentence."""
         parts = [f"{name} ({', '.join(components)})" for name, components in self.undetermined.items()]
-        held = f"hyperstatic of degree {self.degree}, shared by {', '.join(parts)}"
+        held = f"hyperstatic of degree {self.degree}, shared by {several(parts)}"
         return f"{held}; looser: {self.loosenings[0]}" if self.loosenings else held
 
 
 def mobility_of(mechanism: Mechanism, q: Array) -> Mobility:
     """Return what the constraints of a mechanism do at a closed configuration, shape (nq,)."""
     closure = mechanism.closure
-    matrix = closure.rows(closure.state(q))
-    split, values = closure.split(matrix), closure.values_of(matrix)
-    rank, rows = split.rank, closure.size
+    stresses, values = SelfStresses(closure, q[None]), closure.singular_values(q)
+    rows, rank = closure.size, closure.size - stresses.degree
     regularity = float(values[rank - 1] / values[0]) if rank else 1.0
-    found = loosenings(closure, q, rows - rank, rank) if rows > rank else ()
-    return Mobility(mechanism.model.nv, rows, rank, regularity, _undetermined(closure, split, q), found,
-                    _spins(mechanism, matrix))  # fmt: skip
+    undetermined, found = (_undetermined(stresses), loosenings(stresses)) if stresses.degree else ({}, ())
+    return Mobility(mechanism.model.nv, rows, rank, regularity, undetermined, found, _spins(mechanism, q))
 
 
-def _spins(mechanism: Mechanism, matrix: Array) -> tuple[str, ...]:
-    """Return the ball joints that turn about an axis while all other joints stand still, under the rows G, (m, nv).
+def _spins(mechanism: Mechanism, q: Array) -> tuple[str, ...]:
+    """Return the ball joints that turn about an axis while all other joints stand still, at a configuration, (nq,).
 
     Loops hold what is on them, but not this motion: ``G_b w = 0`` for a direction w of the columns of the joint.
     """
     model, found = mechanism.model, list[str]()
-    for index in range(1, model.njoints):
+    balls = [k for k in range(1, model.njoints) if model.joints[k].shortname().startswith("JointModelSpherical")]
+    matrix = mechanism.closure.rows(mechanism.closure.state(q)) if balls else np.zeros((0, model.nv))
+    for index in balls:
         joint = model.joints[index]
         columns = matrix[:, joint.idx_v : joint.idx_v + joint.nv]
-        if not joint.shortname().startswith("JointModelSpherical") or not columns.any():
+        if not columns.any():
             continue
         values = np.linalg.svd(columns, compute_uv=False)
         if len(values) < joint.nv or values[-1] <= SPINNING * values[0]:
@@ -94,25 +94,22 @@ def _spins(mechanism: Mechanism, matrix: Array) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _undetermined(closure: Closure, split: SplitRows, q: Array) -> dict[str, list[str]]:
+def _undetermined(stresses: SelfStresses) -> dict[str, list[str]]:
     """Return the components that self-stresses act on, of loop joints in frame 1, of tree joints in their own axes."""
-    model, found, links = closure.model, dict[str, set[int]](), LinkPlacements.at(closure.model, q[None])
-    for stress in split.stresses.T:
-        for constraint, rows in zip(closure.constraints, closure.slices().values(), strict=True):
-            if isinstance(constraint, LoopJoint):
-                turn, wrench = links.frame(constraint.first)[0][0], constraint.wrench(links, stress[None, rows])[0]
-                found.setdefault(constraint.name, set()).update(_acting(turn, wrench))
-        acting = closure.added_wrenches(links, stress[None])[0]
-        for joint in range(1, model.njoints):
-            total = -acting[list(model.subtrees[joint])].sum(axis=0)
-            total[3:] -= np.cross(links.places[0, joint], total[:3])
-            found.setdefault(str(model.names[joint]), set()).update(_acting(links.turns[0, joint], total))
-    return {name: [COMPONENTS[k] for k in sorted(parts)] for name, parts in found.items() if parts}
+    model, links, added = stresses.closure.model, stresses.links, dict[str, tuple[Array, Array]]()
+    for joint in stresses.closure.constraints:
+        if isinstance(joint, LoopJoint):
+            added[joint.name] = links.frame(joint.first)[0][0], stresses.on_loop(joint)[:, 0]
+    for index in range(1, model.njoints):
+        added[str(model.names[index])] = links.turns[0, index], stresses.on_joint(index)[:, 0]
+    found = {name: _acting(*each) for name, each in added.items()}
+    return {name: parts for name, parts in found.items() if parts}
 
 
-def _acting(turn: Array, wrench: Array) -> list[int]:
-    local = np.concatenate([turn.T @ wrench[:3], turn.T @ wrench[3:]])
-    return [k for k in range(6) if abs(local[k]) > ACTS]
+def _acting(turn: Array, wrenches: Array) -> list[str]:
+    """Return the components of wrenches, shape (s, 6), in the axes of a rotation matrix, that are not 0."""
+    local = np.hstack([wrenches[:, :3] @ turn, wrenches[:, 3:] @ turn])
+    return [name for name, part in zip(COMPONENTS, local.T, strict=True) if np.abs(part).max(initial=0.0) > ACTS]
 
 
 def joint_kind(model: pin.Model, index: int) -> str:

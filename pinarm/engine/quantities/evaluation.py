@@ -10,6 +10,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.records import Record
 
 if TYPE_CHECKING:
+    from pinarm.engine.kinematics.mobility import Mobility
     from pinarm.engine.quantities.reactions import Reactions
     from pinarm.engine.quantities.row_kinematics import RowKinematics
 
@@ -35,6 +36,13 @@ class Evaluation(Record, frozen=True):
         from pinarm.engine.quantities.reactions import SAMPLE, Reactions
 
         return Reactions(self.run, SAMPLE if self.judged else 0)
+
+    @cached_property
+    def mobility(self) -> Mobility:
+        """How the mechanism can move where the run begins, and how it is tied."""
+        from pinarm.engine.kinematics.mobility import mobility_of
+
+        return mobility_of(self.run.mechanism, self.run.q[0])
 
     @property
     def doubtful(self) -> bool:

@@ -8,7 +8,7 @@ known leave components open likewise.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, cast
 
@@ -18,6 +18,7 @@ from pinarm.arrays import Array, Indices, in_one
 from pinarm.engine.checks.figures import relative
 from pinarm.engine.checks.sample import sampled
 from pinarm.engine.constraints.constraint import GuidedCoordinate
+from pinarm.engine.constraints.self_stresses import SelfStresses
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.joint_axes import loop_axis, tree_axis
@@ -25,7 +26,7 @@ from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import OpenReaction, left_open
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import states_first
-from pinarm.mechanics.geometry.vectors import crossed, joined
+from pinarm.mechanics.geometry.vectors import moved
 from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 
@@ -157,8 +158,8 @@ class Reactions:
         rows = checked[(checked >= part.start) & (checked < part.stop)]
         links, wrenches = run.link_motion_at(rows)[0], self.joints[rows]
         asked = links.outwards(run.looked_at(rows).demands)
-        carried = _moved(wrenches, links.places - links.places[..., parents, :])
-        outside = _moved(self._acting(dynamics, rows), -links.places)
+        carried = moved(wrenches, links.places - links.places[..., parents, :])
+        outside = moved(self._acting(dynamics, rows), -links.places)
         missed = wrenches + outside - asked.sum(axis=0)
         terms = np.abs(wrenches) + np.abs(outside) + np.abs(asked, out=asked).sum(axis=0)
         for joint, parent in enumerate(parents):
@@ -239,7 +240,7 @@ class Reactions:
     def multiplier(self, name: str) -> tuple[Array, list[Array]]:
         """Return the multiplier of a constraint of one row [N or N*m], and what self-stresses add to it, shape (n,)."""
         row = self.closure.slices()[name].start
-        return self.multipliers[:, row], [stress[:, row] for stress in self.stresses]
+        return self.multipliers[:, row], self.stressed_multipliers({name: np.ones(len(self.run))})
 
     def transmitted(self, name: str) -> tuple[Array, Array, list[Array]]:
         """Return where a coupling acts on its second member [m], (n, 3), and [f; m] on it there, world axes, (n, 6).
@@ -253,7 +254,7 @@ class Reactions:
         wrench, idle, *stressed = (np.concatenate([block for _, block in blocks]) for blocks in found)
         links = self.links(np.arange(len(self.run)))
         for contact, f in self.friction_of(name):
-            wrench = wrench + _moved(contact.wrenches(links, f)[coupling.second], -points)
+            wrench = wrench + moved(contact.wrenches(links, f)[coupling.second], -points)
         return points, wrench, [stress - idle for stress in stressed]
 
     def friction_of(self, name: str) -> list[tuple[CouplingContact, Array]]:
@@ -266,40 +267,39 @@ class Reactions:
                 if isinstance(contact, CouplingContact) and contact.coupling.name == name]  # fmt: skip
 
     @cached_property
-    def stresses(self) -> list[Array]:
-        """Multipliers of length 1 that do nothing, each of shape (n, m), at a sample of the rows; 0 at the others."""
-        run, own, rows = self.run, self.run.mechanism.closure, sampled(len(self.run), self.sample)
-        found = []
-        for stress in own.stresses(run.q[rows]):
-            found.append(np.zeros((len(run), *stress.shape[1:-1], self.closure.size)))
-            found[-1][rows, ..., : own.size] = stress
-        return found
+    def stresses(self) -> SelfStresses:
+        """The self-stresses at a sample of the rows."""
+        return SelfStresses(self.run.mechanism.closure, self.run.q[self._some])
 
-    @cached_property
-    def stressed_joints(self) -> list[Array]:
-        """What each self-stress adds to the wrenches of the tree's joints, each of shape (n, njoints, 6)."""
-        return [self._stressed(stress) for stress in self.stresses]
+    def stressed_joint(self, joint: int) -> list[Array]:
+        """Return what each self-stress adds to the wrench of a joint of the tree, shape (n, 6); see ``_at_sample``."""
+        return self._at_sample(self.stresses.on_joint(joint))
 
     def stressed_loop(self, name: str) -> list[Array]:
-        """Return what each self-stress adds to the wrench of a loop joint, each of shape (n, 6)."""
-        return [self._loop(name, stress) for stress in self.stresses]
+        """Return what each self-stress adds to the wrench of a loop joint, shape (n, 6); see ``_at_sample``."""
+        return self._at_sample(self.stresses.on_loop(self.loops[name]))
 
-    def _stressed(self, stress: Array) -> Array:
-        rows = np.zeros((*stress.shape[:-1], self.model.njoints, 6))
-        some = np.flatnonzero(stress.reshape(len(stress), -1).any(axis=1))
-        acting = self.closure.added_wrenches(self.links(some), stress[some])
-        for joint in range(1, self.model.njoints):
-            carried = -acting[..., list(self.model.subtrees[joint]), :].sum(axis=-2)
-            rows[some, ..., joint, :] = _moved(carried, -self.origins[some, ..., joint, :])
-        return rows
+    def stressed_multipliers(self, weights: Mapping[str, Array]) -> list[Array]:
+        """Return what each self-stress adds to a sum of multipliers, shape (n,); see ``_at_sample``.
+
+        Args:
+            weights: Name of a constraint of one row -> weight of its multiplier, shape (n,).
+        """
+        return self._at_sample(self.stresses.on_multipliers({k: weight[self._some] for k, weight in weights.items()}))
+
+    @property
+    def _some(self) -> Indices:
+        """The rows at which self-stresses are looked for."""
+        return sampled(len(self.run), self.sample)
+
+    def _at_sample(self, added: Array) -> list[Array]:
+        """Return what self-stresses of length 1 add at a sample of the rows, shape (s, ..), with 0 at the others."""
+        found = np.zeros((len(added), len(self.run), *added.shape[2:]))
+        found[:, self._some] = added
+        return list(found)
 
 
 def _blocks(start: int, stop: int) -> Iterator[Indices]:
     """Yield rows, so many at a time that what is computed of them does not fill the memory."""
     for begin in range(start, stop, BLOCK):
         yield np.arange(begin, min(begin + BLOCK, stop))
-
-
-def _moved(wrenches: Array, arms: Array) -> Array:
-    """Return wrenches, shape (.., 6), about points from which arms, shape (.., 3), lead to where they were taken."""
-    return joined(wrenches[..., :3], wrenches[..., 3:] + crossed(arms, wrenches[..., :3]))

@@ -10,7 +10,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.nullspaces.nullspace import ACTS
 from pinarm.engine.quantities.family import AXES, NEWTON, NEWTON_METRE, Asked, Family
 from pinarm.engine.series import Series
-from pinarm.errors import InputError
+from pinarm.errors import InputError, several
 from pinarm.mechanics.geometry.vectors import crossed
 
 WRENCH = ("force", "moment")
@@ -59,17 +59,16 @@ class WrenchFamily(Family, frozen=True):
         """
         if not any(acts(part) for part in added):
             return ""
-        doubt = f"hyperstatic of degree {len(added)}: rigid bodies do not determine it"
+        doubt = f"hyperstatic of degree {self.evaluation.reactions.stresses.degree}: rigid bodies do not determine it"
         if self.evaluation.undetermined != "minimum_norm":
             raise self._hyperstatic(asked, doubt)
         return f"least multipliers; {doubt}"
 
     def _hyperstatic(self, asked: Asked, doubt: str) -> InputError:
         """Return the refusal of a component that is not determined, with the joints that share it."""
-        from pinarm.engine.kinematics.mobility import mobility_of
-
-        mobility = mobility_of(self.run.mechanism, self.run.q[0])
-        shared = f", only what {', '.join(mobility.undetermined)} carry together" if mobility.undetermined else ""
+        mobility = self.evaluation.mobility
+        names = several(list(mobility.undetermined))
+        shared = f", only what {names} carry together" if names else ""
         looser = f": {mobility.loosenings[0]}" if mobility.loosenings else ""
         flat = self._across_axis(asked)
         return InputError(

@@ -71,6 +71,12 @@ def joined(linear: Array, angular: Array) -> Array:
     return found
 
 
+def moved(wrenches: Array, arms: Array) -> Array:
+    """Return wrenches [f; m], shape (.., 6), about points from which arms, shape (.., 3), lead to where they were."""
+    forces = wrenches[..., :3]
+    return joined(forces, wrenches[..., 3:] + crossed(arms, forces))
+
+
 def components_apart(like: Array, width: int) -> Array:
     """Return an array for vectors, shape (.., width), which lies in memory component by component.
 

@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
-from pinarm.errors import ModelError
+from pinarm.errors import ModelError, several
 from pinarm.input.xml_names import check_names, counted
 from pinarm.input.xml_text import MAX_LINKS, bound
 from pinarm.mechanics.loading.mjcf_actuators import with_actuators
@@ -24,14 +24,7 @@ from pinarm.mechanics.loading.mjcf_geoms import geom_inertia
 from pinarm.mechanics.loading.mjcf_joints import elements_of, joint_chain
 from pinarm.mechanics.loading.mjcf_names import GENERATED, MJCF
 from pinarm.mechanics.loading.mjcf_settings import Attributes, Settings, number, numbers
-from pinarm.mechanics.loading.model_tree import (
-    Tree,
-    TreeJoint,
-    checked_mimics,
-    inertia,
-    inertia_defect,
-    several,
-)
+from pinarm.mechanics.loading.model_tree import Tree, TreeJoint, checked_mimics, inertia, inertia_defect
 
 WORLD = "world"
 

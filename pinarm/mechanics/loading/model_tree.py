@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -211,16 +211,6 @@ def checked_mimics(mimics: Iterable[Mimic], joints: Mapping[str, Kind]) -> tuple
             raise ModelError(f"joint '{mimic.joint}' mimics itself: {' -> '.join([*chain, leaders[chain[-1]]])}")
         kept.append(mimic)
     return tuple(kept), tuple(orphans)
-
-
-def listed(what: str, names: Sequence[str]) -> str:
-    """Return a noun with names, such as ``joints a, b``."""
-    return f"{what}{'s' if len(names) > 1 else ''} {several(names)}"
-
-
-def several(names: Sequence[str], most: int = 6) -> str:
-    """Return names separated by commas; beyond ``most`` the rest is counted."""
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def from_z(axis: Array) -> Array:

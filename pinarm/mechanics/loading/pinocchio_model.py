@@ -18,11 +18,11 @@ import pinocchio as pin
 from msgspec import field
 
 from pinarm.arrays import Array
-from pinarm.errors import ModelError
+from pinarm.errors import ModelError, listed
 from pinarm.input.yaml.schema import FARTHEST, HEAVIEST, LARGEST
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.forces.joint_definitions import CREEP
-from pinarm.mechanics.loading.model_tree import LIGHTEST, Bounds, Mimic, Tree, TreeJoint, from_z, listed
+from pinarm.mechanics.loading.model_tree import LIGHTEST, Bounds, Mimic, Tree, TreeJoint, from_z
 from pinarm.mechanics.loading.urdf.reader import urdf_tree
 from pinarm.records import ValueRecord, replace
 

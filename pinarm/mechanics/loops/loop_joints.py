@@ -19,7 +19,7 @@ from pinarm.input.yaml.schema import InputStruct
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree, states_first
-from pinarm.mechanics.geometry.vectors import cross, crossed, joined, rotated
+from pinarm.mechanics.geometry.vectors import cross, joined, moved, rotated
 from pinarm.mechanics.joints import METRE, RADIAN, frame_of
 from pinarm.records import Record
 
@@ -80,8 +80,8 @@ class LoopJoint(Record, frozen=True):
         one, two = (
             pin.getFrameJacobian(model, data, frame, LOCAL).reshape(6, -1) for frame in (self.first, self.second)
         )
-        moved = LinkTree.of(model).supports
-        apart = moved[model.frames[self.first].parentJoint] != moved[model.frames[self.second].parentJoint]
+        moves = LinkTree.of(model).supports
+        apart = moves[model.frames[self.first].parentJoint] != moves[model.frames[self.second].parentJoint]
         p, relative = between.translation, (between.action @ two - one) * apart
         e, w = self.pair.directions(p, np.asarray(between.rotation.T))
         return np.asarray(e @ (relative[:3] - pin.skew(p) @ relative[3:]) + w @ relative[3:])
@@ -104,9 +104,8 @@ class LoopJoint(Record, frozen=True):
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
         """Return what multipliers, shape (.., m), do to links: joint index -> [f; m] at the world's origin, (.., 6)."""
-        moved = _at_world(self.wrench(links, lam), links.frame(self.second)[1])
-        frames = links.model.frames
-        return {frames[self.second].parentJoint: moved, frames[self.first].parentJoint: -moved}
+        acting, frames = moved(self.wrench(links, lam), links.frame(self.second)[1]), links.model.frames
+        return {frames[self.second].parentJoint: acting, frames[self.first].parentJoint: -acting}
 
     def wrench(self, links: LinkPlacements, lam: Array) -> Array:
         """Return [f; m] of the first link on the second, at the origin of frame 2, world axes [N, N*m].
@@ -137,15 +136,10 @@ class AlikeLoopJoints(Record, frozen=True):
     def add_wrenches(self, links: LinkPlacements, lam: Array, total: Array) -> None:
         """Add what multipliers, shape (.., k, m), do to links to [f; m] at the world's origin, (.., njoints, 6)."""
         one, other = links.frames(self.first), links.frames(self.second)
-        moved = _at_world(_wrench(self.pair, one, other, lam), other[1])
+        acting = moved(_wrench(self.pair, one, other, lam), other[1])
         for sign, frames in ((1.0, self.second), (-1.0, self.first)):
             joints = np.array([links.model.frames[index].parentJoint for index in frames])
-            np.add.at(np.moveaxis(total, -2, 0), joints, np.moveaxis(sign * moved, -2, 0))
-
-
-def _at_world(wrench: Array, place: Array) -> Array:
-    """Return [f; m] at the world's origin from those at places, world axes, shapes (.., 6) and (.., 3)."""
-    return joined(wrench[..., :3], wrench[..., 3:] + crossed(place, wrench[..., :3]))
+            np.add.at(np.moveaxis(total, -2, 0), joints, np.moveaxis(sign * acting, -2, 0))
 
 
 def _wrench(pair: Pair, one: tuple[Array, Array], two: tuple[Array, Array], lam: Array) -> Array:

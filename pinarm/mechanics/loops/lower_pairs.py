@@ -264,18 +264,21 @@ LOWER_KINDS: Mapping[str, type[LowerDefinition]] = {
 """These kinds by the name that files call them by."""
 
 
-def looser(pair: Pair) -> list[tuple[str, LowerPair]]:
+def looser(pair: Pair) -> list[tuple[str, Array]]:
     """Return the kinds about the same axis whose rows are fewer than those of a lower pair, and follow from them.
 
-    A ``pin`` is left out: it holds what ``point_on_line`` does.
+    With each what the pair gives up that is replaced by it, as directions of its m multipliers, shape (m, c): the rows
+    of the other are ``A`` times its own, so that it holds ``A^T mu``, and c directions are at right angles to these. A
+    ``pin`` is left out: it holds what ``point_on_line`` does.
     """
     if not isinstance(pair, LowerPair):
         return []
-    held = np.linalg.qr(np.hstack([pair.e, pair.w]).T)[0]
-    found = []
+    own, found = np.hstack([pair.e, pair.w]), []
     for kind in (kind for kind in get_args(LowerKind) if kind is not Pin):
         other = kind.around(pair.axis)
         rows = np.hstack([other.e, other.w])
-        if len(rows) < len(pair.e) and np.abs(rows - rows @ held @ held.T).max() < 1e-9:
-            found.append((str(kind.__struct_config__.tag), other))
+        combined = np.linalg.lstsq(own.T, rows.T, rcond=None)[0]
+        if len(rows) < len(own) and np.abs(rows - combined.T @ own).max() < 1e-9:
+            given_up = np.linalg.qr(combined, mode="complete")[0][:, len(rows) :]
+            found.append((str(kind.__struct_config__.tag), given_up))
     return found

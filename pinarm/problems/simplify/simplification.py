@@ -17,9 +17,8 @@ from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.errors import AssemblyError, DynamicsError, InputError, NumericsError, Place
+from pinarm.errors import AssemblyError, DynamicsError, InputError, NumericsError, Place, listed
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.mechanics.loading.model_tree import listed
 from pinarm.problems import Problem
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.loads import bind_loads

@@ -113,7 +113,7 @@ def test_what_rigid_bodies_do_not_determine_is_told_of_many_joints_as_of_few(tmp
         assert np.isfinite(run[f"loop.top7.{given}"].values).all()
     for shared in ("force.z", "moment.x", "moment.y"):
         for owner in ("loop.top7", "joint.u7"):
-            with pytest.raises(InputError, match="hyperstatic of degree 180"):
+            with pytest.raises(InputError, match=r"hyperstatic of degree 180.*top5 and 175 more carry together"):
                 _ = run[f"{owner}.{shared}"]
 
 

@@ -124,7 +124,7 @@ def test_the_pretension_of_a_belt_is_no_self_stress(mechanism):
     motion = {"one": Constant(value=0.0)}
     assert Quantities(driven(pair, motion))["joint.one.force.x"].values == pytest.approx(-200.0, rel=1e-14)
     found = Quantities(driven(twice, motion), undetermined="minimum_norm")
-    assert np.abs(found.reactions.stressed_joints[0][:, 1, 0]).max() < 20.0  # 1 N m at 50 mm, and not 200 N
+    assert np.abs(found.reactions.stressed_joint(1)[0][:, 0]).max() < 20.0  # 1 N m at 50 mm, and not 200 N
 
 
 def test_explain_names_them_and_why(gearbox, tmp_path):

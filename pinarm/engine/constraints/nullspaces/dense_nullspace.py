@@ -57,9 +57,11 @@ class SplitRows(Protocol):
         """Smallest singular value of the independent rows, relative to the largest; of a single configuration."""
         ...
 
-    @property
-    def stresses(self) -> Array:
-        """A basis of the multipliers that do nothing, ``G^T lam = 0``, each of length 1, shape (.., m, m - r)."""
+    def stresses_on(self, functions: Array) -> Array:
+        """Return multipliers that do nothing, ``G^T lam = 0``, each of length 1, shape (.., m, s).
+
+        They span all of those which add to given functions of the multipliers, shape (.., m, k).
+        """
         ...
 
     def particular(self, right: Array) -> Array:
@@ -118,6 +120,10 @@ class RowDecomposition(Record, frozen=True):
         """A basis of the multipliers that do nothing, ``G^T lam = 0``, each of length 1, shape (.., m, m - r)."""
         beyond = np.linalg.svd(self.left)[0][..., self.values.shape[-1] :]
         return of_length_1(self.scale[..., None] * beyond)
+
+    def stresses_on(self, functions: Array) -> Array:
+        """Return all, see ``stresses``: they are few."""
+        return self.stresses
 
     def particular(self, right: Array) -> Array:
         """Return the shortest x with ``G x = right`` in the sense of least squares, shape (.., nv)."""

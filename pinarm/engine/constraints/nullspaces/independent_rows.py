@@ -79,6 +79,10 @@ class IndependentRows(Record, frozen=True):
         basis = np.eye(len(self.acting))[:, ~self.acting]
         return np.broadcast_to(basis, (len(self.scale), *basis.shape))
 
+    def stresses_on(self, functions: Array) -> Array:
+        """Return all, see ``stresses``: they are few."""
+        return self.stresses
+
     def particular(self, right: Array) -> Array:
         """Return the shortest x with ``G x = right``, shape (n, nv)."""
         return np.asarray(np.matvec(self.right, np.vecmat((self.scale * right)[:, self.acting], self.inverse)))

@@ -73,14 +73,21 @@ class RowDecompositions(Record, frozen=True):
         """Return what ``RowDecomposition.multipliers`` does, shape (n, m)."""
         return self.each(self.shape[1], lambda split, some: split.multipliers(some), force)
 
-    def stresses(self) -> list[Array]:
-        """Return multipliers of length 1 that do nothing, each of shape (n, m); see ``Closure.stresses``."""
-        found: list[Array] = []
-        for some, split in self.parts:
-            found += [np.zeros(self.shape[:2]) for _ in range(split.stresses.shape[-1] - len(found))]
-            for stress, column in zip(found, np.moveaxis(split.stresses, -1, 0), strict=False):
-                stress[some] = column
-        return found
+    @property
+    def rank(self) -> int:
+        """Number of independent rows, where there are fewest."""
+        return min(split.rank for _, split in self.parts)
+
+    def stresses_on(self, functions: Array) -> Array:
+        """Return what ``SplitRows.stresses_on`` does, functions of shape (n, m, k), as an array of shape (n, m, s).
+
+        Where there are fewer than at another configuration, 0 stands for the others.
+        """
+        found = [(some, split.stresses_on(functions[some])) for some, split in self.parts]
+        stresses = np.zeros((*self.shape[:2], max(some.shape[-1] for _, some in found)))
+        for some, columns in found:
+            stresses[some, :, : columns.shape[-1]] = columns
+        return stresses
 
     def each(self, width: int, function: Callable[..., Array], *given: Any) -> Array:
         """Return a function of the decomposition and of rows of arrays at all configurations, shape (n, width)."""

@@ -26,6 +26,10 @@ from pinarm.engine.constraints.nullspaces.dense_nullspace import (
 from pinarm.engine.constraints.nullspaces.sparse_rows import BlockDecomposition
 from pinarm.engine.constraints.nullspaces.squared_rows import regular_values_of_sparse
 
+ROUNDING, LEFT = 1e-14, 0.5
+"""Size of a projection, relative to what is projected, that is rounding; part of a unit vector that a second projection
+leaves at least where the first was more than that."""
+
 MOTIONS = 3
 """Steps of the power method that see whether a singular value is beyond doubt: one at 1e-8 of the largest among 1e4
 others at 1e-4 and above shows in two."""
@@ -69,11 +73,14 @@ class SparseRowDecomposition:
         found = np.array([blocks.free for blocks in self.blocks])
         return found.reshape(*self.states, *found.shape[1:])
 
-    @cached_property
-    def stresses(self) -> Array:
-        """A basis of the multipliers that do nothing, ``G^T lam = 0``, each of length 1, shape (.., m, m - r)."""
-        found = np.array([_stresses(*each) for each in zip(self.scales, self.matrices, strict=True)])
-        return found.reshape(*self.states, *found.shape[1:])
+    def stresses_on(self, functions: Array) -> Array:
+        """Return at most as many multipliers that do nothing as there are functions; see ``SplitRows.stresses_on``."""
+        some = functions.reshape(-1, *functions.shape[-2:])
+        found = [_stresses_on(*each) for each in zip(some, self.scales, self.blocks, strict=True)]
+        stresses = np.zeros((len(some), some.shape[1], max(each.shape[1] for each in found)))
+        for stress, columns in zip(stresses, found, strict=True):
+            stress[:, : columns.shape[1]] = columns
+        return stresses.reshape(*self.states, *stresses.shape[1:])
 
     def particular(self, right: Array) -> Array:
         """Return the shortest x with ``G x = right`` in the sense of least squares, shape (.., nv)."""
@@ -130,15 +137,23 @@ def sparse_parts(rows: Sequence[csr_array], reach: Array | float) -> list[tuple[
     return found
 
 
-def _stresses(scale: Array, rows: csr_array) -> Array:
-    """Return a basis of the multipliers that do nothing, each of length 1, shape (m, m - r); of rows that are 0 too.
+def _stresses_on(functions: Array, scale: Array, blocks: BlockDecomposition) -> Array:
+    """Return multipliers of length 1 that do nothing and span all of those which add to functions, shape (m, s).
+
+    With P the projection onto the null space of ``(D G)^T``: those of ``D P`` at right angles to its columns ``P D w``,
+    of functions w, add nothing to them.
 
     Args:
+        functions: Of the multipliers, shape (m, k).
         scale: Diagonal of D, 0 for rows that are 0, shape (m,).
-        rows: G, shape (m, nv).
+        blocks: ``D G`` taken apart.
     """
-    split = RowDecomposition.of((diags_array(scale) @ rows).toarray())
-    return of_length_1(np.where(scale > 0.0, scale, 1.0)[:, None] * split.stresses)
+    weights = np.where(scale > 0.0, scale, 1.0)[:, None]
+    wanted = weights * functions
+    basis, sizes, _ = np.linalg.svd(wanted - blocks.reached(wanted), full_matrices=False)
+    basis = basis[:, sizes > ROUNDING * np.abs(wanted).max(initial=0.0)]
+    basis -= blocks.reached(basis)  # once more: of what is small the first projection leaves rounding
+    return of_length_1(weights * basis[:, np.linalg.norm(basis, axis=0) > LEFT])
 
 
 def _part(rows: csr_array, reach: Array | float) -> tuple[Array, BlockDecomposition, csr_array] | None:

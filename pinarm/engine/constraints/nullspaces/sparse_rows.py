@@ -26,7 +26,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Flags, Indices
 
 WIDTH = 24
 """Columns of a block: fewer are more calls, more are more zeros."""
@@ -108,6 +108,18 @@ class BlockDecomposition:
         return sum(len(block.sizes) for block in self.blocks)
 
     @cached_property
+    def _begun(self) -> Flags:
+        """Which rows are not 0, shape (m,)."""
+        found = np.zeros(self.shape[0], dtype=bool)
+        found[np.concatenate([block.rows for block in self.blocks])] = True
+        return found
+
+    @property
+    def repeated(self) -> int:
+        """Number of rows that are not 0 and repeat others."""
+        return int(self._begun.sum()) - self.rank
+
+    @cached_property
     def free(self) -> Array:
         """Orthonormal basis T of the motions that the rows allow, ``G T = 0``, shape (nv, nv - rank)."""
         count, start = self.shape[1] - self.rank, 0
@@ -124,7 +136,9 @@ class BlockDecomposition:
         return np.asarray(x - self.free @ (self.free.T @ x))
 
     def reached(self, right: Array) -> Array:
-        """Return the part of a right-hand side that some x gives, shape (m,)."""
+        """Return the part of right-hand sides that some x gives, shape (m, ..)."""
+        if not self.repeated:
+            return np.where(self._begun.reshape(-1, *(1,) * (right.ndim - 1)), right, 0.0)
         return self._rows_of(self._determined(right))
 
     def solve_transposed(self, force: Array) -> Array:
@@ -164,8 +178,9 @@ class BlockDecomposition:
         return found
 
     def _rows_of(self, parts: list[Array]) -> Array:
-        """Return Q times what belongs to the fronts, shape (m,)."""
-        found, carried = np.zeros(self.shape[0]), np.zeros(0)
+        """Return Q times what belongs to the fronts, shape (r, ..) each, as an array of shape (m, ..)."""
+        tail = parts[0].shape[1:]
+        found, carried = np.zeros((self.shape[0], *tail)), np.zeros((0, *tail))
         for block, part in zip(reversed(self.blocks), reversed(parts), strict=True):
             front = block.determined @ part + block.left @ carried[: block.left.shape[1]]
             found[block.rows], carried = front[block.carried :], front[: block.carried]

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
-import numpy as np
-
 from pinarm.arrays import Array
 from pinarm.engine.quantities.ball_quantities import MEANINGS as BALL_MEANINGS
 from pinarm.engine.quantities.ball_quantities import PARTS as BALL_PARTS
@@ -85,10 +83,7 @@ class JointQuantities(WrenchFamily, frozen=True):
 
     def _effort_doubt(self, asked: Asked, joint: Joint) -> str:
         """Return what is in doubt about the effort of a joint that couplings move; nothing where it has a drive."""
-        acting = self.run.couplings_at(joint.v).items()
-        shares = [[weight * added for added in self.evaluation.reactions.multiplier(name)[1]]
-                  for name, weight in acting]  # fmt: skip
-        return self.doubt(asked, [np.sum(parts, axis=0) for parts in zip(*shares, strict=True)])
+        return self.doubt(asked, self.evaluation.reactions.stressed_multipliers(self.run.couplings_at(joint.v)))
 
     def _transmitted(self, asked: Asked, index: int) -> Series:
         """Return a component of the wrench that a joint transmits, by Pinocchio's index of the joint."""
@@ -96,8 +91,7 @@ class JointQuantities(WrenchFamily, frozen=True):
         if len(asked.words) < 3 or asked.part not in WRENCH:
             raise asked.unknown
         reactions = self.evaluation.reactions
-        origins = reactions.origins[..., index, :]
-        stresses, about = [stressed[..., index, :] for stressed in reactions.stressed_joints], origins
+        about = origins = reactions.origins[..., index, :]
         if asked.words[1:3] == ("moment", AT_PARENT):
             about = reactions.markers(index)
             asked = replace(asked, words=(*asked.words[:2], *asked.words[3:]))
@@ -105,7 +99,7 @@ class JointQuantities(WrenchFamily, frozen=True):
             if acts(self.wrench_component(asked, origins, wrench, about)):
                 raise InputError(f"'{asked.name}': {reactions.left_open[index]}",
                                  expected="a joint before or beyond them", hint=SAY_HOW)  # fmt: skip
-        return self.wrench(asked, origins, reactions.joints[..., index, :], stresses, about)
+        return self.wrench(asked, origins, reactions.joints[..., index, :], reactions.stressed_joint(index), about)
 
     def axes(self, asked: Asked) -> Array:
         """Return the axis of a joint, world axes, shape (n, 3)."""

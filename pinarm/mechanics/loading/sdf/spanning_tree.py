@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from pinarm.mechanics.loading.model_tree import Kind, TreeJoint, listed
+from pinarm.errors import listed
+from pinarm.mechanics.loading.model_tree import Kind, TreeJoint
 from pinarm.mechanics.loading.sdf.joints import WORLD, SdfJoint
 
 if TYPE_CHECKING:

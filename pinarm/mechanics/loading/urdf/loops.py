@@ -21,8 +21,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
-from pinarm.errors import ModelError, choices
-from pinarm.mechanics.loading.model_tree import Tree, TreeJoint, listed
+from pinarm.errors import ModelError, choices, listed
+from pinarm.mechanics.loading.model_tree import Tree, TreeJoint
 from pinarm.mechanics.loading.sdf.gearboxes import Hinge, gear_of
 from pinarm.mechanics.loading.sdf.joints import GEARBOX, joint_in
 from pinarm.mechanics.loading.sdf.poses import MODEL, Frames, pose_of, text_of

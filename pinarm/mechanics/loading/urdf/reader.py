@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from pinarm.errors import ModelError, choices
+from pinarm.errors import ModelError, choices, listed, several
 from pinarm.input.numbers import is_decimal
 from pinarm.input.xml_names import check_names, counted
 from pinarm.mechanics.loading.model_tree import (
@@ -21,8 +21,6 @@ from pinarm.mechanics.loading.model_tree import (
     checked_mimics,
     inertia,
     inertia_defect,
-    listed,
-    several,
 )
 from pinarm.mechanics.loading.urdf.elements import axis_of, number_of, placement_of
 from pinarm.mechanics.loading.urdf.names import check_once, closes_loops, urdf_names

@@ -143,7 +143,7 @@ def _of_joints(found: Reactions, whole: Reactions) -> Iterator[Action]:
     model = found.model
     for joint in range(1, model.njoints):
         point, wrench, what = found.origins[0, joint], found.joints[0, joint], f"joint {model.names[joint]}"
-        doubt = _hyperstatic([stressed[:, joint] for stressed in whole.stressed_joints])
+        doubt = _hyperstatic(whole, whole.stressed_joint(joint))
         doubt = str(found.left_open[joint]) if joint in found.left_open else doubt
         yield Action(joint, what, point, wrench, doubt)
         if model.parents[joint]:
@@ -157,10 +157,10 @@ def _of_constraints(found: Reactions, whole: Reactions) -> Iterator[Action]:
         what, point, doubt = f"drive {constraint.name}", None, ""
         if isinstance(constraint, LoopJoint):
             what, point = f"loop {constraint.name}", found.loop_origins(constraint.name)[0]
-            doubt = _hyperstatic(whole.stressed_loop(constraint.name))
+            doubt = _hyperstatic(whole, whole.stressed_loop(constraint.name))
         elif isinstance(constraint, JointRelation) and constraint.known:
             what, point = f"coupling {constraint.name}", found.transmitted(constraint.name)[0][0]
-            doubt = _hyperstatic(whole.multiplier(constraint.name)[1])
+            doubt = _hyperstatic(whole, whole.multiplier(constraint.name)[1])
         for body, wrench in constraint.wrenches(links, lam[:, part]).items():
             if body:
                 yield _at(body, what, found.origins[0, body] if point is None else point, wrench[0], doubt)
@@ -210,10 +210,10 @@ def _at(body: int, what: str, point: Array, wrench: Array, doubt: str = "") -> A
     return Action(body, what, point, moved, doubt)
 
 
-def _hyperstatic(added: Sequence[Array]) -> str:
+def _hyperstatic(found: Reactions, added: Sequence[Array]) -> str:
     """Return the doubt about a wrench to which self-stresses of length 1 add something; empty where they do not."""
     if any(np.abs(part).max(initial=0.0) > ACTS for part in added):
-        return f"hyperstatic of degree {len(added)}: rigid bodies do not determine all of their loads"
+        return f"hyperstatic of degree {found.stresses.degree}: rigid bodies do not determine all of their loads"
     return ""
 
 

@@ -256,7 +256,7 @@ def _reactions(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
     found, model, others = Reactions(run), run.mechanism.model, [Reactions(other) for other in run.others]
     size = np.abs(found.joints[:, 1:, :3]).max(initial=0.0) or 1.0
     for joint in range(1, model.njoints):
-        added = [stressed[:, joint, :3] for stressed in found.stressed_joints]
+        added = [stressed[:, :3] for stressed in found.stressed_joint(joint)]
         added += [(other.joints - found.joints)[:, joint, :3] / size for other in others]
         yield _reaction(BodyPoint(joint, np.zeros(3)), found.joints[:, joint, :3], added)
     for name, loop in found.loops.items():

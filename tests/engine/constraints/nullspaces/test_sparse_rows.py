@@ -62,12 +62,31 @@ def test_multipliers_that_do_nothing_are_those_of_the_dense_matrix(generator, re
     rows[7] *= 1e-3
     own, other = split_rows(rows, reach), RowDecomposition.of(rows, reach)
     assert isinstance(own, SparseRowDecomposition)
-    found, wanted = (orth(split.stresses) for split in (own, other))
+    found, wanted = (orth(split.stresses_on(np.eye(len(rows)))) for split in (own, other))
     assert found.shape == wanted.shape == (len(rows), len(rows) - 2 * LOOPS)
     np.testing.assert_allclose(found @ found.T, wanted @ wanted.T, atol=1e-10)
-    stresses = RowDecompositions.of(np.array([rows]), reach).stresses()
-    np.testing.assert_allclose(np.linalg.norm(stresses, axis=-1), 1.0)
-    np.testing.assert_allclose(np.array(stresses)[:, 0] @ rows, 0.0, atol=1e-12)
+    stresses = RowDecompositions.of(np.array([rows]), reach).stresses_on(np.eye(len(rows))[None])[0]
+    np.testing.assert_allclose(np.linalg.norm(stresses, axis=0), 1.0)
+    np.testing.assert_allclose(stresses.T @ rows, 0.0, atol=1e-12)
+
+
+def test_few_multipliers_that_do_nothing_tell_what_all_add_to_functions(generator):
+    """Two functions and their sum; one that follows from the motions, ``G x``, to which nothing is added."""
+    rows = ring(generator)
+    own, other = split_rows(rows), RowDecomposition.of(rows)
+    two = generator.normal(size=(len(rows), 2))
+    moving = rows @ generator.normal(size=rows.shape[1])
+    functions = np.column_stack([two, two.sum(axis=1), moving])
+    few = own.stresses_on(functions)
+    assert few.shape == (len(rows), 2)
+    np.testing.assert_allclose(np.linalg.norm(few, axis=0), 1.0)
+    np.testing.assert_allclose(few.T @ rows, 0.0, atol=1e-12)
+    added, wanted = (orth(functions.T @ stresses, 1e-10) for stresses in (few, other.stresses))
+    np.testing.assert_allclose(added @ added.T, wanted @ wanted.T, atol=1e-10)
+    assert (
+        own.stresses_on(moving[:, None]).shape[1] == 0
+        or np.abs(moving @ own.stresses_on(moving[:, None])).max() < 1e-10
+    )
 
 
 def test_the_same_at_many_configurations_of_different_rank(generator):

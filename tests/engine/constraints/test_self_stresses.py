@@ -1,0 +1,70 @@
+"""What joints transmit per unit of every multiplier, and what self-stresses add to it, by other routes."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import orth
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "loops"))
+from catalogue import bennett, four_bar, parallelogram, scissor
+
+import pinarm
+from pinarm.engine.constraints.nullspaces.dense_nullspace import RowDecomposition
+from pinarm.engine.constraints.self_stresses import SelfStresses
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.geometry.link_tree import LinkTree
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+
+SCENARIOS = Path(__file__).parents[3] / "scenarios"
+LINKAGES = [bennett(), four_bar(), parallelogram(), scissor(4)]
+
+
+@pytest.fixture(params=LINKAGES, ids=["bennett", "four-bar", "parallelogram", "scissor"])
+def closure(request, tmp_path):
+    return request.param.build(tmp_path).closure
+
+
+def carried(closure, q, lam):
+    """The wrenches of all joints that balance multipliers, by one recursion from the last links to the first."""
+    links = LinkPlacements.at(closure.model, q[None])
+    return -links.at_joints(LinkTree.of(closure.model).carried(closure.wrenches(links, lam[None])))[0]
+
+
+def test_what_joints_transmit_balances_the_multipliers_on_the_links_beyond(closure):
+    q = np.random.default_rng(1).uniform(-1.0, 1.0, (3, closure.model.nq))
+    stresses, lam = SelfStresses(closure, q), np.random.default_rng(2).normal(size=closure.size)
+    for state in range(3):
+        wanted = carried(closure, q[state], lam)
+        for joint in range(1, closure.model.njoints):
+            found = lam @ stresses.transmitted(joint)[state]
+            np.testing.assert_allclose(found, wanted[joint], atol=1e-13 * np.abs(wanted).max())
+
+
+def test_self_stresses_add_to_joints_what_a_basis_of_the_null_space_does(closure):
+    q = np.zeros(closure.model.nq)
+    stresses = SelfStresses(closure, q[None])
+    basis = RowDecomposition.of(closure.rows(closure.state(q)), closure.reach).stresses
+    assert stresses.degree == basis.shape[1] > 0
+    every = np.array([carried(closure, q, lam) for lam in basis.T])
+    pairs = [(stresses.on_joint(joint)[:, 0], every[:, joint]) for joint in range(1, closure.model.njoints)]
+    for joint in closure.constraints:
+        if isinstance(joint, LoopJoint):
+            lam = basis[closure.slices()[joint.name]].T
+            links = LinkPlacements.at(closure.model, np.tile(q, (len(lam), 1)))
+            pairs.append((stresses.on_loop(joint)[:, 0], joint.wrench(links, lam)))
+    for added, wanted in pairs:
+        found, other = (orth(np.where(np.abs(each) > 1e-12, each, 0.0).T, 1e-9) for each in (added, wanted))
+        np.testing.assert_allclose(found @ found.T, other @ other.T, atol=1e-9)
+
+
+def test_nothing_is_added_where_nothing_repeats(tmp_path):
+    """An open chain, and a loop that closes by a pin."""
+    open_chain = pinarm.Scenario.load(SCENARIOS / "gen411_arm_static.yaml").mechanism.closure
+    pinned = four_bar(("revolute", "pin", "revolute", "revolute")).build(tmp_path, ["A"]).closure
+    for closure in (open_chain, pinned):
+        stresses = SelfStresses(closure, np.zeros((2, closure.model.nq)))
+        assert stresses.degree == 0
+        assert stresses.on_joint(1).shape == (0, 2, 6)
+    assert SelfStresses(pinned, np.zeros((0, pinned.model.nq))).degree == 0
