@@ -16,7 +16,7 @@ from pinarm.use.show.chart import Style
 from pinarm.use.show.replay.framing import Framing
 from pinarm.use.show.replay.overlays import LOOPS, BodyPoint, Connection, point_of
 from pinarm.use.show.replay.shapes import Shape, primitives
-from pinarm.use.show.replay.sticks import cuboid, reach
+from pinarm.use.show.replay.sticks import cuboid, reaches
 from pinarm.use.show.replay.tracks import Node
 
 WHEEL = np.linspace(0.0, 2.0 * np.pi, 73)
@@ -98,12 +98,12 @@ def stick_figure(
         slots: Slots that pins slide along.
     """
     model, wheels = mechanism.model, dict(_wheels(mechanism))
+    reached = reaches(model, nodes)
     drawn, tips, compact = list[Stick](), list[BodyPoint](), list[int]()
     known = {(node.parent, tuple(node.placement.translation)) for node in nodes}
     known |= {(end.node, tuple(end.place)) for pair in joined for end in pair.ends}
     for node in (k for k in range(1, len(nodes)) if nodes[k].carries):
-        points = reach(model, nodes, node)
-        ends = points[points.any(axis=1)]
+        ends = reached[node]
         drawn += [Stick(node, np.array([np.zeros(3), end])) for end in ends]
         compact += [] if len(ends) else [node]
         tips += [BodyPoint(node, end) for end in ends if (node, tuple(end)) not in known]

@@ -18,7 +18,7 @@ from pinarm.records import ValueRecord, replace
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.labels import name_label, plain
 from pinarm.use.show.replay.overlays import BodyPoint, point_of
-from pinarm.use.show.replay.sticks import reach
+from pinarm.use.show.replay.sticks import reaches
 from pinarm.use.show.replay.tracks import Node
 
 TOGETHER = 1e-6
@@ -66,7 +66,7 @@ def names_of(mechanism: Mechanism, nodes: Sequence[Node], how: Presentation) -> 
 def _all_names(mechanism: Mechanism, nodes: Sequence[Node], how: Presentation) -> Iterator[Name]:
     from pinarm.mechanics.planar.drawing import GROUND
 
-    model = mechanism.model
+    model, reached = mechanism.model, reaches(mechanism.model, nodes)
     frames = {frame.name: k for k, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY}
     for link in ElementTree.fromstring(mechanism.xml).findall("link"):
         name = str(link.get("name"))
@@ -75,7 +75,7 @@ def _all_names(mechanism: Mechanism, nodes: Sequence[Node], how: Presentation) -
             if at.node or name != GROUND:  # the ground of a drawing is seen by its mounts
                 yield Name(plain(name), "point", at)
         elif at.node:
-            yield Name(plain(name), "part", _middle(model, nodes, at))
+            yield Name(plain(name), "part", _middle(model, reached[at.node], at))
         del frames[name]
     for name, frame in frames.items():  # points of the mechanism file, and the frame of the world
         at = point_of(model, frame)
@@ -105,9 +105,9 @@ def ends_of_series(names: Sequence[Name]) -> list[Name]:
     return [name for name in names if id(name) not in between]
 
 
-def _middle(model: pin.Model, nodes: Sequence[Node], origin: BodyPoint) -> BodyPoint:
-    """Return the middle of the longest stick from the origin of a link."""
-    ends = reach(model, nodes, origin.node) - origin.place
+def _middle(model: pin.Model, reached: Array, origin: BodyPoint) -> BodyPoint:
+    """Return the middle of the longest stick from the origin of a link to what its body reaches to, shape (k, 3)."""
+    ends = reached - origin.place
     if not len(ends):
         return BodyPoint(origin.node, np.asarray(model.inertias[origin.node].lever))
     return BodyPoint(origin.node, origin.place + 0.5 * ends[int(np.linalg.norm(ends, axis=1).argmax())])

@@ -29,7 +29,7 @@ from pinarm.use.show.replay.meshes import thinned
 from pinarm.use.show.replay.names import gathered, names_of
 from pinarm.use.show.replay.packing import Packing, compressed
 from pinarm.use.show.replay.shapes import Shape, visuals
-from pinarm.use.show.replay.sticks import reach, sticks
+from pinarm.use.show.replay.sticks import reaches, sticks
 from pinarm.use.show.replay.tracks import Node, nodes_of, placed, rows_shown
 from pinarm.use.show.stick_figure import slots
 
@@ -126,7 +126,8 @@ def _scene(
     nodes, places = nodes_of(model, run.q), placed(model, run.q)
     drawn = visuals(run.mechanism)
     cams = [one for one in cam_bodies(run.mechanism, nodes) if one.node in drawn.bare]
-    plain = drawn.bare - {one.node for one in cams if not len(reach(model, nodes, one.node))}
+    reached = reaches(model, nodes)
+    plain = drawn.bare - {one.node for one in cams if not len(reached[one.node])}
     shapes = [*drawn.shapes, *sticks(model, nodes, plain), *(one.plate() for one in cams)]
     paths = [overlays.traced(model, name) for name in traces]
     joined, acting = overlays.pairs(run.mechanism, run.dynamics.forces), overlays.arrows(run, nodes, kinds)

@@ -34,9 +34,10 @@ def sticks(model: pin.Model, nodes: Sequence[Node], bare: Collection[int]) -> li
         nodes: Its bodies.
         bare: Bodies without shapes of their own.
     """
-    points = {node: reach(model, nodes, node) for node in sorted(bare) if nodes[node].carries}
+    reached, joined = reaches(model, nodes), _mounts(nodes)
+    points = {node: reached[node] for node in sorted(bare) if nodes[node].carries}
     size = _size(model, nodes, points)
-    shapes = [shape for node in points if node for shape in _body(model, node, points[node], size)]
+    shapes = [shape for node in points if node for shape in _body(model, node, points[node], joined[node], size)]
     if 0 in points:  # the ground is no bar between the joints on it
         turning = [k for k, node in enumerate(nodes) if node.parent == 0 and node.kind == "turn" and node.carries]
         mounted = [nodes[k].placement.translation for k in turning if k not in points or len(points[k])]
@@ -45,15 +46,24 @@ def sticks(model: pin.Model, nodes: Sequence[Node], bare: Collection[int]) -> li
     return shapes + [shape for joint in joints for shape in _joint(nodes[joint], joint, size)]
 
 
-def reach(model: pin.Model, nodes: Sequence[Node], node: int) -> Array:
-    """Return the places that a body reaches to, other than its origin, shape (k, 3)."""
-    found = [np.asarray(other.placement.translation) for other in nodes if other.parent == node]
-    found += [np.asarray(f.placement.translation) for f in model.frames
-              if f.parentJoint == node and f.type == pin.FrameType.BODY]  # fmt: skip
-    apart = [point for point in found if np.linalg.norm(point) > 0.0]
-    if not apart and node and np.linalg.norm(model.inertias[node].lever) > 0.0:
-        apart = [np.asarray(model.inertias[node].lever)]
-    return _different(np.array(apart).reshape(-1, 3))
+def reaches(model: pin.Model, nodes: Sequence[Node]) -> list[Array]:
+    """Return the places that every body reaches to, other than its origin, shape (k, 3) each."""
+    found = _mounts(nodes)
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY:
+            found[frame.parentJoint].append(np.asarray(frame.placement.translation))
+    for node, inertia in enumerate(model.inertias):
+        if node and not any(point.any() for point in found[node]):
+            found[node] = [np.asarray(inertia.lever)]
+    return [_different(np.array([point for point in places if point.any()]).reshape(-1, 3)) for places in found]
+
+
+def _mounts(nodes: Sequence[Node]) -> list[list[Array]]:
+    """Return the places on every body of the joints that it carries, shape (3,) each."""
+    found: list[list[Array]] = [[] for _ in nodes]
+    for node in nodes[1:]:
+        found[node.parent].append(np.asarray(node.placement.translation))
+    return found
 
 
 def _size(model: pin.Model, nodes: Sequence[Node], points: dict[int, Array]) -> float:
@@ -73,12 +83,9 @@ def _size(model: pin.Model, nodes: Sequence[Node], points: dict[int, Array]) -> 
     return max([float(cuboid(inertia)[0].max()) for inertia in model.inertias if inertia.mass > 0.0] or [BOX]) / BOX
 
 
-def _body(model: pin.Model, node: int, points: Array, size: float) -> Iterator[Shape]:
-    colour = colour_of(node)
-    carries = {
-        tuple(p.translation) for p, parent in zip(model.jointPlacements, model.parents, strict=True) if parent == node
-    }
-    for point in points[points.any(axis=1)]:
+def _body(model: pin.Model, node: int, points: Array, mounts: Sequence[Array], size: float) -> Iterator[Shape]:
+    colour, carries = colour_of(node), set(map(tuple, mounts))
+    for point in points:
         yield _rod(node, np.zeros(3), point, ROD * size, colour)
         if tuple(point) not in carries:
             yield Shape(node, pin.SE3(np.eye(3), point), "sphere", (POINT * size,), colour)
