@@ -74,7 +74,7 @@ def wrench(linkage: Linkage, run: Trajectory, name: str, undetermined="refuse") 
     Components that the program refuses are left out.
     """
     asked, joint = Quantities(run, undetermined=undetermined), linkage.joints[name]
-    if name in run.mechanism.closure.slices():
+    if name in run.mechanism.closure.slices:
         prefix, sign = f"loop.{name}", 1.0
     else:
         known = run.mechanism.joints
@@ -87,7 +87,7 @@ def wrench(linkage: Linkage, run: Trajectory, name: str, undetermined="refuse") 
             try:
                 about = f".about.{name}_2" if part == "moment" else ""
                 found[f"{part}.{axis}"] = sign * asked[f"{prefix}.{part}{about}.{axis}"].values
-                if f"{name}_thread" in run.mechanism.closure.slices():  # of the parent on the child, or of this on that
+                if f"{name}_thread" in run.mechanism.closure.slices:  # of the parent on the child, or of this on that
                     found[f"{part}.{axis}"] -= asked[f"coupling.{name}_thread.{part}{about}.{axis}"].values
             except ValueError as error:
                 assert "hyperstatic" in str(error)

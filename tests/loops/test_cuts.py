@@ -45,7 +45,7 @@ def turning(name, folder, cut):
 class TestCutAtEachJointInTurn:
     def test_the_motion_under_weight_is_the_same(self, name, tmp_path):
         runs = [free(LINKAGES[name].build(tmp_path, cut), 0.5) for cut in CUTS[name]]
-        assert {tuple(sorted_as(name, run.mechanism.closure.slices())) for run in runs} == {
+        assert {tuple(sorted_as(name, run.mechanism.closure.slices)) for run in runs} == {
             tuple(sorted_as(name, cut)) for cut in CUTS[name]
         }  # beside a screw in the tree, which is a coupling
         first, *others = (states(LINKAGES[name], run) for run in runs)
@@ -68,7 +68,7 @@ class TestCutAtEachJointInTurn:
             seen = []
             for run, torque in found:
                 components = wrench(linkage, run, joint)
-                if joint == crank_of(name) and joint in run.mechanism.closure.slices():  # the motor acts beside it
+                if joint == crank_of(name) and joint in run.mechanism.closure.slices:  # the motor acts beside it
                     components["moment.y"] = components["moment.y"] + torque
                 seen.append(components)
             for components in seen[1:]:

@@ -91,7 +91,7 @@ class TestHyperstatic:
                 moment = moment - pull[3:] - np.cross(at - pose.place[body], pull[:3])
             assert force == pytest.approx(0.0, abs=1e-9)
             assert moment == pytest.approx(0.0, abs=1e-9)
-        loop = next(iter(run.mechanism.closure.slices()))
+        loop = next(iter(run.mechanism.closure.slices))
         doubts = {Quantities(run, undetermined="minimum_norm")[f"loop.{loop}.{one}"].doubt for one in COMPONENTS}
         assert any(f"degree {degree}" in doubt for doubt in doubts)
 

@@ -123,7 +123,7 @@ def _openings(run: Trajectory) -> Iterator[Opening]:
     sided = one_sided(run.mechanism.constraints)
     if not sided or run.no_efforts:
         return
-    lam, places = np.asarray(run.lam), run.closure.slices()
+    lam, places = np.asarray(run.lam), run.closure.slices
     for one in sided:
         push = one.push(run.q, lam[:, places[one.name].start])
         rows = np.flatnonzero(push < -ROUNDING * np.abs(push).max())
@@ -145,7 +145,7 @@ def _slackness(run: Trajectory) -> Iterator[Slackness]:
         known = one.transmission if isinstance(one, Coupling) else None
         if not isinstance(known, Strands):
             continue
-        apart = np.abs(known.difference * np.asarray(run.lam)[:, run.closure.slices()[one.name].start])
+        apart = np.abs(known.difference * np.asarray(run.lam)[:, run.closure.slices[one.name].start])
         rows = np.flatnonzero(apart > 2.0 * known.pretension * (1.0 + ROUNDING))
         if len(rows) and known.pretension:
             yield Slackness(one.name, "tension", unit("N"), 2.0 * known.pretension, float(apart.max()),

@@ -5,7 +5,7 @@ An open chain has no rows; nothing else distinguishes it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, cast
 
@@ -148,8 +148,9 @@ class Closure(Record, frozen=True):
         """Number m of rows."""
         return sum(constraint.size for constraint in self.constraints)
 
-    def slices(self) -> dict[str, slice]:
-        """Return the rows of every constraint, by its name."""
+    @cached_property
+    def slices(self) -> Mapping[str, slice]:
+        """The rows of every constraint, by its name."""
         found, start = {}, 0
         for constraint in self.constraints:
             found[constraint.name] = slice(start, start + constraint.size)
@@ -350,7 +351,7 @@ class Closure(Record, frozen=True):
     def _alike(self) -> tuple[list[tuple[AlikeLoopJoints, Indices]], list[tuple[Constraint, slice]]]:
         """Loop joints that hold the same and the rows of each, shape (k, m), and the other constraints with theirs."""
         alike: dict[Hashable, list[tuple[Constraint, slice]]] = {}
-        for constraint, rows in zip(self.constraints, self.slices().values(), strict=True):
+        for constraint, rows in zip(self.constraints, self.slices.values(), strict=True):
             same = constants_of(constraint.pair) if isinstance(constraint, LoopJoint) else constraint.name
             alike.setdefault(same, []).append((constraint, rows))
         several = [each for each in alike.values() if len(each) > 1]

@@ -105,12 +105,8 @@ class SelfStresses(Record, frozen=True):
         states = np.broadcast_shapes(self.links.places.shape[:-2], *(part.shape[:-2] for part in parts.values()))
         found = np.zeros((*states, self.closure.size, width))
         for name, part in parts.items():
-            found[..., self._rows[name], :] = part
+            found[..., self.closure.slices[name], :] = part
         return found
-
-    @cached_property
-    def _rows(self) -> Mapping[str, slice]:
-        return self.closure.slices()
 
     @cached_property
     def _acting(self) -> Mapping[str, Mapping[int, Array]]:

@@ -244,7 +244,7 @@ def held_part(closure: Closure, lam: Multipliers, other: Multipliers) -> Array:
         lam: Multipliers under the first friction, shape (n, m).
         other: Those under the other one.
     """
-    part, slices = np.ones(len(lam)), closure.slices()
+    part, slices = np.ones(len(lam)), closure.slices
     for constraint in one_sided(closure.constraints):
         row = slices[constraint.name].start
         pushes = (constraint.side * np.asarray(multipliers)[:, row] for multipliers in (lam, other))

@@ -137,7 +137,7 @@ class BearingReactions:
             lam: Multipliers, shape (n, m).
             f: Friction [N*m or N], shape (n, k).
         """
-        model, data, slices = self.closure.model, self.dynamics.data, self.closure.slices()
+        model, data, slices = self.closure.model, self.dynamics.data, self.closure.slices
         named = {name: lam[:, rows] for name, rows in slices.items()}
         if all(isinstance(contact, ConstantSlip) or not contact.law.loaded for contact in self.contacts):
             carried = np.zeros((len(a), len(self.contacts), 6))

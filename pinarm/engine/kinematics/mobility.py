@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +14,7 @@ from pinarm.engine.constraints.self_stresses import SelfStresses
 from pinarm.engine.kinematics.loosening import Loosening, loosenings
 from pinarm.errors import several
 from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -24,28 +25,34 @@ SPINNING = 1e-9
 COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 
 
-@dataclass(frozen=True)
-class Mobility:
+class Mobility(Record, frozen=True):
     """What the constraints of a mechanism do in one configuration.
 
     Attributes:
-        joints: Degrees of freedom of the tree.
-        rows: Number of constraint rows.
-        rank: Number of independent ones.
-        regularity: Smallest of their singular values that counts, relative to the largest; 0 at singular positions.
-        undetermined: Joint -> components of its reaction that rigid bodies do not determine, in its own axes.
-        loosenings: What could be loosened, with the degree of hyperstatism and the mobility that it leaves.
+        stresses: The self-stresses there.
+        regularity: Smallest singular value of the rows that counts, relative to the largest; 0 at singular positions.
         spins: Links that turn about an axis of their own by themselves, such as rods between two ball joints, by the
             joints that they turn on. Each is one of the degrees of freedom.
     """
 
-    joints: int
-    rows: int
-    rank: int
+    stresses: SelfStresses
     regularity: float
-    undetermined: dict[str, list[str]]
-    loosenings: tuple[Loosening, ...]
     spins: tuple[str, ...] = ()
+
+    @property
+    def joints(self) -> int:
+        """Degrees of freedom of the tree."""
+        return int(self.stresses.closure.model.nv)
+
+    @property
+    def rows(self) -> int:
+        """Number of constraint rows."""
+        return self.stresses.closure.size
+
+    @property
+    def rank(self) -> int:
+        """Number of independent ones."""
+        return self.rows - self.degree
 
     @property
     def mobility(self) -> int:
@@ -55,7 +62,17 @@ class Mobility:
     @property
     def degree(self) -> int:
         """Degree of hyperstatism: rows that repeat others."""
-        return self.rows - self.rank
+        return self.stresses.degree
+
+    @cached_property
+    def undetermined(self) -> dict[str, list[str]]:
+        """Joint -> components of its reaction that rigid bodies do not determine, in its own axes."""
+        return _undetermined(self.stresses) if self.degree else {}
+
+    @cached_property
+    def loosenings(self) -> tuple[Loosening, ...]:
+        """What could be loosened, with the degree of hyperstatism that it leaves and the mobility as it is."""
+        return loosenings(self.stresses) if self.degree else ()
 
     @property
     def shared(self) -> str:
@@ -69,10 +86,9 @@ def mobility_of(mechanism: Mechanism, q: Array) -> Mobility:
     """Return what the constraints of a mechanism do at a closed configuration, shape (nq,)."""
     closure = mechanism.closure
     stresses, values = SelfStresses(closure, q[None]), closure.singular_values(q)
-    rows, rank = closure.size, closure.size - stresses.degree
+    rank = closure.size - stresses.degree
     regularity = float(values[rank - 1] / values[0]) if rank else 1.0
-    undetermined, found = (_undetermined(stresses), loosenings(stresses)) if stresses.degree else ({}, ())
-    return Mobility(mechanism.model.nv, rows, rank, regularity, undetermined, found, _spins(mechanism, q))
+    return Mobility(stresses, regularity, _spins(mechanism, q))
 
 
 def _spins(mechanism: Mechanism, q: Array) -> tuple[str, ...]:

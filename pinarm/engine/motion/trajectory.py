@@ -250,7 +250,7 @@ class Trajectory(Record, frozen=True):
             return self.tau[..., self.mechanism.driven_joint(drive).v] + self._lost_in_gear(drive)
         if not (acting := self.couplings_at(joint)):
             return self.tau[..., joint]
-        lam, places = np.asarray(self.lam), self.closure.slices()
+        lam, places = np.asarray(self.lam), self.closure.slices
         found = np.asarray(sum(weight * lam[:, places[name].start] for name, weight in acting.items()))
         return found + self._friction_in(acting, joint) if self.mechanism.frictions else found
 

@@ -69,7 +69,7 @@ def _effort(run: Trajectory, ball: Ball, name: str) -> Array:
         for name, coordinate in coordinates.items()
         if isinstance(coordinate, BallCoordinate | BallAngle)
     }
-    guided = [one for one in run.closure.slices() if one in turned and turned[one].ball == ball]
+    guided = [one for one in run.closure.slices if one in turned and turned[one].ball == ball]
     if guided:
         raise InputError(f"'{name}': the drive acts along {', '.join(guided)}",
                          hint=f"joint.{ball.name}.moment.x, or coordinate.{guided[0]}.effort")  # fmt: skip

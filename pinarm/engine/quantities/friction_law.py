@@ -78,7 +78,7 @@ def friction_figures(run: Trajectory) -> dict[str, float]:
     some = run.some(sampled(len(run)))
     reactions, missed, largest = Reactions(some), 0.0, 0.0
     slips = np.matvec(slip_rows(run.mechanism.model, contacts, some.q), some.v)
-    lam = {name: reactions.multipliers[:, rows] for name, rows in some.closure.slices().items()}
+    lam = {name: reactions.multipliers[:, rows] for name, rows in some.closure.slices.items()}
     every, ends = np.arange(len(some)), np.isin(some.grid.t, some.grid.cuts[1:-1])
     rest_speeds = np.where(ends, SWITCHING, SLOW)
     rounding = _resting_speed(some)

@@ -196,7 +196,7 @@ class Reactions:
         for guide in guides:
             guided = guide.coordinate if isinstance(guide, GuidedCoordinate) else None
             if isinstance(guided, LoopCoordinate) and guided.loop == name:
-                yield guided, self.multipliers[:, self.closure.slices()[guide.name].start]
+                yield guided, self.multipliers[:, self.closure.slices[guide.name].start]
         for key, force in run.dynamics.forces.items():
             along = force.coordinate if isinstance(force, AlongCoordinate) else None
             if isinstance(along, LoopCoordinate) and along.loop == name:
@@ -217,7 +217,7 @@ class Reactions:
         return np.array([path.value(self.closure.state(q)) for q in self.run.q])
 
     def _loop(self, name: str, lam: Array) -> Array:
-        rows, part = np.zeros((*lam.shape[:-1], 6)), self.closure.slices()[name]
+        rows, part = np.zeros((*lam.shape[:-1], 6)), self.closure.slices[name]
         held = np.flatnonzero(lam[..., part].reshape(len(lam), -1).any(axis=1))
         for block in _blocks(0, len(held)):
             some = held[block]
@@ -239,7 +239,7 @@ class Reactions:
 
     def multiplier(self, name: str) -> tuple[Array, list[Array]]:
         """Return the multiplier of a constraint of one row [N or N*m], and what self-stresses add to it, shape (n,)."""
-        row = self.closure.slices()[name].start
+        row = self.closure.slices[name].start
         return self.multipliers[:, row], self.stressed_multipliers({name: np.ones(len(self.run))})
 
     def transmitted(self, name: str) -> tuple[Array, Array, list[Array]]:

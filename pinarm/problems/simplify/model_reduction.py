@@ -246,7 +246,7 @@ class ReducedMechanism:
         """Return the multipliers of the whole from those of the part and of the couplings removed, shape (n, k)."""
         gone = np.zeros(self.whole.closure.size, dtype=bool)
         for name in self.removed.couplings:
-            gone[self.whole.closure.slices()[name]] = True
+            gone[self.whole.closure.slices[name]] = True
 
         def own(rows: Indices) -> Array:
             found = np.empty((len(rows), len(gone)))

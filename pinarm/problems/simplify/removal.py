@@ -148,7 +148,7 @@ class KnownMotion(Record, frozen=True):
         ]
         found = set().union(*(self.joints_of(total.weights) for total in sums))
         found |= set().union(*(self._joints_moving(self.mechanism.coordinates[name]) for name in self.guided))
-        for name, rows in self.mechanism.closure.slices().items():
+        for name, rows in self.mechanism.closure.slices.items():
             if name not in self.stationary_couplings:
                 found |= self.joints_of(self._rows[rows])
         return found

@@ -12,6 +12,7 @@ from pinarm.arrays import Array
 from pinarm.engine.kinematics.mobility import joint_kind, mobility_of
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.chains import screw_of
+from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.mechanics.joints import RADIAN, Joint
 from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
@@ -58,8 +59,17 @@ def body_name(model: pin.Model, index: int) -> str:
 
 def _links(model: pin.Model, index: int) -> list[str]:
     """Return the links that are fixed to each other behind a joint; the name of the joint where there is none."""
-    bodies = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY and frame.parentJoint == index]
-    return bodies or [model.names[index]]
+    return _bodies_of(model)[index] or [model.names[index]]
+
+
+@cached_by_model
+def _bodies_of(model: pin.Model) -> list[list[str]]:
+    """Return the links that are fixed to each other behind every joint."""
+    found: list[list[str]] = [[] for _ in range(model.njoints)]
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY:
+            found[frame.parentJoint].append(str(frame.name))
+    return found
 
 
 def _bodies(mechanism: Mechanism) -> ReportTable:

@@ -177,7 +177,7 @@ def star(closure, kind):
 def wrenches_of_each(closure, links, lam):
     """Return the wrenches on all links, joint by joint."""
     total = np.zeros((*lam.shape[:-1], closure.model.njoints, 6))
-    for constraint, rows in zip(closure.constraints, closure.slices().values(), strict=True):
+    for constraint, rows in zip(closure.constraints, closure.slices.values(), strict=True):
         for joint, wrench in constraint.wrenches(links, lam[..., rows]).items():
             total[..., joint, :] += wrench
     return total

@@ -51,7 +51,7 @@ def test_self_stresses_add_to_joints_what_a_basis_of_the_null_space_does(closure
     pairs = [(stresses.on_joint(joint)[:, 0], every[:, joint]) for joint in range(1, closure.model.njoints)]
     for joint in closure.constraints:
         if isinstance(joint, LoopJoint):
-            lam = basis[closure.slices()[joint.name]].T
+            lam = basis[closure.slices[joint.name]].T
             links = LinkPlacements.at(closure.model, np.tile(q, (len(lam), 1)))
             pairs.append((stresses.on_loop(joint)[:, 0], joint.wrench(links, lam)))
     for added, wanted in pairs:

@@ -67,7 +67,7 @@ def test_what_is_held_is_where_mujoco_has_it(ties):
 def test_gaps_of_connects_are_mujocos(ties, name):
     """MuJoCo's residual in the axes of the world, this one's in those of the first frame: lengths agree."""
     q = ties.configurations({name: MUJOCO["qpos"][name] for name in "abcd"})
-    rows = ties.closure.slices()[name]
+    rows = ties.closure.slices[name]
     gap = ties.closure.gap(ties.closure.state(q))[rows]
     assert np.linalg.norm(gap) == pytest.approx(np.linalg.norm(MUJOCO["efc_pos"][name]), rel=1e-13)
 

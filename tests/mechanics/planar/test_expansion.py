@@ -91,7 +91,7 @@ def test_whichever_pin_closes_the_loop_it_does_what_the_others_do(tmp_path: Path
         spring = f"forces: {{S: {{kind: coordinate_spring, coordinate: {angle}, stiffness: 40 N*m/rad}}}}\n"
         (tmp_path / closes).mkdir()
         results.append(solved(tmp_path / closes, f"{text}friction:\n{dry}{spring}", problem, ["O2", angle]))
-        assert {*results[-1].scenario.mechanism.closure.slices()} == {closes}
+        assert {*results[-1].scenario.mechanism.closure.slices} == {closes}
     names = {"joint.O2.effort": "joint.O2.effort", "joint.A.friction": "loop.A.friction", "joint.O2.friction":
              "joint.O2.friction", "joint.O4.friction": "joint.O4.friction"}  # fmt: skip
     compared(*results, names)

@@ -150,8 +150,11 @@ def _stresses_on(functions: Array, scale: Array, blocks: BlockDecomposition) -> 
     """
     weights = np.where(scale > 0.0, scale, 1.0)[:, None]
     wanted = weights * functions
-    basis, sizes, _ = np.linalg.svd(wanted - blocks.reached(wanted), full_matrices=False)
-    basis = basis[:, sizes > ROUNDING * np.abs(wanted).max(initial=0.0)]
+    projected = wanted - blocks.reached(wanted)
+    some = projected.any(axis=1)
+    spanned, sizes, _ = np.linalg.svd(projected[some], full_matrices=False)
+    basis = np.zeros((len(functions), int(np.count_nonzero(sizes > ROUNDING * np.abs(wanted).max(initial=0.0)))))
+    basis[some] = spanned[:, : basis.shape[1]]
     basis -= blocks.reached(basis)  # once more: of what is small the first projection leaves rounding
     return of_length_1(weights * basis[:, np.linalg.norm(basis, axis=0) > LEFT])
 

@@ -134,7 +134,7 @@ class HybridSystem(Record, frozen=True):
 
     def _holding(self, held: Held) -> Flags:
         """Return which rows of the mechanism's constraints hold, shape (m,)."""
-        found, slices = np.ones(self.closure.size, dtype=bool), self.closure.slices()
+        found, slices = np.ones(self.closure.size, dtype=bool), self.closure.slices
         for k in self.separations - held:
             found[slices[self.bounds[k].name]] = False
         return found
@@ -533,7 +533,7 @@ class HybridSystem(Record, frozen=True):
         motion, bound = complete(self.dynamics, Grid(t, span, (0, len(t))), *system.part(q, v)), self.bounds[k]
         if isinstance(bound, Bound):
             return np.asarray(bound.side * motion.tau[:, bound.joint])
-        return np.asarray(bound.side * np.asarray(motion.lam)[:, system.closure.slices()[bound.name].start])
+        return np.asarray(bound.side * np.asarray(motion.lam)[:, system.closure.slices[bound.name].start])
 
     def at_rest(self, q: Array, v: Array, held: Held = frozenset()) -> Held:
         """Return the stops that are touched without moving against or away from them.

@@ -24,7 +24,7 @@ class CoordinateQuantities(JointQuantities, frozen=True):
     def entries(self) -> Iterator[Offered]:
         """Yield all coordinates, and the efforts of drives along those that are no joint's."""
         run = self.run
-        guided = run.closure.slices().keys() - run.mechanism.closure.slices().keys()
+        guided = run.closure.slices.keys() - run.mechanism.closure.slices.keys()
         for name in run.mechanism.coordinates:
             yield from (Offered(name, rate) for rate in RATES)
             if name in guided or run.effort_along(name) is not None:
@@ -46,7 +46,7 @@ class CoordinateQuantities(JointQuantities, frozen=True):
             return Series(asked.name, unit, effort)
         if along in run.mechanism.joints:
             return super().series(Asked(asked.name, (along, "effort")))
-        rows = run.closure.slices().get(along)
-        if rows is None or along in run.mechanism.closure.slices():
+        rows = run.closure.slices.get(along)
+        if rows is None or along in run.mechanism.closure.slices:
             raise InputError(f"no drive acts along '{along}'", expected="a coordinate named in drives:")
         return Series(asked.name, unit, run.lam.along[:, rows.start - run.mechanism.closure.size])

@@ -153,7 +153,7 @@ def _of_joints(found: Reactions, whole: Reactions) -> Iterator[Action]:
 def _of_constraints(found: Reactions, whole: Reactions) -> Iterator[Action]:
     """Yield the wrenches of loop joints and couplings, and of drives along task coordinates."""
     links, closure, lam = found.links(np.arange(1)), found.closure, found.multipliers[:1]
-    for constraint, part in zip(closure.constraints, closure.slices().values(), strict=True):
+    for constraint, part in zip(closure.constraints, closure.slices.values(), strict=True):
         what, point, doubt = f"drive {constraint.name}", None, ""
         if isinstance(constraint, LoopJoint):
             what, point = f"loop {constraint.name}", found.loop_origins(constraint.name)[0]
