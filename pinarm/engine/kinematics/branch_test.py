@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags
+from pinarm.arrays import Array, Flags, Indices
+from pinarm.engine.constraints.nullspaces.nullspace import MANY, singular_values
 
 ENOUGH = 1e-9
 """Correction that is the last: Newton's method doubles the digits, the next one would be below rounding."""
@@ -33,12 +34,38 @@ def part_of_leap(rows: Array, there: Array) -> float:
     from very near one of twice the way goes through it. Where branches only all but meet, the shorter steps follow
     their own.
     """
-    if np.linalg.slogdet(rows.T @ there)[0] > 0.0:
-        return 1.0
     nv = rows.shape[1]
-    values = [np.linalg.svd(each, compute_uv=False) for each in (rows, there)]
+    if _sign(rows, there) > 0.0:
+        return 1.0
+    values = [singular_values(each) for each in (rows, there)]
     before, after = (float(each[nv - 1] / each[0]) for each in values)
     if max(before, after) <= CROSSED:
         return 1.0
     wanted = max(NEARER * before, AIMED) if before > CROSSED else -before
     return (before - wanted) / (before + after)
+
+
+def _sign(rows: Array, there: Array) -> float:
+    """Return the sign of the determinant of ``rows^T there``, shapes (m, nv); 0 where that is singular."""
+    if rows.shape[1] <= MANY:
+        return float(np.linalg.slogdet(rows.T @ there)[0])
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import splu
+
+    try:
+        factors = splu(csc_array(csc_array(rows).T @ csc_array(there)))
+    except RuntimeError:  # exactly singular
+        return 0.0
+    turns = _parity(factors.perm_r) * _parity(factors.perm_c)
+    return float(turns * np.prod(np.sign(factors.U.diagonal())))
+
+
+def _parity(order: Indices) -> float:
+    """Return the sign of a permutation, by the number of its cycles."""
+    left, count = set(order.tolist()), len(order)
+    while left:
+        start = k = left.pop()
+        while (k := int(order[k])) != start:
+            left.discard(k)
+        count -= 1
+    return 1.0 if count % 2 == 0 else -1.0

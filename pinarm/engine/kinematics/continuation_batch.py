@@ -19,6 +19,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.batch_jacobians import BLOCK, BatchJacobians, EvaluatedJacobians
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspaces.elimination import Elimination, Order, dense
+from pinarm.engine.constraints.nullspaces.nullspace import singular_values
 from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch
 from pinarm.engine.kinematics.newton import CLOSED, CONTRACTION
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
@@ -120,7 +121,7 @@ class BatchContinuation:
         if self._order is None:
             shape = self.measures.size, self.nv
             matrix = dense(self.measures.at(q[:, None]).rows(range(shape[0])), shape)
-            values = np.linalg.svd(matrix, compute_uv=False)
+            values = singular_values(matrix)
             if len(values) == self.nv and values[-1] >= REGULAR * values[0]:
                 self._order = Order.of(matrix, self.nv, self.reach)
         return self._order
@@ -133,11 +134,11 @@ class BatchContinuation:
             q: Predictions, shape (nv, n); they become the solutions.
             w: Wanted values of the prescribed coordinates, shape (k, n).
         """
-        wanted, n = [0.0] * self.own + list(w), q.shape[1]
+        wanted, n, needed = [0.0] * self.own + list(w), q.shape[1], set(order.rows)
         first, last, left, good = np.zeros(n), np.full(n, np.inf), np.full(n, np.inf), np.ones(n, dtype=bool)
         for iteration in range(ITERATIONS):
             measured = self.measures.at(q)
-            gap, elimination = measured.gap(), Elimination.of(measured.rows(order.rows), order)
+            gap, elimination = measured.gap(), Elimination.of(measured.rows(needed), order)
             size = np.zeros(n)
             for column, step in elimination.solve({row: wanted[row] - gap[row] for row in order.rows}).items():
                 q[column] += step
@@ -154,9 +155,9 @@ class BatchContinuation:
 
     def _closed(self, order: Order, measured: EvaluatedJacobians, w: Array) -> Flags:
         """Return where all rows are closed, shape (n,): those without pivots, which repeat others, but for a slack."""
-        gap, closed = measured.gap(), np.ones(w.shape[1], dtype=bool)
+        gap, closed, exact = measured.gap(), np.ones(w.shape[1], dtype=bool), set(order.rows)
         for row, x in enumerate(gap[: self.own]):
-            closed &= np.abs(x) <= CLOSED + (0.0 if row in order.rows else self.slack[row])
+            closed &= np.abs(x) <= CLOSED + (0.0 if row in exact else self.slack[row])
         for x, wanted in zip(gap[self.own :], w, strict=True):
             closed &= np.abs(wanted - x) <= CLOSED * (1.0 + np.abs(wanted))
         return closed
@@ -165,9 +166,10 @@ class BatchContinuation:
         self, order: Order, measured: EvaluatedJacobians, dw: Array, ddw: Array, n: int
     ) -> tuple[Array, Array, Flags]:
         """Return v and a, each of shape (nv, n), and where the order of the pivots still serves, shape (n,) or (1,)."""
-        elimination = Elimination.of(measured.rows(order.rows), order)
+        needed = set(order.rows)
+        elimination = Elimination.of(measured.rows(needed), order)
         v = self._stacked(elimination.solve(dict(enumerate(dw, self.own))), n)
-        right = {row: -x for row, x in measured.drift(order.rows, v).items()}
+        right = {row: -x for row, x in measured.drift(needed, v).items()}
         for row, x in enumerate(ddw, self.own):
             right[row] = x + right[row] if row in right else x
         return v, self._stacked(elimination.solve(right), n), elimination.sound() & elimination.continued()

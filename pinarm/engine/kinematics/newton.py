@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import SMALL, Closure
-from pinarm.engine.constraints.nullspaces.nullspace import MANY, RANK, UNCLOSED, VANISHED
+from pinarm.engine.constraints.nullspaces.nullspace import MANY, RANK, UNCLOSED, VANISHED, singular_values
 from pinarm.engine.kinematics.abscissa import instant
 from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch, part_of_leap
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
@@ -298,7 +298,7 @@ class NewtonSolver:
         closest, gap = self.closest(q, w, np.ones(len(self.names)))
         if not self.closed(self.closure.state(closest), gap, w):
             return self.unreachable(closest, gap, to, f", as it does up to {instant(t)}")
-        values = np.linalg.svd(self.rows(self.closure.state(q)), compute_uv=False)
+        values = singular_values(self.rows(self.closure.state(q)))
         ratio = float(values[self.model.nv - 1] / values[0])
         singular = f"singular position: the smallest singular value of the rows is {ratio:.1e} of the largest"
         return AssemblyError(
@@ -388,7 +388,7 @@ def check_rank(rows: Array, names: Sequence[str], t: float) -> None:
         AssemblyError: The position is singular.
     """
     nv = rows.shape[1]
-    singular = np.linalg.svd(rows, compute_uv=False)
+    singular = singular_values(rows)
     if len(rows) < nv or not singular[nv - 1] > SINGULAR * singular[0]:
         weak = np.linalg.svd(rows)[0][:, min(len(rows), nv) - 1]
         tied = dict.fromkeys(name for name, weight in zip(names, weak, strict=True) if abs(weight) > 0.1)

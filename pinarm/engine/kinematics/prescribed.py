@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError
+from pinarm.errors import InputError, several
 from pinarm.mechanics.ball_joints import ball_coordinates
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.laws.motion_law import MotionLaw
@@ -85,7 +85,7 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
             free = [name for name in own if name not in self.names]
             return InputError(
                 f"{mobility} coordinates have to follow a law and {len(self.names)} do",
-                expected=f"laws for {missing} more, such as of the joints {', '.join(free)}",
+                expected=f"laws for {missing} more, such as of the joints {several(free)}",
                 hint="base: fixed in the mechanism file, to hold the base" if mechanism.balls else _elastic(mechanism),
             )
         return InputError(

@@ -8,6 +8,7 @@ were alone. Which rows and columns to use, and in which order, is decided at one
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from heapq import heappop, heappush
 
 import numpy as np
 
@@ -18,8 +19,9 @@ from pinarm.records import Record
 Row = Mapping[int, Array]
 """A row of A: column -> coefficient, shape (n,), or (1,) where it is the same in all configurations."""
 
-KEPT = 0.1
-"""Part of itself that a pivot, or the determinant, keeps in systems that are like the one of the order."""
+KEPT, SHRUNK = 0.1, 0.8
+"""Part of itself that a pivot, or the determinant, keeps in systems that are like the one of the order; and part below
+which a pivot counts as having shrunk: ten that do not would make the determinant ``KEPT`` as small."""
 
 
 class Order(Record, frozen=True):
@@ -47,15 +49,54 @@ class Order(Record, frozen=True):
         length = np.sqrt((matrix * matrix).sum(axis=1))
         counts = length > VANISHED * reach
         length = np.where(counts, length, 1.0)
-        left, found = matrix * (counts / length)[:, None], []
-        for _ in range(rank):
-            row, column = divmod(int(np.abs(left).argmax()), matrix.shape[1])
-            pivot = float(left[row, column])
-            found.append((row, column, pivot * float(length[row])))
-            left -= np.outer(left[:, column] / pivot, left[row])
-            left[row] = 0.0
-        rows, columns, pivots = zip(*found, strict=True) if found else ((), (), ())
-        return cls(rows, columns, pivots)
+        left = _Remainder(matrix * (counts / length)[:, None])
+        found = [left.eliminated() for _ in range(rank)]
+        pivots = tuple(pivot * float(length[row]) for row, _, pivot in found)
+        return cls(tuple(row for row, *_ in found), tuple(column for _, column, _ in found), pivots)
+
+
+class _Remainder:
+    """What is left of a matrix while rows are eliminated; what is 0 is absent.
+
+    The largest entry of every row stands in a heap, again whenever the row changes: the last one counts.
+    """
+
+    def __init__(self, matrix: Array) -> None:
+        self.rows: dict[int, dict[int, float]] = {i: {} for i in range(len(matrix))}
+        self.holding: dict[int, set[int]] = {j: set() for j in range(matrix.shape[1])}
+        for i, j in np.argwhere(matrix).tolist():
+            self.rows[i][j] = float(matrix[i, j])
+            self.holding[j].add(i)
+        self.largest: dict[int, tuple[float, int, int]] = {}
+        self.heap: list[tuple[float, int, int]] = []
+        for i in self.rows:
+            self._measure(i)
+
+    def eliminated(self) -> tuple[int, int, float]:
+        """Return row, column and value of the largest entry, and take the row from the others that have the column."""
+        found = heappop(self.heap)
+        while self.largest.get(found[1]) != found:
+            found = heappop(self.heap)
+        _, row, column = found
+        taken = self.rows.pop(row)
+        del self.largest[row]
+        for j in taken:
+            self.holding[j].discard(row)
+        pivot = taken.pop(column)
+        for other in self.holding.pop(column):
+            left = self.rows[other]
+            share = left.pop(column) / pivot
+            for j, coefficient in taken.items():
+                left[j] = left.get(j, 0.0) - share * coefficient
+                self.holding[j].add(other)
+            self._measure(other)
+        return row, column, pivot
+
+    def _measure(self, i: int) -> None:
+        """Put the largest entry of a row into the heap; of equal ones the first."""
+        size, column = max(((abs(x), -j) for j, x in self.rows[i].items()), default=(0.0, 0))
+        self.largest[i] = -size, i, -column
+        heappush(self.heap, self.largest[i])
 
 
 def dense(rows: Mapping[int, Row], shape: tuple[int, int]) -> Array:
@@ -86,16 +127,20 @@ class Elimination(Record, frozen=True):
     def of(cls, rows: Mapping[int, Row], order: Order) -> Elimination:
         """Return the elimination of the rows that the order names."""
         left = [dict(rows[row]) for row in order.rows]
+        holding: dict[int, set[int]] = {}
+        for k, row in enumerate(left):
+            for column in row:
+                holding.setdefault(column, set()).add(k)
         pivots, lower = [], []
         for k, column in enumerate(order.columns):
             pivot = left[k].pop(column)
             pivots.append(pivot)
-            for later in range(k + 1, len(left)):
-                if column in left[later]:
-                    share = left[later].pop(column) / pivot
-                    lower.append((k, later, share))
-                    for other, coefficient in left[k].items():
-                        left[later][other] = _less(left[later].get(other), share * coefficient)
+            for later in sorted(each for each in holding[column] if each > k):
+                share = left[later].pop(column) / pivot
+                lower.append((k, later, share))
+                for other, coefficient in left[k].items():
+                    left[later][other] = _less(left[later].get(other), share * coefficient)
+                    holding[other].add(later)
         return cls(order, pivots, left, lower)
 
     def solve(self, right: Mapping[int, Array], free: Mapping[int, Array] | None = None) -> dict[int, Array]:
@@ -144,10 +189,14 @@ class Elimination(Record, frozen=True):
         return good
 
     def continued(self) -> Flags:
-        """Return in which systems the determinant has kept its sign and its size, shape (n,) or (1,)."""
+        """Return in which systems the determinant has kept its sign and its size, shape (n,) or (1,).
+
+        Of its size counts what pivots that have shrunk have lost: those of many loops change a little all at once.
+        """
         product = np.ones(1)
         for pivot, first in zip(self.pivots, self.order.pivots, strict=True):
-            product = product * (pivot / first)
+            ratio = pivot / first
+            product = product * np.where(np.abs(ratio) > SHRUNK, np.sign(ratio), ratio)
         return np.asarray(product > KEPT)
 
 

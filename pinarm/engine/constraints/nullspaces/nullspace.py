@@ -23,7 +23,18 @@ from pinarm.records import Record
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-__all__ = ["ACTS", "MANY", "RANK", "UNCLOSED", "VANISHED", "RowDecompositions", "SplitRows", "solved", "split_rows"]
+__all__ = [
+    "ACTS",
+    "MANY",
+    "RANK",
+    "UNCLOSED",
+    "VANISHED",
+    "RowDecompositions",
+    "SplitRows",
+    "singular_values",
+    "solved",
+    "split_rows",
+]
 
 MANY = 100
 """Velocities from which on G is taken apart as a sparse matrix, which then takes as long as singular values; these take
@@ -39,6 +50,20 @@ def split_rows(rows: Array, reach: Array | float = 1.0) -> SplitRows:
 
         return sparse_split(csr_array(rows), reach)
     return RowDecomposition.of(rows, reach)
+
+
+def singular_values(matrix: Array) -> Array:
+    """Return the singular values of a matrix, shape (m, nv), descending.
+
+    Of many columns those between the largest and the smallest that is not 0 are given as the largest.
+    """
+    if matrix.shape[1] <= MANY:
+        return np.asarray(np.linalg.svd(matrix, compute_uv=False))
+    from scipy.sparse import csr_array
+
+    from pinarm.engine.constraints.nullspaces.sparse_nullspace import extreme_values
+
+    return extreme_values(csr_array(matrix))
 
 
 class RowDecompositions(Record, frozen=True):
