@@ -17,6 +17,9 @@ from pinarm.records import ValueRecord
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
 
+LISTED = 24
+"""Coordinates that a refusal names: those of a floating robot with four legs are 18."""
+
 
 class PrescribedCoordinates(ValueRecord, frozen=True):
     """Coordinates with the laws that they follow.
@@ -85,7 +88,7 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
             free = [name for name in own if name not in self.names]
             return InputError(
                 f"{mobility} coordinates have to follow a law and {len(self.names)} do",
-                expected=f"laws for {missing} more, such as of the joints {several(free)}",
+                expected=f"laws for {missing} more, such as of the joints {several(free, LISTED)}",
                 hint="base: fixed in the mechanism file, to hold the base" if mechanism.balls else _elastic(mechanism),
             )
         return InputError(
