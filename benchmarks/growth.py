@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from time import process_time
 
@@ -94,6 +95,9 @@ def chain(count: int) -> Parts:
 ENDS = {"fourbars": 0.5, "scissor": 0.5, "chain": 0.02}
 """How long each moves [s]: a chain of 5,000 m needs shorter steps the longer it is."""
 
+GUIDED = {"fourbars": ("u0",), "scissor": ("a0", "m0")}
+"""Joints whose laws determine the motion, where they are few."""
+
 FAMILIES: dict[str, Callable[[int], Parts]] = {"fourbars": fourbars, "scissor": scissor, "chain": chain}
 
 
@@ -112,20 +116,44 @@ def written(folder: Path, family: str, count: int) -> Path:
     return folder / "scenario.yaml"
 
 
+def guided(path: Path, family: str) -> Path:
+    """Write a scenario of inverse dynamics beside another one; return its path."""
+    laws = ", ".join(f"{joint}: {{law: harmonic, amplitude: 0.2 rad, pulsation: 3 rad/s}}" for joint in GUIDED[family])
+    text = (
+        f"pinarm: 1\ntitle: {family}\nmechanism: mechanism.yaml\nproblem:\n  kind: inverse\n"
+        f"  time: {{end: 0.5 s, samples: 11}}\n  motion: {{{laws}}}\noutputs: [joint.{GUIDED[family][0]}.effort]\n"
+    )
+    path.with_name("inverse.yaml").write_text(text)
+    return path.with_name("inverse.yaml")
+
+
 def measured(family: str, count: int) -> dict[str, float]:
-    """Return processor time to load and run, and to run again [s], and the largest memory [GB], of this process."""
+    """Return processor times [s] and the largest memory [GB] of this process.
+
+    ``first`` to load and run, ``again`` to run again, ``force`` to ask for the force of a joint; ``explain`` to say
+    how it can move, what rigid bodies do not determine and what could be loosened; ``inverse`` to load and run a motion
+    by laws where few determine it, 0 elsewhere.
+    """
     import pinarm
 
     with tempfile.TemporaryDirectory() as name:
         path = written(Path(name), family, count)
-        start = process_time()
+        times = [process_time()]
         scenario = pinarm.Scenario.load(path)
+        result = scenario.run()
+        times.append(process_time())
         scenario.run()
-        first = process_time()
-        scenario.run()
-        again = process_time() - first
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2
-    return {"first": first - start, "again": again, "memory": memory}
+        times.append(process_time())
+        _ = result[f"joint.{FAMILIES[family](count)[2]}.force.y"]
+        times.append(process_time())
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2
+        str(pinarm.explain(path))
+        times.append(process_time())
+        if family in GUIDED:
+            pinarm.Scenario.load(guided(path, family)).run()
+        times.append(process_time())
+    names = ("first", "again", "force", "explain", "inverse")
+    return {**dict(zip(names, (end - start for start, end in pairwise(times)), strict=True)), "memory": memory}
 
 
 def main() -> None:
@@ -134,16 +162,15 @@ def main() -> None:
     if len(arguments) == 2:
         print(json.dumps(measured(arguments[0], int(arguments[1]))))
         return
-    print("| | N | load and run [s] | again [s] | memory [GB] |\n| --- | --- | --- | --- | --- |")
+    print("| | N | load and run [s] | again [s] | memory [GB] | a force [s] | explain [s] | inverse [s] |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
     for family, counts in (QUICK if "--quick" in arguments else COUNTS).items():
         for count in counts:
             command = [sys.executable, "-m", "benchmarks.growth", family, str(count)]
             done = subprocess.run(command, capture_output=True, text=True, check=True)
             found = json.loads(done.stdout.splitlines()[-1])
-            print(
-                f"| {family} | {count} | {found['first']:.2f} | {found['again']:.2f} | {found['memory']:.2f} |",
-                flush=True,
-            )
+            numbers = [found[key] for key in ("first", "again", "memory", "force", "explain", "inverse")]
+            print(f"| {family} | {count} | {' | '.join(f'{x:.2f}' for x in numbers)} |", flush=True)
 
 
 if __name__ == "__main__":

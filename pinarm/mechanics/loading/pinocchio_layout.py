@@ -46,6 +46,10 @@ FLOATING = ("q has the position and the quaternion x, y, z, w; v the velocity of
 UNIT = 1e-8
 """How far (cos, sin) and quaternions may be from the length 1: typed digits explain as much."""
 
+DEEPEST = 1000
+"""Joints in a row that Pinocchio's reader is given: it calls itself for each, and ends the process where its stack is
+full, at 3,700 of them with the usual 8 MB."""
+
 SAME = 1e-12
 """Distance of two axes that is rounding."""
 
@@ -233,6 +237,9 @@ class PinocchioLayout:
         if any(joint.get("type") == "spherical" for joint in root.findall("joint")):
             raise InputError("the model has spherical joints, which pin.buildModelFromUrdf does not know",
                              expected="types of URDF, or a mechanism of a pin.Model")  # fmt: skip
+        if (depth := _depth(root)) > DEEPEST:
+            raise InputError(f"pin.buildModelFromUrdf goes from link to link: {depth} joints in a row are too deep",
+                             expected=f"at most {DEEPEST} joints between the root and a link")  # fmt: skip
         free = [pin.JointModelFreeFlyer()] if floats else []
         try:
             theirs = pin.buildModelFromXML(_joints_alone(root), *free)
@@ -290,6 +297,20 @@ class PinocchioLayout:
         for part in self.parts:
             part.give(p_q, p_v, q, v)
         return p_q, p_v
+
+
+def _depth(root: ElementTree.Element) -> int:
+    """Return the largest number of joints between the root of a URDF and one of its links."""
+    ends = ((joint.find("parent"), joint.find("child")) for joint in root.findall("joint"))
+    children: dict[str | None, list[str | None]] = {}
+    for parent, child in ends:
+        if parent is not None and child is not None:
+            children.setdefault(parent.get("link"), []).append(child.get("link"))
+    held, depth = {child for some in children.values() for child in some}, 0
+    level = [child for parent, some in children.items() if parent not in held for child in some]
+    while level:
+        depth, level = depth + 1, [child for link in level for child in children.get(link, ())]
+    return depth
 
 
 def _joints_alone(root: ElementTree.Element) -> str:
