@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -14,10 +14,11 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.kernel.library import absence
 from pinarm.engine.kinematics.closed_configurations import beside, closed_anywhere, closed_near, generic
+from pinarm.engine.kinematics.loosening import Loosening
 from pinarm.engine.kinematics.mobility import Mobility, joint_kind, mobility_of
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import MESH_MASSES
-from pinarm.errors import AssemblyError, InputError
+from pinarm.errors import AssemblyError, InputError, several
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import Values
 from pinarm.mechanics.couplings.coupling import JointRelation
@@ -152,13 +153,14 @@ class Explanation:
             but = " but for what couplings leave open:" if opened else ""
             return [*lines, f"isostatic: every reaction is determined{but}", *opened]
         lines.append(f"hyperstatic of degree {found.degree}; not determined by rigid bodies:")
-        lines += [f"  {name}: {', '.join(parts)}" for name, parts in found.undetermined.items()]
-        best: dict[str, str] = {}
+        lines += _together((name, f": {', '.join(parts)}") for name, parts in found.undetermined.items())
+        best: dict[str, Loosening] = {}
         for one in found.loosenings:
-            best.setdefault(one.changes[0][0], f"  {one}")
+            best.setdefault(one.changes[0][0], one)
         if opened:
             lines += ["left open by couplings:", *opened]
-        return [*lines, *(["what could be loosened without more mobility:", *best.values()] if best else [])]
+        looser = _together((name, str(one).removeprefix(name)) for name, one in best.items())
+        return [*lines, *(["what could be loosened without more mobility, one at a time:", *looser] if best else [])]
 
     def _left_open(self) -> list[str]:
         """Return a line for every joint whose reaction depends on how couplings transmit their forces."""
@@ -218,6 +220,14 @@ class Explanation:
             return [f"q and v: {words}. Mechanism.from_pinocchio converts"] if words else []
         floating = [name for name in self.mechanism.balls if f"{name}.x" in self.mechanism.joints]
         return [f"q and v: of {', '.join(floating)} {FLOATING}"] if floating else []
+
+
+def _together(said: Iterable[tuple[str, str]]) -> list[str]:
+    """Return lines of names and what is said of them, in one line where the same is said of several."""
+    names: dict[str, list[str]] = {}
+    for name, words in said:
+        names.setdefault(words, []).append(name)
+    return [f"  {several(some, NAMED)}{words}" for words, some in names.items()]
 
 
 def _spinning(joints: Sequence[str]) -> str:
@@ -289,6 +299,9 @@ def _explained(mechanism: Mechanism, q: Sequence[Array], where: str, removals: S
     first = where if judged is q[0] else f"beside a singular position, which is {where}"
     return Explanation(mechanism, mobility_of(mechanism, judged), judged, first, removals)
 
+
+NAMED = 24
+"""Joints that are named where the same is said of many."""
 
 ROWS = 9
 """Number of rows of a scenario's motion among which the usual mobility is looked for."""

@@ -10,6 +10,7 @@ from pinarm.cli.main import main
 from pinarm.errors import InputError, IntegrationError
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
+SCENARIOS = MODELS.parent / "scenarios"
 
 
 def test_a_mechanism_is_drawn_with_its_names() -> None:
@@ -168,3 +169,16 @@ def test_what_a_session_shows_of_answers_is_one_line(monkeypatch: pytest.MonkeyP
     assert repr(findings) == f"<Findings: {len(findings)} expectations, 0 missed>"
     swept = pinarm.sweep("scenarios/gen411_arm_static.yaml", {"arguments.l1": ["0.2 m", "0.25 m"]})
     assert repr(swept).startswith("<Sweep of 'gen411_arm_static': 2 cases; arguments.l1, ")
+
+
+def test_what_is_the_same_of_several_joints_is_said_once() -> None:
+    """Bricard's loop: opposite hinges share the same components; the forty four-bars: 24 of 121 joints are named."""
+    text = str(pinarm.explain(SCENARIOS / "bricard_falling.yaml"))
+    assert "\n  P0, P3: force x, force y, force z, moment x, moment z\n" in text
+    assert "\n  P5 as cylindrical: degree 0\n" in text
+    text = str(pinarm.explain(SCENARIOS / "forty_four_bars_equal_rods.yaml"))
+    [shared] = [line for line in text.split("\n") if line.endswith(": force z, moment x, moment y")]
+    assert shared.count(",") == 23 + 2
+    assert " and 97 more: " in shared
+    [looser] = [line for line in text.split("\n") if line.endswith(" as point_on_line: degree 117")]
+    assert " and 16 more as " in looser
