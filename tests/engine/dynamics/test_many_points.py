@@ -46,7 +46,7 @@ def test_a_run_agrees_with_that_of_dense_matrices(family, tmp_path, monkeypatch)
     path = written(tmp_path, family, COUNT)
     found = pinarm.Scenario.load(path).run()
     own = found.trajectory.q
-    for name in ("nullspaces.nullspace", "closure", "nullspaces.nullspace_batch"):
+    for name in ("nullspaces.nullspace", "closure"):
         monkeypatch.setattr(f"pinarm.engine.constraints.{name}.MANY", 10**6)
     for name in (
         "engine.motion.systems",

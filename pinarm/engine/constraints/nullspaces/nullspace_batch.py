@@ -14,7 +14,7 @@ import numpy as np
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.batch_jacobians import BLOCK, BatchJacobians
 from pinarm.engine.constraints.nullspaces.elimination import Elimination, Order, Row, dense
-from pinarm.engine.constraints.nullspaces.nullspace import MANY, VANISHED, split_rows
+from pinarm.engine.constraints.nullspaces.nullspace import VANISHED, split_rows
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -64,8 +64,6 @@ def regular_order(matrix: Array, reach: Array) -> Order | None:
 
     Also where nothing is to be eliminated; ``reach`` as in ``Closure.reach``.
     """
-    if matrix.shape[1] > MANY:  # complete pivoting takes the cube of the time
-        return None
     split = split_rows(matrix, reach)
     return Order.of(matrix, split.rank, reach) if split.rank and split.regularity >= REGULAR else None
 

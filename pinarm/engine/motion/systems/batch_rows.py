@@ -71,7 +71,7 @@ class BatchRows(Record, frozen=True):
         Returns:
             The rows that the order of elimination serves that suits the first one; ``None`` where it has none.
         """
-        if len(q) < FEWEST or q.shape[1] > MANY:  # an order would take the cube of the time
+        if len(q) < FEWEST or q.shape[1] > MANY:  # their mass matrices are dense
             return None
         every, measured, still = range(self.measures.size), self.measures.at(q.T), np.zeros_like(v)
         rows = measured.rows(every)
