@@ -21,6 +21,14 @@ from pinarm.mechanics.geometry.vectors import moved
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import Record
 
+Acting = Mapping[int, Array]
+"""Wrenches [f; m] on links at the world's origin, world axes, by joint index, shape (n, size, 6) for the rows of one
+constraint."""
+
+LARGE = 2.0**30
+"""Size of multipliers at which couplings are looked at [N or N*m]: what a self-stress of any size may do, beyond the
+pretension of belts."""
+
 
 class SelfStresses(Record, frozen=True):
     """The self-stresses of the constraints of a mechanism at n configurations.
@@ -61,8 +69,15 @@ class SelfStresses(Record, frozen=True):
         return self.on(self._held(joint)) if self.degree else self._nothing
 
     def on_joint(self, joint: int) -> Array:
-        """Return what they add to the wrench of the parent on the child of a joint, see ``transmitted``, (s, n, 6)."""
-        return self.on(self.transmitted(joint)) if self.degree else self._nothing
+        """Return what they add to the wrench of the parent on the child of a joint, see ``transmitted``, (s, n, 6).
+
+        Each coupling that pushes its members apart both ways, or pulls them together, adds on its own: of two that
+        share a load what one pushes less the other does not push more.
+        """
+        if not self.degree:
+            return self._nothing
+        both_ways = [self.on(self._about(joint, {name: part})) for name, part in self._both_ways[joint].items()]
+        return np.concatenate([self.on(self.transmitted(joint)), *both_ways])
 
     def on_multipliers(self, weights: Mapping[str, Array]) -> Array:
         """Return what they add to a sum of multipliers, shape (s, n).
@@ -86,8 +101,12 @@ class SelfStresses(Record, frozen=True):
         Args:
             joint: Pinocchio's joint index.
         """
+        return self._about(joint, self._beyond[joint])
+
+    def _about(self, joint: int, beyond: Mapping[str, Array]) -> Array:
+        """Return what balances wrenches at the world's origin, by constraint, at a joint's origin, shape (n, m, 6)."""
         arm = -self.links.places[..., joint, None, :]
-        return self._functions({name: moved(-beyond, arm) for name, beyond in self._beyond[joint].items()})
+        return self._functions({name: moved(-part, arm) for name, part in beyond.items()})
 
     @property
     def _nothing(self) -> Array:
@@ -109,34 +128,48 @@ class SelfStresses(Record, frozen=True):
         return found
 
     @cached_property
-    def _acting(self) -> Mapping[str, Mapping[int, Array]]:
-        """What unit multipliers of every constraint do to links at the world's origin, (n, size, 6), by joint index."""
-        return {constraint.name: self._per_unit(constraint) for constraint in self.closure.constraints}
+    def _acting(self) -> Mapping[str, Acting]:
+        """What unit multipliers of every constraint do to links: what changes its sense with them."""
+        return {name: {k: 0.5 * (up[k] - down[k]) for k in up} for name, (up, down) in self._pushed.items()}
 
-    def _per_unit(self, constraint: Constraint) -> Mapping[int, Array]:
+    @cached_property
+    def _beyond(self) -> list[Mapping[str, Array]]:
+        """What unit multipliers do to the links beyond every joint, as in ``_acting``, by constraint."""
+        return self._beyond_joints(self._acting)
+
+    @cached_property
+    def _both_ways(self) -> list[Mapping[str, Array]]:
+        """What they do in the same sense both ways, as teeth push wheels apart and strands pull them together."""
+        both = {name: {k: 0.5 * (up[k] + down[k]) for k in up} for name, (up, down) in self._pushed.items()}
+        return self._beyond_joints({name: acting for name, acting in both.items() if any(map(np.any, acting.values()))})
+
+    @cached_property
+    def _pushed(self) -> Mapping[str, tuple[Acting, Acting]]:
+        """What large multipliers of every constraint do to links per unit, and what opposite ones do."""
+        return {one.name: (self._per_unit(one, LARGE), self._per_unit(one, -LARGE)) for one in self.closure.constraints}
+
+    def _per_unit(self, constraint: Constraint, size: float) -> Acting:
+        """Return what multipliers of a size, one after the other, do to links beyond what is there without any."""
         lam = np.zeros((*self.links.places.shape[:-2], constraint.size))
         idle, found = constraint.wrenches(self.links, lam), []
         for row in range(constraint.size):
-            unit = lam.copy()
-            unit[..., row] = 1.0
-            found.append(constraint.wrenches(self.links, unit))
-        return {joint: np.stack([each[joint] - idle[joint] for each in found], axis=-2) for joint in idle}
+            one = lam.copy()
+            one[..., row] = size
+            found.append(constraint.wrenches(self.links, one))
+        return {link: np.stack([each[link] - idle[link] for each in found], axis=-2) / LARGE for link in idle}
 
-    @cached_property
-    def _beyond(self) -> Mapping[int, Mapping[str, Array]]:
-        """What the constraints do to the links beyond every joint, as in ``_acting``, by joint index and name.
+    def _beyond_joints(self, parts: Mapping[str, Acting]) -> list[Mapping[str, Array]]:
+        """Return what constraints do to the links beyond every joint, by their names.
 
         Those whose links are all beyond a joint, and which are in balance, do nothing to them together.
         """
         supports = [set(path.tolist()) for path in self.closure.model.supports]
-        found: dict[int, dict[str, Array]] = {joint: {} for joint in range(len(supports))}
-        for name, acting in self._acting.items():
-            balanced = not sum(acting.values(), np.zeros(())).any()
+        found: list[dict[str, Array]] = [{} for _ in supports]
+        for name, acting in parts.items():
             between = set.union(set(), *(supports[link] for link in acting))
-            if balanced and acting:
+            if acting and not sum(acting.values(), np.zeros(())).any():
                 between -= set.intersection(*(supports[link] for link in acting))
             for joint in between:
-                found[joint][name] = sum(
-                    (each for link, each in acting.items() if joint in supports[link]), np.zeros(())
-                )
-        return found
+                some = (part for link, part in acting.items() if joint in supports[link])
+                found[joint][name] = sum(some, np.zeros(()))
+        return [*found]

@@ -287,7 +287,7 @@ class Reactions:
         """
         return self._at_sample(self.stresses.on_multipliers({k: weight[self._some] for k, weight in weights.items()}))
 
-    @property
+    @cached_property
     def _some(self) -> Indices:
         """The rows at which self-stresses are looked for."""
         return sampled(len(self.run), self.sample)

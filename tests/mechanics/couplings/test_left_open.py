@@ -6,11 +6,13 @@ from catalogue import disc
 from motions import driven, free
 
 from pinarm import explain
+from pinarm.engine.kinematics.mobility import mobility_of
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.couplings.left_open import left_open
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.laws import Constant, Harmonic
 
 GEARS = {
@@ -112,6 +114,30 @@ def test_redundant_couplings_leave_their_own_forces_open(mechanism):
         with pytest.raises(InputError, match="hyperstatic of degree 1"):
             found[name]
     assert found["joint.one.force.z"].values == pytest.approx(9.81, rel=1e-14)
+
+
+@pytest.mark.parametrize("kind", [
+    {"kind": "gear", "ratio": -2.0, "pressure_angle": "20 deg"},
+    {"kind": "belt", "radii": ["5 cm", "5 cm"], "pretension": "0 N"},
+    {"kind": "belt", "radii": ["5 cm", "5 cm"], "pretension": "10 N"},
+], ids=["gear", "slack belt", "belt"])  # fmt: skip
+def test_two_couplings_side_by_side_leave_open_what_they_push_both_ways(mechanism, kind):
+    """Teeth push wheels apart, and strands pull them together, whichever way they drive; together they drive as one."""
+    wheels = disc("one", 0.3) + disc("two", 0.05, "0.3 0 0")
+    both = {name: {**kind, "joints": ["one", "two"]} for name in ("a", "b")}
+    pair = mechanism(f'<robot name="p"><link name="base"/>{wheels}</robot>', couplings=both)
+    run = driven(pair, {"one": Harmonic(amplitude=0.3, pulsation=2.0)})
+    links, lam = LinkPlacements.at(pair.model, run.q[:1]), np.asarray(run.lam)[:1]
+    other = lam + np.pad([[50.0, -50.0]], [(0, 0), (0, lam.shape[1] - 2)])  # another share, the same motion
+    shares = [pair.closure.wrenches(links, each[:, :2])[0, 1] for each in (lam, other)]
+    assert abs(shares[1][0] - shares[0][0]) > 100.0
+    found, least = Quantities(run), Quantities(run, undetermined="minimum_norm")
+    for name in ("joint.one.force.x", "joint.two.force.radial"):
+        with pytest.raises(InputError, match="hyperstatic of degree 1"):
+            found[name]
+        assert least[name].doubt
+    assert found["joint.one.force.z"].values == pytest.approx(9.81, rel=1e-12)
+    assert mobility_of(pair, run.q[0]).undetermined["one"][0] == "force x"
 
 
 def test_the_pretension_of_a_belt_is_no_self_stress(mechanism):

@@ -60,7 +60,8 @@ class SplitRows(Protocol):
     def stresses_on(self, functions: Array) -> Array:
         """Return multipliers that do nothing, ``G^T lam = 0``, each of length 1, shape (.., m, s).
 
-        They span all of those which add to given functions of the multipliers, shape (.., m, k).
+        Some that add to given functions of the multipliers, shape (.., m, k), all that any can add to them: of few rows
+        a basis of all, whatever the functions.
         """
         ...
 

@@ -20,8 +20,8 @@ Row = Mapping[int, Array]
 """A row of A: column -> coefficient, shape (n,), or (1,) where it is the same in all configurations."""
 
 KEPT, SHRUNK = 0.1, 0.8
-"""Part of itself that a pivot, or the determinant, keeps in systems that are like the one of the order; and part below
-which a pivot counts as having shrunk: ten that do not would make the determinant ``KEPT`` as small."""
+"""Part of itself that a pivot, or the determinant, keeps in systems that are like the one of the order. Pivots keeping
+more than ``SHRUNK`` of it do not count in the determinant: ten of them leave a tenth."""
 
 
 class Order(Record, frozen=True):
@@ -43,14 +43,14 @@ class Order(Record, frozen=True):
 
         Args:
             matrix: A at one configuration, shape (m, nv).
-            rank: Number of pivots.
+            rank: Number of pivots; fewer are found where all that is left is 0.
             reach: Length that each row can have, shape (m,); see ``Closure.reach``.
         """
         length = np.sqrt((matrix * matrix).sum(axis=1))
         counts = length > VANISHED * reach
         length = np.where(counts, length, 1.0)
         left = _Remainder(matrix * (counts / length)[:, None])
-        found = [left.eliminated() for _ in range(rank)]
+        found = [pair for pair in (left.eliminated() for _ in range(rank)) if pair]
         pivots = tuple(pivot * float(length[row]) for row, _, pivot in found)
         return cls(tuple(row for row, *_ in found), tuple(column for _, column, _ in found), pivots)
 
@@ -58,7 +58,8 @@ class Order(Record, frozen=True):
 class _Remainder:
     """What is left of a matrix while rows are eliminated; what is 0 is absent.
 
-    The largest entry of every row stands in a heap, again whenever the row changes: the last one counts.
+    The largest entry of every row stands in a heap, once more whenever the row changes; ``largest`` tells which of
+    these is true of the row as it is.
     """
 
     def __init__(self, matrix: Array) -> None:
@@ -72,12 +73,16 @@ class _Remainder:
         for i in self.rows:
             self._measure(i)
 
-    def eliminated(self) -> tuple[int, int, float]:
-        """Return row, column and value of the largest entry, and take the row from the others that have the column."""
-        found = heappop(self.heap)
-        while self.largest.get(found[1]) != found:
-            found = heappop(self.heap)
-        _, row, column = found
+    def eliminated(self) -> tuple[int, int, float] | None:
+        """Return row, column and value of the largest entry, and take the row from the others that have the column.
+
+        Nothing where all that is left is 0.
+        """
+        while self.heap and self.largest.get(self.heap[0][1]) != self.heap[0]:
+            heappop(self.heap)
+        if not self.heap or not self.heap[0][0]:
+            return None
+        _, row, column = heappop(self.heap)
         taken = self.rows.pop(row)
         del self.largest[row]
         for j in taken:

@@ -55,7 +55,8 @@ def split_rows(rows: Array, reach: Array | float = 1.0) -> SplitRows:
 def singular_values(matrix: Array) -> Array:
     """Return the singular values of a matrix, shape (m, nv), descending.
 
-    Of many columns those between the largest and the smallest that is not 0 are given as the largest.
+    Of many columns those between the largest and the smallest that is not 0 are given as the largest, and those below
+    ``RANK`` of the largest as 0.
     """
     if matrix.shape[1] <= MANY:
         return np.asarray(np.linalg.svd(matrix, compute_uv=False))

@@ -27,8 +27,8 @@ from pinarm.engine.constraints.nullspaces.sparse_rows import BlockDecomposition
 from pinarm.engine.constraints.nullspaces.squared_rows import regular_values_of_sparse
 
 ROUNDING, LEFT = 1e-14, 0.5
-"""Size of a projection, relative to what is projected, that is rounding; part of a unit vector that a second projection
-leaves at least where the first was more than that."""
+"""Size of a projection, relative to what is projected, that is rounding; part of a unit vector that is left when it is
+projected once more, unless it was rounding."""
 
 MOTIONS = 3
 """Steps of the power method that see whether a singular value is beyond doubt: one at 1e-8 of the largest among 1e4
@@ -166,13 +166,21 @@ def _part(rows: csr_array, reach: Array | float) -> tuple[Array, BlockDecomposit
     scale = counts / np.where(counts, np.maximum(length, SHORT * reach), 1.0)
     scaled = csr_array(diags_array(scale) @ rows)
     scaled.eliminate_zeros()
-    largest = float(np.sqrt(abs(scaled).sum(axis=0).max() * abs(scaled).sum(axis=1).max()))
-    blocks = BlockDecomposition.of(scaled, RANK * largest)
-    return (scale, blocks, rows) if rank_is_clear(blocks, largest) else None
+    blocks = _clear(scaled)
+    return (scale, blocks, rows) if blocks else None
+
+
+def _clear(rows: csr_array) -> BlockDecomposition | None:
+    """Return a matrix taken apart; ``None`` where its rank is in doubt."""
+    largest = float(np.sqrt(abs(rows).sum(axis=0).max() * abs(rows).sum(axis=1).max()))
+    blocks = BlockDecomposition.of(rows, RANK * largest)
+    return blocks if rank_is_clear(blocks, largest) else None
 
 
 def rank_is_clear(blocks: BlockDecomposition, largest: float) -> bool:
     """Return whether no singular value that counts is as small as those that do not."""
+    if not blocks.rank:
+        return True
     x = np.cos(np.arange(1.0, blocks.shape[1] + 1.0))
     for _ in range(MOTIONS):
         x /= np.linalg.norm(x)
@@ -184,16 +192,16 @@ def extreme_values(rows: csr_array) -> Array:
     """Return the largest and the smallest singular value of G that is not 0, shape (m, nv) to (min(m, nv),).
 
     They are at the places that they have in the order of all, which is descending; those between are not known and
-    given as the largest, those behind as 0.
+    given as the largest, those behind, below ``RANK`` of the largest, as 0.
     """
     if (regular := regular_values_of_sparse(rows)) is not None:
         return regular
-    values, found = np.zeros(min(rows.shape)), _part(rows, 0.0)
-    if found is None:
+    blocks = _clear(rows)
+    if blocks is None:
         return np.asarray(np.linalg.svd(rows.toarray(), compute_uv=False))
-    largest, smallest = BlockDecomposition.of(rows, RANK * float(abs(rows.data).max(initial=0.0))).extremes(rows)
-    values[: found[1].rank] = largest
-    values[found[1].rank - 1 : found[1].rank] = smallest
+    values, (largest, smallest) = np.zeros(min(rows.shape)), blocks.extremes(rows)
+    values[: blocks.rank] = largest
+    values[blocks.rank - 1 : blocks.rank] = smallest
     return values
 
 

@@ -114,7 +114,7 @@ class BlockDecomposition:
         found[np.concatenate([block.rows for block in self.blocks])] = True
         return found
 
-    @property
+    @cached_property
     def repeated(self) -> int:
         """Number of rows that are not 0 and repeat others."""
         return int(self._begun.sum()) - self.rank

@@ -50,6 +50,12 @@ def test_dependent_rows_are_in_no_pair() -> None:
     assert 2 in order.rows
 
 
+def test_there_are_no_more_pivots_than_rows_that_are_not_0() -> None:
+    order = Order.of(np.array([[3.0, 1.0, 0.0], [0.0, 0.0, 0.0], [6.0, 2.0, 0.0]]), 3)
+    assert (order.rows, order.columns) == ((0,), (0,))
+    assert Order.of(np.zeros((0, 3)), 2).rows == ()
+
+
 @pytest.mark.parametrize(("m", "columns", "filled"), [(5, 3, 1.0), (40, 30, 0.1), (60, 60, 0.05)])
 def test_the_order_is_that_of_complete_pivoting(m: int, columns: int, filled: float) -> None:
     """The largest entry of all that is left of the whole matrix, its rows of length 1, one after the other."""

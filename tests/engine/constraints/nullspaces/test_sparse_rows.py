@@ -6,7 +6,7 @@ from scipy.linalg import orth
 from scipy.sparse import csr_array
 
 from pinarm.engine.constraints.nullspaces.dense_nullspace import RowDecomposition
-from pinarm.engine.constraints.nullspaces.nullspace import MANY, RowDecompositions, split_rows
+from pinarm.engine.constraints.nullspaces.nullspace import MANY, RowDecompositions, singular_values, split_rows
 from pinarm.engine.constraints.nullspaces.sparse_nullspace import (
     SparseRowDecomposition,
     damped,
@@ -83,10 +83,27 @@ def test_few_multipliers_that_do_nothing_tell_what_all_add_to_functions(generato
     np.testing.assert_allclose(few.T @ rows, 0.0, atol=1e-12)
     added, wanted = (orth(functions.T @ stresses, 1e-10) for stresses in (few, other.stresses))
     np.testing.assert_allclose(added @ added.T, wanted @ wanted.T, atol=1e-10)
-    assert (
-        own.stresses_on(moving[:, None]).shape[1] == 0
-        or np.abs(moving @ own.stresses_on(moving[:, None])).max() < 1e-10
-    )
+    assert own.stresses_on(moving[:, None]).shape[1] == 0
+    nearly = moving + 1e-6 * two[:, 0]
+    some = own.stresses_on(nearly[:, None])
+    np.testing.assert_allclose(nearly @ some, 1e-6 * two[:, 0] @ some, rtol=1e-6)
+    assert np.abs(nearly @ some) > 1e-8
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-17, 1e-10])
+@pytest.mark.parametrize("dependent", [False, True])
+def test_extreme_singular_values_have_their_places_where_rows_are_rounding(generator, noise, dependent):
+    """Of 120 columns that all rows determine, or all but one combination of them; beside rows of 1e-17 or 1e-10."""
+    n = 120
+    square = np.diag(generator.uniform(0.5, 2.0, n)) + np.diag(generator.uniform(0.1, 0.3, n - 1), 1)
+    if dependent:
+        square[40] = square[41] + square[39]
+    rows = np.vstack([square[:60], noise * generator.normal(size=(30, n)), square[60:], square[3:9]])
+    wanted, found = np.linalg.svd(rows, compute_uv=False), singular_values(rows)
+    last = n - 2 if dependent else n - 1
+    assert len(found) == n
+    assert found[[0, last]] == pytest.approx(wanted[[0, last]], rel=1e-3)
+    assert not found[last + 1 :].any()
 
 
 def test_the_same_at_many_configurations_of_different_rank(generator):
