@@ -7,8 +7,8 @@ joint those of its own rows, a joint of the tree those of the loops that it lies
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import cached_property
+from collections.abc import Callable, Mapping
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions
+from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import moved
 from pinarm.mechanics.loops.loop_joints import LoopJoint
@@ -28,6 +29,9 @@ constraint."""
 LARGE = 2.0**30
 """Size of multipliers at which couplings are looked at [N or N*m]: what a self-stress of any size may do, beyond the
 pretension of belts."""
+
+KEPT = 8
+"""Joints of which what is added is kept."""
 
 
 class SelfStresses(Record, frozen=True):
@@ -66,7 +70,7 @@ class SelfStresses(Record, frozen=True):
 
     def on_loop(self, joint: LoopJoint) -> Array:
         """Return what they add to the wrench of a loop joint, see ``LoopJoint.wrench``, shape (s, n, 6)."""
-        return self.on(self._held(joint)) if self.degree else self._nothing
+        return self._on_loop(joint) if self.degree else self._nothing
 
     def on_joint(self, joint: int) -> Array:
         """Return what they add to the wrench of the parent on the child of a joint, see ``transmitted``, (s, n, 6).
@@ -74,10 +78,7 @@ class SelfStresses(Record, frozen=True):
         Each coupling that pushes its members apart both ways, or pulls them together, adds on its own: of two that
         share a load what one pushes less the other does not push more.
         """
-        if not self.degree:
-            return self._nothing
-        both_ways = [self.on(self._about(joint, {name: part})) for name, part in self._both_ways[joint].items()]
-        return np.concatenate([self.on(self.transmitted(joint)), *both_ways])
+        return self._on_joint(joint) if self.degree else self._nothing
 
     def on_multipliers(self, weights: Mapping[str, Array]) -> Array:
         """Return what they add to a sum of multipliers, shape (s, n).
@@ -108,6 +109,21 @@ class SelfStresses(Record, frozen=True):
         arm = -self.links.places[..., joint, None, :]
         return self._functions({name: moved(-part, arm) for name, part in beyond.items()})
 
+    @cached_property
+    def _on_loop(self) -> Callable[[LoopJoint], Array]:
+        """What is added to loop joints; the last are kept, as components of a wrench are asked one after the other."""
+        return lru_cache(maxsize=KEPT)(lambda joint: self.on(self._held(joint)))
+
+    @cached_property
+    def _on_joint(self) -> Callable[[int], Array]:
+        """What is added to joints of the tree; the last are kept."""
+
+        def added(joint: int) -> Array:
+            both_ways = [self.on(self._about(joint, {name: part})) for name, part in self._both_ways[joint].items()]
+            return np.concatenate([self.on(self.transmitted(joint)), *both_ways])
+
+        return lru_cache(maxsize=KEPT)(added)
+
     @property
     def _nothing(self) -> Array:
         """What is added to wrenches where there are no self-stresses."""
@@ -130,7 +146,11 @@ class SelfStresses(Record, frozen=True):
     @cached_property
     def _acting(self) -> Mapping[str, Acting]:
         """What unit multipliers of every constraint do to links: what changes its sense with them."""
-        return {name: {k: 0.5 * (up[k] - down[k]) for k in up} for name, (up, down) in self._pushed.items()}
+        one_way = {
+            one.name: self._per_unit(one, 1.0) for one in self.closure.constraints if one.name not in self._pushed
+        }
+        both = {name: {k: 0.5 * (up[k] - down[k]) for k in up} for name, (up, down) in self._pushed.items()}
+        return one_way | both
 
     @cached_property
     def _beyond(self) -> list[Mapping[str, Array]]:
@@ -145,18 +165,24 @@ class SelfStresses(Record, frozen=True):
 
     @cached_property
     def _pushed(self) -> Mapping[str, tuple[Acting, Acting]]:
-        """What large multipliers of every constraint do to links per unit, and what opposite ones do."""
-        return {one.name: (self._per_unit(one, LARGE), self._per_unit(one, -LARGE)) for one in self.closure.constraints}
+        """What large multipliers of every coupling do to links per unit, and what opposite ones do."""
+        found = {}
+        for one in self.closure.constraints:
+            if isinstance(one, JointRelation):
+                idle = one.wrenches(self.links, np.zeros((*self.links.places.shape[:-2], 1)))
+                up, down = (self._per_unit(one, size) for size in (LARGE, -LARGE))
+                at_rest = {k: wrench[..., None, :] / LARGE for k, wrench in idle.items()}
+                found[one.name] = {k: up[k] - at_rest[k] for k in up}, {k: -down[k] - at_rest[k] for k in down}
+        return found
 
     def _per_unit(self, constraint: Constraint, size: float) -> Acting:
-        """Return what multipliers of a size, one after the other, do to links beyond what is there without any."""
-        lam = np.zeros((*self.links.places.shape[:-2], constraint.size))
-        idle, found = constraint.wrenches(self.links, lam), []
+        """Return what multipliers of a size, one after the other, do to links per unit."""
+        found = []
         for row in range(constraint.size):
-            one = lam.copy()
-            one[..., row] = size
-            found.append(constraint.wrenches(self.links, one))
-        return {link: np.stack([each[link] - idle[link] for each in found], axis=-2) / LARGE for link in idle}
+            lam = np.zeros((*self.links.places.shape[:-2], constraint.size))
+            lam[..., row] = size
+            found.append(constraint.wrenches(self.links, lam))
+        return {link: np.stack([each[link] for each in found], axis=-2) / size for link in found[0]}
 
     def _beyond_joints(self, parts: Mapping[str, Acting]) -> list[Mapping[str, Array]]:
         """Return what constraints do to the links beyond every joint, by their names.
