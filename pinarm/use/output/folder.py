@@ -262,7 +262,7 @@ def _exchange(draft: Path, home: int, both: Manifest, stale: set[str]) -> None:
         both: The manifest on the way.
         stale: Files of the folder that are not replaced.
     """
-    with _signals_waiting():
+    with signals_waiting():
         write_manifest(home, both)
         for name in both.arriving:
             with _parent(home, name) as (at, last):
@@ -329,8 +329,8 @@ def _lock(descriptor: int, how: int) -> bool:
 
 
 @contextmanager
-def _signals_waiting() -> Iterator[None]:
-    """Let signals that end the process wait for the end of the block, which is a few renames."""
+def signals_waiting() -> Iterator[None]:
+    """Let signals that end the process wait for the end of the block, which takes no longer than some files do."""
     arrived: list[int] = []
 
     def note(number: int, frame: FrameType | None) -> None:

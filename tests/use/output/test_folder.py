@@ -333,7 +333,7 @@ def test_a_link_put_in_the_place_of_the_folder_meanwhile_is_not_followed(
         out.symlink_to(victim)
         yield
 
-    monkeypatch.setattr("pinarm.use.output.folder._signals_waiting", swapping)
+    monkeypatch.setattr("pinarm.use.output.folder.signals_waiting", swapping)
     with pytest.raises(InputError, match="cannot be written"):
         if single:
             write_file(out / "replay.html", [b"new"])

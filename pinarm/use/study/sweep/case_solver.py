@@ -16,7 +16,7 @@ from pinarm.records import replace
 from pinarm.use.cases.case import WORTH, Row, Task
 from pinarm.use.cases.case_table import CaseTable, RowTable
 from pinarm.use.cases.together import CaseSolver
-from pinarm.use.output.folder import check_replaceable
+from pinarm.use.output.folder import check_replaceable, signals_waiting
 from pinarm.use.study.sweep.axes import Cases
 from pinarm.use.study.sweep.journal import JOURNAL, Journal, Sources, task_digest
 from pinarm.use.study.sweep.parquet_parts import Parts
@@ -84,11 +84,12 @@ class Solving:
         with closing(Dispatch(CaseSolver(self.task), workers, self._written)) as spread:
             for some, answers in spread.answers(self._unknown(journal)):
                 cases = np.array([case for _, case in some])
-                if isinstance(answers, RowTable):
-                    self._take_solved(cases, answers, journal)
-                else:
-                    for case, answer in zip(cases.tolist(), answers, strict=True):
-                        self._take_alone(case, answer, journal)
+                with signals_waiting():  # so that what is in the journal is counted
+                    if isinstance(answers, RowTable):
+                        self._take_solved(cases, answers, journal)
+                    else:
+                        for case, answer in zip(cases.tolist(), answers, strict=True):
+                            self._take_alone(case, answer, journal)
 
     def _written(self, cases: list[int]) -> CaseTable:
         """Return cases as workers get them."""
