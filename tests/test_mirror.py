@@ -155,7 +155,7 @@ ELSEWHERE = {
         "problems/simplify/requested_joints",
     ),
     "problems/test_equilibria.py": (
-        "equilibria in closed form", "engine/statics/equilibrium engine/statics/stiffness",
+        "equilibria in closed form", "engine/statics/equilibrium",
     ),
     "problems/test_loads_and_partial_results.py": (
         "loads in every kind of problem", "problems/accuracy problems/forward problems/inverse problems/loads "

@@ -12,6 +12,7 @@ from pinarm.arrays import Array
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import MASSLESS
 from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.records import Record
 
 ZERO = 1e-9
@@ -41,7 +42,7 @@ def stiffness(dynamics: Dynamics, q: Array, turns: Array) -> tuple[Array, Array,
         K, shape (nv, nv); sizes of its terms, shape (nv, nv); sizes of the terms of f at q, shape (nv,).
     """
     model, data = dynamics.model, dynamics.data
-    slopes = np.array(pin.computeGeneralizedGravityDerivatives(model, data, q)).reshape(model.nv, model.nv)
+    slopes = weight_slopes(model, data, q)
     size = weight_terms(model, data, q)
     sizes = np.triu(np.outer(turns, size))  # a turn of the joint before moves what the one after lifts
     sizes += np.triu(sizes, 1).T
@@ -138,6 +139,23 @@ def _load(element: ForceElement, q: Array) -> Array:
     tau = np.zeros_like(q)
     element.add_load(0.0, q, np.zeros_like(q), tau)
     return tau
+
+
+def weight_slopes(model: pin.Model, data: pin.Data, q: Array) -> Array:
+    """Return the slopes of the weights' efforts [N*m or N per rad or m], shape (nv, nv): ``-g . (w_j x p_i)``.
+
+    With ``p_i = sum_b m_b dc_b/dq_i`` over the centres of mass c_b beyond joint i, and w_j the axis of a joint j before
+    it that turns, 0 of one that slides. Pinocchio's ``computeGeneralizedGravityDerivatives`` needs buffers that grow as
+    nv^3; see ``pinocchio_data``.
+    """
+    pin.computeJointJacobians(model, data, q)
+    tree, linear, angular = LinkTree.of(model), data.J[:3].T, data.J[3:].T
+    moments = [inertia.mass * place.act(inertia.lever) for inertia, place in zip(model.inertias, data.oMi, strict=True)]
+    beyond = tree.carried(np.column_stack([tree.masses, moments]))[tree.moved]
+    p = beyond[:, :1] * linear + np.cross(angular, beyond[:, 1:])
+    before = tree.supports[tree.moved].T  # which joints j are on the way to joint i
+    slopes = np.where(before, np.cross(angular, model.gravity.linear) @ p.T, 0.0)
+    return np.asarray(slopes + np.triu(slopes, 1).T)
 
 
 def weight_terms(model: pin.Model, data: pin.Data, q: Array) -> Array:

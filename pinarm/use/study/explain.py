@@ -159,7 +159,8 @@ class Explanation:
             best.setdefault(one.changes[0][0], one)
         if opened:
             lines += ["left open by couplings:", *opened]
-        looser = _together((name, str(one).removeprefix(name)) for name, one in best.items())
+        alone = {name: str(one).removeprefix(name) for name, one in best.items() if len(one.changes) == 1}
+        looser = [*_together(alone.items()), *(f"  {one}" for name, one in best.items() if name not in alone)]
         return [*lines, *(["what could be loosened without more mobility, one at a time:", *looser] if best else [])]
 
     def _left_open(self) -> list[str]:
@@ -226,7 +227,7 @@ def _together(said: Iterable[tuple[str, str]]) -> list[str]:
     """Return lines of names and what is said of them, in one line where the same is said of several."""
     names: dict[str, list[str]] = {}
     for name, words in said:
-        names.setdefault(words, []).append(name)
+        names.setdefault(words, []).append(f"'{name}'" if set(name) & set(" ,:'") else name)
     return [f"  {several(some, NAMED)}{words}" for words, some in names.items()]
 
 

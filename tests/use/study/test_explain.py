@@ -8,6 +8,7 @@ import pytest
 import pinarm
 from pinarm.cli.main import main
 from pinarm.errors import InputError, IntegrationError
+from pinarm.use.study.explain import _together
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
 SCENARIOS = MODELS.parent / "scenarios"
@@ -182,3 +183,9 @@ def test_what_is_the_same_of_several_joints_is_said_once() -> None:
     assert " and 97 more: " in shared
     [looser] = [line for line in text.split("\n") if line.endswith(" as point_on_line: degree 117")]
     assert " and 16 more as " in looser
+
+
+def test_names_that_read_like_a_list_are_quoted() -> None:
+    assert _together([("a, b", ": force z"), ("c", ": force z"), ("d", ": force x")]) == [
+        "  'a, b', c: force z", "  d: force x",
+    ]  # fmt: skip
