@@ -14,6 +14,8 @@ from pinarm.records import ValueRecord
 
 SHOWN = 160
 """Most characters of a line that an excerpt shows, and of a name in a list."""
+LISTED = 24
+"""Names that a list has before the others are counted, where those of usual mechanisms should all be there."""
 COMPARED = 1_000_000
 """Most pairs of letters that are compared to find a similar name: at the worst they take half a second."""
 

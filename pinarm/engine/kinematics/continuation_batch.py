@@ -122,9 +122,9 @@ class BatchContinuation:
             shape = self.measures.size, self.nv
             matrix = dense(self.measures.at(q[:, None]).rows(range(shape[0])), shape)
             values = singular_values(matrix)
-            order = Order.of(matrix, self.nv, self.reach)
-            if len(order.rows) == len(values) == self.nv and values[-1] >= REGULAR * values[0]:
-                self._order = order
+            if len(values) == self.nv and values[-1] >= REGULAR * values[0]:
+                order = Order.of(matrix, self.nv, self.reach)
+                self._order = order if len(order.rows) == self.nv else None
         return self._order
 
     def _newton(self, order: Order, q: Array, w: Array) -> tuple[Array, Array, Flags]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError, several
+from pinarm.errors import LISTED, InputError, several
 from pinarm.mechanics.ball_joints import ball_coordinates
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.laws.motion_law import MotionLaw
@@ -16,9 +16,6 @@ from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
-
-LISTED = 24
-"""Coordinates that a refusal names: those of a floating robot with four legs are 18."""
 
 
 class PrescribedCoordinates(ValueRecord, frozen=True):

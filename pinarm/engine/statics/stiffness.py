@@ -142,11 +142,11 @@ def _load(element: ForceElement, q: Array) -> Array:
 
 
 def weight_slopes(model: pin.Model, data: pin.Data, q: Array) -> Array:
-    """Return the slopes of the weights' efforts [N*m or N per rad or m], shape (nv, nv): ``-g . (w_j x p_i)``.
+    """Return the slopes of the efforts that hold the weights [N*m or N, per rad or m], shape (nv, nv).
 
-    With ``p_i = sum_b m_b dc_b/dq_i`` over the centres of mass c_b beyond joint i, and w_j the axis of a joint j before
-    it that turns, 0 of one that slides. Pinocchio's ``computeGeneralizedGravityDerivatives`` needs buffers that grow as
-    nv^3; see ``pinocchio_data``.
+    ``-g . (w_j x p_i)``, with ``p_i = sum_b m_b dc_b/dq_i`` over the centres of mass c_b beyond joint i, and w_j the
+    axis of a joint j before it that turns, 0 of one that slides, in world axes. They are symmetric. Pinocchio's
+    ``computeGeneralizedGravityDerivatives`` needs buffers that grow as nv^3; see ``pinocchio_data``.
     """
     pin.computeJointJacobians(model, data, q)
     tree, linear, angular = LinkTree.of(model), data.J[:3].T, data.J[3:].T

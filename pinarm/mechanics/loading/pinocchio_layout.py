@@ -28,7 +28,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError, several
+from pinarm.errors import LISTED, InputError, several
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.loading.pinocchio_model import BASE
 from pinarm.mechanics.loading.urdf.writer import CHAINS
@@ -45,9 +45,6 @@ FLOATING = ("q has the position and the quaternion x, y, z, w; v the velocity of
 
 UNIT = 1e-8
 """How far (cos, sin) and quaternions may be from the length 1: typed digits explain as much."""
-
-NAMED = 24
-"""Joints that are named where states of many differ alike."""
 
 DEEPEST = 1000
 """Joints in a row that Pinocchio's reader is given: it calls itself for each, and ends the process where its stack is
@@ -284,7 +281,7 @@ class PinocchioLayout:
                    "the axes of what moves)"),
             (floating, FLOATING),
         )  # fmt: skip
-        parts = [f"of {several(names, NAMED)} {what}" for names, what in told if names]
+        parts = [f"of {several(names, LISTED)} {what}" for names, what in told if names]
         return "; ".join(parts)
 
     def take(self, p_q: Array, p_v: Array) -> tuple[Array, Array]:

@@ -330,7 +330,7 @@ def _lock(descriptor: int, how: int) -> bool:
 
 @contextmanager
 def signals_waiting() -> Iterator[None]:
-    """Let signals that end the process wait for the end of the block, which takes no longer than some files do."""
+    """Let signals that end the process wait for the end of a short block, such as a few renames."""
     arrived: list[int] = []
 
     def note(number: int, frame: FrameType | None) -> None:

@@ -18,7 +18,7 @@ from pinarm.engine.kinematics.loosening import Loosening
 from pinarm.engine.kinematics.mobility import Mobility, joint_kind, mobility_of
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import MESH_MASSES
-from pinarm.errors import AssemblyError, InputError, several
+from pinarm.errors import LISTED, AssemblyError, InputError, several
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import Values
 from pinarm.mechanics.couplings.coupling import JointRelation
@@ -228,7 +228,7 @@ def _together(said: Iterable[tuple[str, str]]) -> list[str]:
     names: dict[str, list[str]] = {}
     for name, words in said:
         names.setdefault(words, []).append(f"'{name}'" if set(name) & set(" ,:'") else name)
-    return [f"  {several(some, NAMED)}{words}" for words, some in names.items()]
+    return [f"  {several(some, LISTED)}{words}" for words, some in names.items()]
 
 
 def _spinning(joints: Sequence[str]) -> str:
@@ -300,9 +300,6 @@ def _explained(mechanism: Mechanism, q: Sequence[Array], where: str, removals: S
     first = where if judged is q[0] else f"beside a singular position, which is {where}"
     return Explanation(mechanism, mobility_of(mechanism, judged), judged, first, removals)
 
-
-NAMED = 24
-"""Joints that are named where the same is said of many."""
 
 ROWS = 9
 """Number of rows of a scenario's motion among which the usual mobility is looked for."""

@@ -21,7 +21,7 @@ Row = Mapping[int, Array]
 
 KEPT, SHRUNK = 0.1, 0.8
 """Part of itself that a pivot, or the determinant, keeps in systems that are like the one of the order. Pivots keeping
-more than ``SHRUNK`` of it do not count in the determinant: ten of them leave a tenth."""
+more than ``SHRUNK`` of it do not count in the determinant, of which ten of them leave a tenth."""
 
 
 class Order(Record, frozen=True):
