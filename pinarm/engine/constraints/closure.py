@@ -14,6 +14,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices, constants_of
 from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
+from pinarm.engine.constraints.loop_sizes import LoopSizes, extent, slides, unit_of_length
 from pinarm.engine.constraints.nullspaces.dense_nullspace import acting_values
 from pinarm.engine.constraints.nullspaces.nullspace import (
     MANY,
@@ -66,45 +67,53 @@ class Closure(Record, frozen=True):
         """Return the closure of a model."""
         return cls(model, tuple(constraints))
 
-    @cached_property
+    @property
     def extent(self) -> float:
         """Length [m] of the longest branch of links, from the origin of the world to a joint or a frame.
 
         Places are rounded relative to it. It is 1 m for a model without lengths.
         """
-        along = [0.0]
-        for parent, place in zip(list(self.model.parents)[1:], list(self.model.jointPlacements)[1:], strict=True):
-            along.append(along[parent] + float(np.linalg.norm(place.translation)))
-        ends = (
-            along[frame.parentJoint] + float(np.linalg.norm(frame.placement.translation)) for frame in self.model.frames
-        )
-        return max(*along, *ends) or 1.0
+        return extent(self.model)
 
     @cached_property
-    def length(self) -> float:
-        """Unit of length that suits the mechanism [m]: 1e-6, 1e-3, 1, 1e3, 1e6, ...
-
-        Measured in it, translations compare with angles, and what is small or singular is so at any size.
-        """
-        return float(10.0 ** (3.0 * np.round(np.log10(self.extent) / 3.0)))
-
-    @property
-    def coarseness(self) -> float:
-        """Factor by which rounding of places exceeds that of numbers of about 1, in the unit of length."""
-        return max(1.0, self.extent / self.length)
+    def loop_sizes(self) -> LoopSizes:
+        """How large the loops are that joints close."""
+        return LoopSizes.of(self.model, [one for one in self.constraints if isinstance(one, LoopJoint)])
 
     @cached_property
     def scale(self) -> Array:
-        """Return the unit of every coordinate's velocity, shape (nv,): that of length, or 1 for angles."""
-        slides = [
-            joint.shortname().startswith("JointModelP") for joint in self.model.joints[1:] for _ in range(joint.nv)
-        ]
-        return np.where(slides, self.length, 1.0)
+        """The unit of every coordinate's velocity, shape (nv,): 1 for angles, else of length.
+
+        That suits the smallest loop in which the coordinate slides, or the extent if there is none; see ``loop_sizes``.
+        """
+        moves = slides(self.model)
+        found = np.where(moves, unit_of_length(self.extent), 1.0)
+        for joints, unit in zip(self.loop_sizes.joints, unit_of_length(self.loop_sizes.sizes).tolist(), strict=True):
+            for joint in joints:
+                part = slice(start := self.model.idx_vs[joint], start + self.model.nvs[joint])
+                found[part] = np.where(moves[part], np.minimum(found[part], unit), 1.0)
+        return found
 
     @cached_property
     def measure(self) -> Array:
-        """Return the unit of the gap in every row, shape (m,): that of length, or 1 for angles."""
-        return np.array([self.length ** float(constraint.unit(row).dimension[0]) for constraint, row in self.owners()])
+        """The unit of the gap in every row, shape (m,): 1 for angles, else that of length which suits the loop.
+
+        Of other constraints the smallest unit of what slides in them, or that which suits the extent.
+        """
+        moves, units = slides(self.model), iter(unit_of_length(self.loop_sizes.sizes).tolist())
+        anywhere, whole = self._anywhere if moves.any() else None, float(unit_of_length(self.extent))
+        found: list[float] = []
+        for one in self.constraints:
+            unit = next(units) if isinstance(one, LoopJoint) else whole
+            if anywhere and not isinstance(one, LoopJoint):
+                unit = float(self.scale[moves & one.rows(anywhere).any(axis=0)].min(initial=whole))
+            found += [unit ** float(one.unit(row).dimension[0]) for row in range(one.size)]
+        return np.array(found)
+
+    @property
+    def coarseness(self) -> float:
+        """Largest factor by which rounding of places exceeds that of numbers of about 1, in the units of the rows."""
+        return float((self.reach / self.measure).max(initial=1.0))
 
     @cached_property
     def _units(self) -> Array:
@@ -128,9 +137,13 @@ class Closure(Record, frozen=True):
 
         Where it is a little out of line they are small, and what stays open says more.
         """
-        anywhere = self.scale * np.sin(np.arange(1.0, self.model.nv + 1.0))
-        rows = self.rows(self.state(pin.integrate(self.model, pin.neutral(self.model), anywhere)))
-        return bool((np.abs(rows) > SMALL * self.reach[:, None]).any())
+        return bool((np.abs(self.rows(self._anywhere)) > SMALL * self.reach[:, None]).any())
+
+    @property
+    def _anywhere(self) -> Kinematics:
+        """Return a state of no special kind, at rest; slides are within the extent."""
+        way = np.where(slides(self.model), self.extent, 1.0) * np.sin(np.arange(1.0, self.model.nv + 1.0))
+        return self.state(pin.integrate(self.model, pin.neutral(self.model), way))
 
     def split(self, rows: Array) -> SplitRows:
         """Return given rows G, shape (m, nv), taken apart."""

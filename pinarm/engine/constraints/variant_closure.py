@@ -18,11 +18,12 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.batch_jacobians import BatchJacobians, EvaluatedJacobians
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import Constraint
+from pinarm.engine.constraints.loop_sizes import extents, unit_of_length
 from pinarm.engine.constraints.nullspaces.nullspace import VANISHED
 from pinarm.engine.constraints.nullspaces.nullspace_batch import regular_order
 from pinarm.engine.constraints.nullspaces.orthogonal_rows import OrthogonalRows, along, singular_values
 from pinarm.mechanics.coordinates import Coordinate
-from pinarm.mechanics.geometry.model_variants import ModelVariants, VariantsDiffer, placements_of
+from pinarm.mechanics.geometry.model_variants import ModelVariants, VariantsDiffer
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.sparse_matrices import Matrices
@@ -45,20 +46,27 @@ class VariantClosure(Closure, frozen=True):
         """The constraints of the first variant."""
         return Closure.of(self.model.first, self.constraints)
 
-    @cached_property
+    @property
     def extent(self) -> float:
         """Length of all links of the first variant from end to end [m]; see ``alike_in_size``."""
         return self.first.extent
 
+    @property
+    def scale(self) -> Array:
+        """The units of the first variant's velocities."""
+        return self.first.scale
+
+    @property
+    def measure(self) -> Array:
+        """The units of the first variant's rows."""
+        return self.first.measure
+
     @cached_property
     def alike_in_size(self) -> Flags:
-        """Which variants are measured in the same unit of length as the first, shape (k,) or (1,)."""
-        joints = np.linalg.norm(placements_of(self.model)[1], axis=-1).sum(axis=-1)
-        frames = [frame.placement for frame in self.model.frames if frame.placed is not None]
-        lengths = [np.linalg.norm(placement.translation, axis=-1) for placement in frames]
-        extents = joints + np.max(np.broadcast_arrays(np.zeros(1), *lengths), axis=0)
-        units = 3.0 * np.round(np.log10(np.where(extents > 0.0, extents, 1.0)) / 3.0)
-        return np.asarray(units == np.log10(self.first.length))
+        """Which variants are measured in the same units of length as the first, shape (k,) or (1,)."""
+        whole = extents(self.model, [frame for frame in self.model.frames if frame.placed is not None])
+        same = unit_of_length(self.loop_sizes.sizes) == unit_of_length(self.first.loop_sizes.sizes)
+        return np.asarray((unit_of_length(whole) == unit_of_length(self.extent)) & same.all(axis=-1))
 
     @cached_property
     def measures(self) -> BatchJacobians:

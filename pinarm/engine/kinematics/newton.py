@@ -2,8 +2,8 @@
 
 With phi the constraints of loops and couplings, w the prescribed coordinates and J the rows of both: ``phi(q) = 0`` and
 ``w(q) = w_d``, then ``J v = (0, w_d')`` and ``J a = (0, w_d'') - J' v``, exact to rounding. There may be more rows than
-unknowns where a loop is overconstrained. Nothing is differentiated numerically. Lengths are in the unit that suits the
-mechanism (``Closure.length``), so that it is solved alike at any size.
+unknowns where a loop is overconstrained. Nothing is differentiated numerically. Lengths are in the units that suit the
+loops (``Closure.measure``), so that they are solved alike at any size.
 """
 
 from __future__ import annotations
@@ -100,8 +100,7 @@ class NewtonSolver:
         straight += [isinstance(coordinate, LinearCoordinate) for coordinate in prescribed.coordinates]
         self.curved = ~np.array(straight, dtype=bool)
         self.units = [*(one.unit(row) for one, row in owners), *(c.unit for c in prescribed.coordinates)]
-        self.measure = closure.length ** np.array([float(unit.dimension[0]) for unit in self.units])
-        self.scale, self.cuts = closure.scale, CUTS
+        self.measure, self.scale, self.cuts = self.whole.measure, closure.scale, CUTS
         threads = [isinstance(one, LoopJoint) and one.helical(row) for one, row in owners]
         self.sliding = 1.0 - np.array([*threads, *(False for _ in prescribed.coordinates)], dtype=np.float64)
 
@@ -287,7 +286,7 @@ class NewtonSolver:
     def closed(self, state: Kinematics, gap: Array, w: Array) -> bool:
         """Return whether a gap is rounding of numbers; of what redundant rows leave open, of the file."""
         wanted = np.concatenate([np.zeros(self.closure.size), np.abs(w)])
-        strict = CLOSED * (self.measure * self.closure.coarseness + wanted)
+        strict = CLOSED * (np.maximum(self.measure, self.whole.reach) + wanted)
         if (np.abs(gap) <= strict).all() or (np.abs(gap) > strict + self.whole.slack).any():
             return bool((np.abs(gap) <= strict).all())
         reached = self.whole.split(self.whole.rows(state)).reached(gap)

@@ -211,7 +211,8 @@ class VariantMotion:
         slack = self.whole.slack.copy()
         slack[self.kept] = 0.0
         wanted = np.concatenate([np.zeros((self.own.size, w.shape[1])), np.abs(w)])
-        return np.asarray(CLOSED * (self.solver.measure[:, None] * self.own.coarseness + wanted) + slack[:, None])
+        places = np.maximum(self.solver.measure, self.whole.reach)
+        return np.asarray(CLOSED * (places[:, None] + wanted) + slack[:, None])
 
     def _closed(self, q: Array, w: Array) -> tuple[Array, Flags]:
         """Return the solutions near configurations, shape (nv, N), and where they were reached, shape (N,).

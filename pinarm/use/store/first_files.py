@@ -126,7 +126,7 @@ def _independent(mechanism: Mechanism, q: Array) -> list[str]:
         return names
     state = closure.state(q)
     coordinates = [mechanism.coordinate(name) for name in names]
-    units = np.array([closure.length ** float(one.unit.dimension[0]) for one in coordinates])
+    units = closure.with_guides(names, coordinates).measure[closure.size :]
     rows = np.array([one.row(state) for one in coordinates]) * closure.scale / units[:, None]
     left = np.linalg.qr(closure.split(closure.rows(state)).free / closure.scale[:, None])[0]
     chosen: list[int] = []

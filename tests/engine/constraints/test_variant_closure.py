@@ -90,10 +90,16 @@ def test_a_variant_that_loses_rank_has_no_numbers() -> None:
     assert np.isnan(free[0, 1]).all()
 
 
-def test_variants_of_another_size_are_told(both: tuple[VariantClosure, list[Closure]]) -> None:
-    closure, alone = both
-    assert closure.length == alone[0].length
-    assert closure.alike_in_size.tolist() == [own.length == alone[0].length for own in alone]
+def test_variants_of_another_size_are_told() -> None:
+    """A crank-rocker of 1.1 m around is measured in metres, one of 55 mm in millimetres."""
+    lengths = {"a": [0.1, 0.005, 0.09], "b": [0.35, 0.0175, 0.3], "c": [0.25, 0.0125, 0.25], "d": [0.4, 0.02, 0.4]}
+    path, first = MODELS / "crank_rocker" / "mechanism.yaml", {name: values[0] for name, values in lengths.items()}
+    variants, _ = mechanism_variants(Mechanism.load(path, first), first, lengths)
+    rows = [dict(zip(lengths, row, strict=True)) for row in zip(*lengths.values(), strict=True)]
+    alone = [Mechanism.load(path, row).closure for row in rows]
+    assert isinstance(variants.closure, VariantClosure)
+    assert variants.closure.alike_in_size.tolist() == [True, False, True]
+    assert variants.closure.alike_in_size.tolist() == [(own.measure == alone[0].measure).all() for own in alone]
 
 
 def test_other_kinds_are_left_to_each_case_alone() -> None:

@@ -1,0 +1,114 @@
+"""Sizes of loops against sums of the lengths of their bars, and units of length that follow from them."""
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pinarm import Mechanism, Scenario
+from pinarm.engine.constraints.loop_sizes import slides, unit_of_length
+from pinarm.errors import AssemblyError
+
+MODELS = Path(__file__).parents[3] / "models"
+
+
+def two_slider_cranks(folder: Path, away: float, rod: float = 0.35, small: float = 1.0) -> Path:
+    """Return the mechanism file of two slider-cranks, crank 0.1 m, rod 0.35 m; the second one lies ``away`` [m] beside.
+
+    Args:
+        folder: Where to write.
+        away: Distance of their planes [m].
+        rod: Length of the first one's rod [m].
+        small: Factor of the lengths of the first.
+    """
+    parts, loops = [], ""
+    for k, crank, length in ((1, 0.1 * small, rod * small), (2, 0.1, 0.35)):
+        at = f"xyz='0 {away * (k - 1)} 0'"
+        slide = f"xyz='{crank + length!r} {away * (k - 1)} 0'"
+        mass = "<inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial>"
+        parts += [f"<link name='{name} {k}'>{mass}</link>" for name in ("crank", "rod", "piston")]
+        parts += [
+            f"<joint name='{name} {k}' type='{kind}'><parent link='{of}'/><child link='{child} {k}'/><origin {place}/>"
+            f"<axis xyz='{axis}'/></joint>"
+            for name, kind, of, child, place, axis in (
+                ("theta", "continuous", "base", "crank", at, "0 0 1"),
+                ("pin", "continuous", f"crank {k}", "rod", f"xyz='{crank!r} 0 0'", "0 0 1"),
+            )
+        ]
+        parts += [
+            f"<joint name='x {k}' type='prismatic'><parent link='base'/><child link='piston {k}'/><origin {slide}/>"
+            "<axis xyz='1 0 0'/><limit lower='-9' upper='9' effort='9' velocity='9'/></joint>",
+            f"<link name='end {k}'/><joint name='at end {k}' type='fixed'><parent link='rod {k}'/>"
+            f"<child link='end {k}'/><origin xyz='{length!r} 0 0'/></joint>",
+        ]
+        loops += f"  wrist {k}: {{kind: revolute, between: [end {k}, piston {k}], axis: z}}\n"
+    (folder / "model.urdf").write_text(f"<robot name='r'><link name='base'/>{''.join(parts)}</robot>")
+    path = folder / "mechanism.yaml"
+    path.write_text(f"pinarm: 1\nrobot: model.urdf\nloops:\n{loops}")
+    return path
+
+
+def test_a_loop_is_half_as_large_as_the_way_around_it() -> None:
+    lengths = {"a": 0.1, "b": 0.35, "c": 0.25, "d": 0.4}
+    closure = Mechanism.load(MODELS / "crank_rocker" / "mechanism.yaml", lengths).closure
+    assert closure.loop_sizes.sizes == pytest.approx([0.55], rel=1e-14)
+
+
+@pytest.mark.parametrize("away", [1.0, 32.0, 1e4])
+def test_how_far_loops_stand_from_the_origin_does_not_count(away: float, tmp_path: Path) -> None:
+    closure = Mechanism.load(two_slider_cranks(tmp_path, away)).closure
+    assert closure.extent == pytest.approx(away + 0.45, rel=1e-14)
+    assert closure.loop_sizes.sizes == pytest.approx([0.45, 0.45], rel=1e-12)
+    assert closure.measure.tolist() == [1.0] * closure.size
+    assert closure.scale.tolist() == [1.0] * closure.model.nv
+
+
+def test_every_loop_and_what_slides_in_it_have_their_own_unit(tmp_path: Path) -> None:
+    """One of 9 mm beside one of 450 mm; a guided slide is measured as its loop is."""
+    mechanism = Mechanism.load(two_slider_cranks(tmp_path, 1.0, small=0.02))
+    closure, names = mechanism.closure, ["theta 1", "x 1", "x 2"]
+    lengths = [bool(one.unit(row).dimension[0]) for one, row in closure.owners()]
+    half = closure.size // 2
+    assert closure.measure.tolist() == [*np.where(lengths[:half], 1e-3, 1.0), *np.ones(half)]
+    model = mechanism.model
+    assert [closure.scale[model.joints[model.getJointId(name)].idx_v] for name in names] == [1.0, 1e-3, 1.0]
+    guided = closure.with_guides(names, [mechanism.coordinate(name) for name in names])
+    assert guided.measure[closure.size :].tolist() == [1.0, 1e-3, 1.0]
+
+
+@pytest.mark.parametrize("away", [1.0, 31.0, 40.0, 1e4])
+def test_a_rod_that_is_a_little_too_short_lets_no_crank_pass_wherever_another_loop_stands(
+    away: float, tmp_path: Path
+) -> None:
+    """It ends at 89.74 deg; the branches behind all but meet those before."""
+    two_slider_cranks(tmp_path, away, rod=0.1 * (1.0 - 1e-5))
+    path = tmp_path / "scenario.yaml"
+    path.write_text("""\
+pinarm: 1
+title: Two slider-cranks
+mechanism: mechanism.yaml
+problem:
+  kind: kinematics
+  time: {end: 1 s, samples: 21}
+  motion:
+    theta 1: {law: polynomial, from: 0 deg, to: 360 deg, duration: 1 s}
+    theta 2: {law: polynomial, from: 0 deg, to: 40 deg, duration: 1 s}
+outputs: [x 1]
+""")
+    with pytest.raises(AssemblyError, match=r"singular at t = 0\.35[89]"):
+        Scenario.load(path).run()
+
+
+def test_units_are_powers_of_a_thousand() -> None:
+    sizes = np.array([0.0, 2e-7, 0.03, 0.04, 31.0, 32.0, 5e6])
+    assert unit_of_length(sizes) == pytest.approx([1.0, 1e-6, 1e-3, 1.0, 1.0, 1e3, 1e6], rel=1e-12)
+
+
+def test_a_planar_joint_slides_in_two_ways_and_turns_in_one() -> None:
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelPlanar(), pin.SE3.Identity(), "planar")
+    joint = model.addJoint(joint, pin.JointModelPX(), pin.SE3.Identity(), "slide")
+    joint = model.addJoint(joint, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "free")
+    model.addJoint(joint, pin.JointModelRZ(), pin.SE3.Identity(), "hinge")
+    assert slides(model).tolist() == [True, True, False, True, *[True] * 3, *[False] * 3, False]
