@@ -43,6 +43,8 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
         values: One per row of a run, shape (n,), or of the shape in which states or motions were given; read-only.
         doubt: Why the values are one choice of many; empty where they are determined.
         unbounded: Whether infinite values are meant: ends of a band that has none.
+        terms: Sizes of what values are sums of, where they may cancel: rounding is relative to these; shape of the
+            values, or () where nothing is known of them.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
     values: Array
     doubt: str = ""
     unbounded: bool = False
+    terms: Array | float = 0.0
 
     @property
     def known(self) -> Flags:

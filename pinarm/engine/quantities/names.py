@@ -354,7 +354,8 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         alone = operands.get(expression.text.strip())
         measured = alone.unit if alone is not None else Unit(1.0, dimension.dimension) if dimension else None
         doubt = next((series.doubt for series in operands.values() if series.doubt), "")
-        return Series(name, measured, self._constant(values) if np.ndim(values) == 0 else np.asarray(values), doubt)
+        told = self._constant(values) if np.ndim(values) == 0 else np.asarray(values)
+        return Series(name, measured, told, doubt, terms=0.0 if alone is None else alone.terms)
 
     def figure(self, text: str) -> Array:
         """Return the value of a formula that holds printed figures, which come without units; shape () or (n,).

@@ -73,6 +73,11 @@ class Reactions:
         """Places of the joints' origins [m], world axes, shape (n, njoints, 3)."""
         return in_one([self.links(rows).places for rows in _blocks(0, len(self.run))])
 
+    @cached_property
+    def reach(self) -> Array:
+        """Distance of the farthest joint from the world's origin [m], shape (n,): arm of what moments are sums of."""
+        return np.asarray(np.linalg.norm(self.origins, axis=-1).max(axis=-1))
+
     def markers(self, joint: int) -> Array:
         """Return the places of a joint on its parent [m], world axes, shape (n, 3): its origin where it does not slide.
 

@@ -38,7 +38,12 @@ class WrenchFamily(Family, frozen=True):
             InputError: A self-stress adds to the component, see ``doubt``.
         """
         values, *added = (self.wrench_component(asked, origins, each, about) for each in (wrench, *stresses))
-        return Series(asked.name, NEWTON if asked.part == "force" else NEWTON_METRE, values, self.doubt(asked, added))
+        terms = np.linalg.norm(wrench[..., :3], axis=-1)
+        if asked.part == "force":
+            return Series(asked.name, NEWTON, values, self.doubt(asked, added), terms=terms)
+        arms = self.evaluation.reactions.reach + np.linalg.norm(origins - self.about(asked, about), axis=-1)
+        terms = np.linalg.norm(wrench[..., 3:], axis=-1) + arms * terms
+        return Series(asked.name, NEWTON_METRE, values, self.doubt(asked, added), terms=terms)
 
     def wrench_component(self, asked: Asked, origins: Array, wrench: Array, about: Array) -> Array:
         """Return the component of wrenches at origins that a name asks for, shape (n,)."""

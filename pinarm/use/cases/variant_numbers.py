@@ -26,6 +26,7 @@ from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import replace
 from pinarm.use.cases.case import Taken
+from pinarm.use.result.figures.peak_search import Spots
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.run_number import RunNumber
 
@@ -124,7 +125,9 @@ class CaseQuantities(Quantities, kw_only=True):
     def __getitem__(self, name: str) -> Series:
         """Return a quantity of the case; see ``Quantities``."""
         told = self.shared[name]
-        return replace(told, values=told.values[:, min(self.case, told.values.shape[1] - 1)])
+        values, terms = told.values, np.broadcast_to(told.terms, told.values.shape)
+        own = min(self.case, values.shape[1] - 1)
+        return replace(told, values=values[:, own], terms=terms[:, own])
 
 
 class CaseLookup(Lookup, frozen=True):
@@ -145,7 +148,16 @@ class CaseLookup(Lookup, frozen=True):
         self.announce([(interval, t)])
         return self.solved[interval, t.tobytes()]
 
-    def announce(self, places: Sequence[tuple[int, Array]]) -> None:
+    def heights(self, height: Callable[[Quantities], Array], spots: Spots) -> list[Array]:
+        """Return a function of the quantities at places of intervals, shape (n,) each.
+
+        Raises:
+            StatesMissing: Some have not been solved.
+        """
+        self.announce(spots)
+        return [height(self.solved[interval, t.tobytes()]) for interval, t in spots]
+
+    def announce(self, places: Spots) -> None:
         """Ask for states at places.
 
         Raises:

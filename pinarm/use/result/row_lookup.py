@@ -25,6 +25,7 @@ from pinarm.use.result.figures.peak_search import (
     Endless,
     Peak,
     PeakSearch,
+    Spots,
     bounded_below,
 )
 
@@ -67,6 +68,9 @@ time since the one before."""
 
 KEPT = 20
 """Sets of points whose states are kept: the integrals of several quantities begin with the same points."""
+
+TOGETHER = 100_000
+"""Velocities of states that are solved together at most, and five times of those that are kept."""
 
 FITS = 1000
 """Curves between two places whose polynomials are kept: several numbers of one quantity look into the same ones."""
@@ -157,12 +161,21 @@ class Lookup(Record, frozen=True):
         """Return the quantities at values of the parameter in one interval, shape (n,); the last ones are kept."""
         asked = interval, t.tobytes()
         if asked not in self._kept:
-            if len(self._kept) >= KEPT:
-                del self._kept[next(iter(self._kept))]
+            self._forget(len(t))
             self._kept[asked] = self.quantities.of(self._rows_at(interval, t))
         return self._kept[asked]
 
-    def announce(self, places: Sequence[tuple[int, Array]]) -> None:
+    @property
+    def _width(self) -> int:
+        return max(1, int(self.run.mechanism.model.nv))
+
+    def _forget(self, more: int) -> None:
+        """Forget the states that were asked for first, as far as there are too many with some more."""
+        room = 5 * TOGETHER // self._width - more
+        while self._kept and (len(self._kept) >= KEPT or sum(len(t) // 8 for _, t in self._kept) > room):
+            del self._kept[next(iter(self._kept))]
+
+    def announce(self, places: Spots) -> None:
         """Note intervals and values of the parameter, shape (n,), at each of which states are about to be asked for."""
 
     def _rows_at(self, interval: int, t: Array) -> Trajectory:
@@ -268,7 +281,8 @@ class Lookup(Record, frozen=True):
         """
         places = self._rests if self._has_bands and not _plain(name) else []
         what = f"{name} has no {_EXTREMES[which]}"
-        peak = self._highest(lambda rows: _HEIGHTS[which](rows[name].values), places, what)
+        slack = PLATEAU * float(np.max(self.quantities[name].terms, initial=0.0))
+        peak = self._highest(lambda rows: _HEIGHTS[which](rows[name].values), places, what, slack)
         return self._row(peak.interval, peak.place), peak.error
 
     @property
@@ -294,16 +308,17 @@ class Lookup(Record, frozen=True):
         peak = self._highest(height, [], f"{name} has no largest value")
         return self._row(peak.interval, peak.place)
 
-    def _highest(self, height: Callable[[Quantities], Array], places: Sequence[tuple[int, Array]], lacks: str) -> Peak:
+    def _highest(self, height: Callable[[Quantities], Array], places: Spots, lacks: str, slack: float = 0.0) -> Peak:
         """Return the largest value of a function of the quantities.
 
         Args:
             height: As in ``highest``.
             places: Intervals and values of the parameter there at which it may jump, for an instant only.
             lacks: That there is none, in words.
+            slack: Difference of heights that is rounding, where it is more than that of the largest.
         """
         try:
-            return self._peak(height, [*places, *self._beside_jumps])
+            return self._peak(height, [*places, *self._beside_jumps], slack)
         except Endless as pole:
             run = self.run
             raise InputError(
@@ -312,16 +327,15 @@ class Lookup(Record, frozen=True):
                 expected="a quantity that is finite everywhere, or its value at a place, or a percentage such as @ p95",
             ) from None
 
-    def _peak(self, height: Callable[[Quantities], Array], places: Sequence[tuple[int, Array]]) -> Peak:
+    def _peak(self, height: Callable[[Quantities], Array], places: Spots, slack: float) -> Peak:
         """Return the largest value of a function of the quantities; see ``highest``."""
         t, parts = self.run.grid.t, self._parts
         values = bounded_below(height(self.quantities), t)
-        slack = PLATEAU * float(np.abs(values).max())
+        slack = max(slack, PLATEAU * float(np.abs(values).max()))
         best = int((values >= values.max() - slack).argmax())
         row = Peak(float(values[best]), self._interval_of(best), float(t[best]))
         self.announce([*places, *(part.places for part in parts)])
-        curve = partial(self._heights, height)
-        search = PeakSearch(curve, self._fit, self.announce, slack)
+        search = PeakSearch(partial(self.heights, height), self._fit, slack)
         top = search.highest(search.at(row, places), parts)
         rivals = [
             rival for rival in _rivals(values, top.height + slack)
@@ -330,8 +344,23 @@ class Lookup(Record, frozen=True):
         top = search.highest(top, [piece for rival in rivals for piece in self._beside(rival)])
         return row if top.height <= row.height + slack else replace(top, error=top.error if top.error > slack else 0.0)
 
-    def _heights(self, height: Callable[[Quantities], Array], interval: int, t: Array) -> Array:
-        return height(self.quantities_at(interval, t))
+    def heights(self, height: Callable[[Quantities], Array], spots: Spots) -> list[Array]:
+        """Return a function of the quantities at places of intervals; states of one interval are solved together.
+
+        Args:
+            height: Quantities of n rows -> values, shape (n,).
+            spots: Numbers of intervals, and places in each, shape (n,).
+        """
+        found = [np.empty(0)] * len(spots)
+        for interval in dict.fromkeys(interval for interval, _ in spots):
+            own = [k for k, (other, _) in enumerate(spots) if other == interval]
+            t, back = np.unique(np.concatenate([spots[k][1] for k in own]), return_inverse=True)
+            blocks = np.array_split(t, 1 + len(t) * self._width // TOGETHER)
+            values = np.concatenate([height(self.quantities_at(interval, block)) for block in blocks])[back]
+            ends = np.cumsum([len(spots[k][1]) for k in own])
+            for k, part in zip(own, np.split(values, ends[:-1]), strict=True):
+                found[k] = part
+        return found
 
     def _interval_of(self, row: int) -> int:
         return next(k for k, (_, _, rows) in enumerate(self.intervals) if rows.start <= row < rows.stop)

@@ -15,7 +15,7 @@ from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.use.assessments.loads.joint import LoadedJoint
 from pinarm.use.assessments.loads.number import LoadNumber, worst_row
-from pinarm.use.result.row_lookup import Lookup
+from pinarm.use.result.row_lookup import PLATEAU, Lookup
 from pinarm.use.result.section import SectionTable
 
 NOTHING = 1e-9
@@ -46,7 +46,7 @@ def envelope(run: Lookup, joint: LoadedJoint) -> tuple[list[EnvelopeRow], list[s
     rows = list[EnvelopeRow]()
     for name, series in known.items():
         shown = name.replace(f".along.{joint.body}", "")
-        if np.ptp(series.values) <= NOTHING * _scale(run, name):
+        if np.ptp(series.values) <= _rounding(run, name, series):
             value, place = float(series.values[0]), float(run.run.grid.t[0])
             low = high = value, place
         else:
@@ -67,7 +67,7 @@ def peaks(run: Lookup, joint: LoadedJoint) -> Mapping[str, tuple[LoadNumber, Qua
     known, _ = _determined(run, joint, list(wanted.values()))
     found = {}
     for part, name in wanted.items():
-        if name in known and np.abs(known[name].values).max() > NOTHING * _scale(run, name):
+        if name in known and np.abs(known[name].values).max() > _rounding(run, name, known[name]):
             full, unit = known[name].name, known[name].unit
             assert unit is not None
             row = worst_row(run, partial(_size, name=full))
@@ -95,10 +95,11 @@ def _determined(run: Lookup, joint: LoadedJoint, names: list[str]) -> tuple[dict
     return known, [f"{joint.name}: {', '.join(parts)}: {why}" for why, parts in left_open.items()]
 
 
-def _scale(run: Lookup, name: str) -> float:
-    """Return the largest force [N] or moment [N*m] of any joint of the tree."""
+def _rounding(run: Lookup, name: str, series: Series) -> float:
+    """Return up to which size a component is rounding [N or N*m]: of the largest of any joint, and of its own terms."""
     part = slice(0, 3) if name.startswith("force") else slice(3, 6)
-    return float(np.linalg.norm(run.quantities.reactions.joints[..., part], axis=-1).max())
+    largest = float(np.linalg.norm(run.quantities.reactions.joints[..., part], axis=-1).max())
+    return max(NOTHING * largest, PLATEAU * float(np.max(series.terms)))
 
 
 def _size(rows: Quantities, name: str) -> Array:

@@ -53,8 +53,11 @@ RISES = 1e-3
 Bracket = tuple[float, float]
 """Two places of one interval, ascending."""
 
-Curve = Callable[[int, Array], Array]
-"""Number of an interval, and places in it, shape (n,) -> heights there, shape (n,)."""
+Spots = Sequence[tuple[int, Array]]
+"""Numbers of intervals, and places in each, shape (n,)."""
+
+Curve = Callable[[Spots], Sequence[Array]]
+"""Places of intervals -> heights there, shape (n,) each."""
 
 
 class Endless(Exception):
@@ -122,14 +125,12 @@ class PeakSearch(Record, frozen=True):
     Attributes:
         curve: The curve.
         fit: Bracket, and heights at its nodes -> the polynomial through these.
-        announce: What is told of intervals and places before the curve is evaluated there.
         slack: Difference of heights that does not matter.
         seen: Intervals, and the polynomials of pieces that were not halved.
     """
 
     curve: Curve
     fit: Callable[[Bracket, Array], BracketFit]
-    announce: Callable[[Sequence[tuple[int, Array]]], None]
     slack: float
     seen: list[tuple[int, BracketFit]] = []
 
@@ -154,11 +155,8 @@ class PeakSearch(Record, frozen=True):
 
     def _fitted(self, top: Peak, pieces: Sequence[CurvePart]) -> tuple[Peak, list[tuple[CurvePart, BracketFit]]]:
         """Return the largest value that is seen, and the pieces in which there may be larger ones, the best first."""
-        self.announce([piece.places for piece in pieces])
-        fits = list[tuple[CurvePart, BracketFit]]()
-        for piece in pieces:
-            interval, t = piece.places
-            heights = self._heights(interval, t)
+        fits, spots = list[tuple[CurvePart, BracketFit]](), [piece.places for piece in pieces]
+        for piece, (interval, t), heights in zip(pieces, spots, self._heights(spots), strict=True):
             top = _higher(top, heights, interval, t)
             fits.append((piece, self.fit(piece.bracket, heights)))
         top = self._top_of_smooth(top, [(piece.interval, fit) for piece, fit in fits])
@@ -177,7 +175,9 @@ class PeakSearch(Record, frozen=True):
             return True
         if fit.is_smooth:
             return False
-        return piece.bound(fit) > top.height + self.slack or (fit.tail > piece.grown and fit.is_singular)
+        return piece.bound(fit) > top.height + self.slack or (
+            fit.tail > max(piece.grown, self.slack) and fit.is_singular
+        )
 
     def knows(self, interval: int, t: float, height: float) -> bool:
         """Tell whether a height at a place follows from the polynomials, so that there is nothing new beside it."""
@@ -190,17 +190,16 @@ class PeakSearch(Record, frozen=True):
         """Return the largest value at the extremes of polynomials that are the curve, or the one that is known."""
         spots = [(interval, fit.extremes[[fit.at(fit.extremes).argmax()]]) for interval, fit in fits
                  if fit.is_resolved and fit.bound(fit.error) > top.height and len(fit.extremes)]  # fmt: skip
-        self.announce(spots)
         return self.at(top, spots)
 
-    def at(self, top: Peak, places: Sequence[tuple[int, Array]]) -> Peak:
+    def at(self, top: Peak, spots: Spots) -> Peak:
         """Return the largest value at places of intervals, or one that is known."""
-        for interval, t in places:
-            top = _higher(top, self._heights(interval, t), interval, t)
+        for (interval, t), heights in zip(spots, self._heights(spots), strict=True):
+            top = _higher(top, heights, interval, t)
         return top
 
-    def _heights(self, interval: int, t: Array) -> Array:
-        return bounded_below(self.curve(interval, t), t)
+    def _heights(self, spots: Spots) -> list[Array]:
+        return [bounded_below(heights, t) for (_, t), heights in zip(spots, self.curve(spots), strict=True)]
 
     def _narrowed(self, top: Peak, pieces: Sequence[CurvePart]) -> Peak:
         """Return the largest value in pieces with a kink, or one that is known, by narrowing them to rounding.
@@ -212,9 +211,8 @@ class PeakSearch(Record, frozen=True):
         left, rounds = {piece: piece.bracket for piece in pieces}, {piece: list[Array]() for piece in pieces}
         for _ in range(ROUNDS):
             places = {piece: np.linspace(*bracket, POINTS) for piece, bracket in left.items()}
-            self.announce([(piece.interval, t) for piece, t in places.items()])
-            for piece, t in places.items():
-                heights = self._heights(piece.interval, t)
+            every = self._heights([(piece.interval, t) for piece, t in places.items()])
+            for (piece, t), heights in zip(places.items(), every, strict=True):
                 peak = int(heights.argmax())
                 found = Peak(float(heights[peak]), piece.interval, float(t[peak]), _fall(heights, peak))
                 tops[piece] = max(found, tops[piece], key=_height)
@@ -232,9 +230,9 @@ class PeakSearch(Record, frozen=True):
             Endless: It does.
         """
         sides = [(top, t) for piece, top in tops.items() for t in _approaches(top.place, piece.bracket)]
-        self.announce([(top.interval, t) for top, t in sides])
-        for top, t in sides:
-            if _grows(self._heights(top.interval, t)):
+        every = self._heights([(top.interval, t) for top, t in sides])
+        for (top, _), heights in zip(sides, every, strict=True):
+            if _grows(heights):
                 raise Endless(top.place)
 
 

@@ -16,13 +16,13 @@ def search(curve):
     """Return the top of a curve from 0 to 3, looked into in four parts, and at how many places it was evaluated."""
     places = []
 
-    def at(interval, t):
-        places.extend(t.tolist())
-        return curve(t)
+    def at(spots):
+        places.extend(np.concatenate([t for _, t in spots]).tolist() if spots else [])
+        return [curve(t) for _, t in spots]
 
     parts = [CurvePart(0, bracket) for bracket in pairwise(np.linspace(LOW, HIGH, 5).tolist())]
     start = Peak(-np.inf, 0, LOW)
-    found = PeakSearch(at, lambda bracket, x: BracketFit(*bracket, x), lambda places: None, 1e-12).highest(start, parts)
+    found = PeakSearch(at, lambda bracket, x: BracketFit(*bracket, x), 1e-12).highest(start, parts)
     return found, len(places)
 
 
