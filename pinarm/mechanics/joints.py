@@ -11,6 +11,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import InputError, choices, within
 from pinarm.input.units import Unit, unit
+from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.records import ValueRecord
 
 METRE, RADIAN = unit("m"), unit("rad")
@@ -83,6 +84,21 @@ def format_configuration(model: pin.Model, q: Array) -> str:
 def links_of(model: pin.Model) -> list[str]:
     """Return the names of the links of a model."""
     return [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
+
+
+@cached_by_model
+def links_behind(model: pin.Model) -> list[list[str]]:
+    """Return the links that are fixed to each other behind every joint, by its index; 0 is the world."""
+    found: list[list[str]] = [[] for _ in range(model.njoints)]
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY:
+            found[frame.parentJoint].append(str(frame.name))
+    return found
+
+
+def moved_links(model: pin.Model, joint: int) -> list[str]:
+    """Return the links that are fixed to each other behind a joint, by its index; its own name where there are none."""
+    return links_behind(model)[joint] or [str(model.names[joint])]
 
 
 def frame_of(model: pin.Model, name: str) -> int:

@@ -50,6 +50,9 @@ SEVERAL, KEPT = 3, 64
 """Number of configurations from which on it pays to look at them together, fewer where constraints are alike; and up to
 which this is kept."""
 
+GUIDED = 4
+"""Closures with guides that are kept: states between the rows of a motion ask for that of the rows."""
+
 
 class Closure(Record, frozen=True):
     """Constraints of one mechanism, stacked.
@@ -150,11 +153,21 @@ class Closure(Record, frozen=True):
         return split_rows(rows, self.reach)
 
     def with_guides(self, names: Sequence[str], coordinates: Sequence[Coordinate]) -> Closure:
-        """Return the closure with the rows of guided coordinates after its own."""
+        """Return the closure with the rows of guided coordinates after its own; the last ones are kept."""
         if not names:
             return self
-        guides = [GuidedCoordinate(name, coordinate) for name, coordinate in zip(names, coordinates, strict=True)]
-        return Closure.of(self.model, (*self.constraints, *guides))
+        asked = (*names, *map(id, coordinates))  # which are not reused, as the closure has these coordinates
+        if asked not in self._guided:
+            if len(self._guided) >= GUIDED:
+                del self._guided[next(iter(self._guided))]
+            guides = [GuidedCoordinate(name, coordinate) for name, coordinate in zip(names, coordinates, strict=True)]
+            self._guided[asked] = Closure.of(self.model, (*self.constraints, *guides))
+        return self._guided[asked]
+
+    @cached_property
+    def _guided(self) -> dict[Hashable, Closure]:
+        """Closures with guides, by the names and the identity of these."""
+        return {}
 
     @cached_property
     def size(self) -> int:

@@ -12,8 +12,7 @@ from pinarm.arrays import Array
 from pinarm.engine.kinematics.mobility import joint_kind, mobility_of
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.chains import screw_of
-from pinarm.mechanics.geometry.model_cache import cached_by_model
-from pinarm.mechanics.joints import RADIAN, Joint
+from pinarm.mechanics.joints import RADIAN, Joint, moved_links
 from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.rotors import GearedRotor
@@ -54,22 +53,7 @@ def mobility_words(result: Result) -> str:
 
 def body_name(model: pin.Model, index: int) -> str:
     """Return the name of the body behind a joint: that of its first link."""
-    return _links(model, index)[0] if index else FRAME
-
-
-def _links(model: pin.Model, index: int) -> list[str]:
-    """Return the links that are fixed to each other behind a joint; the name of the joint where there is none."""
-    return _bodies_of(model)[index] or [model.names[index]]
-
-
-@cached_by_model
-def _bodies_of(model: pin.Model) -> list[list[str]]:
-    """Return the links that are fixed to each other behind every joint."""
-    found: list[list[str]] = [[] for _ in range(model.njoints)]
-    for frame in model.frames:
-        if frame.type == pin.FrameType.BODY:
-            found[frame.parentJoint].append(str(frame.name))
-    return found
+    return moved_links(model, index)[0] if index else FRAME
 
 
 def _bodies(mechanism: Mechanism) -> ReportTable:
@@ -84,7 +68,7 @@ def _bodies(mechanism: Mechanism) -> ReportTable:
 
 
 def _body(model: pin.Model, index: int) -> Sequence[str]:
-    first, *others = _links(model, index)
+    first, *others = moved_links(model, index)
     more = [f"{len(others) - NAMED} more"] if len(others) > NAMED else []
     inertia = model.inertias[index]
     if not inertia.mass:

@@ -6,14 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.joint_axes import loop_axis, tree_axis
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, choices, within
-from pinarm.mechanics.joints import METRE, RADIAN
+from pinarm.mechanics.joints import METRE, RADIAN, moved_links
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 TURNED = "coordinate: the name of the coordinate that turns in it"
@@ -95,21 +94,18 @@ class LoadedJoint:
         return turning, sliding
 
 
-def moved_link(model: pin.Model, joint: int) -> str:
-    """Return the name of the link that a joint of the tree moves, by Pinocchio's index."""
-    names = (one.name for one in model.frames if one.type == pin.FrameType.BODY and one.parentJoint == joint)
-    return str(next(names, model.names[joint]))
-
-
 def _known(mechanism: Mechanism, name: str) -> Iterator[tuple[str, LoadedJoint]]:
     """Yield what a name may mean: ``joint.J`` and ``loop.L`` of all joints."""
     model = mechanism.model
     for joint in mechanism.joints.values():
         moved = ("", joint.name) if joint.unit == METRE else (joint.name, "")
-        link, axis = moved_link(model, joint.index), tree_axis(model, joint.index)
+        link, axis = moved_links(model, joint.index)[0], tree_axis(model, joint.index)
         yield f"joint.{joint.name}", LoadedJoint(name, f"joint.{joint.name}", link, axis is not None, *moved)
     for ball in mechanism.balls.values():
-        yield f"joint.{ball.name}", LoadedJoint(name, f"joint.{ball.name}", moved_link(model, ball.index), axis=False)
+        yield (
+            f"joint.{ball.name}",
+            LoadedJoint(name, f"joint.{ball.name}", moved_links(model, ball.index)[0], axis=False),
+        )
     for loop in mechanism.constraints:
         if isinstance(loop, LoopJoint):
             own = [f"{loop.name}.{part}" for part in ("angle", "position")]

@@ -25,9 +25,9 @@ from pinarm.engine.quantities.reactions import Reactions
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.pinocchio_data import new_data
+from pinarm.mechanics.joints import moved_links
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import replace
-from pinarm.use.assessments.loads.joint import moved_link
 from pinarm.use.result.section import SectionTable
 
 METRE, NEWTON, NEWTON_METRE = unit("m"), unit("N"), unit("N*m")
@@ -82,10 +82,12 @@ class LoadSet:
             name: Name of the set.
         """
         run, rows, residuals, remarks = row.trajectory, list[SetRow](), [0.0], dict[str, list[str]]()
-        acting, model = _with_shares(row), run.mechanism.model
+        acting, model = dict[int, list[Action]](), run.mechanism.model
+        for each in _with_shares(row):
+            acting.setdefault(each.body, []).append(each)
         turns, places = row.reactions.links(np.arange(1)).turns[0], row.reactions.origins[0]
         for body in range(1, model.njoints):
-            own, link = [each for each in acting if each.body == body], moved_link(model, body)
+            own, link = acting.get(body, []), moved_links(model, body)[0]
             if doubt := next((each.doubt for each in own if each.doubt), ""):
                 kept = row.undetermined == "minimum_norm" and doubt != SHARED
                 remarks.setdefault(f"{'least multipliers' if kept else 'left out'}; {doubt}", []).append(link)
