@@ -232,8 +232,17 @@ class Trajectory(Record, frozen=True):
         """
         if self.driven is None or self.driven[joint]:
             return {}
-        couplings = (constraint for constraint in self.mechanism.constraints if isinstance(constraint, JointRelation))
-        return {one.name: one.rows_at(self.q)[:, joint] for one in couplings if joint in one.joints}
+        return {one.name: one.rows_at(self.q)[:, joint] for one in self._couplings.get(joint, ())}
+
+    @cached_property
+    def _couplings(self) -> dict[int, list[JointRelation]]:
+        """Couplings by the joints that they move, by their index in v."""
+        found: dict[int, list[JointRelation]] = {}
+        for one in self.mechanism.constraints:
+            if isinstance(one, JointRelation):
+                for joint in one.joints:
+                    found.setdefault(joint, []).append(one)
+        return found
 
     def effort(self, joint: int) -> Array:
         """Return the effort along a joint [N*m or N], by its index in v, shape (n,).

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, NamedTuple
 
+from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.kinematics.closed_configurations import generic_near
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.families import FAMILIES, family
@@ -120,8 +121,9 @@ def catalogue(quantities: Quantities, title: str, like: str = "") -> QuantityCat
         like: Part of the name or of the meaning, in any case; all where it is empty.
     """
     wanted = like.casefold()
-    entries = (entry for entry in _entries(quantities) if wanted in f"{entry.name} {entry.meaning}".casefold())
-    return QuantityCatalogue(title, tuple(entries))
+    asked = (each for each in _meanings(quantities) if wanted in f"{each[0]} {each[1]}".casefold())
+    with one_blas_thread(quantities.trajectory.mechanism.model.nv):
+        return QuantityCatalogue(title, tuple(_entry(quantities, *each) for each in asked))
 
 
 def catalogue_of(mechanism: Mechanism, like: str = "") -> QuantityCatalogue:
@@ -131,29 +133,30 @@ def catalogue_of(mechanism: Mechanism, like: str = "") -> QuantityCatalogue:
     return catalogue(Quantities(row), mechanism.title, like)
 
 
-def _entries(quantities: Quantities) -> Iterator[NamedQuantity]:
+def _meanings(quantities: Quantities) -> Iterator[tuple[str, str, tuple[str, ...]]]:
+    """Yield the names of what may be asked, their meanings and their components."""
     run = quantities.trajectory
     mechanism = run.mechanism
-    yield _entry(quantities, run.parameter, "what runs along the rows")
-    yield _entry(quantities, "g", "magnitude of gravity")
+    yield run.parameter, "what runs along the rows", ()
+    yield "g", "magnitude of gravity", ()
     for name, formula in {**mechanism.symbols, **quantities.symbols}.items():
-        yield _entry(quantities, name, f"symbol: {formula.text}")
+        yield name, f"symbol: {formula.text}", ()
     for name, value in mechanism.arguments.items():
-        yield _entry(quantities, name, f"argument of the model: {value:g}")
+        yield name, f"argument of the model: {value:g}", ()
     for name in mechanism.coordinates:
         if name not in mechanism.symbols and name not in quantities.symbols and name != run.parameter:
-            yield _entry(quantities, name, "coordinate")
+            yield name, "coordinate", ()
     for name in run.columns:
         meaning = next((text for mark, text in COLUMNS.items() if fnmatchcase(name, f"*{mark}*")), "")
-        yield _entry(quantities, name, meaning)
+        yield name, meaning, ()
     for word in FAMILIES:
         of = family(word, quantities.evaluation)
         for entry in of.entries():
             base = ".".join(filter(None, (word, entry.element, entry.part)))
-            yield _entry(quantities, base, of.meanings[entry.part], entry.components)
+            yield base, of.meanings[entry.part], entry.components
 
 
-def _entry(quantities: Quantities, name: str, meaning: str, components: tuple[str, ...] = ()) -> NamedQuantity:
+def _entry(quantities: Quantities, name: str, meaning: str, components: tuple[str, ...]) -> NamedQuantity:
     units, refusals = [], dict[str, list[str]]()
     for component in components or ("",):
         whole = f"{name}.{component}" if component else name
