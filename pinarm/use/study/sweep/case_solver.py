@@ -44,6 +44,7 @@ class Solving:
         errors: Case -> why it failed.
         numbers: Their rows, NaN where there is none, shape (cases, columns).
         solved: Which cases are done, shape (cases,).
+        counted: Numbers of cases that were done, and that had failed, of which ``progress`` is still to be told.
     """
 
     task: Task
@@ -59,6 +60,7 @@ class Solving:
         self.solved = np.zeros(len(self.cases), bool)
         self.numbers: Array = np.broadcast_to(np.nan, (len(self.cases), len(self.named)))
         self.parts: Parts | None = None
+        self.counted: list[tuple[int, int]] = []
 
     def run(self, workers: Workers, folder: Path | None) -> None:
         """Solve all cases.
@@ -90,6 +92,7 @@ class Solving:
                     else:
                         for case, answer in zip(cases.tolist(), answers, strict=True):
                             self._take_alone(case, answer, journal)
+                self._tell()
 
     def _written(self, cases: list[int]) -> CaseTable:
         """Return cases as workers get them."""
@@ -103,6 +106,14 @@ class Solving:
                 yield case
             else:
                 self._take(case, known)
+                self._tell()
+
+    def _tell(self) -> None:
+        """Tell of the cases that have been counted; it may take long, and signals do not wait for it."""
+        total, counted = len(self.cases), self.counted
+        self.counted = []
+        for done, failed in counted:
+            self.progress(done, failed, total)
 
     def _take_solved(self, cases: Indices, rows: RowTable, journal: Journal | None) -> None:
         """Take cases that were solved as one array."""
@@ -131,12 +142,11 @@ class Solving:
     def _note(self, cases: Indices) -> None:
         """Note that cases are done."""
         self.solved[cases] = True
-        total = len(self.cases)
         for case in cases.tolist():
             self.done += 1
             if self.parts:
                 self.parts.note(case)
-            self.progress(self.done, len(self.errors), total)
+            self.counted.append((self.done, len(self.errors)))
 
     def columns(self) -> list[Series]:
         """Return the columns with their numbers; measures that no case has are left out."""

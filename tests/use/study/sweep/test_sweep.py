@@ -279,6 +279,19 @@ def test_an_interrupt_between_a_line_and_its_count_waits(
     assert f"interrupted with {kept} of 10 cases solved" in str(caught.value)
 
 
+def test_an_interrupt_does_not_wait_for_what_is_told_of_progress(held: pinarm.Scenario) -> None:
+    told = list[int]()
+
+    def interrupted(done: int, *_: int) -> None:
+        if done == 2:
+            signal.raise_signal(signal.SIGINT)
+        told.append(done)
+
+    with pytest.raises(Interrupted):
+        pinarm.sweep(held, MASSES, workers=1, progress=interrupted)
+    assert told == [1]
+
+
 def start(path: Path, *arguments: str) -> "subprocess.Popen[str]":
     command = [sys.executable, "-m", "pinarm", "sweep", str(path), "--over", "arguments.m=1:3:20000 kg", "--no-plots"]
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a shell's background jobs ignore interrupts
