@@ -100,6 +100,28 @@ outputs: [x 1]
         Scenario.load(path).run()
 
 
+@pytest.mark.parametrize("small", [1e-2, 1e-5, 1e-6, 1e-7, 1e3])
+def test_a_loop_moves_by_its_closed_form_beside_one_of_another_size(small: float, tmp_path: Path) -> None:
+    """``x = r cos(theta) + (l^2 - r^2 sin^2(theta))^(1/2)``, less where it begins, of a crank r and a rod l."""
+    two_slider_cranks(tmp_path, 1.0, small=small)
+    path = tmp_path / "scenario.yaml"
+    path.write_text("""\
+pinarm: 1
+title: Two slider-cranks
+mechanism: mechanism.yaml
+problem:
+  kind: kinematics
+  time: {end: 1 s, samples: 11}
+  motion: {theta 1: {law: constant_speed, speed: 9 rad/s}, theta 2: {law: constant_speed, speed: 4 rad/s}}
+outputs: [joint.x 1.position, joint.x 2.position]
+""")
+    result = Scenario.load(path).run()
+    for name, size in (("1", small), ("2", 1.0)):
+        theta, x = (result[f"joint.{kind} {name}.position"].values for kind in ("theta", "x"))
+        wanted = size * (0.1 * np.cos(theta) + np.sqrt(0.35**2 - (0.1 * np.sin(theta)) ** 2) - 0.45)
+        assert np.abs(x - wanted).max() < 1e-14 + 1e-13 * size  # rounding of places 1 m from the origin
+
+
 def test_units_are_powers_of_a_thousand() -> None:
     sizes = np.array([0.0, 2e-7, 0.03, 0.04, 31.0, 32.0, 5e6])
     assert unit_of_length(sizes) == pytest.approx([1.0, 1e-6, 1e-3, 1.0, 1.0, 1e3, 1e6], rel=1e-12)
