@@ -79,7 +79,7 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
         wanted = unit(other)
         same([Measure(self.unit), Measure(wanted)])
         factor = (self.unit.factor if self.unit else 1.0) / wanted.factor
-        return replace(self, unit=wanted, values=self.values * factor)
+        return replace(self, unit=wanted, values=self.values * factor, terms=self.terms * factor)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -104,7 +104,7 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
     @property
     def T(self) -> Series:
         """The same with its axes reversed."""
-        return replace(self, values=self.values.T)
+        return replace(self, values=self.values.T, terms=np.transpose(self.terms))
 
     def tolist(self) -> Any:
         """Return the values as lists of numbers."""
@@ -140,7 +140,7 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
 
     def _reduced(self, how: str, axis: Any, options: Mapping[str, Any]) -> Any:
         found = getattr(self.values, how)(axis=axis, **options)
-        return replace(self, name=f"{how}({self.name})", values=found) if np.ndim(found) else found
+        return replace(self, name=f"{how}({self.name})", values=found, terms=0.0) if np.ndim(found) else found
 
     def __len__(self) -> int:
         return len(self.values)
@@ -150,7 +150,9 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
 
     def __getitem__(self, index: Any) -> Any:
         picked = self.values[index]
-        return replace(self, values=picked) if isinstance(picked, np.ndarray) else picked
+        if not isinstance(picked, np.ndarray):
+            return picked
+        return replace(self, values=picked, terms=np.broadcast_to(self.terms, self.shape)[index])
 
     def __float__(self) -> float:
         return float(self.values)

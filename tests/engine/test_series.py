@@ -108,6 +108,13 @@ class TestAnArray:
         with pytest.raises(IndexError):
             _ = TORQUE[4]
 
+    def test_what_values_are_sums_of_goes_with_them(self):
+        moment = Series("M", unit("N*mm"), np.array([1.0, -2.0, 3.0]), terms=np.array([10.0, 20.0, 30.0]))
+        assert moment.to("N*m").terms == pytest.approx([0.01, 0.02, 0.03])
+        assert moment[1:].terms.tolist() == [20.0, 30.0]
+        assert moment[moment < 0.0].terms.tolist() == [20.0]
+        assert (2.0 * moment).terms == 0.0  # not known of what is computed
+
     def test_what_arrays_tell_of_themselves(self):
         assert (len(TORQUE), TORQUE.shape, TORQUE.ndim, TORQUE.size, TORQUE.dtype) == (4, (4,), 1, 4, np.dtype(float))
         assert 2.0 in TORQUE

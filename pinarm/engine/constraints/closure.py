@@ -157,12 +157,12 @@ class Closure(Record, frozen=True):
         if not names:
             return self
         asked = (*names, *map(id, coordinates))  # which are not reused, as the closure has these coordinates
-        if asked not in self._guided:
-            if len(self._guided) >= GUIDED:
-                del self._guided[next(iter(self._guided))]
+        if (found := self._guided.get(asked)) is None:
             guides = [GuidedCoordinate(name, coordinate) for name, coordinate in zip(names, coordinates, strict=True)]
-            self._guided[asked] = Closure.of(self.model, (*self.constraints, *guides))
-        return self._guided[asked]
+            found = self._guided[asked] = Closure.of(self.model, (*self.constraints, *guides))
+            for first in [*self._guided][:-GUIDED]:
+                self._guided.pop(first, None)
+        return found
 
     @cached_property
     def _guided(self) -> dict[Hashable, Closure]:
