@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.race", description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="under 5 minutes; the page goes to results/race/quick")
+    parser.add_argument("--quick", action="store_true", help="about 6 minutes; the page goes to results/race/quick")
     parser.add_argument("--only", metavar="NAME,...", help=f"some of {', '.join(problems())}")
     parser.add_argument("--fresh", action="store_true", help="forget what was done before")
     parser.add_argument("--page", action="store_true", help="run nothing: write the page of what was done before")

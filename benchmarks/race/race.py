@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import json
-import os
 import statistics
 import sys
 import time
 from collections import defaultdict
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from benchmarks.race.engines import ENGINES, prepare
 from benchmarks.race.engines.pinarm import evaluations
+from benchmarks.race.other_load import quietly
 from benchmarks.race.problems import Motion, Problem
 from benchmarks.race.shares import shares
 from benchmarks.race.worker import SHORT, Worker
@@ -67,7 +69,7 @@ def run(chosen: Iterable[Problem], effort: Effort, folder: Path) -> None:
             file = folder / f"{problem.name}.json"
             if not file.exists():
                 _say(f"[{time.monotonic() - begin:5.0f} s] {problem.title}")
-                told = {"problem": problem.name, "when": time.strftime("%Y-%m-%d"), "load": os.getloadavg()[0]}
+                told = {"problem": problem.name, "when": time.strftime("%Y-%m-%d")}
                 file.write_text(json.dumps({**told, **_problem(problem, workers, effort)}))
     finally:
         for worker in workers:
@@ -78,13 +80,14 @@ def _problem(problem: Problem, workers: list[Worker], effort: Effort) -> dict[st
     engines: dict[str, Any] = {worker.engine: _engine(problem, worker, effort) for worker in workers}
     picked = {(worker, goal): pick(engines[worker.engine]["runs"], goal) for worker in workers for goal in GOALS}
     wanted = sorted({(worker.engine, index) for (worker, _), index in picked.items() if index is not None})
-    times = _in_turn(problem, workers, wanted, engines, effort)
+    times, others, repeated = _in_turn(workers, wanted, engines, effort)
     for (worker, goal), index in picked.items():
         if index is not None:
             engines[worker.engine]["goals"][f"{goal:g}"] = {
                 "run": index, "seconds": statistics.median(times[worker.engine, index])
             }  # fmt: skip
-    return {"engines": engines, "shares": _shares(problem, engines["pinarm"]["goals"])}
+    shown = _shares(problem, engines["pinarm"]["goals"])
+    return {"engines": engines, "shares": shown, "others": others, "repeated": repeated}
 
 
 def _shares(problem: Problem, goals: dict[str, Any]) -> dict[str, dict[str, float]]:
@@ -166,26 +169,39 @@ def prepared(worker: Worker, problem: Problem) -> Any:
 
 
 def _in_turn(
-    problem: Problem, workers: list[Worker], wanted: list[tuple[str, int]], engines: dict[str, Any], effort: Effort
-) -> dict[tuple[str, int], list[float]]:
-    """Return the times of the picked settings, which all engines run in turn; slow ones less often."""
+    workers: list[Worker], wanted: list[tuple[str, int]], engines: dict[str, Any], effort: Effort
+) -> tuple[dict[tuple[str, int], list[float]], float, int]:
+    """Return the times of the picked settings, which all engines run in turn; slow ones less often.
+
+    Also how many cores other programs used in a turn at most, and how many turns were repeated as these used more.
+    """
     by_name = {worker.engine: worker for worker in workers}
     first = {
         (name, run["index"]): run["seconds"] for name in engines for run in engines[name]["runs"] if "seconds" in run
     }
     times: dict[tuple[str, int], list[float]] = {key: [] for key in wanted}
-    dead = set()
+    dead, others, repeated = set[str](), 0.0, 0
+    for name, index in wanted:
+        try:
+            by_name[name].ask(("make", index), PREPARED)
+        except (EOFError, TimeoutError):
+            dead.add(name)
+
+    def timed(some: list[tuple[str, int]]) -> dict[tuple[str, int], float]:
+        found = {}
+        for name, index in some:
+            with suppress(EOFError, TimeoutError):
+                found[name, index] = by_name[name].ask(("time", index), PATIENCE + 4.0 * effort.longest)
+        return found
+
     for turn in range(effort.rounds):
-        for name, index in wanted:
-            if name in dead or (turn and first[name, index] * turn > effort.longest / 2):
-                continue
-            try:
-                if not turn:
-                    by_name[name].ask(("make", index), PREPARED)
-                times[name, index].append(by_name[name].ask(("time", index), PATIENCE + 4.0 * effort.longest))
-            except (EOFError, TimeoutError):
-                dead.add(name)
-    return {key: found or [first[key]] for key, found in times.items()}
+        some = [key for key in wanted if key[0] not in dead and not (turn and first[key] * turn > effort.longest / 2)]
+        found, used, more = quietly(partial(timed, some))
+        others, repeated = max(others, used), repeated + more
+        dead |= {name for name, index in some if (name, index) not in found}
+        for key, seconds in found.items():
+            times[key].append(seconds)
+    return {key: found or [first[key]] for key, found in times.items()}, others, repeated
 
 
 def _say(text: str) -> None:

@@ -11,6 +11,7 @@ from textwrap import fill
 from typing import Any
 
 from benchmarks.race.engines import ENGINES
+from benchmarks.race.other_load import QUIET
 from benchmarks.race.problems import SAMPLES, Inverse, Problem, problems
 from benchmarks.race.race import FULL, GOALS, QUICK
 from benchmarks.race.references import reference
@@ -50,9 +51,10 @@ def _head(results: dict[str, Results], command: str) -> str:
     versions += [f"{name} {_version(name.lower())}" for name in ("NumPy", "SciPy")]
     day = max(result["when"] for result in results.values())
     where = f"Python {platform.python_version()}, {_processor()}, {os.cpu_count()} cores, {day}"
-    load = max((result["load"] for result in results.values() if "load" in result), default=float("nan"))
-    machine = (f"{', '.join(versions)}; {where}, with a load of {load:.1f} at worst before the race of a problem. "
-               "Absolute times are those of that machine and day.")  # fmt: skip
+    others, repeated = max(each["others"] for each in results.values()), sum(r["repeated"] for r in results.values())
+    machine = (f"{', '.join(versions)}; {where}. Other programs used {others:.1f} cores at most while the engines ran "
+               f"in turn; turns with more than {QUIET} were repeated, {repeated} of them. Absolute times are those of "
+               "that machine and day.")  # fmt: skip
     return f"""# The race
 
 Time to an answer of a given accuracy: pinarm and other engines, from the same numbers, problem by problem in turn:
