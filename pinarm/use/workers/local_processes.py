@@ -135,17 +135,26 @@ def _how(said: str) -> str:
 def _starting() -> Iterator[None]:
     """Let processes that start in the block leave Ctrl-C to this one, and import nothing from the user's folder.
 
-    The one that removes what ``loky`` leaves behind starts here too.
+    Those that remove what ``loky`` leaves behind start first: to start them lets Ctrl-C through again, and a worker
+    that is interrupted in the middle of an answer leaves this process waiting for the rest of it.
     """
+    from multiprocessing import resource_tracker as inherited
+
+    from loky.backend import resource_tracker as own
+
     added = {name: value for name, value in (SAFE_PATH | UNTRACKED).items() if name not in os.environ}
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     os.environ.update(added)
     try:
-        yield
+        for tracker in (own, inherited):
+            tracker.ensure_running()
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
     finally:
         for name in added:
             del os.environ[name]
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _end_with(parent: int) -> None:

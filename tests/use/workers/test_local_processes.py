@@ -115,6 +115,20 @@ def test_interrupts_are_for_this_process(module: Make) -> None:
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
+def test_interrupts_do_not_reach_the_first_worker_either() -> None:
+    """What removes semaphores starts with it, which lets interrupts through again; workers inherit that."""
+    program = """
+import signal
+from contextlib import closing
+from pinarm.use.workers.local_processes import LocalProcesses
+with closing(LocalProcesses(2)) as workers:
+    calls = [workers.submit(signal.pthread_sigmask, signal.SIG_BLOCK, []) for _ in range(2)]
+    print([signal.SIGINT in call.result() for call in calls], signal.SIGINT in signal.pthread_sigmask(0, []))
+"""
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert ended.stdout == "[True, True] False\n"
+
+
 def test_nothing_of_the_folder_is_run_and_the_script_not_twice(tmp_path: Path) -> None:
     """The folder has modules of names that workers import, and the script no guard."""
     for name in ("loky", "multiprocessing", "numpy", "threading", "msgspec"):
