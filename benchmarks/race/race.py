@@ -8,7 +8,6 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Iterable
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -181,24 +180,23 @@ def _in_turn(
     }
     times: dict[tuple[str, int], list[float]] = {key: [] for key in wanted}
     dead, others, repeated = set[str](), 0.0, 0
-    for name, index in wanted:
-        try:
-            by_name[name].ask(("make", index), PREPARED)
-        except (EOFError, TimeoutError):
-            dead.add(name)
 
-    def timed(some: list[tuple[str, int]]) -> dict[tuple[str, int], float]:
+    def asked(order: str, some: list[tuple[str, int]], patience: float) -> dict[tuple[str, int], Any]:
+        """Return the answers of all engines that live: one that has died knows its settings no more."""
         found = {}
         for name, index in some:
-            with suppress(EOFError, TimeoutError):
-                found[name, index] = by_name[name].ask(("time", index), PATIENCE + 4.0 * effort.longest)
+            if name not in dead:
+                try:
+                    found[name, index] = by_name[name].ask((order, index), patience)
+                except (EOFError, TimeoutError):
+                    dead.add(name)
         return found
 
+    asked("make", wanted, PREPARED)
     for turn in range(effort.rounds):
-        some = [key for key in wanted if key[0] not in dead and not (turn and first[key] * turn > effort.longest / 2)]
-        found, used, more = quietly(partial(timed, some))
+        some = [key for key in wanted if not (turn and first[key] * turn > effort.longest / 2)]
+        found, used, more = quietly(partial(asked, "time", some, PATIENCE + 4.0 * effort.longest))
         others, repeated = max(others, used), repeated + more
-        dead |= {name for name, index in some if (name, index) not in found}
         for key, seconds in found.items():
             times[key].append(seconds)
     return {key: found or [first[key]] for key, found in times.items()}, others, repeated

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm import Mechanism, Scenario
+from pinarm import Mechanism, Result, Scenario
 from pinarm.engine.constraints.loop_sizes import slides, unit_of_length
 from pinarm.errors import AssemblyError
 
@@ -49,6 +49,22 @@ def two_slider_cranks(folder: Path, away: float, rod: float = 0.35, small: float
     return path
 
 
+def turned(folder: Path, samples: int, *laws: str) -> Result:
+    """Return how they move in a second while their cranks follow two laws."""
+    path = folder / "scenario.yaml"
+    path.write_text(f"""\
+pinarm: 1
+title: Two slider-cranks
+mechanism: mechanism.yaml
+problem:
+  kind: kinematics
+  time: {{end: 1 s, samples: {samples}}}
+  motion: {{theta 1: {laws[0]}, theta 2: {laws[1]}}}
+outputs: [joint.x 1.position, joint.x 2.position]
+""")
+    return Scenario.load(path).run()
+
+
 def test_a_loop_is_half_as_large_as_the_way_around_it() -> None:
     lengths = {"a": 0.1, "b": 0.35, "c": 0.25, "d": 0.4}
     closure = Mechanism.load(MODELS / "crank_rocker" / "mechanism.yaml", lengths).closure
@@ -83,39 +99,16 @@ def test_a_rod_that_is_a_little_too_short_lets_no_crank_pass_wherever_another_lo
 ) -> None:
     """It ends at 89.74 deg; the branches behind all but meet those before."""
     two_slider_cranks(tmp_path, away, rod=0.1 * (1.0 - 1e-5))
-    path = tmp_path / "scenario.yaml"
-    path.write_text("""\
-pinarm: 1
-title: Two slider-cranks
-mechanism: mechanism.yaml
-problem:
-  kind: kinematics
-  time: {end: 1 s, samples: 21}
-  motion:
-    theta 1: {law: polynomial, from: 0 deg, to: 360 deg, duration: 1 s}
-    theta 2: {law: polynomial, from: 0 deg, to: 40 deg, duration: 1 s}
-outputs: [x 1]
-""")
+    law = "{{law: polynomial, from: 0 deg, to: {} deg, duration: 1 s}}"
     with pytest.raises(AssemblyError, match=r"singular at t = 0\.35[89]"):
-        Scenario.load(path).run()
+        turned(tmp_path, 21, law.format(360), law.format(40))
 
 
 @pytest.mark.parametrize("small", [1e-2, 1e-5, 1e-6, 1e-7, 1e3])
 def test_a_loop_moves_by_its_closed_form_beside_one_of_another_size(small: float, tmp_path: Path) -> None:
     """``x = r cos(theta) + (l^2 - r^2 sin^2(theta))^(1/2)``, less where it begins, of a crank r and a rod l."""
     two_slider_cranks(tmp_path, 1.0, small=small)
-    path = tmp_path / "scenario.yaml"
-    path.write_text("""\
-pinarm: 1
-title: Two slider-cranks
-mechanism: mechanism.yaml
-problem:
-  kind: kinematics
-  time: {end: 1 s, samples: 11}
-  motion: {theta 1: {law: constant_speed, speed: 9 rad/s}, theta 2: {law: constant_speed, speed: 4 rad/s}}
-outputs: [joint.x 1.position, joint.x 2.position]
-""")
-    result = Scenario.load(path).run()
+    result = turned(tmp_path, 11, *(f"{{law: constant_speed, speed: {speed} rad/s}}" for speed in (9, 4)))
     for name, size in (("1", small), ("2", 1.0)):
         theta, x = (result[f"joint.{kind} {name}.position"].values for kind in ("theta", "x"))
         wanted = size * (0.1 * np.cos(theta) + np.sqrt(0.35**2 - (0.1 * np.sin(theta)) ** 2) - 0.45)

@@ -102,10 +102,8 @@ def _known(mechanism: Mechanism, name: str) -> Iterator[tuple[str, LoadedJoint]]
         link, axis = moved_links(model, joint.index)[0], tree_axis(model, joint.index)
         yield f"joint.{joint.name}", LoadedJoint(name, f"joint.{joint.name}", link, axis is not None, *moved)
     for ball in mechanism.balls.values():
-        yield (
-            f"joint.{ball.name}",
-            LoadedJoint(name, f"joint.{ball.name}", moved_links(model, ball.index)[0], axis=False),
-        )
+        link = moved_links(model, ball.index)[0]
+        yield f"joint.{ball.name}", LoadedJoint(name, f"joint.{ball.name}", link, axis=False)
     for loop in mechanism.constraints:
         if isinstance(loop, LoopJoint):
             own = [f"{loop.name}.{part}" for part in ("angle", "position")]
