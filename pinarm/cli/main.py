@@ -8,7 +8,6 @@ interrupted. Results go to stdout; progress to stderr, where that is a terminal.
 from __future__ import annotations
 
 import argparse
-import atexit
 import gc
 import os
 import re
@@ -17,11 +16,11 @@ import time
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from pinarm import __version__
 from pinarm.cli.options import EXAMPLES, add
-from pinarm.cli.streams import flush_output, give_up, open_streams, unwritable
+from pinarm.cli.streams import flush_output, give_up, leave, open_streams, unwritable
 from pinarm.errors import InputError, NumericsError, PinarmError, choices, printable
 from pinarm.input.roots import file_root
 
@@ -33,10 +32,14 @@ if TYPE_CHECKING:
 OK, MISSED, BAD_INPUT, NUMERICS_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
 
 
+def program() -> NoReturn:
+    """Run one command as a program of its own."""
+    leave(main())
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     gc.set_threshold(100_000, 20, 20)  # importing makes much that stays: looking through it for garbage costs 10 %
-    atexit.register(gc.freeze)  # nor when the program ends
     given = sys.argv[1:] if arguments is None else arguments
     if "_ARGCOMPLETE" in os.environ:
         _complete(os.environ.get("COMP_LINE", ""))

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
 import io
 import os
 import sys
-from typing import TextIO
+import threading
+from contextlib import suppress
+from typing import NoReturn, TextIO
 
 from pinarm.errors import InputError
 
@@ -55,3 +58,23 @@ def give_up(stream: TextIO) -> None:
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, stream.fileno())
     os.close(null)
+
+
+def leave(code: int) -> NoReturn:
+    """End the program with an exit code, without taking the interpreter apart, which takes 10 ms.
+
+    What was registered for the exit is done. Where other threads run, or a profiler or debugger has started the
+    command, the program ends in the usual way.
+    """
+    if threading.active_count() > 1 or sys.flags.inspect or not _started_alone():
+        raise SystemExit(code)
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError):
+            stream.flush()
+    os._exit(code)
+
+
+def _started_alone() -> bool:
+    """Tell whether Python was started with this program, as ``python -m pinarm`` or as its script."""
+    return sys.orig_argv[1:3] == ["-m", "pinarm"] or sys.orig_argv[1:2] == sys.argv[:1] != ["-c"]

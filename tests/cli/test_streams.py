@@ -59,3 +59,40 @@ def test_an_interrupt_during_the_imports_leaves_no_traceback() -> None:
         [sys.executable, "-c", INTERRUPTED_IMPORT], capture_output=True, text=True, timeout=60, check=False
     )
     assert (ended.returncode, ended.stderr) == (-signal.SIGINT, "")
+
+
+AT_EXIT = """
+import atexit, os, sys, threading
+
+class Kept:
+    def __del__(self, write=os.write):
+        write(2, b"taken apart ")
+
+sys.kept = Kept()
+atexit.register(print, "registered", file=sys.stderr, end=" ")
+if "threads" in sys.orig_argv[-1]:
+    threading.Timer(1.0, print, ["threads waited for"], {"file": sys.stderr, "end": " "}).start()
+"""
+
+
+@pytest.mark.parametrize(("name", "command", "said"), [
+    ("alone", ["-m", "pinarm", "validate"], "registered"),
+    ("script", ["pinarm", "validate"], "registered"),
+    ("threads", ["-m", "pinarm", "validate"], "threads waited for registered taken apart"),
+    ("profiled", ["-m", "cProfile", "-m", "pinarm", "validate"], "registered taken apart"),
+])  # fmt: skip
+def test_a_command_ends_without_taking_the_interpreter_apart(
+    name: str, command: list[str], said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "sitecustomize.py").write_text(AT_EXIT)
+    scenario = tmp_path / f"{name}.yaml"
+    scenario.write_text("pinarm: 1\n")
+    if command[0] == "pinarm":
+        command = [str(Path(sys.executable).with_name("pinarm")), *command[1:]]
+    ended = subprocess.run(
+        [sys.executable, *command, str(scenario)], env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert ended.returncode == 2 or name == "profiled"  # cProfile does not pass the exit code on
+    assert "Traceback" not in ended.stderr
+    assert " ".join(ended.stderr.splitlines()[-1].split()) == said
