@@ -22,6 +22,7 @@ from pinarm.engine.constraints.loop_sizes import extents, unit_of_length
 from pinarm.engine.constraints.nullspaces.nullspace import VANISHED
 from pinarm.engine.constraints.nullspaces.nullspace_batch import regular_order
 from pinarm.engine.constraints.nullspaces.orthogonal_rows import OrthogonalRows, along, singular_values
+from pinarm.engine.constraints.nullspaces.refinement import refined
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.model_variants import ModelVariants, VariantsDiffer
 
@@ -199,7 +200,10 @@ class VariantDecomposition:
 
         ``(G Q)^T lam = Q^T force``, of which it is the shortest solution.
         """
-        return _last(self._spanned.shortest(self.orthogonal.components(_first(force))))
+        return refined(
+            lambda left: _last(self._spanned.shortest(self.orthogonal.components(_first(left)))),
+            lambda lam: _loads(self.rows, lam), lambda lam: _loads(np.abs(self.rows), lam), self.free, force,
+        )  # fmt: skip
 
     @cached_property
     def _spanned(self) -> OrthogonalRows:
@@ -222,6 +226,11 @@ class VariantDecomposition:
     @cached_property
     def _stresses(self) -> Array:
         return np.ascontiguousarray(self._spanned.complement().transpose(2, 3, 1, 0))
+
+
+def _loads(rows: Array, lam: Array) -> Array:
+    """Return ``G^T lam``, shape (n, k, nv), of G, shape (m, nv, n, k), and multipliers, shape (n, k, m)."""
+    return _last(np.einsum("mjnk,mnk->jnk", rows, _first(lam)))
 
 
 def _first(x: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cached_property
 from typing import Protocol
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.nullspaces.independent_rows import SEVERAL, IndependentRows
+from pinarm.engine.constraints.nullspaces.refinement import refined
 from pinarm.engine.constraints.nullspaces.squared_rows import ROUNDING, regular_values
 from pinarm.records import Record
 
@@ -139,11 +141,20 @@ class RowDecomposition(Record, frozen=True):
 
     def multipliers(self, force: Array) -> Array:
         """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (.., m)."""
-        wanted = np.matvec(self.right, force)
         if self.scale.shape == self.values.shape:
-            return np.asarray(self.scale * np.matvec(self.left, wanted / self.values))
+            return self._refined(self._of_independent, force)
         q, r = np.linalg.qr(self.rows @ self.right.swapaxes(-1, -2))
-        return np.asarray(np.matvec(q, solved(r.swapaxes(-1, -2), wanted)))
+        r = r.swapaxes(-1, -2)
+        return self._refined(lambda left: np.matvec(q, solved(r, np.matvec(self.right, left))), force)
+
+    def _of_independent(self, force: Array) -> Array:
+        return np.asarray(self.scale * np.matvec(self.left, np.matvec(self.right, force) / self.values))
+
+    def _refined(self, multipliers: Callable[[Array], Array], force: Array) -> Array:
+        rows = self.rows
+        return refined(
+            multipliers, lambda lam: np.vecmat(lam, rows), lambda lam: np.vecmat(lam, np.abs(rows)), self.free, force
+        )
 
 
 def dense_parts(rows: Array, reach: Array | float) -> list[tuple[Indices, SplitRows]]:

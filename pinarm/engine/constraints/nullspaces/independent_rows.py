@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from pinarm.arrays import Array, Flags
+from pinarm.engine.constraints.nullspaces.refinement import refined
 from pinarm.records import Record
 
 SEVERAL = 16
@@ -93,6 +94,13 @@ class IndependentRows(Record, frozen=True):
 
     def multipliers(self, force: Array) -> Array:
         """Return lam with ``G^T lam = force`` in the sense of least squares, shape (n, m)."""
+        rows = self.rows
+        return refined(
+            self._multipliers, lambda lam: np.vecmat(lam, rows), lambda lam: np.vecmat(lam, np.abs(rows)), self.free,
+            force,
+        )  # fmt: skip
+
+    def _multipliers(self, force: Array) -> Array:
         found = np.zeros_like(self.scale)
         found[:, self.acting] = np.matvec(self.inverse, np.vecmat(force, self.right))
         return found * self.scale

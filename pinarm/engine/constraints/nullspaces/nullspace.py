@@ -13,11 +13,10 @@ from pinarm.engine.constraints.nullspaces.dense_nullspace import (
     RANK,
     UNCLOSED,
     VANISHED,
-    RowDecomposition,
     SplitRows,
-    dense_parts,
     solved,
 )
+from pinarm.engine.constraints.nullspaces.separate_rows import parts_apart, split_apart
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -49,7 +48,7 @@ def split_rows(rows: Array, reach: Array | float = 1.0) -> SplitRows:
         from pinarm.engine.constraints.nullspaces.sparse_nullspace import sparse_split
 
         return sparse_split(csr_array(rows), reach)
-    return RowDecomposition.of(rows, reach)
+    return split_apart(rows, reach)
 
 
 def singular_values(matrix: Array) -> Array:
@@ -132,4 +131,4 @@ def _alike(rows: Array, reach: Array | float) -> Sequence[tuple[Indices, SplitRo
         from pinarm.engine.constraints.nullspaces.sparse_nullspace import sparse_parts
 
         return sparse_parts(list(map(csr_array, rows)), reach)
-    return dense_parts(rows, reach)
+    return parts_apart(rows, reach)

@@ -136,7 +136,12 @@ class BatchNullspace(Record, frozen=True):
 
 
 def _orthonormal(motions: Array) -> Array:
-    """Return motions of length 1, at right angles to each other, with the same span; shape (f, n, nv) each."""
-    if len(motions) == 1:
-        return np.asarray(motions / np.linalg.norm(motions, axis=2, keepdims=True))
-    return np.asarray(np.linalg.qr(motions.transpose(1, 2, 0))[0].transpose(2, 0, 1))
+    """Return motions of length 1, at right angles to each other, with the same span; shape (f, n, nv) each.
+
+    By the modified method of Gram and Schmidt: motions of joints that others leave at rest stay as they are.
+    """
+    found = motions.copy()
+    for k, motion in enumerate(found):
+        motion /= np.linalg.norm(motion, axis=1, keepdims=True)
+        found[k + 1 :] -= np.einsum("fni,ni->fn", found[k + 1 :], motion)[..., None] * motion
+    return found

@@ -23,6 +23,7 @@ from pinarm.engine.constraints.nullspaces.dense_nullspace import (
     dense_parts,
     of_length_1,
 )
+from pinarm.engine.constraints.nullspaces.refinement import refined
 from pinarm.engine.constraints.nullspaces.sparse_rows import BlockDecomposition
 from pinarm.engine.constraints.nullspaces.squared_rows import regular_values_of_sparse
 
@@ -92,7 +93,11 @@ class SparseRowDecomposition:
 
     def multipliers(self, force: Array) -> Array:
         """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (.., m)."""
-        return self._each(lambda k, x: self._measured[k].solve_transposed(x), force)
+        return refined(
+            lambda left: self._each(lambda k, x: self._measured[k].solve_transposed(x), left),
+            lambda lam: self._each(lambda k, x: self.matrices[k].T @ x, lam),
+            lambda lam: self._each(lambda k, x: abs(self.matrices[k]).T @ x, lam), self.free, force,
+        )  # fmt: skip
 
     @cached_property
     def _measured(self) -> list[BlockDecomposition]:
