@@ -79,3 +79,18 @@ def test_on_the_same_crank(small: float) -> None:
     names = outputs(1, ("A", "C"))
     together = run(points | others, links | heavy | {"crank1": crank}, names, turning(small, "O1"))
     require_alike(together, run(points, links, names, turning(small, "O1")), names, 1e-10)
+
+
+@pytest.mark.parametrize("problem", [turning, swinging])
+def test_among_many(problem) -> None:
+    """More than 100 velocities: rows are sparse, and the efforts of all drives are solved for together."""
+    sizes = [1.0 + 0.01 * k for k in range(36)]
+    sizes[18] = small = 1e-3
+    points, links, x = dict[str, list[str]](), dict[str, dict](), 0.0
+    for k, size in enumerate(sizes):
+        own, bars = four_bar(k, size, x)
+        points, links, x = points | own, links | bars, x + size
+    names = outputs(18, PARTS, *(["O18"] if problem is turning else []))
+    together = run(points, links, names, problem(small, *(f"O{k}" for k in range(36))))
+    alone = run(*four_bar(18, small, 0.0), names, problem(small, "O18"))
+    require_alike(together, alone, names, 1e-9 if problem is turning else 1e-6)  # places are rounded at 18 m

@@ -25,6 +25,7 @@ from pinarm.engine.constraints.nullspaces.nullspace import (
     SplitRows,
     split_rows,
 )
+from pinarm.engine.constraints.nullspaces.separate_rows import sparse_split_apart
 from pinarm.engine.one_run import kept_in_a_run
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
@@ -290,9 +291,7 @@ class Closure(Record, frozen=True):
             state = self.state(q, v)
             rows = self.rows(state)
             return self.split(rows), rows, self.drift(state)
-        from pinarm.engine.constraints.nullspaces.sparse_nullspace import sparse_split
-
-        return sparse_split(sparse[0], self.reach), sparse[0], self.drifts(q[None], v[None])[0]
+        return sparse_split_apart(sparse[0], self.reach), sparse[0], self.drifts(q[None], v[None])[0]
 
     def _sparse(self, q: Array) -> list[csr_array] | None:
         """Return G at configurations, shape (n, nq), as sparse matrices; ``None`` where they are not had as such."""

@@ -92,12 +92,12 @@ class SlipEquation:
     @cached_property
     def decomposed(self) -> Callable[[Array], SplitRows]:
         """Takes rows of the constraints, shape (m, nv), apart; those of couplings alone are always the same."""
-        last: list[SplitRows] = []
+        last: list[tuple[Array, SplitRows]] = []
 
         def decomposed(rows: Array) -> SplitRows:
-            if not last or not np.array_equal(last[0].rows, rows):
-                last[:] = [split_rows(rows)]
-            return last[0]
+            if not last or not np.array_equal(last[0][0], rows):
+                last[:] = [(rows, split_rows(rows))]
+            return last[0][1]
 
         return decomposed
 

@@ -15,6 +15,10 @@ from pinarm.engine.constraints.nullspaces.refinement import refined
 from pinarm.engine.constraints.nullspaces.squared_rows import ROUNDING, regular_values
 from pinarm.records import Record
 
+MANY = 100
+"""Velocities from which on G is taken apart as a sparse matrix, which then takes as long as singular values; these take
+8,000 times as long for 20 times as many."""
+
 UNCLOSED = 1e-9
 """What redundant rows may leave open, of the extent of the mechanism or in rad: a file with 10 digits says no more. The
 loop is then closed in the sense of least squares, and the result says by how much it is not."""
@@ -42,11 +46,6 @@ class SplitRows(Protocol):
     @property
     def free(self) -> Array:
         """T, a basis of the motions that the rows allow, ``G T = 0``, shape (.., nv, nv - r)."""
-        ...
-
-    @property
-    def rows(self) -> Array:
-        """G itself, shape (.., m, nv)."""
         ...
 
     @property

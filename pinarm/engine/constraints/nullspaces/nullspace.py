@@ -10,13 +10,19 @@ import numpy as np
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.nullspaces.dense_nullspace import (
     ACTS,
+    MANY,
     RANK,
     UNCLOSED,
     VANISHED,
     SplitRows,
     solved,
 )
-from pinarm.engine.constraints.nullspaces.separate_rows import parts_apart, split_apart
+from pinarm.engine.constraints.nullspaces.separate_rows import (
+    parts_apart,
+    sparse_parts_apart,
+    sparse_split_apart,
+    split_apart,
+)
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -35,19 +41,13 @@ __all__ = [
     "split_rows",
 ]
 
-MANY = 100
-"""Velocities from which on G is taken apart as a sparse matrix, which then takes as long as singular values; these take
-8,000 times as long for 20 times as many."""
-
 
 def split_rows(rows: Array, reach: Array | float = 1.0) -> SplitRows:
     """Return the parts of the rows G, shape (m, nv); ``reach`` as in ``RowDecompositions.of``."""
     if len(rows) and rows.shape[1] > MANY:
         from scipy.sparse import csr_array
 
-        from pinarm.engine.constraints.nullspaces.sparse_nullspace import sparse_split
-
-        return sparse_split(csr_array(rows), reach)
+        return sparse_split_apart(csr_array(rows), reach)
     return split_apart(rows, reach)
 
 
@@ -90,9 +90,7 @@ class RowDecompositions(Record, frozen=True):
     @classmethod
     def of_many_joints(cls, rows: Sequence[csr_array], reach: Array) -> RowDecompositions:
         """Return the parts of rows of many joints, n matrices G of shape (m, nv); see ``of``."""
-        from pinarm.engine.constraints.nullspaces.sparse_nullspace import sparse_parts
-
-        return cls(sparse_parts(rows, reach), (len(rows), *rows[0].shape))
+        return cls(sparse_parts_apart(rows, reach), (len(rows), *rows[0].shape))
 
     def multipliers(self, force: Array) -> Array:
         """Return what ``RowDecomposition.multipliers`` does, shape (n, m)."""
@@ -128,7 +126,5 @@ def _alike(rows: Array, reach: Array | float) -> Sequence[tuple[Indices, SplitRo
     if m and nv > MANY:
         from scipy.sparse import csr_array
 
-        from pinarm.engine.constraints.nullspaces.sparse_nullspace import sparse_parts
-
-        return sparse_parts(list(map(csr_array, rows)), reach)
+        return sparse_parts_apart(list(map(csr_array, rows)), reach)
     return parts_apart(rows, reach)

@@ -63,11 +63,6 @@ class SparseRowDecomposition:
         largest, smallest = self.blocks[0].extremes(diags_array(self.scales[0]) @ self.matrices[0])
         return smallest / largest if largest else 0.0
 
-    @property
-    def rows(self) -> Array:
-        """G itself, shape (.., m, nv)."""
-        return np.reshape([matrix.toarray() for matrix in self.matrices], (*self.states, *self.matrices[0].shape))
-
     @cached_property
     def free(self) -> Array:
         """T, an orthonormal basis of the motions that the rows allow, ``G T = 0``, shape (.., nv, nv - r)."""

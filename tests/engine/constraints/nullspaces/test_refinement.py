@@ -6,6 +6,7 @@ import pytest
 from pinarm.engine.constraints.nullspaces.dense_nullspace import RowDecomposition
 from pinarm.engine.constraints.nullspaces.independent_rows import IndependentRows
 from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions, split_rows
+from pinarm.engine.constraints.variant_closure import VariantDecomposition
 
 GENERATOR = np.random.default_rng(3)
 PAIRS = 10
@@ -32,6 +33,25 @@ def test_each_is_known_to_its_own_rounding(ratio: float, pairs: int) -> None:
     found = RowDecompositions.of(rows).multipliers(force)
     assert found / exact == pytest.approx(np.ones_like(exact), abs=1e-11)
     assert split_rows(rows[0]).multipliers(force[0]) / exact[0] == pytest.approx(np.ones(2 * pairs), abs=1e-11)
+
+
+def test_those_of_variants_are() -> None:
+    rows = on_one_crank(6, 3).reshape(2, 3, 6, 7)
+    exact = GENERATOR.uniform(1.0, 2.0, (2, 3, 6)) * np.repeat([1.0, 1e-6, 1e-12], 2)
+    found = VariantDecomposition.of(list(range(6)), rows, np.ones(6)).multipliers(np.vecmat(exact, rows))
+    assert found / exact == pytest.approx(np.ones_like(exact), abs=1e-11)
+
+
+def test_several_free_motions_take_what_cannot_be_held() -> None:
+    """Two cranks, of forces that are 1e12 apart, and a row between them."""
+    rows = np.zeros((9, 10))
+    rows[:4, :5], rows[4:8, 5:] = on_one_crank(1, 2)[0], on_one_crank(1, 2)[0]
+    rows[8, [1, 6]] = 1.0, -0.5
+    exact = np.concatenate([GENERATOR.uniform(1.0, 2.0, 4), 1e-12 * GENERATOR.uniform(1.0, 2.0, 5)])
+    assert split_rows(rows).multipliers(exact @ rows) / exact == pytest.approx(np.ones(9), abs=1e-11)
+    two = rows[:8].copy()
+    two[0, 5] = 1e-3  # one group with two free motions
+    assert split_rows(two).multipliers(exact[:8] @ two) / exact[:8] == pytest.approx(np.ones(8), abs=1e-6)
 
 
 def test_what_multipliers_cannot_hold_is_left_in_the_sense_of_least_squares() -> None:

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
 from pinarm.engine.constraints.nullspaces.dense_nullspace import RowDecomposition
-from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions, split_rows
+from pinarm.engine.constraints.nullspaces.nullspace import MANY, RowDecompositions, split_rows
 from pinarm.engine.constraints.nullspaces.separate_rows import SeparateRows
 
 GENERATOR = np.random.default_rng(7)
@@ -71,3 +72,37 @@ def test_rows_of_rounding_tie_nothing() -> None:
     split = split_rows(rows)
     assert isinstance(split, SeparateRows)
     assert len(split.groups) == 2
+
+
+LINKAGES, CHAIN = 20, 2 * MANY
+"""Linkages of two rows and three joints each, and a chain of rows that tie one joint to the next."""
+
+
+def of_many_joints(states: int) -> list[csr_array]:
+    """Return G, of shape (m, nv): the linkages, the chain, and a joint that no row ties."""
+    found, order = [], GENERATOR.permutation(2 * LINKAGES + CHAIN)
+    for _ in range(states):
+        rows = np.zeros((2 * LINKAGES + CHAIN, 3 * LINKAGES + CHAIN + 2))
+        for k in range(LINKAGES):
+            rows[2 * k : 2 * k + 2, 3 * k : 3 * k + 3] = GENERATOR.normal(size=(2, 3))
+        for k in range(CHAIN):
+            rows[2 * LINKAGES + k, 3 * LINKAGES + k : 3 * LINKAGES + k + 2] = GENERATOR.uniform(1.0, 2.0, 2)
+        found.append(csr_array(rows[order]))
+    return found
+
+
+def test_many_joints_are_taken_apart_in_the_same_groups() -> None:
+    """Of the chain as sparse rows, of each linkage as few."""
+    rows = of_many_joints(3)
+    ((places, split),) = RowDecompositions.of_many_joints(rows, np.ones(rows[0].shape[0])).parts
+    assert isinstance(split, SeparateRows)
+    assert (len(places), split.rank) == (3, rows[0].shape[0])
+    assert sorted(len(group.joints) for group in split.groups) == [3] * LINKAGES + [CHAIN + 1]
+    dense = np.array([matrix.toarray() for matrix in rows])
+    assert np.abs(dense @ split.free).max() < 1e-13
+    lam = GENERATOR.normal(size=dense.shape[:2])
+    assert split.multipliers(np.vecmat(lam, dense)) == pytest.approx(lam, abs=1e-10)
+    alone = split_rows(dense[0])
+    assert isinstance(alone, SeparateRows)
+    assert alone.multipliers(lam[0] @ dense[0]) == pytest.approx(lam[0], abs=1e-10)
+    assert dense[0] @ alone.particular(lam[0]) == pytest.approx(lam[0], abs=1e-10)
