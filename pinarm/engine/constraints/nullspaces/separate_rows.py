@@ -126,7 +126,8 @@ def parts_apart(rows: Array, reach: Array | float) -> Parts:
     groups, alone = _groups_of(rows, reach)
     if len(groups) + bool(len(alone)) < 2:
         return dense_parts(rows, reach)
-    each = [dense_parts(rows[:, some[:, None], joints], _some(reach, some)) for some, joints in groups]
+    each = [dense_parts(np.ascontiguousarray(rows[:, some[:, None], joints]), _some(reach, some))
+            for some, joints in groups]  # fmt: skip
     return _joined(groups, alone, each, rows.shape, lambda places: parts_apart(rows[places], reach))
 
 
@@ -203,8 +204,8 @@ def _groups_of(rows: Array, reach: Array | float) -> tuple[Groups, Indices]:
     Rows that tie no joint go with the first group.
     """
     *states, _, nv = rows.shape
-    tied = np.abs(rows) > TIED * np.asarray(reach)[..., None]
-    return _groups((tied.any(axis=0) if states else tied).tobytes(), nv)
+    largest = np.maximum(rows.max(axis=0, initial=0.0), -rows.min(axis=0, initial=0.0)) if states else np.abs(rows)
+    return _groups((largest > TIED * np.asarray(reach)[..., None]).tobytes(), nv)
 
 
 @lru_cache(maxsize=64)
