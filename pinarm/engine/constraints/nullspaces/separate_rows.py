@@ -203,15 +203,15 @@ def _groups_of(rows: Array, reach: Array | float) -> tuple[Groups, Indices]:
 
     Rows that tie no joint go with the first group.
     """
-    *states, _, nv = rows.shape
+    *states, m, nv = rows.shape
     largest = np.maximum(rows.max(axis=0, initial=0.0), -rows.min(axis=0, initial=0.0)) if states else np.abs(rows)
-    return _groups((largest > TIED * np.asarray(reach)[..., None]).tobytes(), nv)
+    return _groups((largest > TIED * np.asarray(reach)[..., None]).tobytes(), m, nv)
 
 
 @lru_cache(maxsize=64)
-def _groups(pattern: bytes, nv: int) -> tuple[Groups, Indices]:
+def _groups(pattern: bytes, m: int, nv: int) -> tuple[Groups, Indices]:
     """Return the same of flags of which rows tie which joints, the bytes of an array of shape (m, nv)."""
-    tied, labels, before = np.frombuffer(pattern, dtype=bool).reshape(-1, nv), np.arange(nv), None
+    tied, labels, before = np.frombuffer(pattern, dtype=bool).reshape(m, nv), np.arange(nv), None
     while before is None or (labels != before).any():  # joints take the least label of those that are tied to them
         before = labels
         least = np.where(tied, labels, nv).min(axis=1, initial=nv)

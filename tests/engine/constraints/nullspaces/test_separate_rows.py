@@ -66,6 +66,14 @@ def test_states_in_which_different_groups_lose_a_rank_are_told_apart() -> None:
     assert together.multipliers(force) == pytest.approx(np.array(alone), abs=1e-12)
 
 
+@pytest.mark.parametrize(("m", "nv"), [(0, 0), (0, 3), (2, 0), (2, 3)])
+def test_there_may_be_no_rows_no_joints_and_nothing_tied(m: int, nv: int) -> None:
+    split = split_rows(np.zeros((m, nv)))
+    assert (split.rank, split.free.shape) == (0, (nv, nv))
+    ((places, of_states),) = RowDecompositions.of(np.zeros((4, m, nv))).parts
+    assert (len(places), of_states.free.shape) == (4, (4, nv, nv))
+
+
 def test_rows_of_rounding_tie_nothing() -> None:
     rows = rows_of(1)[0]
     rows[0, SECOND[0]] = 1e-16
