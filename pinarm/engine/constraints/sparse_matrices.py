@@ -29,6 +29,11 @@ def times(matrices: Matrices, v: Array) -> Array:
     return np.asarray(np.matvec(matrices, v))
 
 
+def sizes(matrices: Matrices) -> Matrices:
+    """Return the absolute values of the entries."""
+    return [abs(rows) for rows in matrices] if isinstance(matrices, list) else np.abs(matrices)
+
+
 def transposed_times(matrices: Matrices, lam: Array) -> Array:
     """Return G^T lam, shape (n, .., m) to (n, .., nv)."""
     if isinstance(matrices, list):

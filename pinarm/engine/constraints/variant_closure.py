@@ -202,7 +202,7 @@ class VariantDecomposition:
         """
         return refined(
             lambda left: _last(self._spanned.shortest(self.orthogonal.components(_first(left)))),
-            lambda lam: _loads(self.rows, lam), lambda lam: _loads(np.abs(self.rows), lam), self.free, force,
+            np.moveaxis(self.rows, (0, 1), (-2, -1)), self.free, force,
         )  # fmt: skip
 
     @cached_property
@@ -226,11 +226,6 @@ class VariantDecomposition:
     @cached_property
     def _stresses(self) -> Array:
         return np.ascontiguousarray(self._spanned.complement().transpose(2, 3, 1, 0))
-
-
-def _loads(rows: Array, lam: Array) -> Array:
-    """Return ``G^T lam``, shape (n, k, nv), of G, shape (m, nv, n, k), and multipliers, shape (n, k, m)."""
-    return _last(np.einsum("mjnk,mnk->jnk", rows, _first(lam)))
 
 
 def _first(x: Array) -> Array:

@@ -102,9 +102,10 @@ def least_efforts(ways: Array, load: Array, least: Array, rounding: Array) -> tu
     """
     u, s, vt = _singular_values(ways)
     with np.errstate(divide="ignore", invalid="ignore"):  # at dead points, which are refused
-        effort = np.einsum("nrd,nr->nd", vt, np.einsum("nfr,nf->nr", u, load) / s)
-        left = load - np.einsum("nfd,nd->nf", ways, effort)  # small efforts have rounding of the large ones
-        effort += np.einsum("nrd,nr->nd", vt, np.einsum("nfr,nf->nr", u, left) / s)
+        effort = np.zeros((len(load), ways.shape[2]))
+        for _ in range(2):  # after the first time small efforts have rounding of the large ones
+            left = load - np.einsum("nfd,nd->nf", ways, effort)
+            effort += np.einsum("nrd,nr->nd", vt, np.einsum("nfr,nf->nr", u, left) / s)
         good = (s >= least[:, None]).all(axis=1) & carried(ways, effort, load, rounding)
     return effort, good
 

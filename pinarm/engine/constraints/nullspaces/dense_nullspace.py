@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import cached_property
 from typing import Protocol
 
@@ -141,19 +140,13 @@ class RowDecomposition(Record, frozen=True):
     def multipliers(self, force: Array) -> Array:
         """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (.., m)."""
         if self.scale.shape == self.values.shape:
-            return self._refined(self._of_independent, force)
+            return refined(self._of_independent, self.rows, self.free, force)
         q, r = np.linalg.qr(self.rows @ self.right.swapaxes(-1, -2))
         r = r.swapaxes(-1, -2)
-        return self._refined(lambda left: np.matvec(q, solved(r, np.matvec(self.right, left))), force)
+        return refined(lambda left: np.matvec(q, solved(r, np.matvec(self.right, left))), self.rows, self.free, force)
 
     def _of_independent(self, force: Array) -> Array:
         return np.asarray(self.scale * np.matvec(self.left, np.matvec(self.right, force) / self.values))
-
-    def _refined(self, multipliers: Callable[[Array], Array], force: Array) -> Array:
-        rows = self.rows
-        return refined(
-            multipliers, lambda lam: np.vecmat(lam, rows), lambda lam: np.vecmat(lam, np.abs(rows)), self.free, force
-        )
 
 
 def dense_parts(rows: Array, reach: Array | float) -> list[tuple[Indices, SplitRows]]:

@@ -94,11 +94,7 @@ class IndependentRows(Record, frozen=True):
 
     def multipliers(self, force: Array) -> Array:
         """Return lam with ``G^T lam = force`` in the sense of least squares, shape (n, m)."""
-        rows = self.rows
-        return refined(
-            self._multipliers, lambda lam: np.vecmat(lam, rows), lambda lam: np.vecmat(lam, np.abs(rows)), self.free,
-            force,
-        )  # fmt: skip
+        return refined(self._multipliers, self.rows, self.free, force)
 
     def _multipliers(self, force: Array) -> Array:
         found = np.zeros_like(self.scale)

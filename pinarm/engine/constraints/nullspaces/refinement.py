@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.constraints.sparse_matrices import sizes, transposed_times
+
+if TYPE_CHECKING:
+    from pinarm.engine.constraints.sparse_matrices import Matrices
 
 CONSISTENT = 1e-9
 """Power of forces along free motions, relative to that of their terms, that is rounding: multipliers can hold them."""
 
 LEAST = 1e-8
 """Terms at a joint, relative to the largest, count as this much at least: joints then take no more than 1e-16 of what
-rounding leaves at others, and no motion seems to be without forces."""
-
-DEPENDENT = 1e-20
-"""Square of what is left of a free motion, weighted by the forces, beside others: it says nothing that they do not."""
+rounding leaves at others, and free motions that are weighted by them stay independent, as T is orthonormal."""
 
 
-def refined(
-    multipliers: Callable[[Array], Array], loads: Callable[[Array], Array], terms: Callable[[Array], Array],
-    free: Array, force: Array,
-) -> Array:  # fmt: skip
+def refined(multipliers: Callable[[Array], Array], rows: Matrices, free: Array, force: Array) -> Array:
     """Return multipliers with ``G^T lam = force``, improved once by what they leave of the forces.
 
     A decomposition by rotations errs by rounding of the largest forces everywhere: the multipliers of a light linkage
@@ -35,15 +34,14 @@ def refined(
 
     Args:
         multipliers: Those of forces in the sense of least squares, shape (.., nv) to (.., m), by a decomposition of G.
-        loads: ``G^T lam``, shape (.., m) to (.., nv).
-        terms: ``|G|^T |lam|``, likewise.
-        free: T, ``G T = 0``, shape (.., nv, f).
+        rows: G, shape (.., m, nv).
+        free: T, orthonormal, ``G T = 0``, shape (.., nv, f).
         force: Shape (.., nv).
     """
     lam = multipliers(force)
-    left = force - loads(lam)
+    left = force - transposed_times(rows, lam)
     if free.shape[-1]:
-        size = np.abs(force) + terms(np.abs(lam))
+        size = np.abs(force) + transposed_times(sizes(rows), np.abs(lam))
         largest = size.max(axis=-1, keepdims=True)
         size = np.maximum(size / np.where(largest > 0.0, largest, 1.0), LEAST)
         power, most = np.vecmat(left, free), largest * np.vecmat(size, np.abs(free))
@@ -55,18 +53,15 @@ def refined(
 def _least(ways: Array, given: Array) -> Array:
     """Return the shortest x with ``W^T x = given``, shapes (.., nv, f) and (.., f) to (.., nv): ``W (W^T W)^-1 given``.
 
-    By the modified method of Gram and Schmidt.
+    By the modified method of Gram and Schmidt; W has independent columns.
     """
     found, known = np.zeros(ways.shape[:-1]), list[Array]()
     for k in range(ways.shape[-1]):
         way = ways[..., k]
-        wanted, square = given[..., k] - np.vecdot(way, found), np.vecdot(way, way)
+        wanted = given[..., k] - np.vecdot(way, found)
         for other in known:
             way = way - np.vecdot(other, way)[..., None] * other
-        left = np.vecdot(way, way)
-        tells = left > DEPENDENT * square
-        left = np.where(tells, left, 1.0)
-        way = np.where(tells[..., None], way, 0.0)
-        found = found + (wanted / left)[..., None] * way
-        known.append(way / np.sqrt(left)[..., None])
+        square = np.vecdot(way, way)
+        found = found + (wanted / square)[..., None] * way
+        known.append(way / np.sqrt(square)[..., None])
     return found

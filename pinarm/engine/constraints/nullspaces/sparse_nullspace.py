@@ -88,11 +88,13 @@ class SparseRowDecomposition:
 
     def multipliers(self, force: Array) -> Array:
         """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (.., m)."""
-        return refined(
-            lambda left: self._each(lambda k, x: self._measured[k].solve_transposed(x), left),
-            lambda lam: self._each(lambda k, x: self.matrices[k].T @ x, lam),
-            lambda lam: self._each(lambda k, x: abs(self.matrices[k]).T @ x, lam), self.free, force,
-        )  # fmt: skip
+        some = force.reshape(-1, force.shape[-1])
+        matrices = self.matrices if self.states else self.matrices * len(some)
+        found = refined(self._multipliers, matrices, self.free, some)
+        return found.reshape(*force.shape[:-1], found.shape[-1])
+
+    def _multipliers(self, force: Array) -> Array:
+        return self._each(lambda k, x: self._measured[k].solve_transposed(x), force)
 
     @cached_property
     def _measured(self) -> list[BlockDecomposition]:
