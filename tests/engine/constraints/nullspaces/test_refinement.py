@@ -9,12 +9,13 @@ import pytest
 
 from pinarm.engine.constraints.nullspaces.dense_nullspace import RowDecomposition
 from pinarm.engine.constraints.nullspaces.independent_rows import IndependentRows
-from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions, split_rows
+from pinarm.engine.constraints.nullspaces.nullspace import MANY, RowDecompositions, split_rows
+from pinarm.engine.constraints.nullspaces.sparse_nullspace import SparseRowDecomposition
 from pinarm.engine.constraints.variant_closure import VariantDecomposition
 
 GENERATOR = np.random.default_rng(3)
-PAIRS = 10
-"""Linkages of two rows and two joints each, all on one crank."""
+KINDS = {2: RowDecomposition, 10: IndependentRows, 5 + MANY // 2: SparseRowDecomposition}
+"""Numbers of linkages of two rows and two joints each, all on one crank, and how their rows are taken apart."""
 
 
 def on_one_crank(states: int, pairs: int) -> np.ndarray:
@@ -26,14 +27,14 @@ def on_one_crank(states: int, pairs: int) -> np.ndarray:
     return rows
 
 
-@pytest.mark.parametrize("pairs", [2, PAIRS])  # singular values, and orthogonal elimination of many rows
+@pytest.mark.parametrize("pairs", KINDS)
 @pytest.mark.parametrize("ratio", [1.0, 1e-6, 1e-12, 1e-15])
 def test_each_is_known_to_its_own_rounding(ratio: float, pairs: int) -> None:
     rows = on_one_crank(4, pairs)
     exact = GENERATOR.uniform(1.0, 2.0, (4, 2 * pairs)) * np.repeat(np.geomspace(1.0, ratio, pairs), 2)
     force = np.vecmat(exact, rows)
     parts = RowDecompositions.of(rows).parts
-    assert {type(split) for _, split in parts} == {RowDecomposition if pairs == 2 else IndependentRows}
+    assert {type(split) for _, split in parts} == {KINDS[pairs]}
     found = RowDecompositions.of(rows).multipliers(force)
     assert found / exact == pytest.approx(np.ones_like(exact), abs=1e-11)
     assert split_rows(rows[0]).multipliers(force[0]) / exact[0] == pytest.approx(np.ones(2 * pairs), abs=1e-11)
