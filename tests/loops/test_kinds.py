@@ -16,7 +16,8 @@ from newton_euler import newton_euler
 from pinarm.engine.constraints.batch_jacobians import BatchJacobians
 from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.link_placements import moving
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.geometry.vectors import lengths as sizes_of
 from pinarm.mechanics.laws import Harmonic
 from pinarm.mechanics.loops.kinds import LoopJointKind
 
@@ -175,11 +176,15 @@ class TestRows:
             state = closure.state(q)
             pin.forwardKinematics(model, data, q, v)
             twists = np.array([data.oMi[i].act(data.v[i]).vector for i in range(model.njoints)])
-            links, _, _, columns = moving(model, q[None], v[None], v[None])
+            links = LinkPlacements.at(model, q[None])
             power = (twists * closure.wrenches(links, lam[None])[0]).sum()
             assert power == pytest.approx(lam @ closure.rows(state) @ v, abs=1e-12)
-            load = closure.load(links, columns, q[None], lam[None])[0]
-            assert load == pytest.approx(closure.rows(state).T @ lam, abs=1e-12)
+            about_origins, sizes, loads = (each[0] for each in closure.acting(links, q[None], lam[None]))
+            turns = [data.oMi[i].rotation for i in range(model.njoints)]
+            own = [(turn @ twist.linear, turn @ twist.angular) for turn, twist in zip(turns, data.v, strict=True)]
+            power = (about_origins * np.reshape(own, (-1, 6))).sum() + loads @ v
+            assert power == pytest.approx(lam @ closure.rows(state) @ v, abs=1e-12)
+            assert (sizes >= (1.0 - 1e-12) * sizes_of(about_origins)).all()
 
     def test_many_at_once_are_those_one_by_one(self, loop):
         mechanism, _ = loop

@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 import pinarm
+from pinarm.engine.checks.balance import power_balance
+from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.records import replace
 
 DENSITY = 1000.0
 """Mass of a linkage over the cube of its size [kg/m^3]: forces of one of 1 mm are 1e-9 of those of one of 1 m."""
@@ -79,6 +82,21 @@ def test_on_the_same_crank(small: float) -> None:
     names = outputs(1, ("A", "C"))
     together = run(points | others, links | heavy | {"crank1": crank}, names, turning(small, "O1"))
     require_alike(together, run(points, links, names, turning(small, "O1")), names, 1e-10)
+
+
+@pytest.mark.parametrize("small", [0.1, 1e-3, 1e-5])
+@pytest.mark.parametrize("wrong", ["lam", "tau"])
+def test_a_wrong_force_in_the_small_one_shows(small: float, wrong: str) -> None:
+    """Equilibrium is relative to the terms of each joint: what is 1e-5 of the small forces is far below the rounding
+    of the large ones."""
+    (others, heavy), (points, links) = four_bar(1, 1.0, 0.0), four_bar(2, small, 1.0)
+    right = run(others | points, heavy | links, ["joint.O2.effort"], turning(small, "O1", "O2")).trajectory
+    assert power_balance(right)["equilibrium"] < 1e-15 / small  # places are rounded at 1 m
+    values = np.array(getattr(right, wrong))
+    values[:, np.abs(values).max(axis=0) < np.sqrt(small) ** 3 * np.abs(values).max()] *= 1.0 + 1e-5
+    lam = Multipliers.known(values, right.mechanism.closure.size)
+    changed = replace(right, **{wrong: lam if wrong == "lam" else values})
+    assert power_balance(changed)["equilibrium"] > 1e-7
 
 
 @pytest.mark.parametrize("problem", [turning, swinging])

@@ -7,17 +7,13 @@ from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
-from pinarm.arrays import Array, Flags, Indices
+from pinarm.arrays import Array, Indices
 from pinarm.engine.checks.figures import relative
 from pinarm.engine.checks.sample import SAMPLE, sampled
-from pinarm.engine.constraints.nullspaces.nullspace import MANY
+from pinarm.engine.checks.virtual_powers import virtual_powers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, states_first, states_last
-from pinarm.mechanics.geometry.vectors import cross, crossed, rotated
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -35,17 +31,12 @@ LOST = 1e-3
 of the error that are far below it. Rounding alone may make up any figure below it, and no figure above: it is left out
 there."""
 
-LOOKED_AT = 64
-"""Velocities of mechanisms with many of which the virtual powers of all links are looked at one by one."""
+SHARED = 1e-3
+"""Part of the largest terms of all joints that loops and couplings tie to one another that the terms of each count with
+at least: multipliers that would be 0 are the rounding of those."""
 
 FINE = 2000
 """Steps between samples of controllers from which on each is one part: they are short beside the motion."""
-
-FORCES = np.append(np.eye(3), np.zeros((3, 3)), axis=1).ravel()
-"""Unit forces along x, y and z at the world's origin as wrenches [f; m], shape (18,)."""
-
-MOMENTS = np.append(np.zeros((3, 3, 3)), crossed(np.eye(3)[:, None], np.eye(3)), axis=2).reshape(3, 18)
-"""What is added to these wrenches per metre that the forces act along x, y and z from the origin, shape (3, 18)."""
 
 STEPS, GAUSS_NODES = 8, 4
 """Steps within which the energy is looked at, evenly, besides those that have been looked into, as for rows of the
@@ -58,172 +49,41 @@ def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, Array
 
     For every unit velocity e_k the virtual power of the efforts and loads must equal that of the bodies' momentum
     rates less their weights: ``sum_i J_i^T (I_i A_i + V_i x* I_i V_i)``, with the Jacobians J_i of the bodies and
-    their twists from forward kinematics. The recursions that solved the motion pass forces and inertias from
-    link to link; none of that is used here.
+    their twists from forward kinematics. The recursions that solved the motion pass inertias from link to link in the
+    frames of these; here wrenches are summed in world axes, link by link.
 
     Args:
         trajectory: The motion.
         most: Largest number of rows that are checked.
 
     Returns:
-        ``equilibrium``: largest residual, and ``power``: largest residual of power along the motion, each relative to
-        the largest sum of the absolute terms over the rows; weights count with the full length of their path, so that
-        a position in which every moment vanishes has terms to compare with. Powers count with what every link's
-        wrenches could do at its speed, ``|f| |v| + |n| |omega|``: in a steady precession, which exchanges no power,
-        they are at right angles, and their joints' powers are rounding. Nothing where no efforts were asked for.
-        Shape (), or (k,) of variants.
+        ``equilibrium``: largest residual of a joint relative to its own terms, the largest over the rows; see
+        ``virtual_powers``. ``power``: largest residual of power along the motion, relative to the largest sum of its
+        terms. Powers count with what every link's wrenches could do at its speed, ``|f| |v| + |n| |omega|``: in a
+        steady precession, which exchanges no power, they are at right angles, and their joints' powers are rounding.
+        Nothing where no efforts were asked for. Shape (), or (k,) of variants.
     """
     if trajectory.no_efforts:
         return {}
     run = trajectory.looked_at(sampled(len(trajectory), most))
     rows = np.arange(len(run))
-    parts = [_virtual_powers(run.looked_at(rows[k : k + SAMPLE])) for k in range(0, len(rows), SAMPLE)]
+    parts = [virtual_powers(run.looked_at(rows[k : k + SAMPLE])) for k in range(0, len(rows), SAMPLE)]
     residuals, terms, most_powers = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
     powers, scale = np.vecdot(residuals, run.v), np.vecdot(terms, np.abs(run.v)) + most_powers
+    terms = np.maximum(
+        terms, SHARED * _largest_of_groups(terms * run.closure.scale, run.closure.groups) / run.closure.scale
+    )
     return {
-        "equilibrium": relative(np.abs(residuals).max(axis=-1, initial=0.0), terms.max(axis=-1, initial=0.0)),
+        "equilibrium": relative(np.abs(residuals), terms).max(axis=-1, initial=0.0),
         "power": relative(np.abs(powers), scale),
     }
 
 
-def _virtual_powers(run: Trajectory) -> tuple[Array, Array, Array]:
-    """Return the residual of virtual power for every unit velocity, the sum of its absolute terms, and a power.
-
-    Two of shape (n, nv) [W per rad/s or m/s], and the most power that the links' wrenches could have at their speeds,
-    shape (n,) [W].
-    """
-    model, (links, _, _, columns) = run.mechanism.model, run.link_motion
-    loads = run.gather(lambda dynamics, part: dynamics.loads(run.grid.t[part], run.q[part], run.v[part]))
-    held = run.closure.load(links, columns, run.q, run.lam.at(np.arange(len(run))))
-    asked, sizes, most = _demanded(run)
-    acting = run.tau, loads, run.friction_loads, held
-    supplied = sum(acting) - model.armature * run.a
-    return supplied - asked, sum(map(np.abs, acting)) + sizes, most
-
-
-def _demanded(run: Trajectory) -> tuple[Array, Array, Array]:
-    """Return what ``_asked`` and ``_most_powers`` do of the links' motion, by the compiled library if it is there."""
-    links, twists, rates, columns = run.link_motion
-    if isinstance(links.model, pin.Model) and links.model.nv <= MANY:
-        from pinarm.engine.kernel.bodies import demanded_powers
-
-        if (found := demanded_powers(links, twists, rates, columns)) is not None:
-            return found
-    return *_asked(links, columns, links.at_world(run.demands)), _most_powers(run.demands, twists)
-
-
-def _asked(links: LinkPlacements, columns: Array, wrenches: Array) -> tuple[Array, Array]:
-    """Return the virtual power that wrenches of links ask for, and the most that its parts and weights could have.
-
-    Weights: m g times the path of the mass centre.
-
-    Args:
-        links: Where they are.
-        columns: Twists that unit velocities of the joints give to what lies beyond, in the world's frame, shape
-            (n, .., 6, nv).
-        wrenches: Of the links by parts, at the world's origin, shape (3, n, .., njoints, 6).
-
-    Returns:
-        Two of shape (n, .., nv) [W per rad/s or m/s].
-    """
-    if links.model.nv > MANY:
-        return _asked_of_many(links, columns, wrenches)
-    if columns.ndim > 3:
-        return _asked_of_variants(links, columns, wrenches)
-    moved = LinkTree.of(links.model).supports
-    powers = _powers(wrenches.transpose(1, 0, 2, 3), columns, moved)
-    each = np.ones(powers.shape[-2])
-    asked = np.vecmat(each, powers)
-    return asked, np.vecmat(each, np.abs(powers, out=powers)) + _paths(links, columns, moved)
-
-
-def _powers(wrenches: Array, ways: Array, moved: Flags) -> Array:
-    """Return the powers of k wrenches on every link along w velocities, 0 of links that these do not move.
-
-    Args:
-        wrenches: At the world's origin, shape (n, k, njoints, 6).
-        ways: Twists of the velocities in the world's frame, shape (n, 6, w).
-        moved: Which links they move, shape (njoints, w).
-
-    Returns:
-        Shape (n, k njoints, w).
-    """
-    n, count = wrenches.shape[:2]
-    found = wrenches.reshape(n, -1, 6) @ ways  # one product of matrices a state
-    found *= np.tile(moved, (count, 1))
-    return found
-
-
-def _paths(links: LinkPlacements, ways: Array, moved: Flags) -> Array:
-    """Return the sum of the weights times the lengths of their paths, of w velocities, shape (n, w).
-
-    Args:
-        links: Where they are.
-        ways: Twists of these velocities, shape (n, 6, w).
-        moved: Which links they move, shape (njoints, w).
-    """
-    tree = LinkTree.of(links.model)
-    centres = _centres(links, tree)
-    pulls = (centres @ MOMENTS + FORCES).reshape(len(centres), -1, 6)
-    paths = pulls @ ways  # what unit forces along x, y and z at the centres would do
-    paths *= paths
-    lengths = np.sqrt(paths[:, ::3] + paths[:, 1::3] + paths[:, 2::3]) * moved
-    return np.asarray(np.linalg.norm(links.model.gravity.linear) * np.vecmat(tree.masses, lengths))
-
-
-def _centres(links: LinkPlacements, tree: LinkTree) -> Array:
-    return links.places + rotated(links.turns, tree.levers)
-
-
-def _asked_of_variants(links: LinkPlacements, columns: Array, wrenches: Array) -> tuple[Array, Array]:
-    """Return what ``_asked`` does, of variants: of few links in many states, so that numpy's rows are the states."""
-    tree, rank = LinkTree.of(links.model), columns.ndim - 2
-    moved = tree.supports.reshape(*tree.supports.shape, *(1,) * rank)
-    ways = columns.transpose(-2, -1, *range(rank))
-    powers = np.einsum("paj...,aw...->pjw...", wrenches.transpose(0, -1, -2, *range(1, 1 + rank)), ways)
-    powers *= moved
-    paths = cross(ways[3:, None], components_first(_centres(links, tree))[:, :, None])
-    paths += ways[:3, None]
-    lengths = np.sqrt(np.einsum("ajw...,ajw...->jw...", paths, paths))
-    lengths *= moved * states_last(tree.masses[..., None], rank, 2)[0, :, None]
-    asked, weighed = powers.sum(axis=(0, 1)), np.linalg.norm(links.model.gravity.linear) * lengths.sum(axis=0)
-    return states_first(asked, 1), states_first(np.abs(powers, out=powers).sum(axis=(0, 1)) + weighed, 1)
-
-
-def _asked_of_many(links: LinkPlacements, columns: Array, wrenches: Array) -> tuple[Array, Array]:
-    """Return what ``_asked`` does, of many joints: the most is exact of those velocities that move most links.
-
-    Of each link along each joint below it, it would take the square of the time. For the others it is at least what
-    the sums of the parts and of the weights could have, so that residuals are compared with less, not with more.
-    """
-    tree, wrenches, columns = LinkTree.of(links.model), np.ascontiguousarray(wrenches), np.ascontiguousarray(columns)
-    carried = tree.carried(wrenches)[..., tree.moved, :]
-    powers = np.vecdot(carried, columns.swapaxes(-2, -1))
-    weighed = np.append(tree.masses[:, None], np.ones((len(tree.masses), 1)), axis=1)
-    mass, count = tree.carried(weighed)[tree.moved].T
-    moment = tree.carried(tree.masses[:, None] * _centres(links, tree))[..., tree.moved, :]
-    path = mass[:, None] * columns[..., :3, :].swapaxes(-2, -1) + crossed(columns[..., 3:, :].swapaxes(-2, -1), moment)
-    most = np.abs(powers).sum(axis=0) + np.linalg.norm(links.model.gravity.linear) * np.linalg.norm(path, axis=-1)
-    chosen = np.argsort(-count, kind="stable")[:LOOKED_AT]
-    ways, moved = columns[..., chosen], tree.moves(chosen)
-    for row in range(len(columns)):  # of all rows at once, memory would grow with their number
-        some = slice(row, row + 1)
-        each = _powers(wrenches[None, :, row], ways[some], moved)
-        paths = _paths(links.some(np.array([row])), ways[some], moved)
-        most[some, chosen] = np.abs(each).sum(axis=1) + paths
-    return powers.sum(axis=0), most
-
-
-def _most_powers(wrenches: Array, twists: Array) -> Array:
-    """Return ``|f| |v| + |n| |omega|`` of all links, shape (n,): the power of wrenches that point along the motion.
-
-    Args:
-        wrenches: What the motion of every link demands, by parts, shape (3, n, njoints, 6).
-        twists: V, in the same frames, shape (n, njoints, 6).
-    """
-    parts = (x.reshape(*x.shape[:-1], 2, 3) for x in (wrenches, twists))
-    sizes, speeds = (np.sqrt(np.einsum("...a,...a->...", part, part)) for part in parts)
-    return np.asarray((sizes.sum(axis=0) * speeds).sum(axis=(-2, -1)))
+def _largest_of_groups(terms: Array, groups: Indices) -> Array:
+    """Return the largest of the terms, shape (n, .., nv), of all rows and of the group to which each belongs."""
+    largest = np.zeros_like(terms[:1].T)
+    np.maximum.at(largest, groups, terms.max(axis=0, keepdims=True, initial=0.0).T)
+    return np.asarray(largest[groups].T)
 
 
 class EnergyAccount(Record, frozen=True):

@@ -30,7 +30,8 @@ from pinarm.engine.one_run import kept_in_a_run
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.geometry.link_tree import LinkTree, states_first
+from pinarm.mechanics.geometry.link_tree import states_first
+from pinarm.mechanics.geometry.vectors import lengths, moved
 from pinarm.mechanics.loops.loop_joints import AlikeLoopJoints, LoopJoint
 from pinarm.records import Record, replace
 
@@ -113,6 +114,20 @@ class Closure(Record, frozen=True):
                 unit = float(self.scale[moves & one.rows(anywhere).any(axis=0)].min(initial=whole))
             found += [unit ** float(one.unit(row).dimension[0]) for row in range(one.size)]
         return np.array(found)
+
+    @cached_property
+    def groups(self) -> Indices:
+        """A number for every velocity, shape (nv,): those that rows tie, over others too, have the same one."""
+        found, loops, anywhere = np.arange(self.model.nv), iter(self.loop_sizes.joints), None
+        for one in self.constraints:
+            if isinstance(one, LoopJoint):
+                joints = [self.model.joints[joint] for joint in next(loops)]
+                tied = [number for joint in joints for number in range(joint.idx_v, joint.idx_v + joint.nv)]
+            else:
+                anywhere = anywhere or self._anywhere
+                tied = np.flatnonzero(one.rows(anywhere).any(axis=0)).tolist()
+            found[np.isin(found, found[tied])] = found[tied].min(initial=self.model.nv)
+        return found
 
     @property
     def coarseness(self) -> float:
@@ -354,23 +369,53 @@ class Closure(Record, frozen=True):
 
         [f; m] at the world's origin, world axes [N, N*m]. Couplings whose forces are not known do nothing to them.
         """
-        return self._acting(links, lam, lam.shape[:-1])[0]
+        total = self._none_of(6, lam.shape[:-1])
+        for joints, wrenches in self._acting(links, lam)[0]:
+            _add(total, joints, wrenches)
+        return total
+
+    def acting(self, links: LinkPlacements, q: Array, lam: Array) -> tuple[Array, Array, Array]:
+        """Return what multipliers do to the links, and G^T lam of couplings whose forces are not known.
+
+        Args:
+            links: Where the links are.
+            q: Configurations, shape (n, nq).
+            lam: Multipliers, shape (n, m).
+
+        Returns:
+            [f; m] at the origins of the links, world axes [N, N*m], shape (n, njoints, 6); the sums of the sizes of
+            these forces and moments, shape (n, njoints, 2); and loads [N*m or N], shape (n, nv).
+        """
+        states = np.broadcast_shapes(q.shape[:-1], lam.shape[:-1])
+        total, sizes, loads = self._none_of(6, states), self._none_of(2, states), np.zeros((*states, self.model.nv))
+        acting, idle = self._acting(links, lam)
+        for joints, wrenches in acting:
+            own = moved(wrenches, -links.places[..., joints, :])
+            _add(total, joints, own)
+            _add(sizes, joints, lengths(own))
+        for constraint, rows in idle:
+            loads += np.vecmat(lam[..., rows], replace(self, constraints=(constraint,)).at(q)[1])
+        return total, sizes, loads
+
+    def _none_of(self, width: int, states: tuple[int, ...]) -> Array:
+        return states_first(np.zeros((width, self.model.njoints, *states)))
 
     def _acting(
-        self, links: LinkPlacements, lam: Array, states: tuple[int, ...]
-    ) -> tuple[Array, list[tuple[Constraint, slice]]]:
-        """Return what multipliers do to the links, and the constraints that have no wrenches, with their rows."""
-        total = states_first(np.zeros((6, self.model.njoints, *states)))
+        self, links: LinkPlacements, lam: Array
+    ) -> tuple[list[tuple[Indices, Array]], list[tuple[Constraint, slice]]]:
+        """Return joints of links, shape (k,), and wrenches on these, shape (.., k, 6); the others with their rows.
+
+        Others are constraints that have no wrenches.
+        """
+        acting, idle = [], []
         for joints, places in self._alike[0]:
-            joints.add_wrenches(links, lam[..., places], total)
-        idle = []
+            acting += joints.wrenches(links, lam[..., places])
         for constraint, rows in self._alike[1]:
             wrenches = constraint.wrenches(links, lam[..., rows])
-            for joint, wrench in wrenches.items():
-                total[..., joint, :] += wrench
+            acting += [(np.array([joint]), wrench[..., None, :]) for joint, wrench in wrenches.items()]
             if not wrenches:
                 idle.append((constraint, rows))
-        return total, idle
+        return acting, idle
 
     @cached_property
     def _alike(self) -> tuple[list[tuple[AlikeLoopJoints, Indices]], list[tuple[Constraint, slice]]]:
@@ -387,27 +432,13 @@ class Closure(Record, frozen=True):
         ]  # fmt: skip
         return together, [each[0] for each in alike.values() if len(each) == 1]
 
-    def load(self, links: LinkPlacements, columns: Array, q: Array, lam: Array) -> Array:
-        """Return G^T lam, through the links' Jacobians, shape (n, nv).
 
-        Couplings whose forces are not known have no wrenches and contribute by their rows.
-
-        Args:
-            links: Where the links are.
-            columns: Twists that unit velocities of the joints give to what lies beyond, in the world's frame, shape
-                (n, 6, nv).
-            q: Configurations, shape (n, nq).
-            lam: Multipliers, shape (n, m).
-        """
-        tree, states = LinkTree.of(self.model), np.broadcast_shapes(q.shape[:-1], lam.shape[:-1])
-        total = np.zeros((*states, self.model.nv))
-        if not self.constraints:
-            return total
-        acting, idle = self._acting(links, lam, states)
-        for constraint, part in idle:
-            total += np.vecmat(lam[..., part], replace(self, constraints=(constraint,)).at(q)[1])
-        held = np.vecdot(tree.carried(acting)[..., tree.moved, :], columns.swapaxes(-2, -1))
-        return np.asarray(total + held)
+def _add(total: Array, joints: Indices, parts: Array) -> None:
+    """Add parts, shape (.., k, w), to the sums of k joints, shape (.., njoints, w)."""
+    if len(joints) == 1:
+        total[..., joints[0], :] += parts[..., 0, :]
+    else:
+        np.add.at(np.moveaxis(total, -2, 0), joints, np.moveaxis(parts, -2, 0))
 
 
 class MeasuredRows(Record, frozen=True):

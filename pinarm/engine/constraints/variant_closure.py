@@ -53,6 +53,11 @@ class VariantClosure(Closure, frozen=True):
         return self.first.extent
 
     @property
+    def groups(self) -> Indices:
+        """Those of the first variant: the joints of all are tied alike."""
+        return self.first.groups
+
+    @property
     def scale(self) -> Array:
         """The units of the first variant's velocities."""
         return self.first.scale

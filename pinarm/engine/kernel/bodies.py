@@ -16,6 +16,7 @@ from pinarm.arrays import Array
 from pinarm.engine.kernel.library import contiguous, library, pointer
 from pinarm.engine.kernel.links import SYMMETRIC
 from pinarm.engine.kernel.structures import BODY, BodiesStructure
+from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.records import Record
 
@@ -41,31 +42,32 @@ class Bodies(Record, frozen=True):
 
 
 def demanded_powers(
-    links: LinkPlacements, twists: Array, rates: Array, columns: Array
+    motion: tuple[LinkPlacements, Array, Array, Array], wrenches: Array, sizes: Array
 ) -> tuple[Array, Array, Array] | None:
     """Return the virtual powers that the motion of the links asks for; ``None`` without the library.
 
     Args:
-        links: Where they are in n states, of one mechanism.
-        twists: V, in their own frames, shape (n, njoints, 6).
-        rates: V', likewise.
-        columns: Twists that unit velocities of the joints give to what lies beyond, in the world's frame, shape
-            (n, 6, nv).
+        motion: Where the links of one mechanism are in n states, their twists, the time derivatives of these, and the
+            columns of the world Jacobian; see ``motion_of``.
+        wrenches: What acts on the links, [f; m] at their origins, world axes, shape (n, njoints, 6).
+        sizes: Of the forces and moments that these are the sums of, shape (n, njoints, 2).
 
     Returns:
-        For every velocity the power, and the sum of its absolute terms, weights with the full length of their paths,
-        both of shape (n, nv) [W per rad/s or m/s]; and the most that the links' wrenches could have at their speeds,
-        ``|f| |v| + |m| |omega|``, shape (n,) [W].
+        For every velocity the power beside that of the wrenches, and what wrenches of their sizes could do at most,
+        both of shape (n, nv) [W per rad/s or m/s]; and the most that what the motion demands could do at the speeds of
+        the links, ``|f| |v| + |m| |omega|``, shape (n,) [W].
     """
+    links, twists, rates, columns = motion
     compiled, known = library(), _bodies(links.model)
     if compiled is None:
         return None
     n, nv = len(columns), known.structure.nv
-    asked, most = np.empty((2, n, nv)), np.empty(n)
+    powers, most = np.empty((2, n, nv)), np.empty(n)
     arrays = [contiguous(x) for x in (links.turns, links.places, twists, rates, columns)]
-    addresses = (ctypes.c_void_p(pointer(x)) for x in (*arrays, *asked, most))
+    sums = -np.ascontiguousarray(wrenches), np.array(sizes, order="C")
+    addresses = (ctypes.c_void_p(pointer(x)) for x in (*arrays, *sums, *powers, most))
     compiled.bodies_powers(ctypes.byref(known.structure), ctypes.c_ssize_t(n), *addresses)
-    return asked[0], asked[1], most
+    return powers[0], powers[1], most
 
 
 @cached_by_model
@@ -75,5 +77,5 @@ def _bodies(model: pin.Model) -> Bodies:
     bodies["mass"], bodies["moment"], bodies["inertia"] = numbers[:, 0], numbers[:, 1:4], numbers[:, UPPER]
     places = [np.array(each.tolist(), np.intp) for each in (model.parents, model.idx_vs, model.nvs)]
     sizes, gravity = (len(numbers), model.nv), (ctypes.c_double * 3)(*model.gravity.linear)
-    arrays = *places, bodies
+    arrays = *places, bodies, np.ascontiguousarray(LinkTree.of(model).reaches)
     return Bodies(BodiesStructure(*sizes, *map(pointer, arrays), gravity), arrays)

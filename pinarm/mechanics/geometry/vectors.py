@@ -77,6 +77,12 @@ def moved(wrenches: Array, arms: Array) -> Array:
     return joined(forces, wrenches[..., 3:] + crossed(arms, forces))
 
 
+def lengths(wrenches: Array) -> Array:
+    """Return the lengths of both vectors of wrenches or twists, shape (.., 6), as an array of shape (.., 2)."""
+    parts = wrenches.reshape(*wrenches.shape[:-1], 2, 3)
+    return np.asarray(np.sqrt(np.einsum("...a,...a->...", parts, parts)))
+
+
 def components_apart(like: Array, width: int) -> Array:
     """Return an array for vectors, shape (.., width), which lies in memory component by component.
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct
@@ -133,13 +133,18 @@ class AlikeLoopJoints(Record, frozen=True):
         """Return joints with the same pair together."""
         return cls(tuple(one.first for one in joints), tuple(one.second for one in joints), joints[0].pair)
 
-    def add_wrenches(self, links: LinkPlacements, lam: Array, total: Array) -> None:
-        """Add what multipliers, shape (.., k, m), do to links to [f; m] at the world's origin, (.., njoints, 6)."""
+    def wrenches(self, links: LinkPlacements, lam: Array) -> list[tuple[Indices, Array]]:
+        """Return what multipliers, shape (.., k, m), do to the second links and to the first.
+
+        Their joints, shape (k,), and [f; m] at the world's origin, shape (.., k, 6).
+        """
         one, other = links.frames(self.first), links.frames(self.second)
         acting = moved(_wrench(self.pair, one, other, lam), other[1])
-        for sign, frames in ((1.0, self.second), (-1.0, self.first)):
-            joints = np.array([links.model.frames[index].parentJoint for index in frames])
-            np.add.at(np.moveaxis(total, -2, 0), joints, np.moveaxis(sign * acting, -2, 0))
+        frames = links.model.frames
+        second, first = (
+            np.array([frames[index].parentJoint for index in indices]) for indices in (self.second, self.first)
+        )
+        return [(second, acting), (first, -acting)]
 
 
 def _wrench(pair: Pair, one: tuple[Array, Array], two: tuple[Array, Array], lam: Array) -> Array:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.checks import balance
 from pinarm.engine.checks.balance import GAUSS_NODES, EnergyAccount, energy_balance, part_weights, power_balance
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.dynamics.dynamics import Dynamics
@@ -215,17 +214,3 @@ def test_powers_at_the_nodes_of_a_step_are_integrated_over_its_parts(count):
         if degree < GAUSS_NODES:
             assert parts == pytest.approx(np.diff(ends ** (degree + 1)) / (degree + 1), rel=1e-13)
         assert parts.sum() == pytest.approx(1.0 / (degree + 1), rel=1e-13)
-
-
-def test_of_many_joints_the_most_is_exact_for_those_that_carry_most_and_never_too_large(arm, inverse, monkeypatch):
-    rows = np.arange(0, 81, 9)
-    links, twists, rates, columns = inverse.link_motion_at(rows)
-    wrenches = links.at_world(links.demands(twists, rates))
-    asked, most = balance._asked(links, columns, wrenches)
-    for looked_at in (1, arm.model.nv):
-        monkeypatch.setattr(balance, "LOOKED_AT", looked_at)
-        same, at_least = balance._asked_of_many(links, columns, wrenches)
-        np.testing.assert_allclose(same, asked, rtol=HONEST, atol=HONEST * most.max())
-        assert (at_least <= most * (1.0 + HONEST)).all() and (at_least >= np.abs(asked) * (1.0 - HONEST)).all()
-        exact = np.isclose(at_least, most, rtol=HONEST, atol=0.0).all(axis=0)
-        assert exact[0] and (looked_at == 1 or exact.all())

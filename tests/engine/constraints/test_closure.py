@@ -203,3 +203,42 @@ def test_wrenches_of_alike_joints_of_variants_are_those_of_each(kind, closure):
     q, lam = generator.normal(size=(4, 5, lattice.model.nq)), generator.normal(size=(4, 5, lattice.size))
     links = LinkPlacements.at(model, q)
     np.testing.assert_allclose(lattice.wrenches(links, lam), wrenches_of_each(lattice, links, lam), atol=1e-13)
+
+
+@KINDS
+def test_wrenches_about_the_origins_are_the_same_and_their_sizes_do_not_cancel(kind, closure):
+    lattice, _ = star(closure, kind)
+    generator = np.random.default_rng(6)
+    q, lam = generator.normal(size=(4, lattice.model.nq)), generator.normal(size=(4, lattice.size))
+    links = LinkPlacements.at(lattice.model, q)
+    wrenches, sizes, loads = lattice.acting(links, q, lam)
+    np.testing.assert_allclose(wrenches, links.at_joints(lattice.wrenches(links, lam)), atol=1e-13)
+    parts = [replace(lattice, constraints=(one,)) for one in lattice.constraints]
+    each = [part.acting(links, q, lam[..., rows])[1] for part, rows in zip(parts, lattice.slices.values(), strict=True)]
+    np.testing.assert_allclose(sizes, np.sum(each, axis=0), atol=1e-13)
+    assert not loads.any()
+
+
+def test_joints_that_rows_tie_are_one_group():
+    """Two four-bars beside each other, with a free pendulum; a gear that ties one of their joints to the pendulum."""
+    points = {"O1": [0, 0], "A1": [1, 0], "B1": [1, 1], "C1": [0, 1], "O2": [3, 0], "A2": [4, 0], "B2": [4, 1],
+              "C2": [3, 1], "P": [6, 0], "Q": [6, -1]}  # fmt: skip
+    ends = {"a": "O1 A1", "b": "A1 B1", "c": "B1 C1", "d": "O2 A2", "e": "A2 B2", "f": "B2 C2", "g": "P Q"}
+    planar = {"points": {name: [f"{x} m" for x in place] for name, place in points.items()},
+              "ground": ["O1", "C1", "O2", "C2", "P"],
+              "links": {name: {"points": pair.split(), "mass": "1 kg"} for name, pair in ends.items()}}  # fmt: skip
+    geared = {"gear": {"kind": "gear", "joints": ["O2", "P"], "ratio": 2}}
+    for couplings, count in (({}, 3), (geared, 2)):
+        data = {"pinarm": 1, "planar": planar, "couplings": couplings}
+        mechanism = pinarm.load(
+            {
+                "pinarm": 1,
+                "mechanism": data,
+                "problem": {"kind": "forward", "time": {"end": "1 s"}},
+                "outputs": ["joint.P.position"],
+            }
+        ).mechanism
+        groups = {name: mechanism.closure.groups[joint.v] for name, joint in mechanism.joints.items()}
+        assert len(set(mechanism.closure.groups.tolist())) == count
+        assert groups["O1"] == groups["A1"] == groups["C1"] != groups["O2"] == groups["A2"] == groups["C2"]
+        assert (groups["P"] == groups["O2"]) == bool(couplings)

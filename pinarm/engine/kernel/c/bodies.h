@@ -12,12 +12,17 @@ typedef struct {
     const ptrdiff_t *parent;        /* of each link, smaller than its own index */
     const ptrdiff_t *first, *count; /* first velocity of its joint, and number of these */
     const body *body;
+    const double *reach; /* of each link, from its origin to the farthest point at which a force may act */
     vector gravity;
 } bodies;
 
-/* Write, of n states, for every velocity the virtual power that the links' motion asks for, and the sum of the absolute
- * terms, weights with the full length of their path; and of every state sum |f| |v| + |m| |w|.
+typedef struct { double force, moment; } wrench_size;
+
+/* Write, of n states, for every velocity the virtual power that the links' motion asks for beside that of what acts on
+ * them, and what wrenches of their sizes could do at most; and of every state sum |f| |v| + |m| |w| of the motion.
  * Given are rotations and origins of the links in the world, their twists and the time derivatives of these in their own
- * frames, and the twists that unit velocities give to what lies beyond, in the world's frame, six rows of nv. */
+ * frames, the twists that unit velocities give to what lies beyond, in the world's frame, six rows of nv; and what acts
+ * on the links, negative, about their origins in world axes, with its sizes. The last two end as sums. */
 void bodies_powers(const bodies *b, ptrdiff_t n, const matrix *turns, const vector *places, const motion *twists,
-                   const motion *rates, const double *columns, double *asked, double *sizes, double *most);
+                   const motion *rates, const double *columns, force *wrenches, wrench_size *sizes, double *asked,
+                   double *terms, double *most);
