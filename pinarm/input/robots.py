@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -39,15 +41,24 @@ def robots() -> dict[str, Path]:
     """
     folder = example_robot_data() / "robots"
     files: dict[str, Path] = {}
-    for file in sorted(folder.glob("*/*/*.urdf")):
+    found = sorted(Path(place) for place in _in_folders_below(folder))
+    for file in (file for file in found if file.suffix == ".urdf"):
         files.setdefault(file.stem, file)
         files.setdefault(file.stem.removesuffix("_robot"), file)
-    for file in sorted(folder.glob("*/*/*.sdf")):
+    for file in (file for file in found if file.suffix == ".sdf"):
         files.setdefault(file.stem, file)
     files.update({name: files[stem] for name, stem in NAMES.items() if stem in files})
     if (other := folder / "anymal_c_simple_description" / "urdf" / "anymal.urdf").is_file():
         files["anymal_c"] = other  # its file has the same name as that of the older robot
     return files
+
+
+def _in_folders_below(folder: Path) -> Iterator[str]:
+    """Yield the files of all folders two levels below; patterns of ``pathlib`` take five times as long."""
+    for family in os.scandir(folder):
+        for part in os.scandir(family) if family.is_dir() else ():
+            if part.is_dir():
+                yield from (file.path for file in os.scandir(part))
 
 
 def robot(name: str) -> Path:

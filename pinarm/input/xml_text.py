@@ -61,7 +61,7 @@ class Survey(Struct):
         links: Number of links below the root element.
         joints: Number of joints below the root element.
         comments: Number of comments.
-        is_xacro: Whether it contains anything of xacro.
+        is_xacro: Whether it contains anything of xacro; files that xacro has written declare its namespace, no more.
     """
 
     source: str
@@ -70,6 +70,7 @@ class Survey(Struct):
     joints: int = 0
     comments: int = 0
     is_xacro: bool = False
+    _has_expressions: bool = False
     _depth: int = 0
 
     @classmethod
@@ -79,7 +80,7 @@ class Survey(Struct):
         Raises:
             ModelError: It is malformed, has a DOCTYPE, or exceeds a bound.
         """
-        survey, parser = cls(source), expat.ParserCreate()
+        survey, parser = cls(source, _has_expressions="${" in text or "$(" in text), expat.ParserCreate()
         parser.StartElementHandler = lambda name, attributes: survey._start(name, attributes, parser)
         parser.EndElementHandler = survey._end
         parser.CommentHandler = survey._count_comment
@@ -100,7 +101,9 @@ class Survey(Struct):
         self.lines.append(parser.CurrentLineNumber)
         self.links += self._depth == 2 and name == "link"
         self.joints += self._depth == 2 and name == "joint"
-        self.is_xacro |= name.startswith("xacro:") or any("xacro:" in key or key == "xmlns:xacro" for key in attributes)
+        self.is_xacro |= name.startswith("xacro:") or any(
+            key.startswith("xacro:") or (self._has_expressions and key == "xmlns:xacro") for key in attributes
+        )
         bound("levels of XML", self._depth, MAX_DEPTH)
         bound("elements", len(self.lines), MAX_ELEMENTS)
         bound("links", self.links, MAX_LINKS)

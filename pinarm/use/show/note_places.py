@@ -11,8 +11,11 @@ from pinarm.records import replace
 from pinarm.use.show.chart import Line, Note, Window
 from pinarm.use.show.labels import text_width
 
-DISTANCES = (5.0, 11.0, 19.0, 28.0, 38.0, 50.0)
+DISTANCES = np.array([5.0, 11.0, 19.0, 28.0, 38.0, 50.0])
 """From a point to the edge of its name [points]."""
+
+RINGS = slice(0, 2), slice(2, 6)
+"""Of these, which are looked at together: the nearest ones are often free."""
 
 BESIDE = 12.0
 """Distance up to which a name is seen to belong to its point; from farther away a line leads to it [points]."""
@@ -24,7 +27,7 @@ CLEAR = 1.5
 """Room between two names, and between a name and a line that it could cover [points]."""
 
 TURNS = np.deg2rad([45.0, 135.0, -45.0, -135.0, 90.0, 0.0, -90.0, 180.0])
-TOWARDS = np.round(np.stack([np.cos(TURNS), np.sin(TURNS)], axis=1), 15)
+AROUND = np.round(np.stack([np.cos(TURNS), np.sin(TURNS)], axis=1), 15)
 """Directions from a point to its name, the preferred one first, shape (8, 2)."""
 
 LEADER = "#8b949e"
@@ -110,18 +113,20 @@ def _best(
 
     ``covered`` are these points, shape (2, n). ``None`` where it has no room, or covers too much, everywhere.
     """
-    best, least = None, np.inf
-    for ring, distance in enumerate(DISTANCES):
-        if least <= AWAY * distance:  # no place that far away costs less
+    offsets = AROUND * DISTANCES[:, None, None] + np.sign(AROUND) * size / 2.0
+    best, least, turns = None, np.inf, len(AROUND)
+    for rings in RINGS:
+        if least <= AWAY * DISTANCES[rings.start]:  # no place that far away costs less
             break
-        offsets = TOWARDS * distance + np.sign(TOWARDS) * size / 2.0
-        names = np.hstack([point + offsets - size / 2.0, point + offsets + size / 2.0])
-        free = np.flatnonzero(_free(point, point + _nearest(offsets, size), names, boxes, leading, page))
+        tried = offsets[rings].reshape(-1, 2)
+        names = np.hstack([point + tried - size / 2.0, point + tried + size / 2.0])
+        free = np.flatnonzero(_free(point, point + _nearest(tried, size), names, boxes, leading, page))
         hidden = _hidden(names[free], covered)
-        costs = np.where(hidden <= MOST, hidden + AWAY * distance + 0.02 * (len(TURNS) * ring + free), np.inf)
+        away = AWAY * DISTANCES[rings.start + free // turns] + 0.02 * (turns * rings.start + free)
+        costs = np.where(hidden <= MOST, hidden + away, np.inf)
         if costs.min(initial=least) < least:
             k = free[costs.argmin()]
-            best, least = (offsets[k], names[k]), costs.min()
+            best, least = (tried[k], names[k]), costs.min()
     return best
 
 
