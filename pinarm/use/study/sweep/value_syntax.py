@@ -141,6 +141,8 @@ def _plain(items: Sequence[str]) -> list[int | float] | None:
         return None
     if not all(map(math.isfinite, numbers)):
         return None
+    if not any(map(float.is_integer, numbers)):
+        return numbers
     return [
         int(text) if number.is_integer() and is_whole(text.strip()) else number
         for text, number in zip(items, numbers, strict=True)
@@ -166,17 +168,15 @@ def read_cases(path: Path, unit_of: UnitOf) -> Axis:
     Raises:
         InputError: The file cannot be read or is no such table; the message says where.
     """
-    table = rows(path, str(path))
-    _, heads = next(table, (1, []))
-    texts: list[list[str]] = [[] for _ in heads]
-    for line, row in table:
-        if len(row) != len(heads) or not all(map(str.strip, row)):
-            place = Location(str(path), line, 1, ",".join(row))
-            raise InputError("a value is missing, or one too many", expected=f"{len(heads)} values").at(place)
-        for column, cell in zip(texts, row, strict=True):
-            column.append(cell)
-    if not any(texts):
+    (_, heads), *table = [*rows(path, str(path))] or [(1, [])]
+    if not table:
         raise InputError("there are no cases", expected="a heading and at least one line").at(Location(str(path)))
+    texts = [*zip(*(row for _, row in table), strict=False)]
+    alike = {len(row) for _, row in table} == {len(heads)}
+    if not alike or not all(all(map(str.strip, cells)) for cells in texts):
+        line, row = next(each for each in table if len(each[1]) != len(heads) or not all(map(str.strip, each[1])))
+        place = Location(str(path), line, 1, ",".join(row))
+        raise InputError("a value is missing, or one too many", expected=f"{len(heads)} values").at(place)
     columns = []
     for head, cells in zip(heads, texts, strict=True):
         heading = split_heading(head)
