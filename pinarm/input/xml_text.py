@@ -80,7 +80,7 @@ class Survey(Struct):
         Raises:
             ModelError: It is malformed, has a DOCTYPE, or exceeds a bound.
         """
-        survey, parser = cls(source, _has_expressions="${" in text or "$(" in text), expat.ParserCreate()
+        survey, parser = cls(source, _has_expressions="$" in text or "&#" in text), expat.ParserCreate()
         parser.StartElementHandler = lambda name, attributes: survey._start(name, attributes, parser)
         parser.EndElementHandler = survey._end
         parser.CommentHandler = survey._count_comment

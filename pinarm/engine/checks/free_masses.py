@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.engine.constraints.nullspaces.dense_nullspace import solved_positive
 from pinarm.engine.dynamics.mass_matrix import mass_diagonals, mass_solved, mass_times
 from pinarm.engine.dynamics.masses import MASSLESS, NOTHING
 from pinarm.records import Record
@@ -241,7 +242,7 @@ def _solved(mass: Array, loads: Array) -> Array:
     if f == 1:
         return loads / mass
     if f > FEW:
-        return np.asarray(np.linalg.solve(mass, loads))
+        return solved_positive(mass[..., None, :, :], loads.swapaxes(-1, -2)).swapaxes(-1, -2)
     rows, x = np.moveaxis(mass, (-2, -1), (0, 1)).copy(), np.moveaxis(loads, (-2, -1), (0, 1)).copy()
     for k in range(f):
         for i in range(k + 1, f):

@@ -28,10 +28,11 @@ def virtual_powers(run: Trajectory) -> tuple[Array, Array, Array]:
 def _asked(run: Trajectory, wrenches: Array, sizes: Array) -> tuple[Array, Array, Array]:
     """Return the virtual power that the motion of the links asks for beside that of wrenches which act on them.
 
-    With what wrenches of their sizes could do at most: a force at most a distance r from the origin of its link, and a
-    moment, ``|f| (|d| + (r + l) |w|) + |m| |w|`` for a joint whose unit velocity turns the links beyond with w and
-    moves its own origin with d, l being the way along the links from one origin to the other. So terms that vanish in a
-    position, such as the moment of a weight about the joint above it, have a size to compare with.
+    With what wrenches of their sizes could do at most: ``|f| (|d| + l |w|) + |m| |w|`` for a joint whose unit velocity
+    turns the links beyond with w and moves its own origin with d, l being the way along the links from there to the
+    origin of the link. Forces that the motion demands have the distance of the centre of mass as an arm besides. So
+    terms that vanish in a position, such as the moment of a weight about the joint above it, have a size to compare
+    with.
 
     Args:
         run: The motion.
@@ -63,11 +64,12 @@ def in_arrays(
     """
     links, twists, _, columns = motion
     tree, ways, own = LinkTree.of(links.model), columns.swapaxes(-2, -1), lengths(demands).sum(axis=0)
-    demanded = links.outwards(demands.sum(axis=0)) - wrenches
-    forces, sizes = (each[..., tree.moved, :] for each in _carried(links, tree, demanded, sizes + own))
+    demanded, bounds = links.outwards(demands.sum(axis=0)) - wrenches, sizes + own
+    bounds[..., 1] += np.linalg.norm(tree.levers, axis=-1) * own[..., 0]
+    forces, most = (each[..., tree.moved, :] for each in _carried(links, tree, demanded, bounds))
     turning = ways[..., 3:]
     speeds = joined(ways[..., :3] + crossed(turning, links.places[..., tree.moved, :]), turning)
-    return np.vecdot(forces, speeds), np.vecdot(sizes, lengths(speeds)), np.vecdot(own, lengths(twists)).sum(axis=-1)
+    return np.vecdot(forces, speeds), np.vecdot(most, lengths(speeds)), np.vecdot(own, lengths(twists)).sum(axis=-1)
 
 
 def _carried(links: LinkPlacements, tree: LinkTree, wrenches: Array, sizes: Array) -> tuple[Array, Array]:
@@ -83,7 +85,6 @@ def _carried(links: LinkPlacements, tree: LinkTree, wrenches: Array, sizes: Arra
         The sums, of the same shapes; moments of a given size may add up to that much at most.
     """
     forces, bounds = wrenches.copy(order="K"), sizes.copy(order="K")
-    bounds[..., 1] += tree.reaches * bounds[..., 0]
     arms = links.places - links.places[..., tree.parents, :]
     ways = np.sqrt(np.vecdot(arms, arms))
     for link in range(len(tree.parents) - 1, 0, -1):

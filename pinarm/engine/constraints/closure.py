@@ -31,6 +31,7 @@ from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import states_first
+from pinarm.mechanics.geometry.model_variants import ModelVariants
 from pinarm.mechanics.geometry.vectors import lengths, moved
 from pinarm.mechanics.loops.loop_joints import AlikeLoopJoints, LoopJoint
 from pinarm.records import Record, replace
@@ -384,7 +385,8 @@ class Closure(Record, frozen=True):
 
         Returns:
             [f; m] at the origins of the links, world axes [N, N*m], shape (n, njoints, 6); the sums of the sizes of
-            these forces and moments, shape (n, njoints, 2); and loads [N*m or N], shape (n, nv).
+            these forces and moments, with what the forces could do about the origins of the links if they stood
+            crosswise, shape (n, njoints, 2); and loads [N*m or N], shape (n, nv).
         """
         states = np.broadcast_shapes(q.shape[:-1], lam.shape[:-1])
         total, sizes, loads = self._none_of(6, states), self._none_of(2, states), np.zeros((*states, self.model.nv))
@@ -393,9 +395,24 @@ class Closure(Record, frozen=True):
             own = moved(wrenches, -links.places[..., joints, :])
             _add(total, joints, own)
             _add(sizes, joints, lengths(own))
+        sizes[..., 1] += self._arms * sizes[..., 0]
         for constraint, rows in idle:
             loads += np.vecmat(lam[..., rows], replace(self, constraints=(constraint,)).at(q)[1])
         return total, sizes, loads
+
+    @cached_property
+    def _arms(self) -> Array:
+        """Distance from the origin of each link to the farthest point at which a loop joint holds it [m].
+
+        Shape (njoints,), of variants (k, njoints) or (1, njoints).
+        """
+        found = [np.zeros(1 if isinstance(self.model, ModelVariants) else ())] * self.model.njoints
+        for one in self.constraints:
+            if isinstance(one, LoopJoint):
+                for frame in (self.model.frames[index] for index in (one.first, one.second)):
+                    arm = np.linalg.norm(frame.placement.translation, axis=-1)
+                    found[frame.parentJoint] = np.maximum(found[frame.parentJoint], arm)
+        return np.stack(np.broadcast_arrays(*found), axis=-1)
 
     def _none_of(self, width: int, states: tuple[int, ...]) -> Array:
         return states_first(np.zeros((width, self.model.njoints, *states)))

@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices, others
+from pinarm.engine.constraints.nullspaces.dense_nullspace import solved_positive
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.errors import InputError
 from pinarm.records import Record
@@ -97,7 +98,7 @@ class CoordinatePartition(Record, frozen=True):
             mass = upper + np.triu(upper, 1).T
             demand = dynamics.loads(t, q, v) - pin.nonLinearEffects(model, data, q, v)
             right = basis.T @ (demand - mass @ (self.particular @ ddw))
-            return np.asarray(np.linalg.solve(basis.T @ mass @ basis, right))
+            return solved_positive(basis.T @ mass @ basis, right)
 
         return reduced
 
@@ -116,7 +117,7 @@ class CoordinatePartition(Record, frozen=True):
 def solved(matrices: Array, right: Array) -> Array:
     """Return the solutions x of ``A x = b``, shape (n, f); not numbers where a matrix is singular."""
     try:
-        return np.asarray(np.linalg.solve(matrices, right[:, :, None])[:, :, 0])
+        return solved_positive(matrices, right)
     except np.linalg.LinAlgError:
         if len(right) == 1:
             return np.full_like(right, np.nan)

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 NO_FORCES: Mapping[str, ForceElement] = MappingProxyType({})
 
+ROW_ROUNDING = 1e-13
+"""As ``BATCH_ROUNDING``, of accelerations that are told: those of steps have the errors of these besides."""
+
 KEPT = 16
 """Number of intervals of time whose loads are kept, since each is asked for several times in a run."""
 
@@ -176,17 +179,16 @@ class Dynamics(Record, frozen=True):
             efforts = as_rows(tau, self.model.nv, "tau")
             same_rows(q, efforts)
             total += efforts
-        return self._accelerated(q, v, total, {0, len(q) // 2, len(q) - 1, farthest(q)}) if len(q) else total
+        checked = {0, len(q) // 2, len(q) - 1, farthest(q)}
+        return self._accelerated(q, v, total, checked, ROW_ROUNDING) if len(q) else total
 
-    def _accelerated(self, q: Array, v: Array, tau: Array, checked: Iterable[int]) -> Array:
+    def _accelerated(self, q: Array, v: Array, tau: Array, checked: Iterable[int], rounding: float) -> Array:
         """Return ``aba(q, v, tau)``, row by row where the recursion for many states at once errs in a checked row."""
-        from pinarm.engine.integration.integrator import BATCH_ROUNDING
-
         a = self._parallel.aba(q, v, tau)
         rows = list(checked)
         exact = np.array([pin.aba(self.model, self.data, q[row], v[row], tau[row]) for row in rows])
         apart = a[rows] - exact
-        if (np.vecdot(apart, apart) <= BATCH_ROUNDING**2 * np.vecdot(exact, exact)).all():  # not of NaN
+        if (np.vecdot(apart, apart) <= rounding**2 * np.vecdot(exact, exact)).all():  # not of NaN
             return a
         return np.array([pin.aba(self.model, self.data, *each) for each in zip(q, v, tau, strict=True)])
 
@@ -201,6 +203,8 @@ class Dynamics(Record, frozen=True):
 
     def accelerations(self) -> Accelerations:
         """Return the same of many states at once; the one farthest out stands for how well they are computed."""
+        from pinarm.engine.integration.integrator import BATCH_ROUNDING
+
         steady, changing = self.steady, self.changing
 
         def free(t: Array, q: Array, v: Array) -> Array:
@@ -208,7 +212,7 @@ class Dynamics(Record, frozen=True):
             tau[:] = steady
             for force in changing:
                 force.add_load(t, q, v, tau)
-            return self._accelerated(q, v, tau, (farthest(q),))
+            return self._accelerated(q, v, tau, (farthest(q),), BATCH_ROUNDING)
 
         return free
 

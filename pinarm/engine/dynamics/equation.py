@@ -33,7 +33,8 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions, SplitRows, solved
+from pinarm.engine.constraints.nullspaces.dense_nullspace import solved_positive
+from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions, SplitRows
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import Masses
 
@@ -51,7 +52,7 @@ def solve(rows: SplitRows, mass: Masses, force: Array, right: Array) -> Array:
     if rows.free.shape[-1]:
         transposed = rows.free.swapaxes(-1, -2)
         wanted = np.matvec(transposed, force - (mass @ a[..., None])[..., 0])
-        a = a + np.matvec(rows.free, solved(transposed @ (mass @ rows.free), wanted))
+        a = a + np.matvec(rows.free, solved_positive(transposed @ (mass @ rows.free), wanted))
     return a
 
 

@@ -1,7 +1,7 @@
 """What the motion of rigid bodies demands, as virtual powers, by the compiled library.
 
-The same numbers as those of ``checks.balance`` in arrays: of few links in few states numpy's calls take longer than
-their work.
+The same numbers as those of ``checks.virtual_powers`` in arrays: of few links in few states numpy's calls take longer
+than their work.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from pinarm.arrays import Array
 from pinarm.engine.kernel.library import contiguous, library, pointer
 from pinarm.engine.kernel.links import SYMMETRIC
 from pinarm.engine.kernel.structures import BODY, BodiesStructure
-from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.records import Record
 
@@ -77,5 +76,5 @@ def _bodies(model: pin.Model) -> Bodies:
     bodies["mass"], bodies["moment"], bodies["inertia"] = numbers[:, 0], numbers[:, 1:4], numbers[:, UPPER]
     places = [np.array(each.tolist(), np.intp) for each in (model.parents, model.idx_vs, model.nvs)]
     sizes, gravity = (len(numbers), model.nv), (ctypes.c_double * 3)(*model.gravity.linear)
-    arrays = *places, bodies, np.ascontiguousarray(LinkTree.of(model).reaches)
+    arrays = *places, bodies
     return Bodies(BodiesStructure(*sizes, *map(pointer, arrays), gravity), arrays)

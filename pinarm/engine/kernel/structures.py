@@ -123,7 +123,7 @@ class BodiesStructure(ctypes.Structure):
     """The bodies of a tree."""
 
     _fields_ = [
-        ("links", SIZE), ("nv", SIZE), *((name, POINTER) for name in ("parent", "first", "count", "body", "reach")),
+        ("links", SIZE), ("nv", SIZE), *((name, POINTER) for name in ("parent", "first", "count", "body")),
         ("gravity", REAL * 3),
     ]  # fmt: skip
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.kinematics.abscissa import instant
-from pinarm.engine.kinematics.continuation_batch import NOTHING, BatchContinuation
+from pinarm.engine.kinematics.continuation_batch import KNOWN, NOTHING, BatchContinuation
 from pinarm.engine.kinematics.newton import NewtonSolver
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import AssemblyError, InputError
@@ -41,7 +41,12 @@ def follow_branch(
         row, target, within = max(part.start, 1), _across(prescribed, grid, before, interval), prescribed.on(begin, end)
         while row < part.stop:
             last, ahead = (q[row - 1], v[row - 1], a[row - 1]), slice(row - 1, part.stop)
-            found = sweep.ahead(t[ahead], w[:, ahead], *last) if sweep and row > part.start else NOTHING
+            known = slice(max(part.start, row - KNOWN), row)
+            found = (
+                sweep.ahead(t[ahead], w[:, ahead], *last[:2], t[known], a[known])
+                if sweep and row > part.start
+                else NOTHING
+            )
             if not len(found[0]):
                 found = tuple(x[None] for x in solver.advance(*last, t[row - 1], t[row], target))
             rows = slice(row, row + len(found[0]))

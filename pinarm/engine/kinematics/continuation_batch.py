@@ -1,8 +1,9 @@
 """Newton's method at many instants at once, on mechanisms whose joints turn or slide.
 
-From a solved row of the table, the rows ahead are predicted by its velocity and acceleration and corrected together, as
-far ahead as this surely stays on the branch: the prediction is near, every correction is much smaller than the one
-before, the velocity is that of a smooth motion, and the determinant of J keeps its sign and a good part of its size.
+From a solved row of the table, the rows ahead are predicted by its velocity and the last accelerations, and corrected
+together, as far ahead as this surely stays on the branch: the prediction is near, every correction is much smaller than
+the one before, the velocity is that of a smooth motion, and the determinant of J keeps its sign and a good part of its
+size.
 The next sweep begins where one ends. What is singular, or out of reach, no sweep accepts: such rows are left to the
 continuation row by row.
 
@@ -32,6 +33,9 @@ NEAR, WANTED = 0.1, 1e-2
 
 NOTHING: tuple[Array, ...] = (np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0)))
 """No rows of q, v and a."""
+
+KNOWN = 3
+"""Accelerations that a prediction is made of: of the rows before, as many as there are since the laws last jumped."""
 
 ITERATIONS = 5
 
@@ -73,7 +77,7 @@ class BatchContinuation:
         rows = closure.with_guides(prescribed.names, prescribed.coordinates)
         return cls(rows.batch_jacobians, rows, closure.size) if rows.batch_jacobians else None
 
-    def ahead(self, t: Array, w: Array, q: Array, v: Array, a: Array) -> tuple[Array, ...]:
+    def ahead(self, t: Array, w: Array, q: Array, v: Array, before: Array, a: Array) -> tuple[Array, ...]:
         """Return q, v and a, shape (m, nv), at as many of the instants after the first as surely are on its branch.
 
         Args:
@@ -81,12 +85,12 @@ class BatchContinuation:
             w: Prescribed coordinates and their two derivatives, shape (3, n, k).
             q: Configuration at the first instant, shape (nv,).
             v: Velocity there, shape (nv,).
-            a: Acceleration there, shape (nv,).
+            before: The last instants up to the first one, at most ``KNOWN``, shape (p,).
+            a: Accelerations there, shape (p, nv).
         """
         h, wanted = t[: self._length] - t[0], np.ascontiguousarray(w[:, : self._length].transpose(0, 2, 1))
-        slope = v[:, None] + h * a[:, None]
-        predicted = q[:, None] + 0.5 * h * (v[:, None] + slope)
         with np.errstate(all="ignore"):  # beyond the branch anything may come out: it is not accepted
+            predicted, slope = _predicted(h, q, v, before, a)
             order = self._order_at(q)
             if order is None:
                 return NOTHING
@@ -95,7 +99,7 @@ class BatchContinuation:
             dq, ddq, served = self._rates(order, measured, wanted[1], wanted[2], len(h))
             good &= self._closed(order, measured, wanted[0]) & on_branch(h * (dq - slope), correction)
             n = self._leading(served, good)
-            self._length = _next_length(n, correction)
+            self._length = _next_length(n, correction, 2 + len(a))
         return found[:, 1:n].T, dq[:, 1:n].T, ddq[:, 1:n].T
 
     def rates(self, q: Array, dw: Array, ddw: Array) -> tuple[Array, ...]:
@@ -190,8 +194,32 @@ class BatchContinuation:
         return len(good) if good.all() else int(good.argmin())
 
 
-def _next_length(n: int, correction: Array) -> int:
-    """Return how many rows to try next, n having been good; the error of a prediction grows as the cube of time."""
+def _predicted(h: Array, q: Array, v: Array, t: Array, a: Array) -> tuple[Array, Array]:
+    """Return configurations and velocities ahead, shape (nv, n), by the polynomial through the last accelerations.
+
+    Args:
+        h: Times from the last instant [s], shape (n,).
+        q: Configuration there, shape (nv,).
+        v: Velocity there, shape (nv,).
+        t: The last instants, ascending, at most three, shape (p,).
+        a: Accelerations there, shape (p, nv).
+    """
+    derivatives = [a[-1]]
+    if len(a) > 1:
+        slopes, steps = np.diff(a, axis=0) / np.diff(t)[:, None], np.diff(t)
+        derivatives.append(slopes[-1])
+        if len(a) > 2:
+            bend = (slopes[1] - slopes[0]) / (t[2] - t[0])
+            derivatives = [a[-1], slopes[1] + steps[1] * bend, 2.0 * bend]
+    position, velocity = np.zeros((2, len(q), len(h)))
+    for order, derivative in reversed([*enumerate(derivatives, 2)]):  # Horner's scheme, from the highest power down
+        position = h / order * (derivative[:, None] + position)
+        velocity = h / (order - 1) * (derivative[:, None] + velocity)
+    return q[:, None] + h * (v[:, None] + position), v[:, None] + velocity
+
+
+def _next_length(n: int, correction: Array, order: int) -> int:
+    """Return how many rows to try next, n having been good; errors of predictions grow with a power of time."""
     last = float(correction[n - 1]) if n else np.inf
-    growth = min(max(np.cbrt(WANTED / max(last, 1e-300)), 0.5), 2.0)
+    growth = min(max((WANTED / max(last, 1e-300)) ** (1.0 / order), 0.5), 2.0)
     return min(max(int(n * growth), SHORTEST), BLOCK)

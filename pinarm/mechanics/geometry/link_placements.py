@@ -75,18 +75,6 @@ class LinkPlacements(Record, frozen=True):
         forces = wrenches[..., :3]
         return joined(forces, wrenches[..., 3:] - crossed(self.places, forces))
 
-    def at_world(self, wrenches: Array) -> Array:
-        """Return wrenches [f; m] at the world origin from those in link frames: ``R f``, ``R m + p x R f``.
-
-        Several for each link, shape (k, n, njoints, 6).
-        """
-        turns, places = components_first(self.turns, 3), components_first(self.places)
-        given = wrenches.transpose(0, -1, -2, *range(1, wrenches.ndim - 2))
-        parts = np.einsum("ab...,kcb...->kca...", turns, given.reshape(len(given), 2, 3, *given.shape[2:]))
-        parts[:, 1] += cross(places[:, None], parts[:, 0].swapaxes(0, 1)).swapaxes(0, 1)
-        found: Array = parts.reshape(len(given), 6, *parts.shape[3:])
-        return found.transpose(0, *range(3, found.ndim), 2, 1)
-
     def demands(self, twists: Array, rates: Array) -> Array:
         """Return what the motion of every link demands, by Newton's and Euler's equations, in the link's own frame.
 

@@ -20,7 +20,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.mechanics.geometry.model_cache import cached_by_model
-from pinarm.mechanics.geometry.model_variants import Model, bodies_of, placements_of, reaches_of
+from pinarm.mechanics.geometry.model_variants import Model, bodies_of, placements_of
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.records import Record
 
@@ -78,8 +78,6 @@ class LinkTree(Record, frozen=True):
         masses: Of the links [kg], shape (njoints,), of variants (k, njoints).
         levers: Their centres of mass in link axes [m], shape (njoints, 3), of variants (k, njoints, 3).
         inertias: Their spatial inertias in link axes, 0 of the world, shape (njoints, 6, 6), of variants (k, ...).
-        reaches: Distance from their origins within which all points of a link are that anything is said of [m], shape
-            (njoints,), of variants (k, njoints).
     """
 
     parents: Indices
@@ -92,7 +90,6 @@ class LinkTree(Record, frozen=True):
     masses: Array
     levers: Array
     inertias: Array
-    reaches: Array
 
     @classmethod
     def of(cls, model: Model) -> LinkTree:
@@ -238,7 +235,7 @@ def _tree(model: Model) -> LinkTree:
     return LinkTree(
         parents, tuple(jumps), np.repeat(np.arange(1, len(joints)), counts), np.cumsum(counts) - counts,
         _single(model, single, subspace), tuple(k for k in range(1, len(joints)) if k not in set(single)),
-        subspace, masses, levers, inertias, np.asfortranarray(reaches_of(model)),
+        subspace, masses, levers, inertias,
     )  # fmt: skip
 
 

@@ -189,19 +189,6 @@ def bodies_of(model: Model) -> tuple[Array, Array, Array]:
     return masses, levers, inertias
 
 
-def reaches_of(model: Model) -> Array:
-    """Return the distance from the origin of every link to its farthest frame or its centre of mass [m].
-
-    Shape (.., njoints), with k variants in place of the dots; frames whose places are not known are left out.
-    """
-    found = np.asarray(np.linalg.norm(bodies_of(model)[1], axis=-1))
-    for frame in model.frames:
-        if (place := frame.placed if isinstance(frame, VariantFrame) else frame.placement) is not None:
-            far = np.linalg.norm(place.translation, axis=-1)
-            found[..., frame.parentJoint] = np.maximum(found[..., frame.parentJoint], far)
-    return found
-
-
 def spatial_inertias(parameters: Array) -> Array:
     """Return ``[[m 1, -m [c]x], [m [c]x, I]]`` of dynamic parameters, shape (.., 10), as (.., 6, 6)."""
     m, (x, y, z) = parameters[..., 0], np.moveaxis(parameters[..., 1:4], -1, 0)

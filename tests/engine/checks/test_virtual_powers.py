@@ -54,15 +54,3 @@ def test_powers_are_the_sum_over_all_links_of_their_wrenches_along_their_jacobia
         assert (terms[row] >= part * (1.0 - SHARP)).all()
         speeds = lengths(twists[row])
         assert most[row] == pytest.approx((lengths(demands[:, row]).sum(axis=0) * speeds).sum(), rel=SHARP)
-
-
-def test_what_pulls_along_a_rod_without_mass_has_a_size_about_the_axis_of_the_rod():
-    """Its moment there is 0 but for rounding: compared with itself that would be an error of 100 percent."""
-    model = pin.Model()
-    spin = model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "spin")
-    model.addFrame(pin.Frame("end", spin, pin.SE3(np.eye(3), np.array([0.7, 0.0, 0.0])), pin.FrameType.OP_FRAME))
-    still = np.zeros((1, 1))
-    motion = motion_of(model, still, still, still)
-    wrenches = np.array([[[0.0] * 6, [50.0, 0.0, 0.0, 0.0, 0.0, 0.0]]])
-    asked, terms, _ = in_arrays(motion, np.zeros((3, 1, 2, 6)), wrenches, lengths(wrenches))
-    assert asked.item() == 0.0 and terms.item() == pytest.approx(50.0 * 0.7)

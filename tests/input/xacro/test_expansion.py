@@ -126,6 +126,28 @@ def test_plain_urdf_stays_as_it_is(tmp_path: Path) -> None:
     assert expand(path, {}, root=tmp_path) == Expansion(path.read_text(), {})
 
 
+DECLARED = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
+
+
+def test_urdf_that_xacro_has_written_stays_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "a.urdf"
+    path.write_text(DECLARED.format('\n  <!-- xacro:leg -->\n  <link name="a"/>\n'))
+    assert expand(path, {}, root=tmp_path) == Expansion(path.read_text(), {})
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        '<m v="${1 + 1}"/>', '<m v="&#36;{1 + 1}"/>', '<m v="&#x24;&#123;1 + 1}"/>', "<m>$<!-- -->{1 + 1}</m>",
+        '<xacro:arg name="a" default="2"/><m v="$(arg a)"/>', '<m v="2" xacro:v="2"/>',
+    ],
+)  # fmt: skip
+def test_urdf_with_anything_of_xacro_is_what_xacro_makes_of_it(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "a.urdf"
+    path.write_text(DECLARED.format(content))
+    assert expand(path, {}, root=tmp_path).xml == plainly(path)
+
+
 @pytest.mark.parametrize(
     ("expression", "wanted"),
     [

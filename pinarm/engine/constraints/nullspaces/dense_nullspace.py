@@ -199,6 +199,17 @@ def solved(matrix: Array, right: Array) -> Array:
     return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
 
 
+def solved_positive(matrix: Array, right: Array) -> Array:
+    """Return x with ``matrix x = right``, shapes (.., k, k), (.., k) and (.., k), of symmetric positive matrices.
+
+    They are scaled to a diagonal of ones: LAPACK takes the largest entries as pivots, in which what is left of masses
+    far smaller than others would be lost.
+    """
+    diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    return scale * solved(scale[..., None] * matrix * scale[..., None, :], scale * right)
+
+
 def acting_values(rows: Array, units: Array) -> Array:
     """Return the singular values of matrices, descending; rows that are 0 cost nothing.
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.batch_jacobians import BLOCK, BatchJacobians
+from pinarm.engine.constraints.nullspaces.dense_nullspace import solved_positive
 from pinarm.engine.constraints.nullspaces.elimination import Elimination, Order, Row, dense
 from pinarm.engine.constraints.nullspaces.nullspace import VANISHED, split_rows
 from pinarm.records import Record
@@ -131,7 +132,7 @@ class BatchNullspace(Record, frozen=True):
         reduced = np.einsum("fni,gni->nfg", self.motions, moved)
         reduced[~self.served] = np.eye(len(moved))
         wanted = np.einsum("fni,ni->nf", self.motions, force - np.einsum("nij,nj->ni", mass, x))
-        speeds = np.linalg.solve(reduced, wanted[:, :, None])[:, :, 0]
+        speeds = solved_positive(reduced, wanted)
         return np.asarray(x + np.einsum("nf,fni->ni", speeds, self.motions))
 
 

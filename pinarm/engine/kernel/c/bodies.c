@@ -11,7 +11,7 @@ static motion column(const double *columns, ptrdiff_t nv, ptrdiff_t v) {
 }
 
 /* Add what the motion of link i demands by Newton's and Euler's equations, I V', V x* I V and the wrench against its
- * weight, and the sizes of these; every force may have its arm. Return sum |f| |v| + |m| |w| of the three. */
+ * weight, and the sizes of these, forces with the centre of mass as an arm. Return sum |f| |v| + |m| |w| of the three. */
 static double add_demand(const bodies *b, ptrdiff_t i, const matrix *turn, const motion *twist, const motion *rate,
                          force *wrench, wrench_size *size) {
     const body *m = &b->body[i];
@@ -23,7 +23,7 @@ static double add_demand(const bodies *b, ptrdiff_t i, const matrix *turn, const
         accumulate_force(wrench, part);
         forces += length(part.linear), moments += length(part.angular);
     }
-    size->force += forces, size->moment += moments + b->reach[i] * size->force;
+    size->force += forces, size->moment += moments + (m->mass > 0.0 ? length(m->moment) / m->mass : 0.0) * forces;
     return forces * length(twist->linear) + moments * length(twist->angular);
 }
 

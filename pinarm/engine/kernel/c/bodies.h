@@ -12,7 +12,6 @@ typedef struct {
     const ptrdiff_t *parent;        /* of each link, smaller than its own index */
     const ptrdiff_t *first, *count; /* first velocity of its joint, and number of these */
     const body *body;
-    const double *reach; /* of each link, from its origin to the farthest point at which a force may act */
     vector gravity;
 } bodies;
 
