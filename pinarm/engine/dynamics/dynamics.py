@@ -179,8 +179,9 @@ class Dynamics(Record, frozen=True):
             efforts = as_rows(tau, self.model.nv, "tau")
             same_rows(q, efforts)
             total += efforts
-        checked = {0, len(q) // 2, len(q) - 1, farthest(q)}
-        return self._accelerated(q, v, total, checked, ROW_ROUNDING) if len(q) else total
+        if not len(q):
+            return total
+        return self._accelerated(q, v, total, {0, len(q) // 2, len(q) - 1, farthest(q)}, ROW_ROUNDING)
 
     def _accelerated(self, q: Array, v: Array, tau: Array, checked: Iterable[int], rounding: float) -> Array:
         """Return ``aba(q, v, tau)``, row by row where the recursion for many states at once errs in a checked row."""
