@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space, orth
 
+from pinarm.engine.constraints.nullspaces.dense_nullspace import solved_positive
 from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions, split_rows
 from pinarm.engine.dynamics.equation import solve, solve_each
 
@@ -88,3 +89,19 @@ def test_rows_that_are_0_but_for_the_rounding_of_a_file_determine_nothing(tilt: 
         assert np.abs(split.free[:, 0]) == pytest.approx([0.0, 0.0, 1.0])
         assert np.abs(split.multipliers(extent * np.array([1.0, 2.0, 0.0]))) == pytest.approx([1.0, 2.0, 0.0], abs=1e-5)
     assert split_rows(np.full((5, 1), tilt)).rank == 0
+
+
+@pytest.mark.parametrize("light", [1e-6, 1e-20, 1e-40])
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_masses_far_apart_keep_their_digits(light: float, order: tuple[int, int]) -> None:
+    """A light body on a heavy one: with the light one first, the largest entry of its column is not on the diagonal."""
+    m, b = np.array([[2.0, 0.6 * np.sqrt(light)], [0.6 * np.sqrt(light), light]]), np.array([3.0, 5.0 * np.sqrt(light)])
+    exact = np.array([3.0 - 0.6 * 5.0, (2.0 * 5.0 - 0.6 * 3.0) / np.sqrt(light)]) / (2.0 - 0.36)  # Cramer's rule
+    places = list(order)
+    found = solved_positive(m[np.ix_(places, places)], b[places])
+    assert found == pytest.approx(exact[places], rel=1e-14, abs=1e-15)
+
+
+def test_a_motion_without_mass_is_refused() -> None:
+    with pytest.raises(np.linalg.LinAlgError):
+        solved_positive(np.diag([1.0, 0.0]), np.ones(2))
