@@ -115,7 +115,6 @@ ELSEWHERE = {
     "loops/test_many_rows.py": (
         "many rows against each alone", "engine/constraints/batch_jacobians engine/constraints/row_measures "
         "engine/constraints/multipliers engine/constraints/nullspaces/nullspace_batch "
-        ""
         "engine/motion/systems/batch_rows",
     ),
     "loops/test_redundancy.py": (

@@ -57,11 +57,12 @@ def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, Array
         most: Largest number of rows that are checked.
 
     Returns:
-        ``equilibrium``: largest residual of a joint relative to its own terms, the largest over the rows; see
-        ``virtual_powers``. ``power``: largest residual of power along the motion, relative to the largest sum of its
-        terms. Powers count with what every link's wrenches could do at its speed, ``|f| |v| + |n| |omega|``: in a
-        steady precession, which exchanges no power, they are at right angles, and their joints' powers are rounding.
-        Nothing where no efforts were asked for. Shape (), or (k,) of variants.
+        ``equilibrium``: largest residual of a joint relative to its own terms, the largest over the rows, and at least
+        to a part ``SHARED`` of those of the joints that it is tied to; see ``virtual_powers``. ``power``: largest
+        residual of power along the motion, relative to the largest sum of its terms. Powers count with what every
+        link's wrenches could do at its speed, ``|f| |v| + |n| |omega|``: in a steady precession, which exchanges no
+        power, they are at right angles, and their joints' powers are rounding. Nothing where no efforts were asked for.
+        Shape (), or (k,) of variants.
     """
     if trajectory.no_efforts:
         return {}

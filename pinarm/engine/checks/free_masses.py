@@ -242,7 +242,7 @@ def _solved(mass: Array, loads: Array) -> Array:
     if f == 1:
         return loads / mass
     if f > FEW:
-        return solved_positive(mass[..., None, :, :], loads.swapaxes(-1, -2)).swapaxes(-1, -2)
+        return solved_positive(mass, loads)
     rows, x = np.moveaxis(mass, (-2, -1), (0, 1)).copy(), np.moveaxis(loads, (-2, -1), (0, 1)).copy()
     for k in range(f):
         for i in range(k + 1, f):

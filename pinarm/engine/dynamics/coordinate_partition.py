@@ -98,7 +98,7 @@ class CoordinatePartition(Record, frozen=True):
             mass = upper + np.triu(upper, 1).T
             demand = dynamics.loads(t, q, v) - pin.nonLinearEffects(model, data, q, v)
             right = basis.T @ (demand - mass @ (self.particular @ ddw))
-            return solved_positive(basis.T @ mass @ basis, right)
+            return solved_positive(basis.T @ mass @ basis, right[:, None])[:, 0]
 
         return reduced
 
@@ -117,7 +117,7 @@ class CoordinatePartition(Record, frozen=True):
 def solved(matrices: Array, right: Array) -> Array:
     """Return the solutions x of ``A x = b``, shape (n, f); not numbers where a matrix is singular."""
     try:
-        return solved_positive(matrices, right)
+        return solved_positive(matrices, right[:, :, None])[:, :, 0]
     except np.linalg.LinAlgError:
         if len(right) == 1:
             return np.full_like(right, np.nan)

@@ -52,7 +52,7 @@ def solve(rows: SplitRows, mass: Masses, force: Array, right: Array) -> Array:
     if rows.free.shape[-1]:
         transposed = rows.free.swapaxes(-1, -2)
         wanted = np.matvec(transposed, force - (mass @ a[..., None])[..., 0])
-        a = a + np.matvec(rows.free, solved_positive(transposed @ (mass @ rows.free), wanted))
+        a = a + (rows.free @ solved_positive(transposed @ (mass @ rows.free), wanted[..., None]))[..., 0]
     return a
 
 

@@ -250,7 +250,7 @@ class _Solved:
         slips = slip_rows(model, equation.contacts, q[None])[0]
         drift = slip_drifts(model, equation.contacts, q[None], v[None])[0]
         free = slips @ split.free
-        accelerations = split.free @ solved_positive(split.free.T @ mass @ split.free, free).T  # (nv, k)
+        accelerations = split.free @ solved_positive(split.free.T @ mass @ split.free, free.T)  # (nv, k)
         driven = np.linalg.norm(free, axis=1) <= DRIVEN * np.linalg.norm(slips, axis=1)
         lam = split.multipliers(mass @ a - force)
         multipliers = np.array([split.multipliers(each) for each in accelerations.T @ mass - slips])

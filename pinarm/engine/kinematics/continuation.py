@@ -41,12 +41,9 @@ def follow_branch(
         row, target, within = max(part.start, 1), _across(prescribed, grid, before, interval), prescribed.on(begin, end)
         while row < part.stop:
             last, ahead = (q[row - 1], v[row - 1], a[row - 1]), slice(row - 1, part.stop)
-            known = slice(max(part.start, row - KNOWN), row)
-            found = (
-                sweep.ahead(t[ahead], w[:, ahead], *last[:2], t[known], a[known])
-                if sweep and row > part.start
-                else NOTHING
-            )
+            found, known = NOTHING, slice(max(part.start, row - KNOWN), row)
+            if sweep and row > part.start:
+                found = sweep.ahead(t[ahead], w[:, ahead], *last[:2], t[known], a[known])
             if not len(found[0]):
                 found = tuple(x[None] for x in solver.advance(*last, t[row - 1], t[row], target))
             rows = slice(row, row + len(found[0]))

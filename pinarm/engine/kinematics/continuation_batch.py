@@ -3,9 +3,8 @@
 From a solved row of the table, the rows ahead are predicted by its velocity and the last accelerations, and corrected
 together, as far ahead as this surely stays on the branch: the prediction is near, every correction is much smaller than
 the one before, the velocity is that of a smooth motion, and the determinant of J keeps its sign and a good part of its
-size.
-The next sweep begins where one ends. What is singular, or out of reach, no sweep accepts: such rows are left to the
-continuation row by row.
+size. The next sweep begins where one ends. What is singular, or out of reach, no sweep accepts: such rows are left to
+the continuation row by row.
 
 The equations are those of ``engine.following``. Arrays have the rows of the table along their last axis.
 """

@@ -14,7 +14,7 @@ from pinarm.use.show.labels import text_width
 DISTANCES = np.array([5.0, 11.0, 19.0, 28.0, 38.0, 50.0])
 """From a point to the edge of its name [points]."""
 
-RINGS = slice(0, 2), slice(2, 6)
+RINGS = slice(0, 2), slice(2, None)
 """Of these, which are looked at together: the nearest ones are often free."""
 
 BESIDE = 12.0
@@ -27,7 +27,7 @@ CLEAR = 1.5
 """Room between two names, and between a name and a line that it could cover [points]."""
 
 TURNS = np.deg2rad([45.0, 135.0, -45.0, -135.0, 90.0, 0.0, -90.0, 180.0])
-AROUND = np.round(np.stack([np.cos(TURNS), np.sin(TURNS)], axis=1), 15)
+TOWARDS = np.round(np.stack([np.cos(TURNS), np.sin(TURNS)], axis=1), 15)
 """Directions from a point to its name, the preferred one first, shape (8, 2)."""
 
 LEADER = "#8b949e"
@@ -113,8 +113,8 @@ def _best(
 
     ``covered`` are these points, shape (2, n). ``None`` where it has no room, or covers too much, everywhere.
     """
-    offsets = AROUND * DISTANCES[:, None, None] + np.sign(AROUND) * size / 2.0
-    best, least, turns = None, np.inf, len(AROUND)
+    offsets = TOWARDS * DISTANCES[:, None, None] + np.sign(TOWARDS) * size / 2.0
+    best, least, turns = None, np.inf, len(TOWARDS)
     for rings in RINGS:
         if least <= AWAY * DISTANCES[rings.start]:  # no place that far away costs less
             break

@@ -66,7 +66,7 @@ def test_powers_and_sizes_are_those_in_arrays(moved, acting):
 
 
 def test_a_pendulum_has_those_of_its_textbook():
-    """A mass m at the end of a rod l, at an angle q: m l^2 q'', no gyroscopic power, m g l sin q, at most."""
+    """A mass m at the end of a rod l, at an angle q: m l^2 q'', no gyroscopic power, m g l sin q."""
     m, length, g, q, v, a = 2.0, 0.5, 9.81, 0.3, 4.0, -7.0
     model = pin.Model()
     joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "swing")

@@ -200,14 +200,14 @@ def solved(matrix: Array, right: Array) -> Array:
 
 
 def solved_positive(matrix: Array, right: Array) -> Array:
-    """Return x with ``matrix x = right``, shapes (.., k, k), (.., k) and (.., k), of symmetric positive matrices.
+    """Return x with ``matrix x = right``, shapes (.., k, k), (.., k, c) and (.., k, c), of symmetric positive matrices.
 
     They are scaled to a diagonal of ones: LAPACK takes the largest entries as pivots, in which what is left of masses
     far smaller than others would be lost.
     """
     diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
-    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    return scale * solved(scale[..., None] * matrix * scale[..., None, :], scale * right)
+    scale = (1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)))[..., None]
+    return np.asarray(scale * np.linalg.solve(scale * matrix * scale.swapaxes(-1, -2), scale * right))
 
 
 def acting_values(rows: Array, units: Array) -> Array:

@@ -132,7 +132,7 @@ class BatchNullspace(Record, frozen=True):
         reduced = np.einsum("fni,gni->nfg", self.motions, moved)
         reduced[~self.served] = np.eye(len(moved))
         wanted = np.einsum("fni,ni->nf", self.motions, force - np.einsum("nij,nj->ni", mass, x))
-        speeds = solved_positive(reduced, wanted)
+        speeds = solved_positive(reduced, wanted[:, :, None])[:, :, 0]
         return np.asarray(x + np.einsum("nf,fni->ni", speeds, self.motions))
 
 

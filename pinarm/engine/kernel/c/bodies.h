@@ -21,7 +21,7 @@ typedef struct { double force, moment; } wrench_size;
  * them, and what wrenches of their sizes could do at most; and of every state sum |f| |v| + |m| |w| of the motion.
  * Given are rotations and origins of the links in the world, their twists and the time derivatives of these in their own
  * frames, the twists that unit velocities give to what lies beyond, in the world's frame, six rows of nv; and what acts
- * on the links, negative, about their origins in world axes, with its sizes. The last two end as sums. */
+ * on the links, negative, about their origins in world axes, with its sizes; both end as sums with the links beyond. */
 void bodies_powers(const bodies *b, ptrdiff_t n, const matrix *turns, const vector *places, const motion *twists,
                    const motion *rates, const double *columns, force *wrenches, wrench_size *sizes, double *asked,
                    double *terms, double *most);
