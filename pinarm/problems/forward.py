@@ -19,7 +19,7 @@ from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.bifurcation import undetermined_rest
-from pinarm.engine.motion.integrated_motion import IntegratedMotion, event_columns
+from pinarm.engine.motion.integrated_motion import IntegratedMotion, driven_by, event_columns
 from pinarm.engine.motion.segmented.end_stops import Bound, frictionless_remarks, impact_remarks
 from pinarm.engine.motion.segmented.hybrid_motion import FirstSegment, HybridSystem
 from pinarm.engine.motion.segmented.segments import SegmentedMotion
@@ -46,7 +46,6 @@ from pinarm.records import replace
 if TYPE_CHECKING:
     from pinarm.engine.control.controls import Controls
     from pinarm.engine.motion.outcome import Outcome
-    from pinarm.engine.series import Series
     from pinarm.mechanics.control.kinds import Control
     from pinarm.mechanics.forces.kinds import Force
     from pinarm.mechanics.laws.motion_law import MotionLaw
@@ -101,27 +100,30 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         row = schema_row(mechanism, start, self.loads, "t", unit("s"), along(mechanism, self.motion))
         events = event_columns(self.events, [()], np.zeros(1, dtype=np.intp))
         rest = friction_columns(mechanism.frictions, np.zeros((1, len(mechanism.frictions))))
-        return replace(row, columns={**rest, **events, **self._control_columns(mechanism, row)})
+        return self._controlled(mechanism, replace(row, columns={**rest, **events}))
 
-    def _control_columns(self, mechanism: Mechanism, row: Trajectory) -> dict[str, Series]:
-        """Return the columns that controllers add to a row."""
+    def _controlled(self, mechanism: Mechanism, row: Trajectory) -> Trajectory:
+        """Return a row with what controllers drive and the columns that they add to it."""
         if not self.control and not mechanism.control:
-            return {}
+            return row
         from pinarm.engine.motion.segmented.controlled_motion import control_schema
 
         motion = laws_of(mechanism, self.motion, nowhere, (self.time.start, self.time.end))
         controls = self._controls(mechanism, row.dynamics, motion, nowhere)
-        return control_schema(controls, row.q, row.v) if controls else {}
+        if controls is None:
+            return row
+        row = driven_by(controls, row)
+        return replace(row, columns={**row.columns, **control_schema(controls, row.q, row.v)})
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""
         return Declaration(
             self._without, laws=self.motion, span=(self.time.start, self.time.end),
-            watched=[*(event.when for event in self.events.values()), *self._controlled()], loads=self.loads,
+            watched=[*(event.when for event in self.events.values()), *self._commanded()], loads=self.loads,
             integrated=True,
         )  # fmt: skip
 
-    def _controlled(self) -> list[str]:
+    def _commanded(self) -> list[str]:
         """Return the coordinates and drives that controllers name."""
         return [name for one in self.control for name in one.names]
 

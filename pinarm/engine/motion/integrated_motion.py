@@ -72,12 +72,9 @@ class IntegratedMotion(Record, frozen=True):
         from pinarm.engine.motion.segmented.controlled_motion import ControlledRows
 
         done = ControlledRows.of(self.motion, rows.grid, rows.q, rows.v)
-        driven = np.zeros(self.mechanism.model.nv, dtype=bool) if rows.driven is None else rows.driven.copy()
-        driven[list(controls.joints)] = True
-        names = [name for name, joint in self.mechanism.joints.items() if joint.v in controls.joints]
         return replace(
-            rows, tau=rows.tau + done.efforts, columns={**rows.columns, **done.columns}, dynamics=controls.free,
-            driven=driven, drives=(*rows.drives, *names),
+            driven_by(controls, rows), tau=rows.tau + done.efforts, columns={**rows.columns, **done.columns},
+            dynamics=controls.free,
         )  # fmt: skip
 
     def _directed(self, rows: Trajectory) -> Trajectory:
@@ -120,6 +117,14 @@ def states(mechanism: Mechanism, hybrid: HybridSystem, grid: Grid, motion: Compl
         columns=friction_columns(mechanism.frictions, motion.friction), opened=motion.opened,
         endless=motion.endless,
     )  # fmt: skip
+
+
+def driven_by(controls: Controls, rows: Trajectory) -> Trajectory:
+    """Return rows whose drives are also those that controllers command."""
+    driven = np.zeros(rows.v.shape[-1], dtype=bool) if rows.driven is None else rows.driven.copy()
+    driven[list(controls.joints)] = True
+    names = [name for name, joint in rows.mechanism.joints.items() if joint.v in controls.joints]
+    return replace(rows, driven=driven, drives=(*rows.drives, *names))
 
 
 def event_columns(names: Iterable[str], events: Sequence[Sequence[EventRecord]], motion: Indices) -> dict[str, Series]:

@@ -17,10 +17,11 @@ def with_gear_losses(mechanism: Mechanism, control: Sequence[ControlOfRun]) -> M
     """Return a mechanism with the friction of gears whose motors have controllers; itself where none has losses.
 
     Args:
-        mechanism: The mechanism.
+        mechanism: The mechanism, or one that has them already, as that of a result.
         control: The controllers of the run, those of the mechanism included.
     """
     commanded = {drive for one in control for drive in one.drives}
+    known = {one.name for one in mechanism.frictions}
     gears = {one.name: one for one in mechanism.constraints if isinstance(one, GearedRotor)}
     losing = {
         name: drive for name, drive in mechanism.drives.items()
@@ -31,4 +32,4 @@ def with_gear_losses(mechanism: Mechanism, control: Sequence[ControlOfRun]) -> M
     from pinarm.mechanics.friction.gear_loss import GearLoss
 
     losses = [GearLoss.of(name, gears[gear_name(name)], drive.efficiency) for name, drive in losing.items()]
-    return replace(mechanism, frictions=(*mechanism.frictions, *losses))
+    return replace(mechanism, frictions=(*mechanism.frictions, *(loss for loss in losses if loss.name not in known)))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import pinarm
+from pinarm.mechanics.laws.motion_law import Grid
 
 ROOT = Path(__file__).parents[3]
 WAYS: dict[str, Callable[[Any], Any]] = {
@@ -18,9 +19,9 @@ WAYS: dict[str, Callable[[Any], Any]] = {
 
 SCENARIOS = [
     "andrews_squeezing", "four_bar_equal_rods", "gen411_arm_equilibria", "gen411_arm_static", "handling_arm_profile",
-    "magic_arms_kinematics", "panda_quintic", "manipulator_counterweight",
+    "hoist_with_losses", "magic_arms_kinematics", "panda_quintic", "manipulator_counterweight",
 ]  # fmt: skip
-"""A loop with a two-point spring, and of every kind of problem, law and search one."""
+"""A loop with a two-point spring, a motor with losses and a controller, of every kind of problem, law and search one."""
 
 
 def assert_same(one: pinarm.Result, other: pinarm.Result) -> None:
@@ -30,6 +31,9 @@ def assert_same(one: pinarm.Result, other: pinarm.Result) -> None:
         assert np.array_equal(left.values, right.values), left.name
     for name in ("q", "v", "a", "tau", "lam"):
         assert np.array_equal(np.asarray(getattr(one.trajectory, name)), np.asarray(getattr(other.trajectory, name)))
+    assert [contact.name for contact in other.trajectory.mechanism.frictions] == [each.name for each in one.trajectory.mechanism.frictions]
+    for name in ("driven", "drives", "parameter", "separate", "sampled", "no_efforts", "unknown"):
+        assert np.array_equal(getattr(one.trajectory, name), getattr(other.trajectory, name)), name
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -62,6 +66,17 @@ def test_a_scenario_is_solved_alike_in_another_process(
     assert_same(result, known)
     assert known.save(folder / "out", plots=False).exists()
     assert again.run().missed == result.missed
+
+
+def test_what_drives_do_at_joints_is_the_same_in_another_process(solved: Callable[[str], pinarm.Result]) -> None:
+    """Of a motor with a controller the effort is what it gives to its rotor, losses come behind it."""
+    result = solved("hoist_with_losses")
+    again = pickle.loads(pickle.dumps(result))
+    for asked in ("drive.hoist.torque", "drive.hoist.power", "joint.z.effort", "joint.z.link_effort", "power.friction"):
+        assert np.array_equal(again[asked].values, result[asked].values), asked
+    assert result["drive.hoist.torque"].values.any()
+    grid = Grid(t := np.linspace(0.1, 1.1, 5), (t[0], t[-1]), (0, 5))
+    assert np.array_equal(again.outcome.motion.at(grid).q, result.outcome.motion.at(grid).q)
 
 
 def test_a_result_that_was_sent_has_states_between_its_rows(scenario: Callable[..., pinarm.Scenario]) -> None:

@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[3]
 @pytest.mark.parametrize(
     "name",
     ["gen411_arm_static", "gen411_arm_equilibria", "exoskeleton_leg_guided_knee", "manipulator_pressure",
-     "magic_arms_kinematics", "gyroscope_free", "manipulator_operator"],
+     "magic_arms_kinematics", "gyroscope_free", "manipulator_operator", "hoist_with_losses"],
 )  # fmt: skip
 def test_every_number_comes_back(tmp_path: Path, name: str) -> None:
     """Outputs, multipliers and figures, and what is asked only now: to the last bit."""
@@ -31,7 +31,9 @@ def test_every_number_comes_back(tmp_path: Path, name: str) -> None:
     assert again.summary() == {**result.summary(), "input": again.digest()}
     assert again.trajectory.grid.cuts == result.trajectory.grid.cuts
     links = [frame.name for frame in result.trajectory.mechanism.model.frames if "BODY" in str(frame.type)]
-    for asked in (*result.content.outputs, f"point.{links[-1]}.acceleration.norm", "momentum.all.angular.z"):
+    known = [] if result.trajectory.no_efforts else result.quantities.names()
+    efforts = [name for name in known if name.endswith((".effort", ".torque"))]
+    for asked in (*result.content.outputs, *efforts, f"point.{links[-1]}.acceleration.norm", "momentum.all.angular.z"):
         assert np.array_equal(again[asked].values, result[asked].values)
         assert again[asked].label == result[asked].label
     assert np.array_equal(again.trajectory.lam, result.trajectory.lam)
