@@ -1,5 +1,7 @@
 """What is kept within a run, and forgotten at its end."""
 
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -58,3 +60,19 @@ def test_matrices_that_are_shared_are_to_be_read_only_and_others_are_not():
     np.testing.assert_array_equal(shared, mass_matrix.mass_matrices(model, q))
     assert not shared.flags.writeable
     assert mass_matrix.mass_matrices(model, q).flags.writeable
+
+
+@pytest.mark.parametrize("name", ["servo_step", "servo_backlash", "olive_vibrator_shaking"])
+def test_threads_that_run_one_scenario_get_the_same_numbers(name):
+    """As those of a single thread, though they share buffers; threads change often here."""
+    scenario = pinarm.load(ROOT / "scenarios" / f"{name}.yaml")
+    alone, interval = scenario.run(), sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)
+    try:
+        with ThreadPoolExecutor(4) as threads:
+            results = [*threads.map(lambda _: scenario.run(), range(8))]
+    finally:
+        sys.setswitchinterval(interval)
+    for result in results:
+        for one, other in zip(result.columns(), alone.columns(), strict=True):
+            assert np.array_equal(one.values, other.values), one.name

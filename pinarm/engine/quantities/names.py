@@ -17,6 +17,7 @@ from msgspec import Struct
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.one_run import one_at_a_time
 from pinarm.engine.quantities.evaluation import Evaluation
 from pinarm.engine.quantities.families import FAMILIES, family
 from pinarm.engine.quantities.family import RATES, Asked, Family, UnknownQuantity
@@ -108,7 +109,7 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
             InputError: There is no such quantity, or a name means several; the message lists what there is.
         """
         if name not in self._known:
-            with one_blas_thread(self.trajectory.mechanism.model.nv):
+            with one_at_a_time(), one_blas_thread(self.trajectory.mechanism.model.nv):
                 found = self._extreme(name)
                 if found is None:
                     found = self._require_known(self._find(name))

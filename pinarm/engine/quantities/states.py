@@ -132,7 +132,7 @@ def quantities(
     refuse_foreign(mechanism, q)
     leading, rows = LeadingAxes.fold(q=(q, nq), **rates)
     check_quaternions(mechanism, leading, rows[0])
-    named = dict(zip(("q", *rates), rows, strict=True))
+    named = {name: x.copy() for name, x in zip(("q", *rates), rows, strict=True)}  # quantities are computed when asked
     found = _quantities(mechanism, leading, named, drives, t)
     return States(found, leading)
 

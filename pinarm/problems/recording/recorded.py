@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
@@ -116,6 +117,7 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
     ) -> Outcome:
         """Return the rows with all that is known of them."""
         recording, rows, unread = prepared or self.prepare(mechanism, accuracy, place)
+        rows = deepcopy(rows)  # what is prepared serves further runs
         with place("file" if self.file else "columns"):
             outcome = recording.splined(rows) if self.derivatives == "spline" else recording.outcome(rows)
         notes = (f"columns that are not read: {', '.join(unread)}",) if unread else ()

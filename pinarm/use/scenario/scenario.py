@@ -398,7 +398,7 @@ class Scenario(Record, frozen=True):
 
     def _solve_once(self) -> Result:
         """Solve, measure the accuracy, and refuse what is not finite."""
-        with one_blas_thread(self.mechanism.model.nv), one_run():
+        with one_run(), one_blas_thread(self.mechanism.model.nv):
             try:
                 solved = self.simplification.solve()
             except MethodError as error:

@@ -58,6 +58,16 @@ def test_points_energies_and_moments_by_closed_forms(arm, states):
     assert found["C_B"].values == pytest.approx(arm.inverse(q, v, a)[:, 1], abs=1e-13)
 
 
+def test_arrays_that_are_changed_afterwards_change_nothing(arm, states):
+    q, v, a = states.copy()
+    found = arm.at(q, v, a)
+    assert found["C_B"].values.any()
+    q[:], v[:], a[:] = 0.0, 0.0, 0.0
+    unchanged = arm.at(*states)
+    for name in ("A_x", "point.A.velocity.x", "point.A.acceleration.y", "energy.total", "C_B"):
+        assert np.array_equal(found[name].values, unchanged[name].values), name
+
+
 def test_efforts_lead_to_their_accelerations_and_back(arm, states):
     q, v, tau = states
     found = arm.at(q, v, tau=tau)

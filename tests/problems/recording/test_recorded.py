@@ -47,6 +47,15 @@ def test_everything_given_is_as_of_separate_states(arm):
     assert result.figures["equilibrium"] < 1e-14
 
 
+def test_a_result_that_is_changed_leaves_its_scenario_as_it_was():
+    scenario = pinarm.load(ROOT / "scenarios" / "gen411_arm_recorded.yaml")
+    result = scenario.run()
+    before = result["A_x"].values.copy()
+    for array in (result.trajectory.q, result.trajectory.v, result.trajectory.a):
+        array += 0.1
+    assert np.array_equal(scenario.run()["A_x"].values, before)
+
+
 def test_consistency_falls_with_the_rules_orders_and_tells_wrong_rates(arm):
     """h^4 for positions and h^2 for velocities, until an error of one percent of the rates is seen as such."""
     coarse, fine = (pinarm.result(arm, t, *motion(t)).figures for t in (np.linspace(0, 2, 51), np.linspace(0, 2, 101)))

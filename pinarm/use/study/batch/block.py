@@ -18,6 +18,7 @@ from pinarm.engine.motion.segmented.hybrid_motion import HybridSystem
 from pinarm.engine.motion.small_motions import is_offset, is_small
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.one_run import one_at_a_time
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, Interrupted, NumericsError
 from pinarm.mechanics.laws.motion_law import ROUNDING
@@ -220,7 +221,7 @@ class Block:
 
 def answered(answer: Callable[[Block], AnswerT], block: Block) -> tuple[AnswerT, dict[int, str]]:
     """Return what a block answers, and why motions of it failed."""
-    with one_blas_thread(block.question.scenario.mechanism.model.nv):
+    with one_at_a_time(), one_blas_thread(block.question.scenario.mechanism.model.nv):
         return answer(block), block.failures
 
 

@@ -58,7 +58,7 @@ class Starts:
             raise InputError(f"the arrays have {len(shape)} axes", expected="one: a value for every motion")
         if shape == (0,):
             raise InputError("there are no initial values", expected="one motion or more")
-        found = [np.atleast_1d(x) for x in columns.values()]
+        found = [np.array(x, ndmin=1) for x in columns.values()]
         return cls(mechanism.joints, dict(zip(position, found, strict=False)),
                    dict(zip(velocity, found[len(position) :], strict=True)), *(shape or (1,)))  # fmt: skip
 

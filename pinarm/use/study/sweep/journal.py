@@ -27,6 +27,7 @@ from pinarm.input.roots import Stamp, stamp_of
 from pinarm.problems.forward import Forward
 from pinarm.records import replace
 from pinarm.use.cases.case import Row, Task, Value
+from pinarm.use.study.sweep.given_in_python import identity
 from pinarm.use.workers.versions import versions
 
 JOURNAL = "journal.jsonl"
@@ -56,12 +57,14 @@ def digest(data: object) -> str:
 def task_digest(task: Task) -> str:
     """Return a digest of all that determines the numbers of a sweep, but for its files and the values of its cases.
 
-    The code of this program is part of it, and where loops may be closed from the anchors of the task, these too.
+    The code of this program is part of it, what was given in Python, and where loops may be closed from the anchors of
+    the task, these too.
     """
     relevant = {key: value for key, value in task.source.document.data.items() if key not in ("expect", "title")}
     anchors = [dict(anchor) for anchor in task.anchors] if _depends_on_anchors(task) else []
     wanted = [repr(entry) for entry in task.wanted]
-    return digest([relevant, str(task.source.folder.resolve()), wanted, anchors, versions()])
+    given = identity(task.source)
+    return digest([relevant, str(task.source.folder.resolve()), given, wanted, anchors, versions()])
 
 
 def _depends_on_anchors(task: Task) -> bool:

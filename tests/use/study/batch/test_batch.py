@@ -86,6 +86,15 @@ def test_every_motion_is_that_of_a_run_of_its_own(scenario):
 
 
 @pytest.mark.slow
+def test_initial_values_that_are_changed_afterwards_change_nothing(scenario):
+    given = {name: values.copy() for name, values in RATES.items()}
+    found = pinarm.batch(scenario(), velocity=given)
+    given["B"] *= 10.0
+    table = found.reduced({"joint.B.velocity": "end"})
+    assert np.array_equal(table["start joint.B.velocity"].values, RATES["B"])
+    assert found.run(1).scenario.problem.initial.velocity["B"] == RATES["B"][1]
+
+
 def test_what_laws_leave_free_is_integrated_together(scenario):
     """Of the arm whose first joint turns to and fro, driven from a jump of its law on."""
     law = "O: {law: trapezoid, begin: 0.3 s, from: 0.1 rad, to: 1.1 rad, speed: 1 rad/s, acceleration: 4 rad/s^2}"
