@@ -3,12 +3,13 @@
 An impact changes velocities by the impulses of the stop and of the constraints: v+ is the velocity nearest to v-,
 measured by the masses, with ``n v+ = -e n v-`` at the stop that is hit and ``G v+ = w'`` at loops and prescribed
 coordinates (Newton's law of restitution with Gauss's principle; Moreau, Unilateral contact and dry friction in finite
-freedom dynamics, 1988). A restitution of 1 keeps the energy. Stops push only: those that would have to pull let go.
+freedom dynamics, 1988). A restitution of 1 keeps the energy. Stops push only: what would have to be pulled leaves
+faster than that, or lets go.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -34,6 +35,36 @@ WORKLESS = 1e-9
 
 SLACK = 1e-13
 """Gap that counts as contact, relative to ``1 + |limit|``: where loops are closed, positions are right to 1e-14."""
+
+
+Held = frozenset[int]
+"""Numbers of the stops on which joints rest, and of the one-sided constraints that hold."""
+
+
+def pressed(touched: Iterable[int], away: Callable[[Held], Mapping[int, float]]) -> Held:
+    """Return which of several stops that are touched push: none that does pulls, and none that does not is entered.
+
+    The solution of a linear complementarity problem, of which there is one where the masses tell the motion of every
+    stop from those of the others: found by exchanging the first stop that contradicts itself (Murty, Note on a
+    Bard-type scheme for solving the complementarity problem, 1974). Where rounding or friction let sets come again,
+    stops that pull are let go one by one.
+
+    Args:
+        touched: The stops.
+        away: Stops that push -> of these what they push, of the others how fast the motion leaves them.
+    """
+    held, known, seen = frozenset(touched), sorted(touched), set[Held]()
+    while held not in seen:
+        seen.add(held)
+        found = away(held)
+        wrong = [k for k in known if (found[k] <= 0.0 if k in held else found[k] < 0.0)]
+        if not wrong:
+            return held
+        held ^= {wrong[0]}
+    held = frozenset(known)
+    while held and min((found := away(held))[k] for k in held) <= 0.0:
+        held -= {min(held, key=found.__getitem__)}
+    return held
 
 
 class Stop(Protocol):
@@ -77,6 +108,10 @@ class Stop(Protocol):
         """Return the row of the coordinate that it bounds, shape (nv,)."""
         ...
 
+    def acceleration(self, q: Array, v: Array, a: Array) -> float:
+        """Return that of the coordinate that it bounds, in one state, shapes (nq,), (nv,) and (nv,)."""
+        ...
+
 
 class Bound(ValueRecord, frozen=True):
     """One side of a joint's range.
@@ -107,6 +142,10 @@ class Bound(ValueRecord, frozen=True):
     def row(self, q: Array) -> Array:
         """Return the unit vector of the joint, shape (nv,)."""
         return self.coordinate.weights
+
+    def acceleration(self, q: Array, v: Array, a: Array) -> float:
+        """Return that of the joint."""
+        return float(a[self.joint])
 
     @property
     def place(self) -> int:
@@ -161,8 +200,7 @@ class Contacts(Record, frozen=True):
             hit: Stops that are met.
             held: Stops that are rested on already.
         """
-        touched = {*self.near(q), *held}
-        back = {k: 0.0 for k in sorted(touched) if k in held or abs(self.rate(k, q, v)) <= RESTING}
+        back = dict.fromkeys(sorted({*self.near(q), *held}), 0.0)
         for k in hit:
             rebound = -self.bounds[k].restitution * self.rate(k, q, v)
             back[k] = rebound if abs(rebound) > RESTING else 0.0
@@ -171,44 +209,46 @@ class Contacts(Record, frozen=True):
     def energies(self, hits: Iterable[EventRecord]) -> tuple[float, float]:
         """Return the energy that impacts took, and the work that drives of coordinates on laws did in them [J].
 
-        With the multipliers p of the laws' rows in ``M (v+ - v-) = G^T lam + P^T p + N^T Lam`` the work is ``p . w'``,
-        as w' stays, and ``T(v-) - T(v+) + p . w'`` is taken: the impulses of the stops times their mean velocities.
+        An impulse L of a stop takes its product with the mean of the velocities before and after, ``-L n (v- + v+)/2``.
+        It calls for impulses p of the laws' rows, whose velocities w' stay: they do the work ``p . w'``.
         """
         taken = given = 0.0
         for hit in hits:
             assert hit.before is not None
-            model, rows = (
-                self.closure.model,
-                self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates),
-            )
-            mass, own = mass_matrix(model, hit.q), rows.rows(rows.state(hit.q))
+            rows = self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
+            mass, own = mass_matrix(rows.model, hit.q), rows.rows(rows.state(hit.q))
             touched = [stop for k, stop in enumerate(self.bounds) if stop.name == hit.name or k in self.near(hit.q)]
-            normals = np.array([stop.row(hit.q) for stop in touched]).reshape(-1, model.nv)
+            normals = np.array([stop.row(hit.q) for stop in touched])
             split = split_rows(np.vstack([own, normals]), np.append(rows.reach, [stop.reach for stop in touched]))
-            impulses = split.multipliers(mass @ (hit.v - hit.before))[self.closure.size : len(own)]
-            work = float(impulses @ self.prescribed.on(hit.t, hit.t)(hit.t)[1])
-            taken += 0.5 * float(hit.before @ mass @ hit.before - hit.v @ mass @ hit.v) + work
-            given += work
+            place = [stop.name for stop in touched].index(hit.name)
+            impulse = normals[place] * split.multipliers(mass @ (hit.v - hit.before))[len(own) + place]
+            taken -= float(impulse @ (hit.before + hit.v)) / 2.0
+            held = split_rows(own, rows.reach)
+            change = solve(held, mass, impulse, np.zeros(len(own)))
+            reactions = held.multipliers(mass @ change - impulse)[self.closure.size :]
+            given += float(reactions @ self.prescribed.on(hit.t, hit.t)(hit.t)[1])
         return taken, given
 
-    def _nearest(self, t: float, q: Array, v: Array, back: dict[int, float]) -> Array:
-        """Return the velocity nearest to v with the given ones at stops, without those that would pull."""
+    def _nearest(self, t: float, q: Array, v: Array, back: Mapping[int, float]) -> Array:
+        """Return the velocity nearest to v that is at least the given one away from stops, which push only."""
         rows = self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
         model = rows.model
         mass = mass_matrix(model, q)
         own = rows.rows(rows.state(q))
         target = np.concatenate([np.zeros(self.closure.size), self.prescribed.on(t, t)(t)[1]])
-        while True:
-            normals = np.array([self.bounds[k].row(q) for k in back]).reshape(-1, model.nv)
-            reach = np.append(rows.reach, [self.bounds[k].reach for k in back])
-            split = split_rows(np.vstack([own, normals]), reach)
-            after = solve(split, mass, mass @ v, np.concatenate([target, list(back.values())]))
+        found: dict[Held, Array] = {}
+
+        def away(pushing: Held) -> dict[int, float]:
+            some = sorted(pushing)
+            normals = np.array([self.bounds[k].row(q) for k in some]).reshape(-1, model.nv)
+            split = split_rows(np.vstack([own, normals]), np.append(rows.reach, [self.bounds[k].reach for k in some]))
+            after = solve(split, mass, mass @ v, np.concatenate([target, [back[k] for k in some]]))
             impulses = split.multipliers(mass @ (after - v))[len(own) :]
-            pushes = {k: self.bounds[k].side * impulse for k, impulse in zip(back, impulses, strict=True)}
-            pulling = [k for k, push in pushes.items() if push < 0.0 and back[k] == 0.0]
-            if not pulling:
-                return after
-            del back[min(pulling, key=pushes.__getitem__)]
+            found[pushing] = after
+            left = {k: self.bounds[k].side * (self.rate(k, q, after) - back[k]) for k in back if k not in pushing}
+            return left | {k: self.bounds[k].side * impulse for k, impulse in zip(some, impulses, strict=True)}
+
+        return found[pressed(back, away)]
 
 
 def impact_remarks(contacts: Contacts, events: Iterable[EventRecord]) -> list[str]:

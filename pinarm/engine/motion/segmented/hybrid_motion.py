@@ -26,7 +26,7 @@ from pinarm.engine.integration.integrator import Interval, Method, Solution, Ste
 from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.segmented.end_stops import RESTING, Bound, Contacts, Stop
+from pinarm.engine.motion.segmented.end_stops import RESTING, Bound, Contacts, Held, Stop, pressed
 from pinarm.engine.motion.segmented.segments import MotionSegment, SegmentedMotion
 from pinarm.engine.motion.segmented.separations import OPENED, Separation
 from pinarm.engine.motion.systems import Initial, System, system_of
@@ -44,13 +44,11 @@ if TYPE_CHECKING:
     from pinarm.engine.integration.batch_solution import Ensemble
     from pinarm.engine.integration.integrator import Crossing
     from pinarm.engine.motion.segmented.stick_slip import StickSlip
+    from pinarm.engine.motion.systems.system import CompletedStates
     from pinarm.mechanics.friction.contact import FrictionContact
 
 FirstSegment = Callable[[], Solution]
 """Returns the first segment where it has been integrated already, or raises the error that ended it."""
-
-Held = frozenset[int]
-"""Indices of the stops on which joints rest, and of the one-sided constraints that hold."""
 
 
 class Mode(ValueRecord, frozen=True):
@@ -356,9 +354,9 @@ class HybridSystem(Record, frozen=True):
             t, q, v, first = end.t, end.q, end.v, None
             if end.stops:
                 break
-            if end.hit is not None:
-                q, v = self._met(mode.held, end)
-                motion.events.append(EventRecord(self.bounds[end.hit].name, t, q, v, end.v))
+            if met := self._met(mode.held, end):
+                q, v = self._after_impact(mode.held, end, met)
+                motion.events.extend(EventRecord(self.bounds[k].name, t, q, v, end.v) for k in met)
                 end = replace(end, q=q)
             if t >= self.cuts[-1]:
                 break
@@ -371,17 +369,27 @@ class HybridSystem(Record, frozen=True):
             motion.events.extend(EventRecord(self.bounds[k].name + OPENED, t, q, v) for k in opened)
         return motion
 
-    def _met(self, held: Held, end: SegmentEnd) -> tuple[Array, Array]:
-        """Return the state after a stop was hit: exactly on it, with the velocity after the impact."""
-        t, q, hit = end.t, end.q.copy(), end.hit
-        assert hit is not None
-        bound = self.bounds[hit]
-        if isinstance(bound, Bound):
-            q[bound.place] = bound.limit
-        else:
+    def _met(self, held: Held, end: SegmentEnd) -> list[int]:
+        """Return the stops that are hit at the end of a segment, whatever ended it.
+
+        Of several that are met at one instant a segment ends at one; the others are as near, or passed by rounding.
+        """
+        others = {*range(len(self.bounds))} - held - {end.hit}
+        passed = {k for k in others if self.bounds[k].gap(end.q) <= self.bounds[k].slack}
+        approached = {k for k in passed if self.bounds[k].side * self.contacts.rate(k, end.q, end.v) < -RESTING}
+        return sorted(approached if end.hit is None else approached | {end.hit})
+
+    def _after_impact(self, held: Held, end: SegmentEnd, met: Sequence[int]) -> tuple[Array, Array]:
+        """Return the state after stops were met: exactly on them, with the velocity after the impact."""
+        t, q = end.t, end.q.copy()
+        for bound in (self.bounds[k] for k in met):
+            if isinstance(bound, Bound):
+                q[bound.place] = bound.limit
+        closing = self.separations.intersection(met)
+        if closing:
             stops = self._with_stops(held)
-            q = assembled(self.closure_of(held | {hit}), stops, q, stops.on(t, t)(t)[0], t)
-        return q, self.contacts.impact(t, q, end.v, [hit], held & self.separations)
+            q = assembled(self.closure_of(held | closing), stops, q, stops.on(t, t)(t)[0], t)
+        return q, self.contacts.impact(t, q, end.v, met, held & self.separations)
 
     def _enter(self, t: float, q: Array, v: Array) -> None:
         """Let controllers act at the start of a segment."""
@@ -392,8 +400,7 @@ class HybridSystem(Record, frozen=True):
         """Return the velocity and the mode after the end of a segment that does not end the run."""
         t, q, v = end.t, end.q, end.v
         if end.released is not None:
-            held = mode.held - {end.released}
-            return v, Mode(held, self._slip(held, t, q, v))
+            return v, self._pressing(mode.held - {end.released}, t, q, v)
         if end.slip is None:
             return v, self.mode(t, q, v, mode.held & self.separations)
         v, slip = self.friction(mode.held).switched(self._span(t), q, v, mode.slip, end.slip)
@@ -528,12 +535,17 @@ class HybridSystem(Record, frozen=True):
 
     def push(self, system: System, k: int, t: Array, q: Array, v: Array) -> Array:
         """Return the push of a stop that is rested on, at states of one interval [N*m or N], shape (n,)."""
-        span = (float(t[0]), float(t[-1]) if len(t) > 1 else self._span(float(t[0]))[1])
-        complete = system.tried if self.frictions else system.complete  # type: ignore[attr-defined]
-        motion, bound = complete(self.dynamics, Grid(t, span, (0, len(t))), *system.part(q, v)), self.bounds[k]
+        motion, bound = self._completed(system, t, q, v), self.bounds[k]
         if isinstance(bound, Bound):
             return np.asarray(bound.side * motion.tau[:, bound.joint])
         return np.asarray(bound.side * np.asarray(motion.lam)[:, system.closure.slices[bound.name].start])
+
+    def _completed(self, system: System, t: Array, q: Array, v: Array) -> CompletedStates:
+        """Return states of one interval with their accelerations, efforts and multipliers."""
+        span = (float(t[0]), float(t[-1]) if len(t) > 1 else self._span(float(t[0]))[1])
+        complete = system.tried if self.frictions else system.complete  # type: ignore[attr-defined]
+        found: CompletedStates = complete(self.dynamics, Grid(t, span, (0, len(t))), *system.part(q, v))
+        return found
 
     def at_rest(self, q: Array, v: Array, held: Held = frozenset()) -> Held:
         """Return the stops that are touched without moving against or away from them.
@@ -555,15 +567,27 @@ class HybridSystem(Record, frozen=True):
             v: Velocity, shape (nv,).
             kept: See ``at_rest``.
         """
-        held = self.at_rest(q, v, kept)
-        while True:
-            mode = Mode(held, self._slip(held, t, q, v))
-            system = self.stretch(mode, t, q, v) if held else None
-            pushes = {k: self.push(system, k, np.array([t]), q[None], v[None])[0] for k in held if system}
-            least = min(pushes, key=pushes.__getitem__, default=None)
-            if least is None or pushes[least] > 0.0:
-                return mode
-            held = held - {least}
+        return self._pressing(self.at_rest(q, v, kept), t, q, v)
+
+    def _pressing(self, touched: Held, t: float, q: Array, v: Array) -> Mode:
+        """Return the mode in which those of the stops that are touched hold that a state at rest presses against."""
+        modes: dict[Held, Mode] = {}
+
+        def away(held: Held) -> dict[int, float]:
+            mode = modes[held] = Mode(held, self._slip(held, t, q, v))
+            system, state = self.stretch(mode, t, q, v), (np.array([t]), q[None], v[None])
+            pushes = {k: float(self.push(system, k, *state)[0]) for k in held}
+            return pushes | self._leaving(system, touched - held, *state)
+
+        held = pressed(touched, away) if touched else touched
+        return modes[held] if held in modes else Mode(held, self._slip(held, t, q, v))
+
+    def _leaving(self, system: System, stops: Held, t: Array, q: Array, v: Array) -> dict[int, float]:
+        """Return the accelerations away from stops in one state [rad/s^2 or m/s^2]."""
+        if not stops:
+            return {}
+        completed = self._completed(system, t, q, v)
+        return {k: self.bounds[k].side * self.bounds[k].acceleration(q[0], v[0], completed.a[0]) for k in sorted(stops)}
 
 
 Key = str | tuple[str, int]

@@ -78,6 +78,11 @@ class Separation(Record, frozen=True):
         """Return its row of G, shape (nv,)."""
         return np.asarray(self.closure.rows(self.closure.state(q))[0])
 
+    def acceleration(self, q: Array, v: Array, a: Array) -> float:
+        """Return that of its gap, but for the sign."""
+        state = self.closure.state(q, v)
+        return float(self.closure.rows(state)[0] @ a + self.closure.drift(state)[0])
+
 
 def separations_of(closure: Closure) -> tuple[Separation, ...]:
     """Return the one-sided constraints of a mechanism."""

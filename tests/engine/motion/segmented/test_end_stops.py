@@ -1,5 +1,6 @@
 """Impacts at end stops, rest on them and the way off them, against closed forms of a weight that slides up and down."""
 
+import itertools
 from contextlib import nullcontext
 
 import numpy as np
@@ -88,3 +89,119 @@ def test_a_motion_without_impacts_tells_none(mechanism, chain):
     problem = Forward(time=TimeGrid(end=0.1, samples=3), initial=InitialState(position={"weight": 0.5}),
                       end_stops={"weight": EndStop(lower=0.0)})  # fmt: skip
     assert not problem.solve(model, Accuracy(), lambda *path: nullcontext()).notes
+
+
+def two_weights(mechanism):
+    """Return two equal weights side by side, which know nothing of one another."""
+    one = (
+        '<link name="W"><inertial><mass value="2"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    )
+    joint = (
+        '<joint name="W" type="prismatic"><parent link="base"/><child link="W"/><axis xyz="0 0 1"/>'
+        '<limit lower="-100" upper="100" effort="1e9" velocity="1e9"/></joint>'
+    )
+    parts = "".join((one + joint).replace('"W"', f'"{name}"') for name in ("first", "second"))
+    return mechanism(
+        f'<robot name="test"><link name="base"/>{parts}</robot>',
+        gravity={"direction": "-z", "magnitude": f"{G} m/s^2"},
+    )
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+@pytest.mark.parametrize("offset", [0.0, 1e-16, -1e-16, 1e-15, -1e-15, 3e-14, -3e-14, 1e-13, -1e-13, -1e-11, 1e-7])
+def test_stops_that_are_met_at_one_instant_are_all_met(mechanism, offset, restitution):
+    """Each weight moves as it does alone, however small the difference of their impacts, or none."""
+    problem = Forward(
+        time=TimeGrid(end=1.0, samples=41), initial=InitialState(position={"second": offset}),
+        end_stops={name: EndStop(lower=-0.5, restitution=restitution) for name in ("first", "second")},
+    )  # fmt: skip
+    found = problem.solve(two_weights(mechanism), Accuracy(tolerance=1e-12), lambda *path: nullcontext())
+    first, second = found.rows.q.T
+    assert first.min() > -0.5 - 1e-12
+    assert second == pytest.approx(first, abs=4.0 * abs(offset) + 1e-12)
+    met = [[event.t for event in found.events if event.name == f"{name} lower"] for name in ("first", "second")]
+    assert len(met[0]) == pytest.approx(len(met[1]), abs=0 if abs(offset) < 1e-8 else 1)
+    told = [note for note in found.notes if note.startswith("end stop")]
+    assert all(f"takes {9.81:.3g} J" in note for note in told) or restitution  # m g h of each weight, not of both
+
+
+def test_stops_that_let_go_at_one_instant_all_let_go(mechanism):
+    lift = JointEffort(joint="first", effort=ConstantSpeed(start=0.0, speed=40.0))
+    problem = Forward(
+        time=TimeGrid(end=1.0, samples=41), initial=InitialState(),
+        loads={"lift": lift, "lift of the second": JointEffort(joint="second", effort=lift.effort)},
+        end_stops={name: EndStop(lower=0.0) for name in ("first", "second")},
+    )  # fmt: skip
+    found = problem.solve(two_weights(mechanism), Accuracy(tolerance=1e-12), lambda *path: nullcontext())
+    t, lifted = found.rows.grid.t, MASS * G / 40.0
+    expected = 40.0 * np.maximum(t - lifted, 0.0) ** 3 / (6.0 * MASS)
+    for height in found.rows.q.T:
+        assert height == pytest.approx(expected, abs=1e-11)
+
+
+def random_arm(seed, mechanism, chain, **description):
+    """Return an arm of three to five joints of random sizes, the sides of stops at 0, its mass matrix and its model."""
+    rng = np.random.default_rng(seed)
+    words = lambda low, high: " ".join(f"{x:.6f}" for x in rng.uniform(low, high, 3))  # noqa: E731
+    bodies = [
+        {
+            "name": f"J{k}", "kind": str(rng.choice(["continuous", "prismatic"])), "axis": words(-1, 1),
+            "at": words(-0.7, 0.7), "com": words(-0.5, 0.5), "mass": float(10.0 ** rng.uniform(-1, 1)),
+            "inertia": (float(10.0 ** rng.uniform(-3, -1)),) * 3,
+        }
+        for k in range(int(rng.integers(3, 6)))
+    ]  # fmt: skip
+    model = mechanism(chain(*bodies), **description)
+    nv = len(bodies)
+    return rng, model, rng.choice([-1.0, 1.0], size=nv), model.mass_matrix(np.zeros(nv))
+
+
+def nearest_by_trying(mass, free, least, sides):
+    """Return the vector nearest to a free one, measured by masses, whose entries are at least given ones.
+
+    All sets of entries that are exactly these are tried.
+    """
+    inverse, count = np.linalg.inv(mass), len(free)
+    for chosen in itertools.product([False, True], repeat=count):
+        held = np.flatnonzero(chosen)
+        impulses = np.linalg.solve(inverse[np.ix_(held, held)], least[held] - free[held])
+        found = free + inverse[:, held] @ impulses
+        scale = np.abs(free).max()
+        if (sides[held] * impulses >= 0.0).all() and (sides * (found - least) >= -1e-12 * scale).all():
+            return found
+    raise AssertionError
+
+
+def stops_at_zero(sides, restitution=0.0):
+    return {
+        f"J{k}": EndStop(**{"lower" if side > 0 else "upper": 0.0}, restitution=restitution)
+        for k, side in enumerate(sides)
+    }
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 12, 56, 76, 82, 170])
+def test_what_rests_on_several_stops_leaves_those_that_would_pull(mechanism, chain, seed):
+    """Some that pull as long as others hold push once these have let go."""
+    gravity = {"direction": "-z", "magnitude": f"{G} m/s^2"}
+    _, model, sides, mass = random_arm(seed, mechanism, chain, gravity=gravity)
+    free = model.forward(*np.zeros((3, len(sides))))
+    problem = Forward(time=TimeGrid(end=1e-4, samples=3), end_stops=stops_at_zero(sides))
+    found = problem.solve(model, Accuracy(tolerance=1e-10), lambda *path: nullcontext())
+    expected = nearest_by_trying(mass, free, np.zeros(len(sides)), sides)
+    assert found.rows.a[0] == pytest.approx(expected, rel=1e-8, abs=1e-8 * np.abs(free).max())
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.3])
+@pytest.mark.parametrize("seed", [0, 1, 2, 3, 15, 28, 82, 101])
+def test_an_impact_of_what_rests_on_others_enters_none(mechanism, chain, seed, restitution):
+    rng, model, sides, mass = random_arm(seed, mechanism, chain, gravity="none")
+    hit = int(rng.integers(len(sides)))
+    before = np.where(np.arange(len(sides)) == hit, -sides, 0.0)
+    problem = Forward(
+        time=TimeGrid(end=1e-9, samples=2), end_stops=stops_at_zero(sides, restitution),
+        initial=InitialState(velocity={f"J{k}": float(speed) for k, speed in enumerate(before)}),
+    )  # fmt: skip
+    found = problem.solve(model, Accuracy(tolerance=1e-10), lambda *path: nullcontext())
+    expected = nearest_by_trying(mass, before, -restitution * before, sides)
+    assert found.rows.v[0] == pytest.approx(expected, abs=1e-8)
