@@ -29,13 +29,15 @@ MANY = 6
 """Number of groups at rest up to which all 3^n combinations are tried."""
 
 
-def decided(balance: FrictionBalance, moving: Array, broken: Array) -> Slip:
+def decided(balance: FrictionBalance, moving: Array, broken: Array, yielding: Array | float = 0.0) -> Slip:
     """Return what joints at rest begin to do.
 
     Args:
         balance: The state.
         moving: Directions of the joints that slip, 0 of those at rest, shape (k,).
         broken: Directions of joints at rest that begin to slip in any case, 0 of others, shape (k,).
+        yielding: Those of joints whose friction is at its bound, 0 of others, shape (k,): they begin to slip unless the
+            others that do so relieve them.
 
     Raises:
         DynamicsError: There is no solution, or more than one.
@@ -46,8 +48,9 @@ def decided(balance: FrictionBalance, moving: Array, broken: Array) -> Slip:
     groups = groups_of(contacts, balance.response, np.flatnonzero(resting & ~driven).tolist())
     _require_rest(contacts, given, groups)
     decision = _Decision(balance, given, groups)
-    start = [int(np.sign(broken[list(group.members)] @ group.ratios)) for group in groups]
-    signs = decision.exchanged(start, frozen=[g for g, sign in enumerate(start) if sign], slips=any(start))
+    certain, start = ([int(np.sign(given[list(group.members)] @ group.ratios)) for group in groups]
+                      for given in (broken, np.where(broken != 0.0, broken, yielding)))  # fmt: skip
+    signs = decision.exchanged(start, frozen=[g for g, sign in enumerate(certain) if sign], slips=any(start))
     if not any(start):
         decision.require_one(signs)
     while (kinetic := decision.exchanged(signs, frozen=[g for g, s in enumerate(signs) if s], slips=True)) != signs:

@@ -47,6 +47,9 @@ if TYPE_CHECKING:
     from pinarm.engine.motion.systems.system import CompletedStates
     from pinarm.mechanics.friction.contact import FrictionContact
 
+SLIGHT = 1e-9
+"""Acceleration of what breaks loose, over that without friction, that may be rounding."""
+
 FirstSegment = Callable[[], Solution]
 """Returns the first segment where it has been integrated already, or raises the error that ended it."""
 
@@ -404,9 +407,27 @@ class HybridSystem(Record, frozen=True):
         if end.slip is None:
             return v, self.mode(t, q, v, mode.held & self.separations)
         v, slip = self.friction(mode.held).switched(self._span(t), q, v, mode.slip, end.slip)
-        if self.at_rest(q, v) - mode.held:  # a rebound so small that it ends where the stop is, but for rounding
+        following, touched = Mode(mode.held, slip), self.at_rest(q, v) - mode.held
+        ends = end.slip >= 0  # a rebound so small that it ends where the stop is, but for rounding
+        if touched and (ends or self._enters(following, touched, t, q, v)):
             return v, self.mode(t, q, v, mode.held & self.separations)
-        return v, Mode(mode.held, slip)
+        return v, following
+
+    def _enters(self, mode: Mode, touched: Held, t: float, q: Array, v: Array) -> bool:
+        """Tell whether what breaks loose goes on into a stop that it touches.
+
+        Its acceleration may begin at 0; then that without friction has the sign in which it grows.
+        """
+        state = np.array([t]), q[None], v[None]
+        frictionless = self.system(mode.held)
+        grid = Grid(state[0], self._span(t), (0, 1))
+        tendency = frictionless.complete(self.dynamics, grid, *frictionless.part(*state[1:])).a[0]
+        leaving = self._leaving(self.stretch(mode, t, q, v), touched, *state)
+        for k, away in leaving.items():
+            clear = abs(away) > SLIGHT * np.abs(tendency).max()
+            if (away if clear else self.bounds[k].side * self.bounds[k].acceleration(q, v, tendency)) < 0.0:
+                return True
+        return False
 
     def _slip(self, held: Held, t: float, q: Array, v: Array) -> Slip:
         return self.friction(held).start(self._span(t), q, v) if self.frictions else Slip()

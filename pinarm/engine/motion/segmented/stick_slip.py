@@ -44,6 +44,10 @@ if TYPE_CHECKING:
 ALIKE = 1e-9
 """Difference from 1 of the cosine between motions that rounding leaves, and of slips that take place together."""
 
+AT_BOUND = 1e-9
+"""Part of its bound by which friction may fall short of it at the instant at which another one reaches its own: which
+of the two comes first is rounding."""
+
 INSTANTS = np.array([0.0, 0.0823, 0.2391, 0.3817, 0.5379, 0.6181, 0.7639, 0.9103, 1.0])
 """Parts of an interval at which laws are looked at for whether they rest: uneven, not to meet a period."""
 
@@ -125,7 +129,12 @@ class StickSlip:
             moving = unit_vectors(self.contacts, np.where(moving != 0.0, slips, 0.0))
         else:
             found = sliding.solution(span[0], q, v)
+            signs = -np.sign(found.held) * (np.abs(found.held) >= found.bounds * (1.0 - AT_BOUND))
             broken = slip.stuck[~index].directions(-float(np.sign(found.held[~index])), len(moving))
+            directions = (
+                group.directions(float(sign), len(moving)) for group, sign in zip(slip.stuck, signs, strict=True)
+            )
+            return v, self._decided(span, q, v, moving, broken, np.asarray(sum(directions)))
         return v, self._decided(span, q, v, moving, broken)
 
     def _balance(self, span: tuple[float, float], q: Array, v: Array) -> FrictionBalance:
@@ -148,10 +157,13 @@ class StickSlip:
         unseen = NOTHING * self.size / (self.time[1] - self.time[0]) ** 2
         return np.asarray((changed + unseen) / np.maximum(np.diag(balance.response.mobility), np.finfo(float).tiny))
 
-    def _decided(self, span: tuple[float, float], q: Array, v: Array, moving: Array, broken: Array) -> Slip:
+    def _decided(
+        self, span: tuple[float, float], q: Array, v: Array, moving: Array, broken: Array,
+        yielding: Array | float = 0.0,
+    ) -> Slip:  # fmt: skip
         balance = self._balance(span, q, v)
         try:
-            slip = decided(balance, moving, broken)
+            slip = decided(balance, moving, broken, yielding)
             held = [group.first for group in slip.stuck]
             slack = self._slack(span, q, v, balance)[held].tolist() if held else []
             return replace(slip, begun=span[0], rest=self._rest(balance), slack=tuple(slack))

@@ -39,6 +39,9 @@ BEFORE = 1e-13, 1e-12, 1e-11, 1e-10
 """Times by which a last row is moved back where loads jump at its switch, as when flanks meet, over that of the run:
 the first that takes it before the jump."""
 
+ROUNDED = 1e-12
+"""Load that friction leaves of what is asked for along a joint, over the terms, that is their rounding."""
+
 FRICTION = "friction"
 """Name of the force element of joints that slip."""
 
@@ -174,7 +177,10 @@ class FrictionalSystem:
     def _under(self, states: CompletedStates, t: Array, demand: Array, friction: Array) -> CompletedStates:
         """Return states with the efforts and multipliers under friction of all joints, shape (n, k)."""
         rows = slip_rows(self.friction.closure.model, self.friction.contacts, states.q)
-        tau, lam = self._efforts(t, states.q, demand - np.vecmat(friction, rows))
+        loads = np.vecmat(friction, rows)
+        left = demand - loads
+        left[np.abs(left) <= ROUNDED * (np.abs(demand) + np.abs(loads))] = 0.0  # friction carries it alone
+        tau, lam = self._efforts(t, states.q, left)
         return replace(states, tau=tau, lam=lam, friction=friction)
 
     def _require_within_bounds(self, solution: FrictionSolution, t: float) -> None:

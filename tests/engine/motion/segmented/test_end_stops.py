@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pinarm.mechanics.forces.joint_definitions import JointEffort
-from pinarm.mechanics.laws import Constant, ConstantSpeed
+from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.events import EndStop
 from pinarm.problems.forward import Forward, InitialState
@@ -91,7 +91,7 @@ def test_a_motion_without_impacts_tells_none(mechanism, chain):
     assert not problem.solve(model, Accuracy(), lambda *path: nullcontext()).notes
 
 
-def two_weights(mechanism):
+def two_weights(mechanism, **description):
     """Return two equal weights side by side, which know nothing of one another."""
     one = (
         '<link name="W"><inertial><mass value="2"/>'
@@ -104,7 +104,7 @@ def two_weights(mechanism):
     parts = "".join((one + joint).replace('"W"', f'"{name}"') for name in ("first", "second"))
     return mechanism(
         f'<robot name="test"><link name="base"/>{parts}</robot>',
-        gravity={"direction": "-z", "magnitude": f"{G} m/s^2"},
+        **{"gravity": {"direction": "-z", "magnitude": f"{G} m/s^2"}, **description},
     )
 
 
@@ -205,3 +205,47 @@ def test_an_impact_of_what_rests_on_others_enters_none(mechanism, chain, seed, r
     found = problem.solve(model, Accuracy(tolerance=1e-10), lambda *path: nullcontext())
     expected = nearest_by_trying(mass, before, -restitution * before, sides)
     assert found.rows.v[0] == pytest.approx(expected, abs=1e-8)
+
+
+HOLD, PULL, PACE = 3.0, 10.0, 5.0
+
+
+def pulled_to_and_fro(model, names):
+    """Return the motion of weights with friction between stops under a load PULL sin(PACE t) on each."""
+    problem = Forward(
+        time=TimeGrid(end=3.0, samples=301),
+        loads={name: JointEffort(joint=name, effort=Harmonic(amplitude=PULL, pulsation=PACE)) for name in names},
+        end_stops={name: EndStop(lower=-0.1, upper=0.1) for name in names},
+    )
+    return problem.solve(model, Accuracy(tolerance=1e-12), lambda *path: nullcontext())
+
+
+def test_what_friction_holds_at_a_stop_breaks_loose_from_it(mechanism):
+    """From the upper stop, where it came to rest, once the load has turned and exceeds the friction."""
+    model = two_weights(mechanism, gravity="none", friction={"first": {"constant": f"{HOLD} N"}})
+    found = pulled_to_and_fro(model, ["first"])
+    loose = (np.pi + np.arcsin(HOLD / PULL)) / PACE
+    lower = next(event.t for event in found.events if event.name == "first lower")
+    t, height = found.rows.grid.t, found.rows.q[:, 0]
+    falls = (t > loose) & (t < lower)
+    since = t[falls] - loose
+    speed = PULL / PACE * np.cos(PACE * loose)
+    expected = (
+        0.1
+        + (-PULL / PACE**2 * (np.sin(PACE * t[falls]) - np.sin(PACE * loose)) + speed * since + HOLD * since**2 / 2.0)
+        / MASS
+    )
+    assert falls.sum() > 30
+    assert height[falls] == pytest.approx(expected, abs=1e-10)
+    assert np.abs(height).max() < 0.1 + 1e-12
+
+
+@pytest.mark.parametrize("friction", [{"constant": "3 N"}, {"constant": "3 N", "static_constant": "4 N"}])
+def test_what_breaks_loose_at_one_instant_moves_as_it_does_alone(mechanism, friction):
+    alone = pulled_to_and_fro(two_weights(mechanism, gravity="none", friction={"first": friction}), ["first"])
+    names = ["first", "second"]
+    both = pulled_to_and_fro(two_weights(mechanism, gravity="none", friction=dict.fromkeys(names, friction)), names)
+    last = {float(t): q for t, q in zip(alone.rows.grid.t, alone.rows.q[:, 0], strict=True)}
+    for t, q in zip(both.rows.grid.t.tolist(), both.rows.q, strict=True):
+        if t in last:
+            assert q == pytest.approx([last[t], last[t]], abs=1e-10)
