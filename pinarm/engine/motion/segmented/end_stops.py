@@ -27,8 +27,8 @@ from pinarm.records import Record, ValueRecord
 if TYPE_CHECKING:
     from pinarm.mechanics.friction.contact import FrictionContact
 
-RESTING = 1e-6
-"""Velocity after an impact that is taken for rest [rad/s or m/s]: what is left to rise is 1e-13 m under gravity."""
+REST = 1e-12
+"""Velocity of what touches a stop that is rest, over the largest one in SI: rounding of a velocity that vanishes."""
 
 WORKLESS = 1e-9
 """Work of drives in impacts, relative to the energy that these take, that rounding leaves."""
@@ -188,22 +188,22 @@ class Contacts(Record, frozen=True):
         """Return the velocity along the row of a stop."""
         return float(self.bounds[k].row(q) @ v)
 
-    def impact(self, t: float, q: Array, v: Array, hit: Iterable[int], held: Iterable[int] = ()) -> Array:
-        """Return the velocity after the stops ``hit`` were met with the velocity v, shape (nv,).
+    def impact(self, t: float, q: Array, v: Array, hit: Mapping[int, float], held: Iterable[int] = ()) -> Array:
+        """Return the velocity after stops were met with the velocity v, shape (nv,).
 
-        What is slower afterwards than ``RESTING`` rests; other stops that are touched hold as long as they push.
+        Other stops that are touched hold as long as they push.
 
         Args:
             t: The instant [s].
             q: Configuration, shape (nq,).
             v: Velocity before, shape (nv,).
-            hit: Stops that are met.
+            hit: Stops that are met, and for each the velocity up to which a rebound is none [rad/s or m/s].
             held: Stops that are rested on already.
         """
         back = dict.fromkeys(sorted({*self.near(q), *held}), 0.0)
-        for k in hit:
+        for k, least in hit.items():
             rebound = -self.bounds[k].restitution * self.rate(k, q, v)
-            back[k] = rebound if abs(rebound) > RESTING else 0.0
+            back[k] = rebound if abs(rebound) > least else 0.0
         return self._nearest(t, q, v, back)
 
     def energies(self, hits: Iterable[EventRecord]) -> tuple[float, float]:

@@ -26,7 +26,7 @@ from pinarm.engine.integration.integrator import Interval, Method, Solution, Ste
 from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.segmented.end_stops import RESTING, Bound, Contacts, Held, Stop, pressed
+from pinarm.engine.motion.segmented.end_stops import REST, Bound, Contacts, Held, Stop, pressed
 from pinarm.engine.motion.segmented.segments import MotionSegment, SegmentedMotion
 from pinarm.engine.motion.segmented.separations import OPENED, Separation
 from pinarm.engine.motion.systems import Initial, System, system_of
@@ -237,7 +237,7 @@ class HybridSystem(Record, frozen=True):
             row = self.bounds[k].row(initial.q)
             moved = set(np.flatnonzero(np.abs(row) > ROUNDING * np.abs(row).max()).tolist())
             rate = self.bounds[k].side * float(row @ initial.v)
-            opens = moved <= set(initial.velocities) and rate > RESTING
+            opens = moved <= set(initial.velocities) and rate > self._still(k, initial.v)
             if moved <= positions and (opens or self.bounds[k].gap(initial.q) > self.bounds[k].slack):
                 found.discard(k)
         return frozenset(found)
@@ -297,7 +297,9 @@ class HybridSystem(Record, frozen=True):
         system, intervals, pair = self.system(), self._intervals, self.method.pair
         if pair is None or not self.batchable:
             return None
-        watches = [_of_mechanism(one, system) for _, one in self._watched(Mode(), self.system(), q[0], v[0])]
+        watches = [
+            _of_mechanism(one, system) for _, one in self._watched(Mode(), self.system(), self.time[0], q[0], v[0])
+        ]
         return integrate_batch(
             intervals,
             system.manifold,
@@ -348,9 +350,8 @@ class HybridSystem(Record, frozen=True):
         if self.frictions:
             self.friction(self.separations).sliding(Slip(), self._span(t)).equation.require_determined(q)
         contacts = self.contacts
-        approached = [k for k in contacts.near(q) if self.bounds[k].side * contacts.rate(k, q, v) < -RESTING]
-        if approached:
-            v = self.contacts.impact(t, q, v, approached)
+        if approached := [k for k in contacts.near(q) if self._approaches(k, q, v)]:
+            v = self.contacts.impact(t, q, v, self._slow(approached, t, q, v))
         mode = self.mode(t, q, v)
         while (end := self.integrate_segment(motion, mode, t, q, v, first)) is not None:
             motion.require_progress()
@@ -379,7 +380,7 @@ class HybridSystem(Record, frozen=True):
         """
         others = {*range(len(self.bounds))} - held - {end.hit}
         passed = {k for k in others if self.bounds[k].gap(end.q) <= self.bounds[k].slack}
-        approached = {k for k in passed if self.bounds[k].side * self.contacts.rate(k, end.q, end.v) < -RESTING}
+        approached = {k for k in passed if self._approaches(k, end.q, end.v)}
         return sorted(approached if end.hit is None else approached | {end.hit})
 
     def _after_impact(self, held: Held, end: SegmentEnd, met: Sequence[int]) -> tuple[Array, Array]:
@@ -392,7 +393,33 @@ class HybridSystem(Record, frozen=True):
         if closing:
             stops = self._with_stops(held)
             q = assembled(self.closure_of(held | closing), stops, q, stops.on(t, t)(t)[0], t)
-        return q, self.contacts.impact(t, q, end.v, met, held & self.separations)
+        return q, self.contacts.impact(t, q, end.v, self._slow(met, t, q, end.v), held & self.separations)
+
+    def _approaches(self, k: int, q: Array, v: Array) -> bool:
+        """Tell whether a state moves towards a stop."""
+        return self.bounds[k].side * self.contacts.rate(k, q, v) < -self._still(k, v)
+
+    def _still(self, k: int, v: Array) -> float:
+        """Return the velocity along a stop that is none: rounding, or what moves it by no gap in the whole run."""
+        return self.bounds[k].slack / (self.time[1] - self.time[0]) + REST * float(np.abs(v).max(initial=0.0))
+
+    def _slow(self, stops: Iterable[int], t: float, q: Array, v: Array) -> dict[int, float]:
+        """Return the velocities up to which what touches stops rests on them [rad/s or m/s].
+
+        With them it would rise by no gap before the loads press it back: ``u^2 / (2 a)`` for an acceleration a.
+        """
+        found = {k: self._still(k, v) for k in stops}
+        if any(abs(self.contacts.rate(k, q, v)) > still for k, still in found.items()):
+            a = self._free_acceleration(frozenset(), t, q, v)
+            for k, still in found.items():
+                pressing = -self.bounds[k].side * self.bounds[k].acceleration(q, v, a)
+                found[k] = max(still, (2.0 * max(pressing, 0.0) * self.bounds[k].slack) ** 0.5)
+        return found
+
+    def _free_acceleration(self, held: Held, t: float, q: Array, v: Array) -> Array:
+        """Return the acceleration of a state on some stops without friction, shape (nv,)."""
+        system, grid = self.system(held), Grid(np.array([t]), self._span(t), (0, 1))
+        return np.asarray(system.complete(self.dynamics, grid, *system.part(q[None], v[None])).a[0])
 
     def _enter(self, t: float, q: Array, v: Array) -> None:
         """Let controllers act at the start of a segment."""
@@ -407,7 +434,7 @@ class HybridSystem(Record, frozen=True):
         if end.slip is None:
             return v, self.mode(t, q, v, mode.held & self.separations)
         v, slip = self.friction(mode.held).switched(self._span(t), q, v, mode.slip, end.slip)
-        following, touched = Mode(mode.held, slip), self.at_rest(q, v) - mode.held
+        following, touched = Mode(mode.held, slip), self.at_rest(t, q, v) - mode.held
         ends = end.slip >= 0  # a rebound so small that it ends where the stop is, but for rounding
         if touched and (ends or self._enters(following, touched, t, q, v)):
             return v, self.mode(t, q, v, mode.held & self.separations)
@@ -418,11 +445,8 @@ class HybridSystem(Record, frozen=True):
 
         Its acceleration may begin at 0; then that without friction has the sign in which it grows.
         """
-        state = np.array([t]), q[None], v[None]
-        frictionless = self.system(mode.held)
-        grid = Grid(state[0], self._span(t), (0, 1))
-        tendency = frictionless.complete(self.dynamics, grid, *frictionless.part(*state[1:])).a[0]
-        leaving = self._leaving(self.stretch(mode, t, q, v), touched, *state)
+        tendency = self._free_acceleration(mode.held, t, q, v)
+        leaving = self._leaving(self.stretch(mode, t, q, v), touched, np.array([t]), q[None], v[None])
         for k, away in leaving.items():
             clear = abs(away) > SLIGHT * np.abs(tendency).max()
             if (away if clear else self.bounds[k].side * self.bounds[k].acceleration(q, v, tendency)) < 0.0:
@@ -440,7 +464,7 @@ class HybridSystem(Record, frozen=True):
         Where something is held a segment ends with its interval: a load that jumps may set it in motion.
         """
         system, spans = self.stretch(mode, t, q, v), self._spans(mode, t)
-        watched, acting = self._watched(mode, system, q, v), self._acting(system)
+        watched, acting = self._watched(mode, system, t, q, v), self._acting(system)
         if self.controls:
             watched += [(("control", index), watch) for index, watch in self.controls.watches(spans[0])]
             system = self.controls.around(system)
@@ -533,12 +557,12 @@ class HybridSystem(Record, frozen=True):
         """Constraints whose rows are made of pieces, as cams are."""
         return [one for one in self.closure.constraints if isinstance(one, JointRelation) and one.in_pieces]
 
-    def _watched(self, mode: Mode, system: System, q: Array, v: Array) -> list[tuple[Key, Watch]]:
+    def _watched(self, mode: Mode, system: System, t: float, q: Array, v: Array) -> list[tuple[Key, Watch]]:
         """Return the events, and what ends a segment: stops that are hit or let go, edges of loads, joints that stick.
 
         A joint that leaves its stop from rest does so slower than rounding at first: it is given some slack.
         """
-        leaving = self.at_rest(q, v)
+        leaving = self.at_rest(t, q, v)
         found: list[tuple[Key, Watch]] = list(self.watches.items())
         for k, bound in enumerate(self.bounds):
             slack = 2.0 * bound.slack if k in leaving else 0.0
@@ -568,16 +592,18 @@ class HybridSystem(Record, frozen=True):
         found: CompletedStates = complete(self.dynamics, Grid(t, span, (0, len(t))), *system.part(q, v))
         return found
 
-    def at_rest(self, q: Array, v: Array, held: Held = frozenset()) -> Held:
+    def at_rest(self, t: float, q: Array, v: Array, held: Held = frozenset()) -> Held:
         """Return the stops that are touched without moving against or away from them.
 
         Args:
+            t: The instant [s].
             q: Configuration, shape (nq,).
             v: Velocity, shape (nv,).
             held: Stops that are touched, however well integrated states show it.
         """
         touched = {*self.contacts.near(q), *held}
-        return frozenset(k for k in touched if abs(self.contacts.rate(k, q, v)) <= RESTING)
+        slow = self._slow(touched, t, q, v)
+        return frozenset(k for k in touched if abs(self.contacts.rate(k, q, v)) <= slow[k])
 
     def mode(self, t: float, q: Array, v: Array, kept: Held = frozenset()) -> Mode:
         """Return the stops that a state at rest on them presses against, and what joints with friction begin to do.
@@ -588,7 +614,7 @@ class HybridSystem(Record, frozen=True):
             v: Velocity, shape (nv,).
             kept: See ``at_rest``.
         """
-        return self._pressing(self.at_rest(q, v, kept), t, q, v)
+        return self._pressing(self.at_rest(t, q, v, kept), t, q, v)
 
     def _pressing(self, touched: Held, t: float, q: Array, v: Array) -> Mode:
         """Return the mode in which those of the stops that are touched hold that a state at rest presses against."""

@@ -249,3 +249,30 @@ def test_what_breaks_loose_at_one_instant_moves_as_it_does_alone(mechanism, fric
     for t, q in zip(both.rows.grid.t.tolist(), both.rows.q, strict=True):
         if t in last:
             assert q == pytest.approx([last[t], last[t]], abs=1e-10)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-6])
+def test_slow_impacts_without_a_load_rebound(mechanism, chain, size):
+    """Nothing presses on the weight: however slow it is, it goes back as fast as it came."""
+    model = mechanism(chain(WEIGHT), gravity="none")
+    problem = Forward(
+        time=TimeGrid(end=1.0, samples=11), initial=InitialState(velocity={"weight": -0.9 * size}),
+        end_stops={"weight": EndStop(lower=-0.5 * size, restitution=1.0)},
+    )  # fmt: skip
+    found = problem.solve(model, Accuracy(tolerance=1e-12), lambda *path: nullcontext())
+    assert len(found.events) == 1
+    assert found.rows.q[-1, 0] == pytest.approx(-0.1 * size, rel=1e-9)
+
+
+@pytest.mark.parametrize("weight", [9.81, 1e6])
+def test_bounces_end_where_they_are_no_gap_high(mechanism, chain, weight):
+    """After as many as of restitution 0.5 there are until they rise by less than 1e-13 m, whatever the load."""
+    model = mechanism(chain(WEIGHT), gravity={"direction": "-z", "magnitude": f"{weight} m/s^2"})
+    fall = (2.0 * 0.05 / weight) ** 0.5
+    problem = Forward(
+        time=TimeGrid(end=5.0 * fall, samples=11), initial=InitialState(position={"weight": 0.05}),
+        end_stops={"weight": EndStop(lower=0.0, restitution=0.5)},
+    )  # fmt: skip
+    found = problem.solve(model, Accuracy(tolerance=1e-12), lambda *path: nullcontext())
+    assert len(found.events) == pytest.approx(np.log(0.05 / 1e-13) / np.log(4.0), abs=1.5)
+    assert found.rows.q[-1, 0] == 0.0
