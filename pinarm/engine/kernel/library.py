@@ -113,6 +113,10 @@ class Flow(Record, frozen=True):
         """
 
 
+LEFT_OUT = "not built, for want of a C compiler or by PINARM_KERNEL=off"
+"""Why the library may be absent, in words."""
+
+
 @cache
 def library() -> ctypes.PyDLL | None:
     """Return the library; ``None`` where there is none, it does not fit, or ``PINARM_KERNEL=off`` switches it off.
@@ -137,7 +141,7 @@ def absence() -> str:
         return ""
     if os.environ.get(SWITCH) == "off":
         return f"switched off by {SWITCH}=off"
-    return f"{PATH.name} is of another version or system" if PATH.exists() else "not built, for want of a C compiler"
+    return f"{PATH.name} is of another version or system" if PATH.exists() else LEFT_OUT
 
 
 def address(function: Any) -> int | None:

@@ -250,9 +250,9 @@ class Result(Record, frozen=True):
 
         Its columns are those of ``table_columns``.
         """
-        import pandas
+        from pinarm.use.result.dataframes import dataframe
 
-        return pandas.DataFrame(
+        return dataframe(
             {series.label: series.values for series in map(self.presentation.written, self.table_columns())}
         )
 

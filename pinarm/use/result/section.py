@@ -69,9 +69,9 @@ class SectionTable(Record, frozen=True):
 
     def to_dataframe(self) -> DataFrame:
         """Return it as a pandas table, units in the headings."""
-        import pandas
+        from pinarm.use.result.dataframes import dataframe
 
-        return pandas.DataFrame(list(self.rows), columns=self.headings())
+        return dataframe(list(self.rows), self.headings())
 
 
 class Curve(Record, frozen=True):

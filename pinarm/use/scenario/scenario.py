@@ -514,6 +514,12 @@ class Scenario(Record, frozen=True):
             document = document.assigned(path, value, self.document.locate(("variants", name, path)))
         return self.with_document(document)
 
+    def without_variants(self) -> Scenario:
+        """Return the scenario alone."""
+        if not self.content.variants:
+            return self
+        return self.with_document(self.document.assigned("variants", {}, self.document.locate(("variants",))))
+
     def quantities(self) -> Quantities:
         """Return the quantities of one row, with nothing solved: enough to see which there are, and their units."""
         return Quantities(self.problem.schema_row(self.mechanism), self.symbols, self.content.undetermined)

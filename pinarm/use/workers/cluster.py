@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from collections.abc import Iterator
 from concurrent.futures import Executor
@@ -36,6 +37,7 @@ def cluster(address: str) -> Iterator[Executor]:
                          expected="distributed.comm.tls in Dask's configuration: ca-file, client.key and client.cert",
                          hint="DASK_DISTRIBUTED__COMM__TLS__CA_FILE and the like") from None  # fmt: skip
     try:
+        asyncio.run(_identity(distributed, address))  # a client that has not found one takes 20 s to give up
         client = distributed.Client(address, timeout=TIMEOUT, set_as_default=False, name="pinarm")
     except (OSError, ValueError, TypeError, RuntimeError) as error:
         said = (str(error).strip().splitlines() or [type(error).__name__])[0]
@@ -47,6 +49,23 @@ def cluster(address: str) -> Iterator[Executor]:
     finally:
         with suppress(Exception):
             client.close(timeout=1.0)
+
+
+async def _identity(distributed: Any, address: str) -> None:
+    """Ask what listens at an address who it is.
+
+    Raises:
+        OSError: It is no scheduler, or does not answer in time.
+        ValueError: It is no address.
+    """
+    given = distributed.Security().get_connection_args("client")
+    async with distributed.rpc(address, timeout=TIMEOUT, connection_args=given) as scheduler:
+        try:
+            found = await asyncio.wait_for(scheduler.identity(), TIMEOUT)
+        except TimeoutError:
+            raise OSError(f"no answer in {TIMEOUT:.0f} s") from None
+    if found.get("type") != "Scheduler":
+        raise OSError(f"it is a {found.get('type')}")
 
 
 def _quieten() -> None:

@@ -8,6 +8,9 @@ from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
+EXAMPLES = "example_files"
+"""Folder of the package that a wheel has, and a checkout has elsewhere."""
+
 Versions = Mapping[str, str]
 """Program -> its version."""
 
@@ -35,7 +38,8 @@ def code_digest() -> str:
     import pinarm
 
     package, content = Path(pinarm.__file__).parent, hashlib.sha256()
-    for path in sorted(path for ending in ("py", "c", "h") for path in package.rglob(f"*.{ending}")):
+    code = {path for ending in ("py", "c", "h") for path in package.rglob(f"*.{ending}")}
+    for path in sorted(code - {*package.joinpath(EXAMPLES).rglob("*")}):
         content.update(f"{path.relative_to(package)}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
     return content.hexdigest()[:12]
 

@@ -4,6 +4,7 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -295,6 +296,16 @@ def test_an_address_at_which_nobody_answers_is_refused(address: str, monkeypatch
     monkeypatch.setattr(module, "TIMEOUT", 0.5)
     with pytest.raises(PinarmError, match=f"no scheduler of Dask answers at {address}"), cluster(address):
         pass
+
+
+def test_what_listens_and_does_not_answer_is_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
+    from pinarm.use.workers import cluster as module
+
+    monkeypatch.setattr(module, "TIMEOUT", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        with pytest.raises(PinarmError, match=f"no scheduler of Dask answers at {address}"), cluster(address):
+            pass
 
 
 def test_a_cluster_without_pinarm_is_refused(path: Path, tmp_path: Path, start: Callable[..., Cluster]) -> None:

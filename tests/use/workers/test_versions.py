@@ -33,5 +33,8 @@ def test_a_change_of_the_code_changes_its_digest(name: str, tmp_path: Path, monk
     (tmp_path / "__init__.py").touch()
     monkeypatch.setattr(pinarm, "__file__", str(tmp_path / "__init__.py"))
     before = code_digest.__wrapped__()
+    (tmp_path / "example_files").mkdir()
+    (tmp_path / "example_files" / "first.py").write_text("# which only a wheel has\n")
+    assert code_digest.__wrapped__() == before
     (tmp_path / name).write_text("# new\n")
     assert code_digest.__wrapped__() != before

@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 SHOWN = 12
 """Most columns that its ``repr`` names."""
 
+TRIED = 9
+"""Cases, spread over those of a sweep, that are checked until one is right: what all suffer from is the sweep's."""
+
 ANCHORS = 5
 """Cases, spread over those of a sweep, from the first of which that can be solved loops of all others are closed."""
 
@@ -94,10 +97,10 @@ class Sweep:
 
     def to_dataframe(self) -> DataFrame:
         """Return the table as a pandas table, one row per case, units in the headings, and why cases failed."""
-        import pandas
+        from pinarm.use.result.dataframes import dataframe
 
         columns: dict[str, Any] = {series.label: series.values for series in self.table.values()}
-        return pandas.DataFrame({**columns, "error": [self.errors.get(case, "") for case in range(len(self))]})
+        return dataframe({**columns, "error": [self.errors.get(case, "") for case in range(len(self))]})
 
     def plot(self, name: str | None = None) -> Picture:
         """Return a plot of a column over what was varied: curves, a map, or how often which value came out.
@@ -256,7 +259,11 @@ def _axes(
     read = [read_axis(path, given, unit_of) for path, given in over.items()]
     drawn = [each for each in read if isinstance(each, Distribution)]
     if drawn and (samples is None or not 1 <= samples <= MOST):
-        raise InputError(f"'{drawn[0].path}' is to be drawn", expected="how many samples to draw", hint="--sample 1000")
+        raise InputError(
+            f"'{drawn[0].path}' is to be drawn",
+            expected=f"how many samples to draw, 1 to {MOST:,}",
+            hint="--sample 1000",
+        )
     if seed < 0:
         raise InputError(f"the seed is {seed}", expected="a whole number from 0")
     if samples is not None and not drawn:
@@ -284,15 +291,17 @@ def _unit_of(scenario: Scenario, path: str) -> str:
 
 
 def _end(scenario: Scenario, cases: Cases) -> Scenario:
-    """Return the first case, or where that is refused the last; a sweep both of whose ends are is refused itself.
+    """Return the first case, or where that is refused one of several others; a sweep that has none is refused itself.
+
+    The variants of the scenario are none of the sweep's.
 
     Raises:
         PinarmError: What the first case suffers from.
     """
-    errors = []
-    for case in (0, len(cases) - 1):
+    errors, last = [], len(cases) - 1
+    for case in dict.fromkeys([0, last, *np.linspace(0, last, TRIED).astype(int).tolist()]):
         try:
-            end = scenario.varied(cases.values(case))
+            end = scenario.varied(cases.values(case)).without_variants()
             end.validate()
         except PinarmError as error:
             errors.append(error)

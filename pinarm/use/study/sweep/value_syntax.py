@@ -91,7 +91,7 @@ def _distribution(path: str, found: re.Match[str], unit_of: UnitOf) -> Distribut
 def _grid(path: str, found: re.Match[str], unit_of: UnitOf) -> Column:
     start, end, count = float(found[1]), float(found[2]), int(found[3])
     if not 2 <= count <= MOST or start == end:
-        raise InputError(f"'{found[0].strip()}' is no grid", expected="two different ends and at least 2 values")
+        raise InputError(f"'{found[0].strip()}' is no grid", expected=f"two different ends and 2 to {MOST:,} values")
     values = np.linspace(start, end, count)
     measured = _unit(path, found[4], unit_of)
     if not measured and is_whole(found[1]) and is_whole(found[2]) and (values == values.round()).all():
@@ -178,16 +178,25 @@ def read_cases(path: Path, unit_of: UnitOf) -> Axis:
         place = Location(str(path), line, 1, ",".join(row))
         raise InputError("a value is missing, or one too many", expected=f"{len(heads)} values").at(place)
     columns = []
-    for head, cells in zip(heads, texts, strict=True):
+    for number, (head, cells) in enumerate(zip(heads, texts, strict=True)):
         heading = split_heading(head)
         try:
             if heading is None or not heading[0]:
                 raise InputError(f"'{head}' is no heading", expected="a path and its unit: arguments.m_A [kg]")
             measured = _unit(heading[0], heading[1] or "", unit_of)
-            columns.append(_column(heading[0], cells, partial(_same, measured)))
         except InputError as error:
             raise error.at(Location(str(path), 1, 1, ",".join(heads))) from None
+        try:
+            columns.append(_column(heading[0], cells, partial(_same, measured)))
+        except InputError as error:
+            line, row = next((each for each in table if not _is_number(each[1][number])), (1, heads))
+            raise error.at(Location(str(path), line, 1, ",".join(row))) from None
     return Axis(tuple(columns))
+
+
+def _is_number(text: str) -> bool:
+    found = _item(text)
+    return found is not None and math.isfinite(float(found[0]))
 
 
 def _same(measured: str, path: str) -> str:

@@ -183,6 +183,20 @@ def test_a_sweep_that_is_refused_at_both_ends_is_refused_at_once(held: pinarm.Sc
             pinarm.sweep(held, over)
 
 
+def test_a_sweep_that_is_refused_at_both_ends_only_is_solved_between(held: pinarm.Scenario) -> None:
+    sweep = pinarm.sweep(held, {"arguments.m": "-1, 1, 2, -2 kg"}, results=["M @ max"], workers=1)
+    assert np.isnan(sweep["M @ max"].values).tolist() == [True, False, False, True]
+    assert all("the mass is negative" in error for error in sweep.errors.values())
+
+
+def test_variants_of_the_scenario_do_not_restrict_its_sweep() -> None:
+    """In one of them the joint that begins elsewhere follows a law."""
+    swing = Path(__file__).parents[4] / "scenarios" / "gen411_arm_swing.yaml"
+    sweep = pinarm.sweep(swing, {"problem.initial.velocity.B": "1, 2 rad/s"}, results=["phi @ end"], workers=1)
+    alone = [pinarm.run(swing, {"problem.initial.velocity.B": f"{speed} rad/s"})["phi"].values[-1] for speed in (1, 2)]
+    assert sweep["phi @ end"].values == pytest.approx(alone, rel=1e-12)
+
+
 @pytest.mark.slow
 def test_bare_numbers_are_in_the_unit_that_the_files_have(path: Path) -> None:
     def units(**over: str) -> dict[str, str]:
@@ -201,6 +215,8 @@ def test_bare_numbers_are_in_the_unit_that_the_files_have(path: Path) -> None:
 def test_samples_are_drawn_where_something_is_to_be_drawn(held: pinarm.Scenario) -> None:
     with pytest.raises(PinarmError, match=r"'arguments\.m' is to be drawn"):
         pinarm.sweep(held, {"arguments.m": "normal(2, 0.1)"})
+    with pytest.raises(PinarmError, match="1 to 10,000,000"):
+        pinarm.sweep(held, {"arguments.m": "normal(2, 0.1)"}, samples=0)
     with pytest.raises(PinarmError, match="nothing to draw"):
         pinarm.sweep(held, {"arguments.m": "1, 2"}, samples=3)
     over = {"arguments.m": "normal(2, 0.1)", "arguments.l": "tolerance(1, 0.01)", "problem.over.pivot.to": "60, 90"}
