@@ -67,7 +67,7 @@ def motion_of(model: Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacement
     if isinstance(model, ModelVariants) or (len(q) > STATES and model.njoints < LINKS):
         return moving(model, q, v, a)
     placements, twists, rates, columns = _buffers(model).rows(model, q, v, a)
-    turns = placements[..., :9].reshape(len(q), -1, 3, 3).swapaxes(-2, -1)
+    turns = placements[..., :9].reshape(len(q), model.njoints, 3, 3).swapaxes(-2, -1)
     links = LinkPlacements(model, components_far(turns, 3), components_far(placements[..., 9:]), q)
     return links, components_far(twists), components_far(rates), columns
 

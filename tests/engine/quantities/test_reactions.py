@@ -46,6 +46,21 @@ def test_loads_at_points_are_part_of_it(pulled):
     assert pulled.run().figures["bodies"] < 1e-14
 
 
+def test_a_piece_of_a_load_without_a_checked_row_is_passed_over():
+    """Of many rows some are checked, and none is in a pulse between two of them."""
+    pulse = {"law": "steps", "points": [["0 s", "0 N*m"], ["502 ms", "12 N*m"], ["506 ms", "0 N*m"]]}
+    result = pinarm.run({
+        "pinarm": 1, "mechanism": pinarm.Mechanism.load(SCENARIOS.parent / "models" / "gen411_arm" / "mechanism.yaml"),
+        "problem": {
+            "kind": "inverse", "time": {"end": "1 s", "samples": 1001},
+            "motion": {"O": {"law": "constant_speed", "speed": "60 rpm"}, "B": {"law": "constant", "value": "0 rad"}},
+            "loads": {"hit": {"kind": "joint_effort", "joint": "B", "effort": pulse}},
+        },
+        "outputs": ["joint.O.force.norm"],
+    })  # fmt: skip
+    assert result.figures["bodies"] < 1e-13
+
+
 def test_it_is_not_told_where_no_reaction_is_asked(pulled):
     assert "bodies" not in pulled.varied({"outputs": ["panda_joint3"]}).run().figures
 

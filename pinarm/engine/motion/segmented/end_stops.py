@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 REST = 1e-12
 """Velocity of what touches a stop that is rest, over the largest one in SI: rounding of a velocity that vanishes."""
 
+CONTRADICTING = 1e-9
+"""Velocity after an impact beyond the one that a stop asks for, over the largest before, that is none of rounding."""
+
 WORKLESS = 1e-9
 """Work of drives in impacts, relative to the energy that these take, that rounding leaves."""
 
@@ -231,24 +234,32 @@ class Contacts(Record, frozen=True):
 
     def _nearest(self, t: float, q: Array, v: Array, back: Mapping[int, float]) -> Array:
         """Return the velocity nearest to v that is at least the given one away from stops, which push only."""
-        rows = self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
-        model = rows.model
-        mass = mass_matrix(model, q)
-        own = rows.rows(rows.state(q))
-        target = np.concatenate([np.zeros(self.closure.size), self.prescribed.on(t, t)(t)[1]])
         found: dict[Held, Array] = {}
 
         def away(pushing: Held) -> dict[int, float]:
-            some = sorted(pushing)
-            normals = np.array([self.bounds[k].row(q) for k in some]).reshape(-1, model.nv)
-            split = split_rows(np.vstack([own, normals]), np.append(rows.reach, [self.bounds[k].reach for k in some]))
-            after = solve(split, mass, mass @ v, np.concatenate([target, [back[k] for k in some]]))
-            impulses = split.multipliers(mass @ (after - v))[len(own) :]
+            after, impulses = self._given(t, q, v, {k: back[k] for k in sorted(pushing)})
             found[pushing] = after
-            left = {k: self.bounds[k].side * (self.rate(k, q, after) - back[k]) for k in back if k not in pushing}
-            return left | {k: self.bounds[k].side * impulse for k, impulse in zip(some, impulses, strict=True)}
+            left = {k: self.bounds[k].side * (self.rate(k, q, after) - back[k]) for k in back}
+            faster = CONTRADICTING * float(np.abs(v).max(initial=0.0))  # than asked for: others that are tied to it are
+            pushes = {k: -1.0 if left[k] > faster else self.bounds[k].side * impulse for k, impulse in impulses.items()}
+            return left | pushes
 
         return found[pressed(back, away)]
+
+    def rest(self, t: float, q: Array, v: Array, held: Held) -> Array:
+        """Return the velocity nearest to v with which stops are rested on, shape (nv,)."""
+        return self._given(t, q, v, dict.fromkeys(sorted(held), 0.0))[0]
+
+    def _given(self, t: float, q: Array, v: Array, back: Mapping[int, float]) -> tuple[Array, dict[int, float]]:
+        """Return the velocity nearest to v with given ones along the rows of stops, and the impulses of these."""
+        rows = self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
+        model, own = rows.model, rows.rows(rows.state(q))
+        mass = mass_matrix(model, q)
+        normals = np.array([self.bounds[k].row(q) for k in back]).reshape(-1, model.nv)
+        split = split_rows(np.vstack([own, normals]), np.append(rows.reach, [self.bounds[k].reach for k in back]))
+        target = [np.zeros(self.closure.size), self.prescribed.on(t, t)(t)[1], np.array([*back.values()])]
+        after = solve(split, mass, mass @ v, np.concatenate(target))
+        return after, dict(zip(back, split.multipliers(mass @ (after - v))[len(own) :].tolist(), strict=True))
 
 
 def impact_remarks(contacts: Contacts, events: Iterable[EventRecord]) -> list[str]:

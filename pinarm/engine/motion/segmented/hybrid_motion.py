@@ -47,6 +47,9 @@ if TYPE_CHECKING:
     from pinarm.engine.motion.systems.system import CompletedStates
     from pinarm.mechanics.friction.contact import FrictionContact
 
+CUT = 1e-14
+"""Distance of an event from a jump of a load, or from the end of the run, over the instant, that is rounding."""
+
 SLIGHT = 1e-9
 """Acceleration of what breaks loose, over that without friction, that may be rounding."""
 
@@ -352,10 +355,10 @@ class HybridSystem(Record, frozen=True):
         contacts = self.contacts
         if approached := [k for k in contacts.near(q) if self._approaches(k, q, v)]:
             v = self.contacts.impact(t, q, v, self._slow(approached, t, q, v))
-        mode = self.mode(t, q, v)
+        v, mode = self._settled(motion, t, q, v, self.mode(t, q, v), frozenset())
         while (end := self.integrate_segment(motion, mode, t, q, v, first)) is not None:
             motion.require_progress()
-            t, q, v, first = end.t, end.q, end.v, None
+            t, q, v, first = self._on_cut(end.t), end.q, end.v, None
             if end.stops:
                 break
             if met := self._met(mode.held, end):
@@ -367,11 +370,30 @@ class HybridSystem(Record, frozen=True):
             if end.control is not None and self.controls:
                 self.controls.switch(end.control)
             self._enter(t, q, v)
-            held = mode.held & self.separations
-            v, mode = self.following(mode, replace(end, v=v))
-            opened = sorted(held - mode.held)
+            before = mode.held
+            following = self.following(mode, replace(end, t=t, v=v))
+            v, mode = self._settled(motion, t, q, *following, frozenset() if met else before)
+            opened = sorted((before & self.separations) - mode.held)
             motion.events.extend(EventRecord(self.bounds[k].name + OPENED, t, q, v) for k in opened)
         return motion
+
+    def _on_cut(self, t: float) -> float:
+        """Return an instant, or the cut from which only rounding tells it [s]: nothing is to be integrated between."""
+        return next((cut for cut in self.cuts if 0.0 < cut - t <= CUT * max(abs(cut), abs(t))), t)
+
+    def _settled(
+        self, motion: SegmentedMotion, t: float, q: Array, v: Array, mode: Mode, before: Held
+    ) -> tuple[Array, Mode]:
+        """Return the velocity and the mode with joints at rest on stops that they begin to rest on.
+
+        What is slow enough to rest there has been hit a last time.
+        """
+        begun = [k for k in sorted(mode.held - before) if abs(self.contacts.rate(k, q, v)) > self._still(k, v)]
+        if not begun:
+            return v, mode
+        after = self.contacts.rest(t, q, v, mode.held)
+        motion.events.extend(EventRecord(self.bounds[k].name, t, q, after, v) for k in begun)
+        return after, self.mode(t, q, after, mode.held)
 
     def _met(self, held: Held, end: SegmentEnd) -> list[int]:
         """Return the stops that are hit at the end of a segment, whatever ended it.
@@ -406,14 +428,16 @@ class HybridSystem(Record, frozen=True):
     def _slow(self, stops: Iterable[int], t: float, q: Array, v: Array) -> dict[int, float]:
         """Return the velocities up to which what touches stops rests on them [rad/s or m/s].
 
-        With them it would rise by no gap before the loads press it back: ``u^2 / (2 a)`` for an acceleration a.
+        With them it would rise by no gap under the accelerations that there are, ``u^2 / (2 a)``: which of them presses
+        it back depends on what else is held.
         """
         found = {k: self._still(k, v) for k in stops}
         if any(abs(self.contacts.rate(k, q, v)) > still for k, still in found.items()):
-            a = self._free_acceleration(frozenset(), t, q, v)
-            for k, still in found.items():
-                pressing = -self.bounds[k].side * self.bounds[k].acceleration(q, v, a)
-                found[k] = max(still, (2.0 * max(pressing, 0.0) * self.bounds[k].slack) ** 0.5)
+            a = np.abs(self._free_acceleration(frozenset(), t, q, v)).max(initial=0.0)
+            if self.frictions:
+                slipping = self.stretch(Mode(frozenset(), self._slip(frozenset(), t, q, v)), t, q, v)
+                a = max(a, np.abs(self._completed(slipping, np.array([t]), q[None], v[None]).a).max(initial=0.0))
+            found = {k: max(still, float(2.0 * a * self.bounds[k].slack) ** 0.5) for k, still in found.items()}
         return found
 
     def _free_acceleration(self, held: Held, t: float, q: Array, v: Array) -> Array:
@@ -435,23 +459,34 @@ class HybridSystem(Record, frozen=True):
             return v, self.mode(t, q, v, mode.held & self.separations)
         v, slip = self.friction(mode.held).switched(self._span(t), q, v, mode.slip, end.slip)
         following, touched = Mode(mode.held, slip), self.at_rest(t, q, v) - mode.held
-        ends = end.slip >= 0  # a rebound so small that it ends where the stop is, but for rounding
-        if touched and (ends or self._enters(following, touched, t, q, v)):
+        if touched and end.slip >= 0:  # a rebound so small that it ends where the stop is, but for rounding
             return v, self.mode(t, q, v, mode.held & self.separations)
+        if entered := self._entered(following, touched, t, q, v):
+            held = mode.held | entered
+            return v, Mode(held, self._slip(held, t, q, v))
+        system, state = self.stretch(following, t, q, v), (np.array([t]), q[None], v[None])
+        if any(self.push(system, k, *state)[0] <= 0.0 for k in mode.held):
+
+            def switched(held: Held) -> Slip:
+                return self.friction(held).switched(self._span(t), q, v, mode.slip, end.slip or 0)[1]
+
+            return v, self._pressing(mode.held | touched, t, q, v, switched)
         return v, following
 
-    def _enters(self, mode: Mode, touched: Held, t: float, q: Array, v: Array) -> bool:
-        """Tell whether what breaks loose goes on into a stop that it touches.
+    def _entered(self, mode: Mode, touched: Held, t: float, q: Array, v: Array) -> Held:
+        """Return the stops among those that are touched into which what breaks loose would go.
 
         Its acceleration may begin at 0; then that without friction has the sign in which it grows.
         """
+        if not touched:
+            return touched
         tendency = self._free_acceleration(mode.held, t, q, v)
         leaving = self._leaving(self.stretch(mode, t, q, v), touched, np.array([t]), q[None], v[None])
+        slight = SLIGHT * float(np.abs(tendency).max())
         for k, away in leaving.items():
-            clear = abs(away) > SLIGHT * np.abs(tendency).max()
-            if (away if clear else self.bounds[k].side * self.bounds[k].acceleration(q, v, tendency)) < 0.0:
-                return True
-        return False
+            if abs(away) <= slight:
+                leaving[k] = self.bounds[k].side * self.bounds[k].acceleration(q, v, tendency)
+        return frozenset(k for k, away in leaving.items() if away < 0.0)
 
     def _slip(self, held: Held, t: float, q: Array, v: Array) -> Slip:
         return self.friction(held).start(self._span(t), q, v) if self.frictions else Slip()
@@ -616,12 +651,22 @@ class HybridSystem(Record, frozen=True):
         """
         return self._pressing(self.at_rest(t, q, v, kept), t, q, v)
 
-    def _pressing(self, touched: Held, t: float, q: Array, v: Array) -> Mode:
-        """Return the mode in which those of the stops that are touched hold that a state at rest presses against."""
+    def _pressing(
+        self, touched: Held, t: float, q: Array, v: Array, slips: Callable[[Held], Slip] | None = None
+    ) -> Mode:
+        """Return the mode in which those of the stops that are touched hold that a state at rest presses against.
+
+        Args:
+            touched: The stops.
+            t: The instant [s].
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+            slips: What joints with friction begin to do while some hold; where it is left out, what the state says.
+        """
         modes: dict[Held, Mode] = {}
 
         def away(held: Held) -> dict[int, float]:
-            mode = modes[held] = Mode(held, self._slip(held, t, q, v))
+            mode = modes[held] = Mode(held, slips(held) if slips else self._slip(held, t, q, v))
             system, state = self.stretch(mode, t, q, v), (np.array([t]), q[None], v[None])
             pushes = {k: float(self.push(system, k, *state)[0]) for k in held}
             return pushes | self._leaving(system, touched - held, *state)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ from pinarm.engine.friction.sliding import SlidingFriction
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
 from pinarm.errors import IntegrationError
-from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.coordinates import LinearCoordinate, driven_along
 from pinarm.mechanics.friction.contact import slip_rows
 from pinarm.mechanics.friction.slip_vectors import sizes
 from pinarm.mechanics.laws.motion_law import Grid
@@ -180,8 +181,15 @@ class FrictionalSystem:
         loads = np.vecmat(friction, rows)
         left = demand - loads
         left[np.abs(left) <= ROUNDED * (np.abs(demand) + np.abs(loads))] = 0.0  # friction carries it alone
+        if not self.friction.closure.size:  # nor is there anything else to carry what nothing drives
+            left[:, ~self._driven] = 0.0
         tau, lam = self._efforts(t, states.q, left)
         return replace(states, tau=tau, lam=lam, friction=friction)
+
+    @cached_property
+    def _driven(self) -> Flags:
+        """Which joints follow laws or rest on stops, alone or with others, shape (nv,)."""
+        return driven_along(self.friction.prescribed.coordinates, self.friction.closure.model.nv)
 
     def _require_within_bounds(self, solution: FrictionSolution, t: float) -> None:
         """Raise where a step has gone past the switch of a joint.

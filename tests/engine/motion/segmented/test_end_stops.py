@@ -276,3 +276,88 @@ def test_bounces_end_where_they_are_no_gap_high(mechanism, chain, weight):
     found = problem.solve(model, Accuracy(tolerance=1e-12), lambda *path: nullcontext())
     assert len(found.events) == pytest.approx(np.log(0.05 / 1e-13) / np.log(4.0), abs=1.5)
     assert found.rows.q[-1, 0] == 0.0
+
+
+STACK = (
+    {"name": "box", "kind": "prismatic", "axis": "0 0 1", "mass": 2.0},
+    {"name": "ball", "kind": "prismatic", "axis": "0 0 1", "mass": 1.0},
+)
+DOWN = {"direction": "-z", "magnitude": f"{G} m/s^2"}
+
+
+def test_what_bounces_on_something_that_rests_comes_to_rest(mechanism, chain):
+    """On a box on the floor, towards which it falls only because the floor holds the box."""
+    problem = Forward(
+        time=TimeGrid(end=1.0, samples=11), initial=InitialState(position={"ball": -0.4}),
+        end_stops={"box": EndStop(lower=0.0), "ball": EndStop(lower=-0.5, restitution=0.3)},
+    )  # fmt: skip
+    found = problem.solve(mechanism(chain(*STACK), gravity=DOWN), Accuracy(), lambda *path: nullcontext())
+    assert found.rows.q[-1] == pytest.approx([0.0, -0.5], abs=1e-12)
+    assert len(found.events) < 20
+
+
+def test_stops_of_joints_that_are_coupled_ask_for_the_fastest_rebound(mechanism):
+    """Of two that are met together the joints leave one as it asks, and the other faster than it would."""
+    coupled = two_weights(
+        mechanism, couplings={"tied": {"kind": "sum", "weights": {"first": 1, "second": -1}, "value": "0 m"}}
+    )
+    problem = Forward(
+        time=TimeGrid(end=0.25, samples=6),
+        end_stops={"first": EndStop(lower=-0.2, restitution=0.5), "second": EndStop(lower=-0.2)},
+    )
+    found = problem.solve(coupled, Accuracy(tolerance=1e-12), lambda *path: nullcontext())
+    speed, met = (2.0 * G * 0.2) ** 0.5, (2.0 * 0.2 / G) ** 0.5
+    assert found.rows.v[-1] == pytest.approx(0.5 * speed - G * (0.25 - met), abs=1e-9)
+
+
+@pytest.mark.parametrize("static", [None, 8.0])
+def test_a_stop_lets_go_where_friction_would_make_it_pull(mechanism, chain, static):
+    """A load slides on a cart that a force pulls off its stop: once it sticks, or breaks loose, nothing presses."""
+    cart = [{"name": "cart", "kind": "prismatic", "axis": "1 0 0", "mass": 2.0},
+            {"name": "load", "kind": "prismatic", "axis": "1 0 0", "mass": 1.0}]  # fmt: skip
+    if static is None:
+        friction, loads, speed = {"constant": "6 N"}, {"cart": Constant(value=3.0)}, -1.0
+        expected, begins = 0.5, 1.0 / 6.0  # both at 3 N / 3 kg
+    else:
+        friction, speed = {"constant": "2 N", "static_constant": "8 N"}, 0.0
+        loads = {"load": ConstantSpeed(start=-5.0, speed=-6.0), "cart": ConstantSpeed(start=-2.0, speed=-6.0)}
+        expected, begins = 0.25, 0.5  # the cart at (2 - 1) N / 2 kg
+    model = mechanism(chain(*cart), gravity="none", friction={"load": friction})
+    problem = Forward(
+        time=TimeGrid(end=1.0, samples=11), initial=InitialState(velocity={"load": speed}),
+        end_stops={"cart": EndStop(lower=0.0)},
+        loads={name: JointEffort(joint=name, effort=effort) for name, effort in loads.items()},
+    )  # fmt: skip
+    found = problem.solve(model, Accuracy(tolerance=1e-12), lambda *path: nullcontext())
+    t, place = found.rows.grid.t, found.rows.q[:, 0]
+    if static is None:
+        assert place == pytest.approx(expected * np.maximum(t - begins, 0.0) ** 2, abs=1e-10)
+    else:
+        assert place[-1] == pytest.approx(0.0625, abs=1e-9)
+    assert found.rows.tau[:, 0].min() > -1e-12
+
+
+@pytest.mark.parametrize(
+    ("place", "speed", "limit", "restitution"), [(0.34, -0.3, 0.04, 1.0), (0.48, -0.7, -0.22, 0.5)]
+)
+def test_a_stop_that_is_met_at_the_end_of_the_run_is_met_once(mechanism, chain, place, speed, limit, restitution):
+    begins = InitialState(position={"weight": place}, velocity={"weight": speed})
+    problem = Forward(
+        time=TimeGrid(end=1.0, samples=11), initial=begins,
+        end_stops={"weight": EndStop(lower=limit, restitution=restitution)},
+    )  # fmt: skip
+    found = problem.solve(mechanism(chain(WEIGHT), gravity="none"), Accuracy(), lambda *path: nullcontext())
+    assert found.rows.q[-1, 0] == pytest.approx(limit, abs=1e-12)
+    assert len(found.events) == 1
+
+
+def test_what_an_impact_lifts_by_no_gap_has_had_an_impact_of_its_own(mechanism, chain):
+    """The box that a large force clamps takes the energy of a slow impact above it, and its stop is told to."""
+    clamp = JointEffort(joint="box", effort=Constant(value=-1e6))
+    problem = Forward(
+        time=TimeGrid(end=0.5, samples=6), initial=InitialState(velocity={"ball": 4e-4}), loads={"clamp": clamp},
+        end_stops={"box": EndStop(lower=0.0), "ball": EndStop(upper=1e-4, restitution=0.9)},
+    )  # fmt: skip
+    found = problem.solve(mechanism(chain(*STACK), gravity="none"), Accuracy(), lambda *path: nullcontext())
+    assert [event.name for event in found.events] == ["ball upper", "box lower"]
+    assert not any("not accounted for" in note for note in found.notes)
