@@ -140,8 +140,7 @@ def _equilibrium(balance: ForceBalance, q: Array, start: str) -> Equilibrium:
         hold = _friction_hold(balance, q)
         if hold is None or not hold.holds(q):
             raise
-        unknown = np.full(1, np.nan)
-        return Equilibrium(q, Modes(unknown, unknown, np.nan))
+        return Equilibrium(q, Modes.unknown(1))
 
 
 def _friction_hold(balance: ForceBalance, q: Array) -> FrictionHold | None:
@@ -179,7 +178,7 @@ def _units(mechanism: Mechanism, free: int) -> dict[str, Unit | None]:
 def outcome(balance: ForceBalance, found: Sequence[Equilibrium]) -> Outcome:
     """Return the equilibria as rows numbered from 1, and how many there are."""
     bands = _bands(balance, found)
-    notes = (*_weightless(found), *_friction_notes(balance, found, bands))
+    notes = (*_weightless(found), *_edges(found), *_friction_notes(balance, found, bands))
     stable = sum(equilibrium.modes.stability == 1 for equilibrium in found)
     figures = {"equilibria": float(len(found)), "stable": float(stable)}
     return Outcome(rows_of(balance, found, bands), figures=figures, notes=notes)
@@ -198,6 +197,13 @@ def _weightless(found: Sequence[Equilibrium]) -> list[str]:
             if np.isnan(equilibrium.modes.squares).any() and not np.isnan(equilibrium.modes.stability)]  # fmt: skip
 
 
+def _edges(found: Sequence[Equilibrium]) -> list[str]:
+    """Return what is to be said of loads that have an edge where the forces balance."""
+    return [f"row {row}: '{equilibrium.modes.edge}' has an edge here, to either side of which its stiffness is another "
+            "one, as where a cable becomes taut: neither stability nor small motions are told"
+            for row, equilibrium in enumerate(found, 1) if equilibrium.modes.edge]  # fmt: skip
+
+
 def _friction_notes(balance: ForceBalance, found: Sequence[Equilibrium], bands: Sequence[PositionBand]) -> list[str]:
     """Return what is to be said of friction that sticks."""
     contacts = balance.mechanism.frictions
@@ -214,7 +220,7 @@ def _friction_notes(balance: ForceBalance, found: Sequence[Equilibrium], bands: 
             "whether it holds"
         )
     for row, (equilibrium, band) in enumerate(zip(found, bands, strict=False), 1):
-        if np.isnan(equilibrium.modes.stability):
+        if np.isnan(equilibrium.modes.stability) and not equilibrium.modes.edge:
             notes.append(
                 f"row {row}: the start, which friction holds as it is, leads to no position that needs no friction"
             )

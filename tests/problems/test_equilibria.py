@@ -12,7 +12,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.statics.equilibrium import ForceBalance
 from pinarm.engine.statics.stiffness import slope
-from pinarm.errors import AssemblyError, InputError
+from pinarm.errors import AssemblyError, DynamicsError, InputError
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 from pinarm.mechanics.laws import Constant, Harmonic
@@ -241,13 +241,13 @@ FUNCTIONS = {
 @pytest.mark.parametrize("at", [0.0, 0.013, -0.7, 2.4])
 def test_slopes_of_loads_are_right_to_a_part_in_1e12(name, at):
     value, derivative = FUNCTIONS[name]
-    found = slope(value, np.array([at]))[0, 0]
+    found = slope(value, np.array([at]), np.ones(1))[0, 0]
     around = np.abs(derivative(at + np.linspace(-0.05, 0.05, 101))).max()
     assert found == pytest.approx(derivative(np.array(at)), abs=1e-12 * (around + abs(value(np.array(at)))))
 
 
 def test_slopes_tell_load_from_coordinate():
-    found = slope(lambda q: np.stack([q[:, 0] * q[:, 1], q[:, 0] ** 2], axis=1), np.array([2.0, 3.0]))
+    found = slope(lambda q: np.stack([q[:, 0] * q[:, 1], q[:, 0] ** 2], axis=1), np.array([2.0, 3.0]), np.ones(2))
     assert found == pytest.approx(np.array([[3.0, 2.0], [4.0, 0.0]]), abs=1e-12)
 
 
@@ -504,3 +504,47 @@ def test_equilibria_with_friction_are_those_without_and_the_notes_say_so(mechani
     held = Statics(hold=hold).solve(arms, Accuracy(), place).rows
     sides = [held.columns[f"joint.{joint}.effort.{side}"].values[0] for joint in "ab" for side in ("lower", "upper")]
     assert sides == pytest.approx([weight - 2.0, weight + 2.0, -1.0, 1.0], rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("size", [1e-3, 0.05, 0.1, 0.25, 1.0, 100.0])
+def test_a_snap_through_has_the_same_stiffness_at_every_size(size):
+    """k (1 - L0 / h) in the middle, where it is unstable, and k (1 - h^2 / L0^2) at its sides."""
+    slide = {
+        "pinarm": 1, "gravity": "none",
+        "planar": {
+            "points": {"O": [0, 0], "P": [0, 0], "Q": [f"{4 * size} mm", 0], "W": [0, f"{size} mm"]},
+            "ground": ["O", "Q", "W"], "links": {"carriage": {"points": ["P"], "mass": "2 kg"}},
+            "sliders": {"x": {"link": "carriage", "along": ["O", "Q"]}},
+        },
+    }  # fmt: skip
+    spring = {"kind": "point_spring", "between": ["W", "P"], "stiffness": "1000 N/m", "free_length": f"{1.2 * size} mm"}
+    starts = [{"x": "0 mm"}, {"x": f"{0.5 * size} mm"}]
+    found = pinarm.run({
+        "pinarm": 1, "mechanism": slide, "problem": {"kind": "equilibria", "starts": starts, "loads": {"s": spring}},
+        "outputs": ["x", "equilibrium.stiffness_1", "equilibrium.stability"],
+    })  # fmt: skip
+    assert found["equilibrium.stiffness_1"].values == pytest.approx([-200.0, 1000.0 * (1.0 - 1.2**-2)], rel=1e-9)
+    assert found["equilibrium.stability"].values.tolist() == [-1.0, 1.0]
+
+
+@pytest.mark.parametrize("start", ["50 mm", "10 mm"])
+def test_where_a_cable_becomes_taut_no_stiffness_is_told(start):
+    """To one side it has that of the cable, to the other none: half of it would be that of nothing."""
+    slide = {
+        "pinarm": 1, "gravity": "none",
+        "planar": {
+            "points": {"O": [0, 0], "P": ["100 mm", 0]}, "ground": ["O"],
+            "links": {"carriage": {"points": ["P"], "mass": "2 kg"}},
+            "sliders": {"x": {"link": "carriage", "along": ["O", "P"]}},
+        },
+    }  # fmt: skip
+    cable = {"kind": "cable", "through": ["O", "P"], "stiffness": "1000 N/m", "free_length": "110 mm"}
+    question = {
+        "pinarm": 1, "mechanism": slide, "outputs": ["x"],
+        "problem": {"kind": "equilibria", "starts": [{"x": start}], "loads": {"rope": cable}},
+    }  # fmt: skip
+    found = pinarm.run(question)
+    assert np.isnan(found["equilibrium.stability"].values).all()
+    assert any("'rope' has an edge here" in note for note in found.notes())
+    with pytest.raises(DynamicsError, match="'rope' has an edge here"):
+        pinarm.run({**question, "outputs": ["equilibrium.stability"]})

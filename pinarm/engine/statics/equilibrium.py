@@ -15,7 +15,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.statics.stiffness import ZERO, Modes, force, slope, stiffness
+from pinarm.engine.statics.stiffness import ZERO, Modes, edge_at, force, slope, stiffness
 from pinarm.errors import AssemblyError, InputError, Key, within
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.forces.force_element import ForceElement
@@ -143,10 +143,12 @@ class ForceBalance:
 
         What holds the mechanism adds to K where its rows turn with q: ``-d(G^T lam)/dq`` with ``f + G^T lam = 0``.
         """
-        slopes, sizes, size = stiffness(self.dynamics, q, self.turns)
+        slopes, sizes, size = stiffness(self.dynamics, q, self.turns, self.closure.scale)
         if self.rows.size:
             lam = self.split(q).multipliers(-self.force(q))
-            own = slope(lambda states: np.array([self._held_load(state, lam) for state in states]), q)
+            own = slope(
+                lambda states: np.array([self._held_load(state, lam) for state in states]), q, self.closure.scale
+            )
             slopes, sizes = slopes - own, sizes + np.abs(own)
         return slopes, sizes, size
 
@@ -230,6 +232,8 @@ class ForceBalance:
     def _judged(self, q: Array) -> Equilibrium:
         """Return the equilibrium at q with its small motions."""
         basis = self.basis(q)
+        if edge := edge_at(self.dynamics, q, self.closure.scale):
+            return Equilibrium(q, Modes.unknown(basis.shape[1], edge))
         slopes, sizes, _ = self.terms(q)
         mass = basis.T @ mass_matrix(self.dynamics.model, q) @ basis
         doubt = ZERO * (np.abs(basis).T @ sizes @ np.abs(basis))

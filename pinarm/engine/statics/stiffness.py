@@ -19,8 +19,12 @@ ZERO = 1e-9
 """Stiffness, relative to the terms that make it up, below which it is 0: differences of loads leave up to 1e-12."""
 
 STEP, LEVELS, ORDERS = 0.1237, 14, 5
-"""Differences of loads: largest step [rad or m], no round number so that it hits no special position; how often it is
-halved; columns of the extrapolation, up to order 10."""
+"""Differences of loads: largest step, in rad or in the unit of length of the mechanism, no round number so that it hits
+no special position; how often it is halved; columns of the extrapolation, up to order 10."""
+
+KINK = 1e-2
+"""Part of the slope of a load by which it may be another one to either side, over the smallest steps, or by all steps
+together: where a load has an edge it is another one by its whole size."""
 
 
 def force(dynamics: Dynamics, q: Array) -> Array:
@@ -30,13 +34,14 @@ def force(dynamics: Dynamics, q: Array) -> Array:
     return np.asarray(dynamics.loads(0.0, q, np.zeros(model.nv)) - weights)
 
 
-def stiffness(dynamics: Dynamics, q: Array, turns: Array) -> tuple[Array, Array, Array]:
+def stiffness(dynamics: Dynamics, q: Array, turns: Array, units: Array) -> tuple[Array, Array, Array]:
     """Return K = -df/dq and what it and f are made of, for telling 0 from rounding.
 
     Args:
         dynamics: The equation of motion with constant loads; every joint has one coordinate.
         q: Configuration [rad or m], shape (nv,).
         turns: 1 for joints that turn, 0 for those that slide, shape (nv,).
+        units: See ``slope``.
 
     Returns:
         K, shape (nv, nv); sizes of its terms, shape (nv, nv); sizes of the terms of f at q, shape (nv,).
@@ -48,7 +53,7 @@ def stiffness(dynamics: Dynamics, q: Array, turns: Array) -> tuple[Array, Array,
     sizes += np.triu(sizes, 1).T
     for element in dynamics.forces.values():
         load = partial(_load, element)
-        own = slope(load, q)
+        own = slope(load, q, units)
         slopes -= own
         sizes += np.abs(own)
         size = size + np.abs(load(q[None])[0])
@@ -63,11 +68,18 @@ class Modes(Record, frozen=True):
         stiffnesses: Eigenvalues of K, ascending, shape (n,).
         stability: 1 stable, 0 indifferent, -1 unstable; that of K alone where a direction has no mass; NaN where the
             forces do not balance.
+        edge: Name of a load whose slope is another one to either side: then all of these are NaN; empty for none.
     """
 
     squares: Array
     stiffnesses: Array
     stability: float
+    edge: str = ""
+
+    @classmethod
+    def unknown(cls, count: int, edge: str = "") -> Modes:
+        """Return those of so many directions of which nothing is known."""
+        return cls(np.full(count, np.nan), np.full(count, np.nan), np.nan, edge)
 
     @classmethod
     def of(cls, stiffness: Array, mass: Array, doubt: Array) -> Modes:
@@ -89,7 +101,7 @@ class Modes(Record, frozen=True):
         return cls(found, np.sort(springs.real), stability)
 
 
-def slope(load: Callable[[Array], Array], q: Array) -> Array:
+def slope(load: Callable[[Array], Array], q: Array, units: Array) -> Array:
     """Return the Jacobian of a load at q, by central differences extrapolated to step 0 (Ridders), shape (nv, nv).
 
     Of all steps and orders each entry takes the one with the smallest estimate of its error, truncation and rounding
@@ -98,9 +110,11 @@ def slope(load: Callable[[Array], Array], q: Array) -> Array:
     Args:
         load: Configurations, shape (m, nv), to loads, shape (m, nv).
         q: Configuration, shape (nv,).
+        units: Over what changes of each coordinate loads change at most, shape (nv,): 1 rad, or the mechanism's unit of
+            length, at most 1 m.
     """
     n = len(q)
-    steps = STEP * 0.5 ** np.arange(LEVELS)[:, None, None]
+    steps = STEP * 0.5 ** np.arange(LEVELS)[:, None, None] * np.minimum(units, 1.0)[:, None]
     shifts = steps * np.eye(n)
     ahead, behind = (load((q + side * shifts).reshape(-1, n)).reshape(LEVELS, n, n) for side in (1.0, -1.0))
     column = (ahead - behind) / (2.0 * steps)
@@ -114,6 +128,27 @@ def slope(load: Callable[[Array], Array], q: Array) -> Array:
         best, least = np.where(error < least, value, best), np.minimum(error, least)
         column = finer
     return np.asarray(best.T)
+
+
+def edge_at(dynamics: Dynamics, q: Array, units: Array) -> str:
+    """Return the name of a load whose slope at q is another one to either side; empty where there is none.
+
+    Args:
+        dynamics: The equation of motion with constant loads.
+        q: Configuration, shape (nv,).
+        units: See ``slope``.
+    """
+    step = np.diag(STEP * 0.5 ** (LEVELS - 1) * np.minimum(units, 1.0))
+    for name, element in dynamics.forces.items():
+        load = partial(_load, element)
+        ahead, behind, twice, back = (load(q + side * step) for side in (1.0, -1.0, 2.0, -2.0))
+        here, h, finest = load(q[None])[0], np.diag(step)[:, None], (ahead - behind).T / (2.0 * np.diag(step))
+        bend, wider = (ahead + behind - 2.0 * here) / h, (twice + back - 2.0 * here) / (2.0 * h)
+        apart = np.maximum(np.abs(2.0 * bend - wider).T, np.abs(finest - slope(load, q, units)))  # 0 where it is smooth
+        rounding = 1e3 * np.finfo(float).eps * np.abs(here)[:, None] / h.T
+        if (apart > KINK * np.abs(finest).max(initial=0.0) + rounding).any():
+            return name
+    return ""
 
 
 def modes_of(stiffness: Array, mass: Array, doubt: Array) -> tuple[Array, Array]:

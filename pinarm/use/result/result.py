@@ -369,11 +369,14 @@ class Result(Record, frozen=True):
             run, bad = self.trajectory, np.flatnonzero(~known)
             where = f"{run.parameter} = {run.grid.t[bad[0]]:.9g} {run.unit}"
             more = f", nor in {len(bad) - 1} more rows" if len(bad) > 1 else ""
-            never = [time for time, series in run.columns.items() if time in name and np.isnan(series.values).any()]
+            never = [time for time, series in run.columns.items()
+                     if time.endswith(".time") and time in name and np.isnan(series.values).any()]  # fmt: skip
+            said = [note for note in self.outcome.notes if note.startswith(f"row {bad[0] + 1}: ")]
             hint = (
                 f"{never[0].removesuffix('.time')} does not take place; its count is 0"
                 if never
-                else too_large(run, bad[0])
+                else "; ".join(said)
+                or too_large(run, bad[0])
                 or "a body without mass that is free to move, or a formula that divides by zero there"
             )
             reasons = refusals(run.dynamics.forces, run.q[bad[0]])
