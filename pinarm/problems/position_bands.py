@@ -8,6 +8,7 @@ free motion is followed both ways to the first position where one of the two eff
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -25,7 +26,10 @@ from pinarm.input.units import unit
 from pinarm.records import replace
 
 TURN, GROWTH, STEPS = 0.05, 1.25, 150
-"""Largest turn of a joint between positions that are looked at [rad]; growth of the steps; steps at most."""
+"""Largest turn of a joint in a step [rad]; growth of the steps; steps at most."""
+
+PARTS = np.linspace(0.0, 1.0, 9)
+"""Places in a step that are looked at: a catch, in which friction does not hold, is found where it is 0.4 deg wide."""
 
 FIRST = 0.25
 """First step, relative to the end that the stiffness at the start predicts."""
@@ -118,18 +122,19 @@ class FrictionHold:
         step = step if np.isfinite(step) else TURN * (1.0 + float(np.abs(q).max()))
         for _ in range(STEPS):
             joint, step = self._mover(basis), min(step, TURN / max(float((turns * np.abs(basis[:, 0])).max()), 1e-300))
-            after = self.balance.nearest(q + step * basis[:, 0])
-            if self.reserve(after, joint) < 0.0:
-                return self._crossing(q, basis[:, 0], step, joint)
+            for before, end in pairwise((step * PARTS).tolist()):
+                after = self.balance.nearest(q + end * basis[:, 0])
+                if self.reserve(after, joint) < 0.0:
+                    return self._crossing(q, basis[:, 0], (before, end), joint)
             turned += float((turns * np.abs(after - q)).max())
             if turned >= 2.0 * np.pi:
                 return FULL_TURN
             q, basis, step = after, self.balance.basis(after, basis), GROWTH * step
         return "friction holds every position as far as it was followed"
 
-    def _crossing(self, q: Array, way: Array, step: float, joint: str) -> Array:
-        """Return the position between two at which friction ceases to hold."""
+    def _crossing(self, q: Array, way: Array, part: tuple[float, float], joint: str) -> Array:
+        """Return the position between two, on a way from a third one, at which friction ceases to hold."""
         from scipy.optimize import brentq  # few runs need it
 
-        s = brentq(lambda s: self.reserve(self.balance.nearest(q + s * way), joint), 0.0, step, xtol=1e-15 * step)
+        s = brentq(lambda s: self.reserve(self.balance.nearest(q + s * way), joint), *part, xtol=1e-15 * part[1])
         return self.balance.nearest(q + s * way)

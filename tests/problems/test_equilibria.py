@@ -548,3 +548,28 @@ def test_where_a_cable_becomes_taut_no_stiffness_is_told(start):
     assert any("'rope' has an edge here" in note for note in found.notes())
     with pytest.raises(DynamicsError, match="'rope' has an edge here"):
         pinarm.run({**question, "outputs": ["equilibrium.stability"]})
+
+
+@pytest.mark.parametrize("place", [5.0, 10.0, 17.0])
+def test_a_band_ends_at_a_narrow_catch(place):
+    """A lever on a dry pin, held by a soft spring, whose friction of 1 N m does not hold it in a catch 1 deg wide."""
+    lever = {
+        "pinarm": 1, "gravity": "none", "friction": {"O": {"constant": "1 N*m"}},
+        "planar": {"points": {"O": [0, 0], "P": ["400 mm", 0]}, "ground": ["O"],
+                   "links": {"lever": {"points": ["O", "P"], "mass": "2 kg"}}},
+    }  # fmt: skip
+    offsets = (-4.0, -3.0, -2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
+    heights = (0.0, 0.0, 0.0, 0.0, 0.0, -1.0, -3.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    points = [["-90 deg", "0 N*m"], ["-40 deg", "0 N*m"], ["-10 deg", "0 N*m"], ["0 deg", "0 N*m"],
+              *([f"{place + x} deg", f"{y} N*m"] for x, y in zip(offsets, heights, strict=True)),
+              ["40 deg", "0 N*m"], ["90 deg", "0 N*m"]]  # fmt: skip
+    loads = {
+        "spring": {"kind": "joint_spring", "joint": "O", "stiffness": "2 N*m/rad"},
+        "catch": {"kind": "joint_effort", "joint": "O", "over": "O", "effort": {"law": "spline", "points": points}},
+    }
+    found = pinarm.run({
+        "pinarm": 1, "mechanism": lever, "outputs": ["O", "equilibrium.end_1.O", "equilibrium.end_2.O"],
+        "problem": {"kind": "equilibria", "starts": [{"O": "0 deg"}], "loads": loads},
+    })  # fmt: skip
+    end = float(found["equilibrium.end_2.O"].values[0])
+    assert np.radians(place - 1.0) < end < np.radians(place - 0.4)
