@@ -178,25 +178,11 @@ def arguments_of(
     units, given = {}, {}
     for name, text in description.arguments.items():
         with here("arguments", name):
-            units[name] = _si_unit(text)
+            units[name] = unit(text)
     for name, value in arguments.items():
         with caller("arguments", name):
             given[name] = _argument(name, value, units.get(name))
     return units, given
-
-
-def _si_unit(text: str) -> Unit:
-    """Return the unit of an argument: the model calculates with plain numbers, and they are in SI.
-
-    Raises:
-        InputError: It is another one.
-    """
-    found = unit(text)
-    if found.factor != 1.0:
-        raise InputError(f"'{text}' is no unit of SI, in which the numbers of a model are given to it",
-                         expected="such as m, kg, rad or kg*m^2",
-                         hint="the SI unit here, and the conversion in the model: ${L*1000}")  # fmt: skip
-    return found
 
 
 @contextmanager

@@ -68,16 +68,6 @@ def test_a_unit_of_an_argument_that_the_model_lacks_is_refused_at_its_place(tmp_
     assert caught.value.hint == "m_A"
 
 
-@pytest.mark.parametrize("unit", ["g", "t"])
-def test_an_argument_in_another_unit_than_that_of_the_model_is_refused(tmp_path, unit):
-    """The model is given plain numbers, and has them in SI."""
-    model = ARM.parent / "gen411_arm.urdf.xacro"
-    (tmp_path / "arm.urdf.xacro").write_text(model.read_text())
-    (tmp_path / "arm.yaml").write_text(f"pinarm: 1\nrobot: arm.urdf.xacro\narguments: {{m_A: {unit}}}\n")
-    with pytest.raises(InputError, match=rf"arm\.yaml:3:\d+: '{unit}' is no unit of SI"):
-        Mechanism.load(tmp_path / "arm.yaml")
-
-
 def test_an_unknown_robot_is_refused():
     with pytest.raises(ModelError, match="no robot 'pandaa'") as caught:
         Mechanism.load("pandaa")

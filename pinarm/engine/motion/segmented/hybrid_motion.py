@@ -393,7 +393,7 @@ class HybridSystem(Record, frozen=True):
             return v, mode
         after = self.contacts.rest(t, q, v, mode.held)
         motion.events.extend(EventRecord(self.bounds[k].name, t, q, after, v) for k in begun)
-        return after, self.mode(t, q, after, mode.held)
+        return self._settled(motion, t, q, after, self.mode(t, q, after, mode.held), before.union(begun))
 
     def _met(self, held: Held, end: SegmentEnd) -> list[int]:
         """Return the stops that are hit at the end of a segment, whatever ended it.

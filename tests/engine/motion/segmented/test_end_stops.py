@@ -361,3 +361,25 @@ def test_what_an_impact_lifts_by_no_gap_has_had_an_impact_of_its_own(mechanism, 
     found = problem.solve(mechanism(chain(*STACK), gravity="none"), Accuracy(), lambda *path: nullcontext())
     assert [event.name for event in found.events] == ["ball upper", "box lower"]
     assert not any("not accounted for" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.3, 0.6])
+def test_an_arm_shaken_between_its_stops_passes_none(mechanism, chain, restitution):
+    """Its joints come to rest on their stops one after the other, and set each other in motion while they do."""
+    arm = [
+        {"name": f"J{k}", "axis": "0 1 0", "at": "0 0 -0.4" if k else "0 0 0", "mass": mass, "com": f"{x} 0 -0.2",
+         "inertia": (0.01, 0.01, 0.01)}
+        for k, (mass, x) in enumerate([(1.217, -0.073), (0.821, 0.016), (1.645, -0.07)])
+    ]  # fmt: skip
+    ranges = {"J0": (-0.37, -0.17, 0.3), "J1": (0.44, 0.74, 0.0), "J2": (0.07, 0.47, restitution)}
+    shake = JointEffort(joint="J0", effort=Harmonic(amplitude=8.83, pulsation=6.33))
+    problem = Forward(
+        time=TimeGrid(end=1.0, samples=51), initial=InitialState(position={"J0": -0.27, "J1": 0.44, "J2": 0.17}),
+        loads={"shake": shake},
+        end_stops={name: EndStop(lower=low, upper=high, restitution=e) for name, (low, high, e) in ranges.items()},
+    )  # fmt: skip
+    found = problem.solve(mechanism(chain(*arm), gravity=DOWN), Accuracy(), lambda *path: nullcontext())
+    low, high, _ = np.array([*ranges.values()]).T
+    assert (found.rows.q >= low - 1e-11).all()
+    assert (found.rows.q <= high + 1e-11).all()
+    assert found.figures["energy"] < 1e-6
