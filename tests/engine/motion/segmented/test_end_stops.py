@@ -340,9 +340,7 @@ def test_a_stop_lets_go_where_friction_would_make_it_pull(mechanism, chain, stat
 @pytest.mark.parametrize(
     ("place", "speed", "limit", "restitution"), [(0.34, -0.3, 0.04, 1.0), (0.48, -0.7, -0.22, 0.5)]
 )
-def test_a_stop_met_at_the_end_of_the_run_is_met_once_at_most(
-    mechanism, chain, place, speed, limit, restitution
-):
+def test_a_stop_met_at_the_end_of_the_run_is_met_once_at_most(mechanism, chain, place, speed, limit, restitution):
     """Whether that instant is before the end, or behind it, is rounding."""
     begins = InitialState(position={"weight": place}, velocity={"weight": speed})
     problem = Forward(
