@@ -452,26 +452,25 @@ class HybridSystem(Record, frozen=True):
 
     def following(self, mode: Mode, end: SegmentEnd) -> tuple[Array, Mode]:
         """Return the velocity and the mode after the end of a segment that does not end the run."""
-        t, q, v = end.t, end.q, end.v
+        t, q, v, index = end.t, end.q, end.v, end.slip
         if end.released is not None:
             return v, self._pressing(mode.held - {end.released}, t, q, v)
-        if end.slip is None:
+        if index is None:
             return v, self.mode(t, q, v, mode.held & self.separations)
-        v, slip = self.friction(mode.held).switched(self._span(t), q, v, mode.slip, end.slip)
-        following, touched = Mode(mode.held, slip), self.at_rest(t, q, v) - mode.held
-        if touched and end.slip >= 0:  # a rebound so small that it ends where the stop is, but for rounding
+        v, slip = self.friction(mode.held).switched(self._span(t), q, v, mode.slip, index)
+        after, touched = Mode(mode.held, slip), self.at_rest(t, q, v) - mode.held
+        if touched and index >= 0:  # a rebound so small that it ends where the stop is, but for rounding
             return v, self.mode(t, q, v, mode.held & self.separations)
-        if entered := self._entered(following, touched, t, q, v):
+        if entered := self._entered(after, touched, t, q, v):
             held = mode.held | entered
             return v, Mode(held, self._slip(held, t, q, v))
-        system, state = self.stretch(following, t, q, v), (np.array([t]), q[None], v[None])
-        if any(self.push(system, k, *state)[0] <= 0.0 for k in mode.held):
 
-            def switched(held: Held) -> Slip:
-                return self.friction(held).switched(self._span(t), q, v, mode.slip, end.slip or 0)[1]
+        def slips(held: Held) -> Slip:
+            return self.friction(held).switched(self._span(t), q, v, mode.slip, index)[1]
 
-            return v, self._pressing(mode.held | touched, t, q, v, switched)
-        return v, following
+        system, state = self.stretch(after, t, q, v), (np.array([t]), q[None], v[None])
+        pulls = any(self.push(system, k, *state)[0] <= 0.0 for k in mode.held)
+        return v, self._pressing(mode.held | touched, t, q, v, slips) if pulls else after
 
     def _entered(self, mode: Mode, touched: Held, t: float, q: Array, v: Array) -> Held:
         """Return the stops among those that are touched into which what breaks loose would go.

@@ -123,7 +123,8 @@ def test_stops_that_are_met_at_one_instant_are_all_met(mechanism, offset, restit
     met = [[event.t for event in found.events if event.name == f"{name} lower"] for name in ("first", "second")]
     assert len(met[0]) == pytest.approx(len(met[1]), abs=0 if abs(offset) < 1e-8 else 1)
     told = [note for note in found.notes if note.startswith("end stop")]
-    assert all(f"takes {9.81:.3g} J" in note for note in told) or restitution  # m g h of each weight, not of both
+    assert len(told) == 2
+    assert all(" 9.81 J" in note for note in told)  # m g h of each weight, not of both
 
 
 def test_stops_that_let_go_at_one_instant_all_let_go(mechanism):
@@ -317,11 +318,11 @@ def test_a_stop_lets_go_where_friction_would_make_it_pull(mechanism, chain, stat
             {"name": "load", "kind": "prismatic", "axis": "1 0 0", "mass": 1.0}]  # fmt: skip
     if static is None:
         friction, loads, speed = {"constant": "6 N"}, {"cart": Constant(value=3.0)}, -1.0
-        expected, begins = 0.5, 1.0 / 6.0  # both at 3 N / 3 kg
+        half, begins = 0.5, 1.0 / 6.0  # of the acceleration, of both, 3 N / 3 kg
     else:
         friction, speed = {"constant": "2 N", "static_constant": "8 N"}, 0.0
         loads = {"load": ConstantSpeed(start=-5.0, speed=-6.0), "cart": ConstantSpeed(start=-2.0, speed=-6.0)}
-        expected, begins = 0.25, 0.5  # the cart at (2 - 1) N / 2 kg
+        half, begins = 0.25, 0.5  # of that of the cart: efforts of -5 N and 8 N less 2 N of friction move 2 kg
     model = mechanism(chain(*cart), gravity="none", friction={"load": friction})
     problem = Forward(
         time=TimeGrid(end=1.0, samples=11), initial=InitialState(velocity={"load": speed}),
@@ -330,10 +331,7 @@ def test_a_stop_lets_go_where_friction_would_make_it_pull(mechanism, chain, stat
     )  # fmt: skip
     found = problem.solve(model, Accuracy(tolerance=1e-12), lambda *path: nullcontext())
     t, place = found.rows.grid.t, found.rows.q[:, 0]
-    if static is None:
-        assert place == pytest.approx(expected * np.maximum(t - begins, 0.0) ** 2, abs=1e-10)
-    else:
-        assert place[-1] == pytest.approx(0.0625, abs=1e-9)
+    assert place == pytest.approx(half * np.maximum(t - begins, 0.0) ** 2, abs=1e-9)
     assert found.rows.tau[:, 0].min() > -1e-12
 
 
