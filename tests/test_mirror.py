@@ -70,7 +70,10 @@ ELSEWHERE = {
         "positions that laws ask for", "engine/kinematics/continuation engine/kinematics/joint_motion "
         "engine/kinematics/prescribed",
     ),
-    "engine/motion/segmented/test_end_stops.py": ("impacts", "engine/motion/segmented/hybrid_motion problems/events"),
+    "engine/motion/segmented/test_end_stops.py": (
+        "impacts", "engine/motion/segmented/hybrid_motion engine/motion/segmented/hybrid_system "
+        "engine/motion/segmented/segment_ends engine/motion/segmented/transitions problems/events",
+    ),
     "engine/motion/test_trajectory.py": (
         "rows of a motion", "engine/motion/integrated_motion engine/motion/outcome engine/motion/prescribed_motion "
     ),

@@ -10,7 +10,8 @@ from pinarm.arrays import Indices
 from pinarm.engine.integration.batch_solution import Ensemble
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.integrated_motion import event_columns, states
-from pinarm.engine.motion.segmented.hybrid_motion import HybridSystem
+from pinarm.engine.motion.segmented.ensembles import event_records
+from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.forward import Forward
@@ -49,5 +50,5 @@ class BatchTable:
         rows = Grid(grid.t[instant], grid.cuts, (0, *map(int, np.cumsum([len(some) for some, _ in parts]))))
         q, v = (x[motion, instant] for x in ensemble.states(grid.t))
         run = states(mechanism, hybrid, rows, hybrid.system().complete(hybrid.dynamics, rows, q, v))
-        events = [hybrid.event_records(crossings) for crossings in ensemble.crossings]
+        events = [event_records(hybrid, crossings) for crossings in ensemble.crossings]
         return cls(replace(run, columns=event_columns(problem.events, events, motion)), motion, instant)

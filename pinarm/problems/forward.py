@@ -21,7 +21,8 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.bifurcation import undetermined_rest
 from pinarm.engine.motion.integrated_motion import IntegratedMotion, driven_by, event_columns
 from pinarm.engine.motion.segmented.end_stops import Bound, frictionless_remarks, impact_remarks
-from pinarm.engine.motion.segmented.hybrid_motion import FirstSegment, HybridSystem
+from pinarm.engine.motion.segmented.hybrid_motion import FirstSegment
+from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 from pinarm.engine.motion.segmented.segments import SegmentedMotion
 from pinarm.engine.motion.segmented.separations import Separation, opening_remarks, separations_of
 from pinarm.engine.motion.small_motions import integrate_to_size
@@ -190,7 +191,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
     def solve_from(
         self, mechanism: Mechanism, hybrid: HybridSystem, q: Array, v: Array, first: FirstSegment | None = None
     ) -> Outcome:
-        """Return the motion from an assembled state; see ``solve``, and ``HybridSystem.integrate`` for ``first``."""
+        """Return the motion from an assembled state; see ``solve``, and ``hybrid_motion.integrate`` for ``first``."""
         mechanism = self._losing(mechanism)
         try:
             motion = integrate_to_size(hybrid, q, v, first)

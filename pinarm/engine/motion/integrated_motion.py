@@ -10,7 +10,7 @@ import numpy as np
 from pinarm.arrays import Array, Indices
 from pinarm.engine.friction.columns import friction_columns
 from pinarm.engine.motion.outcome import Outcome
-from pinarm.engine.motion.segmented.hybrid_motion import HybridSystem
+from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 from pinarm.engine.motion.segmented.segments import SegmentedMotion
 from pinarm.engine.motion.standstill import at_rest, directions, lossy, pace_of
 from pinarm.engine.motion.systems import CompletedStates

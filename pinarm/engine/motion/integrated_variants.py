@@ -31,7 +31,7 @@ from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
-    from pinarm.engine.motion.segmented.hybrid_motion import HybridSystem
+    from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 
 
 class FreeMotion(NamedTuple):

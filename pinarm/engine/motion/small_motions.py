@@ -18,7 +18,8 @@ import math
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.motion.segmented.hybrid_motion import FirstSegment, HybridSystem
+from pinarm.engine.motion.segmented.hybrid_motion import FirstSegment, integrate
+from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 from pinarm.engine.motion.segmented.segments import FINEST, OFFSET, REST, SMALL, MotionSegment, SegmentedMotion
 from pinarm.errors import IntegrationError
 from pinarm.records import replace
@@ -45,15 +46,15 @@ MOST_ROUNDING = 1e-15
 def integrate_to_size(hybrid: HybridSystem, q: Array, v: Array, first: FirstSegment | None = None) -> SegmentedMotion:
     """Return the motion from an initial state, its errors relative to its own size where that is below 1.
 
-    See ``HybridSystem.integrate`` for arguments and errors. Where rounding does not allow the finer integration, the
+    See ``hybrid_motion.integrate`` for arguments and errors. Where rounding does not allow the finer integration, the
     motion is that of the coarser one; ``SegmentedMotion.rounding`` tells how wrong it is.
     """
-    motion = hybrid.integrate(q, v, first)
+    motion = integrate(hybrid, q, v, first)
     least = least_size(hybrid, motion) if is_small(hybrid, motion.size) else 0.0
     while is_small(hybrid, wanted := max(motion.size, least)) and motion.size:
         hybrid = replace(hybrid, size=wanted, max_steps=min(hybrid.max_steps, MOST))
         try:
-            motion = hybrid.integrate(q, v)
+            motion = integrate(hybrid, q, v)
         except IntegrationError:
             break
     return _integrate_to_displacement(hybrid, motion, q, v)
@@ -67,7 +68,7 @@ def _integrate_to_displacement(hybrid: HybridSystem, motion: SegmentedMotion, q:
         return motion
     try:
         method, most = replace(hybrid.method, tolerance=tolerance), min(hybrid.max_steps, MOST)
-        return replace(hybrid, method=method, max_steps=most).integrate(q, v)
+        return integrate(replace(hybrid, method=method, max_steps=most), q, v)
     except IntegrationError:
         return motion
 

@@ -22,7 +22,7 @@ from pinarm.use.cases.columns import INITIAL, number_of
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
-    from pinarm.engine.motion.segmented.hybrid_motion import HybridSystem
+    from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
     from pinarm.mechanics.forces.force_element import ForceElement
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.scenario import Scenario

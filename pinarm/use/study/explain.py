@@ -35,7 +35,7 @@ from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run
 
 if TYPE_CHECKING:
-    from pinarm.engine.motion.segmented.hybrid_motion import HybridSystem
+    from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
     from pinarm.mechanics.forces.force_element import ForceElement
     from pinarm.problems.actuation.controls import ControlOfRun
     from pinarm.use.show.chart import Chart

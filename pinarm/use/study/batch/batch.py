@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
+from pinarm.engine.motion.segmented.ensembles import is_batchable
 from pinarm.engine.series import Series
 from pinarm.errors import NumericsError
 from pinarm.input.yaml.values import Values
@@ -261,7 +262,7 @@ class Batch:
     @property
     def _size(self) -> int:
         """Return the number of motions in a block."""
-        return min(TOGETHER, max(1, ROWS // len(self.t))) if self.question.hybrid.batchable else ALONE
+        return min(TOGETHER, max(1, ROWS // len(self.t))) if is_batchable(self.question.hybrid) else ALONE
 
 
 def batch(

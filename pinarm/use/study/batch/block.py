@@ -14,7 +14,8 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.integration.batch_solution import Ensemble
 from pinarm.engine.motion.outcome import Outcome
-from pinarm.engine.motion.segmented.hybrid_motion import HybridSystem
+from pinarm.engine.motion.segmented.ensembles import integrate_together
+from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 from pinarm.engine.motion.small_motions import is_offset, is_small
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
@@ -106,7 +107,7 @@ class Block:
         if hybrid.bounds and any(hybrid.contacts.near(row) for row in self.q):
             return None
         with np.errstate(all="ignore"):  # what is not finite is found in the results, and said in words
-            return hybrid.integrate_together(self.q, self.v)
+            return integrate_together(hybrid, self.q, self.v)
 
     @cached_property
     def whole(self) -> Ensemble | None:

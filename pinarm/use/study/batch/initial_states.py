@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.segmented.hybrid_motion import HybridSystem
+from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.quantities.states import columns_of

@@ -16,6 +16,7 @@ from pinarm.engine.integration.batch_driver import integrate_batch
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Flat, Interval
 from pinarm.engine.integration.methods.explicit import Adaptive
+from pinarm.engine.motion.segmented.ensembles import is_batchable
 from pinarm.errors import InputError, Interrupted, NumericsError
 from pinarm.mechanics.forces.breakpoints import Pieces
 from pinarm.problems.forward import Forward
@@ -101,7 +102,7 @@ def test_what_laws_leave_free_is_integrated_together(scenario):
     text = SWING.replace("{O: 10 deg, B: 20 deg}", "{B: 20 deg}").replace("  EXTRA", f"  motion: {{{law}}}\n  EXTRA")
     one = scenario("events: {low: {when: B, reaches: -1 rad}}", text)
     batch = pinarm.batch(one, {"B": STARTS["B"]}, RATES)
-    assert batch.question.hybrid.batchable
+    assert is_batchable(batch.question.hybrid)
     q, v = batch.states()
     for number in range(4):
         values = {"problem.initial.position.B": f"{float(STARTS['B'][number])!r} rad"}
@@ -328,7 +329,7 @@ def test_joints_that_follow_laws_are_where_these_have_them(tmp_path, chain):
     )
     batch = pinarm.batch(tmp_path / "s.yaml", {"free": [0.1, 0.2]})
     joint, run = batch.question.scenario.mechanism.joints["moved"], batch.run(0)
-    assert batch.question.hybrid.batchable
+    assert is_batchable(batch.question.hybrid)
     q, v = batch.states()
     rows = np.searchsorted(run.trajectory.grid.t, batch.t)
     assert q[1, :, joint.q] == pytest.approx(run["moved"].values[rows], abs=1e-14)

@@ -1,0 +1,64 @@
+"""First segments of motions from many initial states, integrated together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.dynamics.parallel import threads
+from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
+from pinarm.engine.motion.segmented.segment_ends import of_mechanism, steps_over, watched
+from pinarm.engine.motion.trajectory import EventRecord
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.batch_solution import Ensemble
+    from pinarm.engine.integration.integrator import Crossing
+
+
+def is_batchable(hybrid: HybridSystem) -> bool:
+    """Tell whether motions from several initial states can be integrated together."""
+    if hybrid.frictions or hybrid.controls or hybrid.separations:
+        return False
+    free = hybrid.system().manifold.nv > 0  # what laws determine altogether takes no steps
+    return free and hybrid.method.pair is not None and all(interval.batch for interval in hybrid.free_intervals)
+
+
+def integrate_together(hybrid: HybridSystem, q: Array, v: Array) -> Ensemble | None:
+    """Return the first segments from many initial states that touch no stop, integrated together.
+
+    Args:
+        hybrid: What is integrated.
+        q: Configurations, shape (b, nq), assembled.
+        v: Velocities, shape (b, nv).
+
+    Returns:
+        ``None`` where each has to be integrated by itself.
+    """
+    from pinarm.engine.integration.batch_driver import integrate_batch
+
+    system, pair = hybrid.system(), hybrid.method.pair
+    if pair is None or not is_batchable(hybrid):
+        return None
+    watches = [of_mechanism(watch, system) for _, watch in watched(hybrid, Mode(), system, frozenset())]
+    return integrate_batch(
+        hybrid.free_intervals,
+        system.manifold,
+        *system.part(q, v),
+        pair,
+        max_steps=hybrid.max_steps,
+        watches=watches,
+        steps_over=steps_over(hybrid, system),
+        threads=threads(),
+    )
+
+
+def event_records(hybrid: HybridSystem, crossings: Sequence[Crossing]) -> list[EventRecord]:
+    """Return the events of a segment that no stop has ended, in order of time."""
+    system, names = hybrid.system(), list(hybrid.watches)
+    found = [
+        (crossing, *system.whole(np.array([crossing.t]), crossing.q[None], crossing.v[None])) for crossing in crossings
+    ]
+    return [EventRecord(names[one.watch], one.t, q[0], v[0]) for one, q, v in found]

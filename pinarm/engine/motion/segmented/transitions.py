@@ -1,0 +1,191 @@
+"""What follows an event: the impact, which stops are rested on afterwards, and what joints with friction do.
+
+At an impact the impulse changes the velocities; at a contact that closes or opens a constraint is added or removed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.friction.slip import Slip
+from pinarm.engine.kinematics.newton import assembled
+from pinarm.engine.motion.segmented.end_stops import Bound, Held, pressed
+from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
+from pinarm.engine.motion.segmented.segment_ends import SegmentEnd
+from pinarm.engine.motion.segmented.segments import SegmentedMotion
+from pinarm.engine.motion.systems import System
+from pinarm.engine.motion.trajectory import EventRecord
+from pinarm.records import Record
+
+SLIGHT = 1e-9
+"""Acceleration of what breaks loose, over that without friction, that may be rounding."""
+
+
+class Transitions(Record, frozen=True):
+    """What events change in the motion of a mechanism.
+
+    Attributes:
+        hybrid: What is integrated.
+    """
+
+    hybrid: HybridSystem
+
+    def begun(self, t: float, q: Array, v: Array) -> Array:
+        """Return the velocity with which a motion begins that may move towards stops that it touches, shape (nv,)."""
+        contacts = self.hybrid.contacts
+        approached = [k for k in contacts.near(q) if self.approaches(k, q, v)]
+        return contacts.impact(t, q, v, self.slow(approached, t, q, v)) if approached else v
+
+    def met(self, held: Held, end: SegmentEnd) -> list[int]:
+        """Return the stops that are hit at the end of a segment, whatever ended it.
+
+        Of several that are met at one instant a segment ends at one; the others are as near, or passed by rounding.
+        """
+        bounds = self.hybrid.bounds
+        others = {*range(len(bounds))} - held - {end.hit}
+        passed = {k for k in others if bounds[k].gap(end.q) <= bounds[k].slack}
+        approached = {k for k in passed if self.approaches(k, end.q, end.v)}
+        return sorted(approached if end.hit is None else approached | {end.hit})
+
+    def after_impact(self, held: Held, end: SegmentEnd, met: Sequence[int]) -> tuple[Array, Array]:
+        """Return the state after stops were met: exactly on them, with the velocity after the impact."""
+        hybrid, t, q = self.hybrid, end.t, end.q.copy()
+        for bound in (hybrid.bounds[k] for k in met):
+            if isinstance(bound, Bound):
+                q[bound.place] = bound.limit
+        closing = hybrid.separations.intersection(met)
+        if closing:
+            stops = hybrid.with_stops(held)
+            q = assembled(hybrid.closure_of(held | closing), stops, q, stops.on(t, t)(t)[0], t)
+        return q, hybrid.contacts.impact(t, q, end.v, self.slow(met, t, q, end.v), held & hybrid.separations)
+
+    def settled(
+        self, motion: SegmentedMotion, t: float, q: Array, v: Array, mode: Mode, before: Held
+    ) -> tuple[Array, Mode]:
+        """Return the velocity and the mode with joints at rest on stops that they begin to rest on.
+
+        What is slow enough to rest there has been hit a last time.
+        """
+        hybrid, contacts = self.hybrid, self.hybrid.contacts
+        begun = [k for k in sorted(mode.held - before) if abs(contacts.rate(k, q, v)) > hybrid.still(k, v)]
+        if not begun:
+            return v, mode
+        after = contacts.rest(t, q, v, mode.held)
+        motion.events.extend(EventRecord(hybrid.bounds[k].name, t, q, after, v) for k in begun)
+        return self.settled(motion, t, q, after, self.mode(t, q, after, mode.held), before.union(begun))
+
+    def approaches(self, k: int, q: Array, v: Array) -> bool:
+        """Tell whether a state moves towards a stop."""
+        return self.hybrid.bounds[k].side * self.hybrid.contacts.rate(k, q, v) < -self.hybrid.still(k, v)
+
+    def slow(self, stops: Iterable[int], t: float, q: Array, v: Array) -> dict[int, float]:
+        """Return the velocities up to which what touches stops rests on them [rad/s or m/s].
+
+        With them it would rise by no gap under the accelerations that there are, ``u^2 / (2 a)``: which of them presses
+        it back depends on what else is held.
+        """
+        hybrid = self.hybrid
+        found = {k: hybrid.still(k, v) for k in stops}
+        if any(abs(hybrid.contacts.rate(k, q, v)) > still for k, still in found.items()):
+            a = np.abs(hybrid.acceleration_without_friction(frozenset(), t, q, v)).max(initial=0.0)
+            if hybrid.frictions:
+                slipping = hybrid.stretch(Mode(frozenset(), hybrid.slip(frozenset(), t, q, v)), t, q, v)
+                a = max(a, np.abs(hybrid.completed(slipping, np.array([t]), q[None], v[None]).a).max(initial=0.0))
+            found = {k: max(still, float(2.0 * a * hybrid.bounds[k].slack) ** 0.5) for k, still in found.items()}
+        return found
+
+    def following(self, mode: Mode, end: SegmentEnd) -> tuple[Array, Mode]:
+        """Return the velocity and the mode after the end of a segment that does not end the run."""
+        hybrid, t, q, v, index = self.hybrid, end.t, end.q, end.v, end.slip
+        if end.released is not None:
+            return v, self._pressing(mode.held - {end.released}, t, q, v)
+        if index is None:
+            return v, self.mode(t, q, v, mode.held & hybrid.separations)
+        v, slip = hybrid.friction(mode.held).switched(hybrid.span(t), q, v, mode.slip, index)
+        after, touched = Mode(mode.held, slip), self.at_rest(t, q, v) - mode.held
+        if touched and index >= 0:  # a rebound so small that it ends where the stop is, but for rounding
+            return v, self.mode(t, q, v, mode.held & hybrid.separations)
+        if entered := self._entered(after, touched, t, q, v):
+            held = mode.held | entered
+            return v, Mode(held, hybrid.slip(held, t, q, v))
+
+        def slips(held: Held) -> Slip:
+            return hybrid.friction(held).switched(hybrid.span(t), q, v, mode.slip, index)[1]
+
+        system, state = hybrid.stretch(after, t, q, v), (np.array([t]), q[None], v[None])
+        pulls = any(hybrid.push(system, k, *state)[0] <= 0.0 for k in mode.held)
+        return v, self._pressing(mode.held | touched, t, q, v, slips) if pulls else after
+
+    def _entered(self, mode: Mode, touched: Held, t: float, q: Array, v: Array) -> Held:
+        """Return the stops among those that are touched into which what breaks loose would go.
+
+        Its acceleration may begin at 0; then that without friction has the sign in which it grows.
+        """
+        if not touched:
+            return touched
+        tendency = self.hybrid.acceleration_without_friction(mode.held, t, q, v)
+        leaving = self._leaving(self.hybrid.stretch(mode, t, q, v), touched, np.array([t]), q[None], v[None])
+        slight = SLIGHT * float(np.abs(tendency).max())
+        for k, away in leaving.items():
+            if abs(away) <= slight:
+                bound = self.hybrid.bounds[k]
+                leaving[k] = bound.side * bound.acceleration(q, v, tendency)
+        return frozenset(k for k, away in leaving.items() if away < 0.0)
+
+    def at_rest(self, t: float, q: Array, v: Array, held: Held = frozenset()) -> Held:
+        """Return the stops that are touched without moving against or away from them.
+
+        Args:
+            t: The instant [s].
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+            held: Stops that are touched, however well integrated states show it.
+        """
+        contacts = self.hybrid.contacts
+        touched = {*contacts.near(q), *held}
+        slow = self.slow(touched, t, q, v)
+        return frozenset(k for k in touched if abs(contacts.rate(k, q, v)) <= slow[k])
+
+    def mode(self, t: float, q: Array, v: Array, kept: Held = frozenset()) -> Mode:
+        """Return the stops that a state at rest on them presses against, and what joints with friction begin to do.
+
+        Args:
+            t: The instant [s].
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+            kept: See ``at_rest``.
+        """
+        return self._pressing(self.at_rest(t, q, v, kept), t, q, v)
+
+    def _pressing(
+        self, touched: Held, t: float, q: Array, v: Array, slips: Callable[[Held], Slip] | None = None
+    ) -> Mode:
+        """Return the mode in which those of the stops that are touched hold that a state at rest presses against.
+
+        Args:
+            touched: The stops.
+            t: The instant [s].
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+            slips: What joints with friction begin to do while some hold; where it is left out, what the state says.
+        """
+        hybrid, modes = self.hybrid, dict[Held, Mode]()
+
+        def away(held: Held) -> dict[int, float]:
+            mode = modes[held] = Mode(held, slips(held) if slips else hybrid.slip(held, t, q, v))
+            system, state = hybrid.stretch(mode, t, q, v), (np.array([t]), q[None], v[None])
+            pushes = {k: float(hybrid.push(system, k, *state)[0]) for k in held}
+            return pushes | self._leaving(system, touched - held, *state)
+
+        held = pressed(touched, away) if touched else touched
+        return modes[held] if held in modes else Mode(held, hybrid.slip(held, t, q, v))
+
+    def _leaving(self, system: System, stops: Held, t: Array, q: Array, v: Array) -> dict[int, float]:
+        """Return the accelerations away from stops in one state [rad/s^2 or m/s^2]."""
+        if not stops:
+            return {}
+        a, bounds = self.hybrid.completed(system, t, q, v).a[0], self.hybrid.bounds
+        return {k: bounds[k].side * bounds[k].acceleration(q[0], v[0], a) for k in sorted(stops)}
