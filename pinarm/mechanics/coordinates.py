@@ -18,7 +18,7 @@ from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.geometry.link_placements import LinkPlacements, opposed
 from pinarm.mechanics.geometry.parallel_axes import check_parallel
 from pinarm.mechanics.geometry.vectors import MEETING, crossed, direction
 from pinarm.mechanics.joints import (
@@ -186,9 +186,9 @@ class DistanceCoordinate(ValueRecord, frozen=True):
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
         """Return the forces that push the two points apart."""
-        apart = links.frame(self.second)[1] - links.frame(self.first)[1]
-        force = (effort * direction(apart.T)).T
-        return {**pull(links, self.first, -force), **pull(links, self.second, force)}
+        place = links.frame(self.second)[1]
+        force = (effort * direction((place - links.frame(self.first)[1]).T)).T
+        return opposed(links.model, self.first, self.second, np.concatenate([force, crossed(place, force)], axis=1))
 
     def _apart(self, state: Kinematics) -> Array:
         return np.asarray(state.data.oMf[self.second].translation - state.data.oMf[self.first].translation)
@@ -247,8 +247,7 @@ class RotationCoordinate(ValueRecord, frozen=True):
         ]
         moment = effort[:, None] * np.array(along)
         wrench = np.concatenate([np.zeros_like(moment), moment], axis=1)
-        frames = links.model.frames
-        return {frames[self.reference].parentJoint: -wrench, frames[self.frame].parentJoint: wrench}
+        return opposed(links.model, self.reference, self.frame, wrench)
 
     def _axes(self, state: Kinematics) -> Array:
         """Return the link's axes in world axes, shape (3, 3)."""

@@ -76,16 +76,10 @@ class PathLength(ValueRecord, frozen=True):
         """Return the forces that push neighbours apart; on a link between, the resultant of both."""
         found: dict[int, Array] = {}
         for part in self.parts:
-            for joint, wrench in _of_part(part, links, effort):
+            for joint, wrench in part.wrenches(links, effort).items():
                 found[joint] = found.get(joint, 0.0) + wrench
         return found
 
     def words(self, model: pin.Model) -> str:
         """Return its points by name."""
         return ", ".join(model.frames[frame].name for frame in self.frames)
-
-
-def _of_part(part: DistanceCoordinate, links: LinkPlacements, effort: Array) -> list[tuple[int, Array]]:
-    """Return the wrenches of a distance one by one: both its ends may be on one link."""
-    first, second = (links.model.frames[frame].parentJoint for frame in (part.first, part.second))
-    return [] if first == second else list(part.wrenches(links, effort).items())

@@ -51,11 +51,19 @@ class EndStop(InputStruct, frozen=True):
     restitution: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.0
 
     def check(self) -> None:
-        """Refuse a stop without limits, or with limits that leave no room."""
+        """Refuse a stop without limits."""
         if self.lower is None and self.upper is None:
             raise InputError("the end stop has no limit", expected="lower, upper, or both")
+
+    def require_room(self) -> None:
+        """Raise where there is no room between both limits.
+
+        Raises:
+            InputError: Names both.
+        """
         if self.lower is not None and self.upper is not None and not self.lower < self.upper:
-            raise InputError(f"the upper limit {self.upper:g} is not above the lower one {self.lower:g}")
+            raise InputError(f"the upper limit {self.upper:g} is not above the lower one {self.lower:g}",
+                             expected="an upper limit above the lower one")  # fmt: skip
 
 
 def watches_of(mechanism: Mechanism, events: Mapping[str, Event], place: Place) -> dict[str, Watch]:
@@ -80,7 +88,7 @@ def bounds_of(mechanism: Mechanism, stops: Mapping[str, EndStop], place: Place) 
     """Return the end stops, one for each side.
 
     Raises:
-        InputError: A joint does not exist.
+        InputError: A joint does not exist, or there is no room between two limits.
         UnitError: A limit has another dimension than its joint.
     """
     found = []
@@ -95,6 +103,8 @@ def bounds_of(mechanism: Mechanism, stops: Mapping[str, EndStop], place: Place) 
             with place("end_stops", name, side):
                 check_unit(limit, joint.unit)
             found.append(Bound(f"{name} {side}", coordinate, joint.v, float(limit), sign, stop.restitution))
+        with place("end_stops", Key(name)):
+            stop.require_room()
     return tuple(found)
 
 

@@ -17,6 +17,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.integrator import Acceleration, Interval
 from pinarm.mechanics.control.controller import Controller, Given
+from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.mechanics.limited_states import Switch
 from pinarm.records import replace
 
@@ -59,6 +60,11 @@ class Controls:
     def continuous(self) -> bool:
         """Whether a controller acts at every instant."""
         return bool(self.memory.continuous)
+
+    @property
+    def sampled_references(self) -> list[MotionLaw]:
+        """What sampled controllers follow."""
+        return [law for one in self.memory.sampled for law in one.references]
 
     @cached_property
     def joints(self) -> tuple[int, ...]:

@@ -69,7 +69,7 @@ class ControlMemory:
         """Begin a run from start to end [s]."""
         self.schedule = Schedule.of(self.sampled, start, end)
         self.samplers = [
-            Sampler(each, each.sampling, reference_after(each.references, t))
+            Sampler(each, each.sampling, reference_after(each.references, t, self.schedule.slack))
             for each, t in zip(self.sampled, self.schedule.samples, strict=True) if each.sampling
         ]  # fmt: skip
         self.clear()

@@ -54,12 +54,15 @@ class Sampler:
         return controller.command(given if not self.mode else given._replace(mode=self.mode))
 
 
-def reference_after(laws: tuple[MotionLaw, ...], t: Array) -> Array:
-    """Return values, rates and accelerations of laws at instants, shape (n,), each after a jump; shape (n, s, 3)."""
+def reference_after(laws: tuple[MotionLaw, ...], t: Array, slack: float = 0.0) -> Array:
+    """Return values, rates and accelerations of laws at instants, shape (n,), each after a jump; shape (n, s, 3).
+
+    A jump that is later by the slack [s] or less is at the instant itself.
+    """
     found = np.empty((len(t), len(laws), 3))
     for k, law in enumerate(laws):
         for piece in law.smooth_pieces:
-            here = (t >= piece.start) & (t < piece.end)
+            here = (t >= piece.start - slack) & (t < piece.end - slack)
             if here.any():
                 found[here, k] = np.array(piece.function(t[here])).T
     return found

@@ -26,6 +26,7 @@ from pinarm.input.yaml.schema import (
 )
 from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
 from pinarm.mechanics.geometry.deflection import REACH, Deflection
+from pinarm.mechanics.geometry.link_placements import opposed
 from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.joints import METRE, RADIAN, Joint, frames_of
 from pinarm.records import AbstractRecord
@@ -120,12 +121,11 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
 
     def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
         """Return what acts on both links, moved to the world's origin."""
-        first, second = (self.model.frames[frame].parentJoint for frame in self.frames)
         placement, jacobian = self._relative(q)
         wrench = self._wrench(placement, jacobian, v)
         wrench[3:] += np.cross(placement.translation, wrench[:3])
         moved = self.data.oMf[self.frames[0]].act(pin.Force(wrench)).vector
-        return {first: -moved, second: moved}
+        return opposed(self.model, *self.frames, moved)
 
     def refusal(self, q: Array) -> str:
         """Return why it has no load: the frames are turned too far; empty where it has one."""

@@ -95,6 +95,15 @@ class LinkPlacements(Record, frozen=True):
         return wrenches.transpose(0, *range(3, wrenches.ndim), 2, 1)
 
 
+def opposed(model: Model, first: int, second: int, wrench: Array) -> dict[int, Array]:
+    """Return what two frames do to one another's links: a wrench on that of the second, the opposite on the first's.
+
+    Joint index -> wrench. Nothing where both frames are on one link, inside which they balance.
+    """
+    one, other = (model.frames[frame].parentJoint for frame in (first, second))
+    return {} if one == other else {one: -wrench, other: wrench}
+
+
 def _rotated(turns: Array, wrenches: Array) -> Array:
     """Return ``[R f; R m]`` of wrenches [f; m] along the last axis."""
     found = rotated(turns[..., None, :, :], wrenches.reshape(*wrenches.shape[:-1], 2, 3))

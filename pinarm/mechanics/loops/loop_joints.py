@@ -17,7 +17,7 @@ from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.geometry.link_placements import LinkPlacements, opposed
 from pinarm.mechanics.geometry.link_tree import LinkTree, states_first
 from pinarm.mechanics.geometry.vectors import cross, joined, moved, rotated
 from pinarm.mechanics.joints import METRE, RADIAN, frame_of
@@ -104,8 +104,8 @@ class LoopJoint(Record, frozen=True):
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
         """Return what multipliers, shape (.., m), do to links: joint index -> [f; m] at the world's origin, (.., 6)."""
-        acting, frames = moved(self.wrench(links, lam), links.frame(self.second)[1]), links.model.frames
-        return {frames[self.second].parentJoint: acting, frames[self.first].parentJoint: -acting}
+        acting = moved(self.wrench(links, lam), links.frame(self.second)[1])
+        return opposed(links.model, self.first, self.second, acting)
 
     def wrench(self, links: LinkPlacements, lam: Array) -> Array:
         """Return [f; m] of the first link on the second, at the origin of frame 2, world axes [N, N*m].

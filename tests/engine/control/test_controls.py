@@ -60,6 +60,36 @@ def test_continuous_pd_is_the_published_number(inertia):
     assert found == pytest.approx(exact, abs=1e-8)  # tolerance 1e-9 a step
 
 
+@pytest.mark.parametrize(
+    ("period", "jump", "number"), [("150 ms", "0.45 s", 3), ("30 ms", "0.33 s", 11), ("100 ms", "0.3 s", 3)]
+)
+def test_a_sample_at_the_jump_of_a_reference_sees_it(inertia, period, jump, number):
+    """0.15 s three times is less than 0.45 s in floating point, and 0.1 s three times more than 0.3 s."""
+    follows = {"law": "steps", "points": [["0 s", "0 rad"], [jump, "1 rad"]]}
+    control = {"kind": "pid", "drive": "x", "follows": follows, "kp": "1 N*m/rad", "period": period}
+    h, x, v = float(period.split()[0]) / 1e3, 0.0, 0.0
+    for k in range(number + 4):
+        u = (k >= number) - x
+        x, v = x + h * v + 0.5 * h * h * u, v + h * u
+    found = last(pinarm.run(scenario(inertia, [control], end=f"{h * (number + 4)!r} s", start="0 rad")))
+    assert found == pytest.approx(x, abs=1e-13)
+
+
+@pytest.mark.parametrize("period", ["100 ms", "0.3 s", "2 s"])
+def test_references_of_sampled_controllers_are_told_between_samples_too(inertia, period):
+    """Before the first sample the wheel stands still: the error is the reference, of which the mean square is known."""
+    follows = {"law": "steps", "points": [["0 s", "0 rad"], ["0.35 s", "1 rad"], ["0.8 s", "-2 rad"]]}
+    control = {"kind": "pid", "drive": "x", "follows": follows, "kp": "1e-12 N*m/rad", "period": period}
+    outputs = ["x", "control.x.reference"]
+    given = scenario(inertia, [control], outputs=outputs, start="0 rad")
+    result = pinarm.run(given | {"numbers": ["control.x.error @ rms"]})
+    t, told = result["t"].values, result["control.x.reference"].values
+    assert told[np.flatnonzero(t == 0.35)].tolist() == [0.0, 1.0]
+    assert told[np.flatnonzero(t == 0.8)].tolist() == [1.0, -2.0]
+    assert (told == np.where(t < 0.35, 0.0, np.where(t < 0.8, 1.0, -2.0)))[(t != 0.35) & (t != 0.8)].all()
+    assert result.number("control.x.error @ rms")[0] == pytest.approx(np.sqrt(0.45 + 0.2 * 4.0), abs=1e-11)
+
+
 def test_a_delay_shifts_the_effort(inertia):
     """Half a period of delay: two held parts a period, stepped by hand."""
     found = last(pinarm.run(scenario(inertia, [{**PD, "period": "50 ms", "delay": "20 ms"}])))

@@ -213,6 +213,19 @@ def test_a_spring_along_a_distance_is_a_spring_between_the_points(model, joints)
         assert wrench == pytest.approx(right[joint], abs=1e-13)
 
 
+def test_an_effort_between_two_points_of_one_link_does_nothing_to_it(model, joints):
+    """It is inside the body."""
+    placement = pin.SE3(np.eye(3), np.array([0.2, 0.1, 0.0]))
+    model = model.copy()
+    model.addFrame(pin.Frame("tip", model.getJointId("slide"), placement, pin.FrameType.BODY))
+    along = coordinates_of(model, joints, {"within": Distance(between=("slide_link", "tip"))})
+    force = CoordinateSpring(coordinate="within", stiffness=90.0, rest=0.1)
+    element, (q, v) = bound(force, model, joints, along), motion(0.4)
+    assert element.efforts(np.array([0.4]), q[None], v[None])[0] < -9.0
+    assert element.wrenches(0.4, q, v) == {}
+    assert load(element, 0.4, q, v) == pytest.approx(0.0, abs=1e-13)
+
+
 def test_the_ends_of_a_point_spring_pull_at_each_other(model, joints):
     q, v = motion(0.5)
     for force in SAMPLES[PointSpring]:

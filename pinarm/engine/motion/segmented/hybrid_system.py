@@ -27,7 +27,7 @@ from pinarm.engine.motion.systems import Initial, System, system_of
 from pinarm.errors import InputError
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.laws import Constant
-from pinarm.mechanics.laws.motion_law import ROUNDING, Grid
+from pinarm.mechanics.laws.motion_law import ROUNDING, Grid, MotionLaw
 from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
@@ -167,9 +167,12 @@ class HybridSystem(Record, frozen=True):
         return t, later[0] if later else self.cuts[-1]
 
     def grid(self, t: Array, seams: Iterable[float] = ()) -> Grid:
-        """Return the grid of given instants, cut where a law or the motion jumps."""
-        laws = [*self.prescribed.laws, *(law for force in self.dynamics.forces.values() for law in force.laws())]
-        return Grid.cover(t, laws, seams)
+        """Return the grid of given instants, cut where a law or the motion jumps.
+
+        What sampled controllers follow cuts it too, though it acts on the motion at samples only.
+        """
+        followed = self.controls.sampled_references if self.controls else []
+        return Grid.cover(t, [*self._laws, *followed], seams)
 
     def grid_of_each(self, t: Array) -> Grid:
         """Return the grid of given instants, each once: where a law jumps, the row is that just after the jump."""
@@ -179,7 +182,12 @@ class HybridSystem(Record, frozen=True):
     @cached_property
     def cuts(self) -> tuple[float, ...]:
         """Return the bounds of the intervals on which all laws are smooth [s]."""
-        return self.grid(np.array(self.time)).cuts
+        return Grid.cover(np.array(self.time), self._laws).cuts
+
+    @property
+    def _laws(self) -> list[MotionLaw]:
+        """The laws of coordinates and loads."""
+        return [*self.prescribed.laws, *(law for force in self.dynamics.forces.values() for law in force.laws())]
 
     @cached_property
     def contacts(self) -> Contacts:
