@@ -137,9 +137,9 @@ class SegmentedMotion(Record, frozen=True):
         """Return the motion at the rows of a grid whose intervals do not reach over seams."""
         bounds = np.array(self.seams)
         middles = 0.5 * (np.array(grid.cuts[1:]) + np.array(grid.cuts[:-1]))
-        owners = bounds.searchsorted(middles)
+        owners, filled = bounds.searchsorted(middles), np.diff(grid.rows) > 0
         motions = []
-        for number in sorted(set(owners.tolist())):
+        for number in sorted(set(owners[filled].tolist())):
             segment, local = self.segments[number], grid.part(*(owners == number).nonzero()[0][[0, -1]])
             found = segment.system.complete(self.dynamics, local, *_states(segment, local.t))
             motions.append(found if segment.holding.all() else _opened(found, segment.holding))

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
+import pinarm
 from pinarm.engine.motion.segmented.segments import CROWDED, MotionSegment, SegmentedMotion
 from pinarm.errors import IntegrationError
 
@@ -32,3 +33,36 @@ def test_a_motion_is_stiff_where_a_good_part_of_its_steps_is(few, many, told):
 
     motion = SegmentedMotion(None, [segment(few, ["stiff: on 100% of the steps"]), segment(many, ["other"])])
     assert motion.diagnose() == ["stiff: on 100% of the steps"] * told + ["other"]
+
+
+URDF = """<robot name="arm"><link name="base"/>
+<link name="upper"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="fore"><inertial><origin xyz="0.3 0 0"/><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="a" type="continuous"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/></joint>
+<joint name="b" type="continuous"><parent link="upper"/><child link="fore"/><origin xyz="1 0 0"/>
+<axis xyz="0 0 1"/></joint>
+</robot>"""
+
+
+def test_a_segment_without_a_row_of_those_that_are_asked_for_is_left_out(tmp_path, monkeypatch):
+    """Where a drive has losses, rows at rest are looked at again a little later; the segments of slip have none."""
+    (tmp_path / "arm.urdf").write_text(URDF)
+    monkeypatch.chdir(tmp_path)
+
+    def motion(efficiency):
+        mechanism = {
+            "pinarm": 1, "robot": "arm.urdf", "gravity": {"direction": "-y"},
+            "drives": {"motor": {"joint": "a", "ratio": 10.0, "efficiency": efficiency}},
+            "friction": {"b": {"constant": "0.3 N*m"}},
+        }  # fmt: skip
+        law = {"law": "trapezoid", "from": "0 rad", "to": "0.5 rad", "acceleration": "10 rad/s^2"}
+        problem = {"kind": "forward", "time": {"end": "1 s", "samples": 11}, "motion": {"a": law},
+                   "initial": {"position": {"b": "0.9 rad"}}}  # fmt: skip
+        outputs = ["b", "drive.motor.torque"]
+        return pinarm.run({"pinarm": 1, "mechanism": mechanism, "problem": problem, "outputs": outputs})
+
+    lossy, ideal = motion(0.8), motion(1.0)
+    assert lossy["b"].values.tolist() == ideal["b"].values.tolist()
+    assert lossy["drive.motor.torque"].values[1] == pytest.approx(ideal["drive.motor.torque"].values[1] / 0.8, rel=1e-9)
