@@ -9,13 +9,18 @@ last correction tells what is left, and the error e of the numbers themselves ma
 together for ``h ~ e^(1/7)``. Where the two one-sided derivatives differ by more than their errors, the number has a
 kink there: a maximum that moves from one instant to another.
 
+A step over which the number is no such series, as where an oscillation turns by several radians, may look settled by
+accident. So a step is enough only where all three derivatives are about the same; otherwise smaller steps are taken
+too. What these contradict is as wrong as they say; and derivatives that differ from one another, without being found
+again with another step, as those at a kink are, are as wrong as they differ.
+
 Source: Ridders, Accurate computation of F'(x) and F'(x) F''(x), Advances in Engineering Software 4 (1982).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import islice
 
 import numpy as np
@@ -30,6 +35,13 @@ SHRINK, ROUNDS = 16.0, 3
 
 GOOD = 1e-6
 """Error of a derivative, relative to it, that is small enough."""
+
+CONVINCING = 1e-4
+"""Error of a derivative, relative to it, that is hardly small by accident: enough where it is that of the numbers."""
+
+REGULAR = 0.05
+"""Difference of one-sided derivatives from the central one, over the difference quotients, up to which a step is small
+enough for a power series."""
 
 KINK = 1e-3
 """Difference of one-sided derivatives, relative to their sizes, that makes a kink."""
@@ -56,13 +68,17 @@ class Derivative:
 
 @dataclass(frozen=True)
 class _Differences:
-    """Derivatives of several numbers by steps of one size, and their errors, each of shape (m,)."""
+    """Derivatives of several numbers by steps of one size, and their errors, each of shape (m,).
+
+    ``quotient`` is the larger one-sided quotient of differences over the whole step.
+    """
 
     central: Array
     error: Array
     left: Array
     right: Array
     one_sided_error: Array
+    quotient: Array
     rounding: Array
 
     def derivative(self, k: int) -> Derivative:
@@ -73,7 +89,23 @@ class _Differences:
 
     def settled(self, k: int) -> bool:
         found = self.derivative(k)
-        return found.error <= GOOD * abs(found.value) + 10.0 * float(self.rounding[k])
+        if self.quotient[k] <= self.rounding[k]:
+            return True  # it does not depend on the input
+        excused = min(10.0 * float(self.rounding[k]), CONVINCING * abs(found.value))
+        return found.error <= GOOD * abs(found.value) + excused and self.apart(k) <= self.alike(k)
+
+    def apart(self, k: int) -> float:
+        """Return how far the one-sided derivatives are from the central one."""
+        return float(max(abs(self.left[k] - self.central[k]), abs(self.right[k] - self.central[k])))
+
+    def alike(self, k: int) -> float:
+        """Return the difference of two derivatives up to which they are about the same."""
+        return float(REGULAR * self.quotient[k] + 8.0 * self.rounding[k])
+
+    def finds(self, other: _Differences, k: int) -> bool:
+        """Tell whether another step has given about the same derivatives on both sides."""
+        apart = max(abs(self.left[k] - other.left[k]), abs(self.right[k] - other.right[k]))
+        return bool(apart <= min(self.alike(k), other.alike(k)))
 
 
 STEPS = np.array([1.0, 0.5, 0.25, -1.0, -0.5, -0.25])
@@ -86,12 +118,12 @@ class _Sought:
 
     Attributes:
         step: First and largest change.
-        best: Those of the least error so far; none where no run has succeeded on both sides.
+        rounds: Those of all steps with which all runs succeeded, from large to small ones.
         failure: Why a run failed.
     """
 
     step: float
-    best: list[Derivative] = field(default_factory=list)
+    rounds: list[_Differences] = field(default_factory=list)
     failure: str = ""
 
     def settled_by(self, rows: Iterable[Row], at_zero: Array, step: float, noise: Array) -> bool:
@@ -102,10 +134,18 @@ class _Sought:
             return False
         taken = np.array([row.taken for row in rows]).reshape(2, 3, -1)
         found = _differences(taken[0], taken[1], at_zero, step, noise)
-        new = [found.derivative(k) for k in range(len(at_zero))]
-        pairs = zip(self.best or new, new, strict=True)
-        self.best = [min(pair, key=lambda each: each.error) for pair in pairs]
+        self.rounds.append(found)
         return all(found.settled(k) for k in range(len(at_zero)))
+
+    def best(self, k: int) -> Derivative:
+        """Return the derivative of number k with the least error, after what the other steps say of it."""
+        found, rounds = [each.derivative(k) for each in self.rounds], self.rounds
+        errors = [max(one.error, _contradicted(one, found[n + 1 :])) for n, one in enumerate(found)]
+        for n, each in enumerate(rounds):
+            if each.apart(k) > each.alike(k) and not any(each.finds(other, k) for other in rounds if other is not each):
+                errors[n] = max(errors[n], each.apart(k))
+        least = int(np.argmin(errors))
+        return replace(found[least], error=errors[least])
 
 
 def derivatives(
@@ -132,11 +172,16 @@ def derivatives(
         left = [k for k, step in steps.items()
                 if not sought[k].settled_by(islice(rows, len(STEPS)), at_zero, step, noise)]  # fmt: skip
     for each, of in zip(sought, varied.inputs, strict=True):
-        if not each.best:
+        if not each.rounds:
             with within("to", of.name):
                 raise InputError(f"no run succeeds on both sides of {of.text(of.value)}: {each.failure}",
                                  hint="another value, from which the mechanism can be changed both ways")  # fmt: skip
-    return [each.best for each in sought]
+    return [[each.best(k) for k in range(len(at_zero))] for each in sought]
+
+
+def _contradicted(one: Derivative, finer: Sequence[Derivative]) -> float:
+    """Return the error of a derivative that those of smaller steps show."""
+    return max((abs(one.value - each.value) - each.error for each in finer), default=0.0)
 
 
 def _differences(ahead: Array, behind: Array, at_zero: Array, step: float, noise: Array) -> _Differences:
@@ -147,8 +192,9 @@ def _differences(ahead: Array, behind: Array, at_zero: Array, step: float, noise
     right, above = _extrapolated((ahead - at_zero) / h, 1)
     left, below = _extrapolated((at_zero - behind) / h, 1)
     rounding = noise / steps[-1]
+    quotient = np.maximum(np.abs(ahead[0] - at_zero), np.abs(at_zero - behind[0])) / step
     return _Differences(central, error + 2.0 * rounding, left, right, np.maximum(above, below) + 8.0 * rounding,
-                        rounding)  # fmt: skip
+                        quotient, rounding)  # fmt: skip
 
 
 def _extrapolated(differences: Array, order: int) -> tuple[Array, Array]:

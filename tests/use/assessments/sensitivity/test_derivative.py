@@ -106,3 +106,11 @@ def test_each_input_has_its_own_steps() -> None:
 
     [[x], [y]] = by_inputs(narrow, 0.01, np.full(1, 1e-14), 2)
     assert (x.value, y.value) == pytest.approx((1.0, 3.0), abs=1e-9)
+
+
+def test_a_step_over_many_turns_of_an_oscillation_is_not_taken_for_a_small_one() -> None:
+    """``cos(p (1 + h)^(1/2))`` with noise of 1e-3, as at coarse tolerances: the first step turns it by up to 37 rad."""
+    for phase in np.linspace(20.0, 200.0, 181):
+        found = one(lambda h, phase=phase: cos(phase * (1.0 + h) ** 0.5), 0.37, 1e-3)
+        most = 0.5 * phase
+        assert abs(found.value + most * sin(phase)) <= 3.0 * found.error + 0.01 * most, (phase, found)
