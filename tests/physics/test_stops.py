@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import pinarm
 
@@ -148,3 +149,35 @@ def test_a_controlled_door_on_a_cable_breaks_loose_at_the_sample_that_asks_for_m
     row = result.lookup.at({"t": f"{begins + 0.02} s"}, "lift")
     assert row["joint.lift.velocity"].values[0] == pytest.approx(accelerates * 0.02, rel=1e-8)
     assert row["loop.rope.tension"].values[0] == pytest.approx(10.0 * (9.81 - accelerates) - 20.0, rel=1e-9)
+
+
+def test_a_block_is_lifted_off_its_stop_by_a_ripple_of_the_load(write):
+    """The load ripples many times in a step of the integration, as nothing moves before; the block's flight is known.
+
+    It is lifted at t1, where ``P(t) = 2.6 sin(w1 t) + 0.5 sin(w2 t) - 2 N`` becomes positive, and back where the second
+    integral of P from t1 on is 0.
+    """
+    slow, fast = 0.15, 30.0
+    laws = ("law: harmonic, amplitude: 2.6 N, pulsation: 0.15 rad/s", "law: constant, value: -2 N",
+            "law: harmonic, amplitude: 0.5 N, pulsation: 30 rad/s")  # fmt: skip
+    given = ", ".join(f"l{k}: {{kind: joint_effort, joint: slip, effort: {{{law}}}}}" for k, law in enumerate(laws))
+    problem = (f"{{kind: forward, time: {{end: 6 s, samples: 3}}, {STILL}, loads: {{{given}}}, "
+               "end_stops: {slip: {lower: 0 m}}}")  # fmt: skip
+    result = pinarm.run(write(BLOCK, "gravity: none\n", problem, "slip"))
+
+    def push(t):
+        return 2.6 * np.sin(slow * t) + 0.5 * np.sin(fast * t) - 2.0
+
+    t = np.linspace(0.0, 6.0, 600_001)
+    k = int(np.flatnonzero(push(t) > 0.0)[0])
+    lifted = brentq(push, t[k - 1], t[k], xtol=1e-14)
+
+    def way(t):
+        parts = ((2.6, slow), (0.5, fast))
+        rate = sum(a / w * np.cos(w * lifted) for a, w in parts)
+        start = sum(a / w**2 * np.sin(w * lifted) for a, w in parts)
+        h = t - lifted
+        return -sum(a / w**2 * np.sin(w * t) for a, w in parts) + start + rate * h - h * h
+
+    back = brentq(way, lifted + 0.04, lifted + 0.1, xtol=1e-14)
+    assert result.events[0].t == pytest.approx(back, abs=1e-8)

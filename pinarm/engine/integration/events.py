@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 
 import numpy as np
@@ -11,8 +12,8 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.integration.integrator import Crossing, Solution
 from pinarm.records import ValueRecord
 
-PARTS, REFINEMENTS = 16, 14
-"""Parts into which a bracket is divided, and how often: 16^-14 is below the rounding of a double."""
+MOST_SECANTS = 400
+"""Steps to a crossing: a fourth of them halve the bracket, which takes less than 100 halvings to rounding."""
 
 NEGLIGIBLE = 1e-14
 """Size of the last coefficients of a series that are rounding, over the largest; they would disturb its roots."""
@@ -25,8 +26,12 @@ SAME_INSTANT = 1e-13
 """Difference of two instants, relative to the time or the step, that is rounding of their roots: what is watched at the
 instant that ends the integration is recorded, whichever comes first."""
 
-CONVERGED, MOST_PARTS = 1e-3, 4096
-"""Size of the last coefficients of a series that has converged, over the largest; and most steps tried for it."""
+CONVERGED, EXACT, FAR = 1e-3, 1e-9, 4.0
+"""Size of the last coefficients of a series over the largest where it has converged, and where it shows crossings; and
+how many times its other terms the first one is where nothing that they miss can make it cross 0."""
+
+LEAST_PART = 2.0**-12
+"""Smallest part of a step for which a value that depends on loads has a series of its own."""
 
 
 class Watch(ValueRecord, frozen=True):
@@ -36,8 +41,8 @@ class Watch(ValueRecord, frozen=True):
         value: ``(t, q, v) -> g`` of many states at once, shape (n,).
         direction: 1 for rising crossings, -1 for falling ones, 0 for both.
         stops: Whether the integration ends at the first crossing.
-        loaded: Whether it depends on loads, and is not negative as long as the motion lasts: where loads jump at a
-            sample and it is negative then, the integration ends there.
+        loaded: Whether it depends on loads, which steps may be much longer than, and is not negative as long as the
+            motion lasts: where loads jump at a sample and it is negative then, the integration ends there.
     """
 
     value: Callable[[Array, Array, Array], Array]
@@ -67,7 +72,10 @@ def possible_crossings(solution: Solution, watches: Sequence[Watch], first: int,
     for end, states in ((0, ends[:-1]), (-1, ends[1:])):
         q[:, end], v[:, end] = states[:, :nq], states[:, nq:]
     flat = instants.ravel(), q.reshape(-1, nq), v.reshape(len(instants.ravel()), -1)
-    kept = np.all([keeps_sign(watch.value(*flat).reshape(shape[:2])) for watch in watches], axis=0)
+    kept = np.ones(len(indices), dtype=bool)
+    for watch in watches:
+        values = watch.value(*flat).reshape(shape[:2])
+        kept &= keeps_sign(values) & (resolved(values) if watch.loaded else True)
     return np.asarray(indices[~kept])
 
 
@@ -76,8 +84,9 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
 
     Each value is interpolated by a Chebyshev polynomial at ``2 method.subdivisions + 1`` points of the step, all of
     whose roots are computed: a coordinate that is linear in q is such a polynomial, and none of its crossings is
-    missed, however close they are. Each root is then refined on the value itself. A value of exactly 0 counts as
-    positive.
+    missed, however close they are. What depends on loads is interpolated on parts of the step, down to which the series
+    converge: a step may be long where nothing moves yet. Each root is then refined on the value itself. A value of
+    exactly 0 counts as positive.
 
     Args:
         solution: Solution whose crossings are recorded.
@@ -88,23 +97,59 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
     Returns:
         Whether the integration stops.
     """
-    step, nq = solution.steps[index], solution.manifold.nq
-    t = step.t + step.h * nodes(solution.method.subdivisions)
-    t[-1] = step.until
-    states = solution.states_in(np.full(len(t), index), t)
-    states[0][0], states[1][0], states[0][-1], states[1][-1] = step.y[:nq], step.y[nq:], y[:nq], y[nq:]
-    crossings = []
+    step, whole = solution.steps[index], _states(solution, index, y, 0.0, 1.0)
+    crossings, latest, slack = [], math.inf, SAME_INSTANT * max(abs(step.t), abs(step.h))
     for number, watch in enumerate(watches):
-        for low, high, above in _brackets(watch.value(t, *states), watch.direction):
-            bracket = step.t + step.h * low, step.t + step.h * high
-            crossings.append((_refined(solution, index, watch, bracket, above=above), number))
-    within, stop = _until_stop(sorted(crossings), watches, SAME_INSTANT * max(abs(step.t), abs(step.h)))
+        for low, high, values in _parts(solution, index, y, watch, watch.value(*whole)):
+            start, length = step.t + step.h * low, step.h * (high - low)
+            if start > latest + slack:
+                break
+            for first, last, above in _brackets(values, watch.direction):
+                bracket = start + length * first, start + length * last
+                crossings.append((_refined(solution, index, watch, bracket, above=above), number))
+                latest = min(latest, crossings[-1][0]) if watch.stops else latest
+    within, stop = _until_stop(sorted(crossings), watches, slack)
     for instant, number in within:
         q, v = solution.states_in(np.array([index]), np.array([instant]))
         solution.crossings.append(Crossing(number, instant, q[0], v[0]))
     if stop is not None:
         solution.steps.end_at(index, stop)
     return stop is not None
+
+
+def _states(solution: Solution, index: int, y: Array, low: float, high: float) -> tuple[Array, Array, Array]:
+    """Return instants and states at the nodes of a part of a step; see ``locate_crossings``."""
+    step, nq = solution.steps[index], solution.manifold.nq
+    t = step.t + step.h * (low + (high - low) * nodes(solution.method.subdivisions))
+    if high == 1.0:
+        t[-1] = step.until
+    q, v = solution.states_in(np.full(len(t), index), t)
+    for place, end, known in ((0, low == 0.0, step.y), (-1, high == 1.0, y)):
+        if end:
+            q[place], v[place] = known[:nq], known[nq:]
+    return t, q, v
+
+
+def _parts(
+    solution: Solution, index: int, y: Array, watch: Watch, values: Array, low: float = 0.0, high: float = 1.0
+) -> Iterator[tuple[float, float, Array]]:
+    """Yield the parts of a step on which a value is interpolated: both ends, from 0 to 1, and the values at the nodes.
+
+    Args:
+        solution: The solution.
+        index: Index of the step.
+        y: State at its end.
+        watch: What is watched.
+        values: Its values at the nodes of the part from low to high.
+        low: Start of the part.
+        high: Its end.
+    """
+    if not watch.loaded or high - low <= LEAST_PART or resolved(values[None])[0]:
+        yield low, high, values
+        return
+    middle = 0.5 * (low + high)
+    for start, end in ((low, middle), (middle, high)):
+        yield from _parts(solution, index, y, watch, watch.value(*_states(solution, index, y, start, end)), start, end)
 
 
 def _until_stop(
@@ -148,41 +193,15 @@ def keeps_sign(values: Array) -> Flags:
     return np.asarray(np.abs(series[:, 0]) > np.abs(series[:, 1:]).sum(axis=1))
 
 
-def resolving_parts(watches: Sequence[Watch], start: float, end: float, parts: int) -> int:
-    """Return into how many equal steps to divide an interval on which nothing moves, so that no crossing is missed.
+def resolved(values: Array) -> Flags:
+    """Return for which rows of values at the nodes the Chebyshev series shows their signs; shape (m,).
 
-    On each step up to the first crossing the Chebyshev series of every value at the nodes has to have converged.
-
-    Args:
-        watches: The watched values, which depend on the time only.
-        start: Start of the interval [s].
-        end: Its end [s].
-        parts: Half the number of nodes less one, ``method.subdivisions``.
+    Its last coefficients are the error: of a value that is far from 0 they may be larger than where it may cross 0.
     """
-    nothing, count = np.zeros((2 * parts + 1, 0)), 1
-    while count < MOST_PARTS:
-        h = (end - start) / count
-        steps = (start + h * (k + nodes(parts)) for k in range(count))
-        if _shows_all(watches, steps, nothing):
-            break
-        count *= 2
-    return count
-
-
-def _shows_all(watches: Sequence[Watch], steps: Iterable[Array], nothing: Array) -> bool:
-    """Return whether the series of values have converged on all steps up to the first that shows a crossing."""
-    for t in steps:
-        found = [watch.value(t, nothing, nothing) for watch in watches]
-        if not all(_converged(each) for each in found):
-            return False
-        if any((each < 0.0).any() for each in found):
-            break
-    return True
-
-
-def _converged(values: Array) -> bool:
-    series = np.abs(_to_series(len(values) // 2) @ values)
-    return bool(series[-2:].max() <= CONVERGED * series.max())
+    series = np.abs(values @ _to_series(values.shape[1] // 2).T)
+    rest, error, size = series[:, 1:].sum(axis=1), series[:, -2:].max(axis=1), series.max(axis=1)
+    one_sign = (error <= CONVERGED * size) & (series[:, 0] > rest + FAR * error)
+    return np.asarray((series[:, 0] > FAR * rest) | one_sign | (error <= EXACT * size))
 
 
 def _brackets(values: Array, direction: int) -> list[tuple[float, float, bool]]:
@@ -224,18 +243,34 @@ def _refined(solution: Solution, index: int, watch: Watch, bracket: tuple[float,
     """
     low, high = bracket
 
-    def value(t: Array) -> Array:
-        return watch.value(t, *solution.states_in(np.full(len(t), index), t))
+    def value(t: float) -> float:
+        found = float(watch.value(np.array([t]), *solution.states_in(np.array([index]), np.array([t])))[0])
+        return found or math.ulp(0.0)
 
     begins = float(solution.steps.t[index])
-    first_above, low_above = value(np.array([begins, low])) >= 0.0
-    if low_above != above and first_above == above:
+    if (value(low) > 0.0) != above and low > begins and (value(begins) > 0.0) == above:
         low, high = begins, low
-    else:
-        above = bool(low_above)
-    for _ in range(REFINEMENTS):
-        t = np.linspace(low, high, PARTS + 1)
-        beyond = np.flatnonzero((value(t[1:-1]) >= 0.0) != above)
-        first = int(beyond[0]) + 1 if len(beyond) else PARTS
-        low, high = float(t[first - 1]), float(t[first])
+    return _sign_change(value, low, high)
+
+
+def _sign_change(value: Callable[[float], float], low: float, high: float) -> float:
+    """Return the first instant behind a change of sign between two others, to rounding; the later one if there is none.
+
+    By secants, of which the value at an end that stays is halved each time (the Illinois algorithm; Dowell and Jarratt,
+    A modified regula falsi method for computing the root of an equation, BIT 11, 1971), with some bisections.
+    """
+    at_low, at_high, stayed = value(low), value(high), 0
+    if (at_low > 0.0) == (at_high > 0.0):
+        return high
+    least = math.ulp(max(abs(low), abs(high)))
+    for count in range(MOST_SECANTS):
+        if high - low <= least:
+            break
+        secant = high - at_high * (high - low) / (at_high - at_low)
+        t = 0.5 * (low + high) if count % 4 == 3 else min(max(secant, low + least), high - least)
+        found = value(t)
+        if (found > 0.0) == (at_low > 0.0):
+            low, at_low, at_high, stayed = t, found, at_high / (2.0 if stayed > 0 else 1.0), 1
+        else:
+            high, at_high, at_low, stayed = t, found, at_low / (2.0 if stayed < 0 else 1.0), -1
     return high

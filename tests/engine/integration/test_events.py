@@ -7,7 +7,7 @@ from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.events import Watch, _brackets, nodes
 from pinarm.engine.integration.integrator import Flat, Interval
 from pinarm.engine.integration.methods import METHODS
-from pinarm.engine.integration.methods.explicit import Adaptive
+from pinarm.engine.integration.methods.explicit import Adaptive, FixedStep
 
 LINE = Flat(1, 1)
 TIGHT = Adaptive(1e-11)
@@ -135,3 +135,18 @@ def test_of_two_stops_at_one_instant_the_first_watched_counts():
 def test_what_is_crossed_after_a_stop_is_not_recorded():
     watches = [position(0.3 + 1e-9), position(0.3, stops=True)]
     assert [one.watch for one in oscillator(2.0, watches).crossings] == [1]
+
+
+@pytest.mark.parametrize("pulsation", [30.0, 300.0])
+def test_what_depends_on_loads_is_looked_at_as_often_as_these_vary(pulsation):
+    """A load with a ripple reaches its bound within one step that is as long as the run: nothing moves until then."""
+
+    def left(t):
+        return 1.0 - (1.3 * np.sin(0.15 * t) + 0.25 * np.sin(pulsation * t))
+
+    interval = Interval(0.0, 8.0, lambda t, q, v: np.zeros_like(q))
+    watch = Watch(lambda t, q, v: left(t), -1, stops=True, loaded=True)
+    solution = integrate([interval], LINE, np.zeros(1), np.zeros(1), FixedStep(8.0), watches=[watch])
+    instants = np.linspace(0.0, 8.0, 4_000_001)
+    later = int(np.flatnonzero(left(instants) < 0.0)[0])
+    assert instants[later - 1] <= solution.end <= instants[later]

@@ -16,7 +16,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.integration.driver import integrate as integrate_smooth
-from pinarm.engine.integration.events import Watch, resolving_parts
+from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.integrator import Solution
 from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
@@ -165,7 +165,7 @@ class HybridIntegration(Record, frozen=True):
             hybrid.intervals(system, spans),
             system.manifold,
             *system.part(q, v),
-            hybrid.method if system.manifold.nv else self._standing(watches, spans),
+            hybrid.method if system.manifold.nv else FixedStep(hybrid.time[1] - hybrid.time[0]),
             max_steps=hybrid.max_steps - int(cost["steps"] + cost["rejected steps"]),
             watches=watches,
             steps_over=steps_over(hybrid, system),
@@ -184,13 +184,6 @@ class HybridIntegration(Record, frozen=True):
         if self.hybrid.controls and isinstance(system, ControlledSystem):
             _, v = solution.states(np.array([solution.end]))
             self.hybrid.controls.remember(system.integrals(v)[0])
-
-    def _standing(self, watches: Sequence[Watch], spans: Sequence[tuple[float, float]]) -> FixedStep:
-        """Return the method where nothing is left to integrate: as few steps as show all crossings."""
-        if not self.hybrid.frictions:
-            return FixedStep(self.hybrid.time[1] - self.hybrid.time[0])
-        ((start, end),) = spans
-        return FixedStep((end - start) / resolving_parts(watches, start, end, FixedStep.subdivisions))
 
     def _note_events(self, solution: Solution, system: System, keys: list[Key]) -> SegmentEnd | None:
         """Add the events of the last segment to the motion; return the one that ended it."""
