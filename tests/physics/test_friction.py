@@ -733,3 +733,30 @@ def test_nothing_is_left_out_where_friction_may_stick(write, friction, left_out)
     assert len(result.removals) == left_out
     if friction:
         assert result["joint.slip.effort.upper"].values == pytest.approx(0.3 * 2.0 * 9.81, rel=1e-12)
+
+
+def test_a_slider_crank_breaks_loose_at_the_peaks_of_a_beat():
+    """Its crank is held by 1 N*m until the torque passes it, in a loop of which nothing moves before.
+
+    All rows but the first and the last are at switches: the crank is at rest in all of them, but for rounding.
+    """
+    planar = {
+        "points": {"O": [0, 0], "A": ["60 mm", "80 mm"], "P": ["400 mm", 0], "Q": ["500 mm", 0]}, "ground": ["O"],
+        "links": {"crank": {"points": ["O", "A"], "mass": "1 kg"}, "rod": {"points": ["A", "P"], "mass": "1 kg"},
+                  "piston": {"points": ["P", "Q"], "mass": "2 kg"}},
+        "sliders": {"x": {"link": "piston", "along": ["P", "Q"]}},
+    }  # fmt: skip
+    parts = ((0.517, 82.1, 0.0), (0.517, 83.6, np.pi))
+    loads = {
+        f"l{k}": {"kind": "joint_effort", "joint": "O", "effort": {
+            "law": "harmonic", "amplitude": f"{a} N*m", "pulsation": f"{w} rad/s", "phase": f"{p!r} rad"}}
+        for k, (a, w, p) in enumerate(parts)
+    }  # fmt: skip
+    mechanism = {"pinarm": 1, "gravity": "none", "planar": planar, "friction": {"O": {"constant": "1 N*m"}}}
+    problem = {"kind": "forward", "time": {"end": "2 s", "samples": 3}, "loads": loads}
+    result = pinarm.run({"pinarm": 1, "mechanism": mechanism, "problem": problem, "outputs": ["O"]})
+    t = np.linspace(1.7, 1.9, 2_000_001)
+    torque = np.abs(sum(a * np.sin(w * t + p) for a, w, p in parts))
+    breaks = t[np.flatnonzero(torque > 1.0)[0]]
+    assert result.outcome.motion.motion.segments[0].solution.end == pytest.approx(breaks, abs=2e-7)
+    assert result.figures["friction"] < 1e-12

@@ -24,8 +24,9 @@ CONTRADICTED = 1e-6
 """Part of the largest friction by which the law may be missed: what rounding leaves of large reactions is less."""
 
 SLOW, SWITCHING = 1e-9, 1e-3
-"""Slips, relative to the largest of the run, that are rest: anywhere, and where an interval of the run ends, as at
-switches, whose instants are known to the tolerance of the integration."""
+"""Slips, relative to the largest of the rows, that are rest: anywhere, and where an interval of the run ends, as at
+switches, whose instants are known to the tolerance of the integration. There they are also relative to what the
+accelerations of the rows make in that interval: all rows may be at switches."""
 
 
 def friction_doubts(run: Trajectory) -> dict[str, str]:
@@ -77,20 +78,23 @@ def friction_figures(run: Trajectory) -> dict[str, float]:
         return {}
     some = run.some(sampled(len(run)))
     reactions, missed, largest = Reactions(some), 0.0, 0.0
-    slips = np.matvec(slip_rows(run.mechanism.model, contacts, some.q), some.v)
-    lam = {name: reactions.multipliers[:, rows] for name, rows in some.closure.slices.items()}
+    rows = slip_rows(run.mechanism.model, contacts, some.q)
+    slips, changes = np.matvec(rows, some.v), sizes(contacts, np.matvec(rows, some.a))
+    lam = {name: reactions.multipliers[:, part] for name, part in some.closure.slices.items()}
     every, ends = np.arange(len(some)), np.isin(some.grid.t, some.grid.cuts[1:-1])
-    rest_speeds = np.where(ends, SWITCHING, SLOW)
+    spans = np.repeat(np.diff(some.grid.cuts), np.diff(some.grid.rows))
     rounding = _resting_speed(some)
     speeds, against, lengths = sizes(contacts, slips), unit_vectors(contacts, slips), sizes(contacts, some.friction)
-    for contact, f, size, speed, s in zip(contacts, some.friction.T, lengths.T, speeds.T, against.T, strict=True):
+    each = zip(contacts, some.friction.T, lengths.T, speeds.T, against.T, changes.T, strict=True)
+    for contact, f, size, speed, s, change in each:
         normal = np.zeros(len(some))
         if contact.law.loaded:
             normal = contact.bearing.load(contact.transmitted(reactions.links(every), reactions.joints, lam))
         mu, constant = contact.law.slipping(speed)
         rest = contact.law.static_mu * normal + contact.law.static_constant
         slipping, stuck = np.abs(f + s * (mu * normal + constant)), np.maximum(size - rest, 0.0)
-        slow = speed <= np.maximum(rest_speeds * speed.max(), rounding)
+        switching = np.where(ends, SWITCHING * np.maximum(speed.max(), change.max() * spans), 0.0)
+        slow = speed <= np.maximum(switching, max(SLOW * speed.max(), rounding))
         missed = max(missed, float(np.where(slow, stuck, slipping).max()))
         largest = max(largest, float(rest.max()))
     left = missed / largest if largest else 0.0
