@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import pinarm
+from pinarm.errors import IntegrationError
 
 SIZES = '<limit lower="-1e4" upper="1e4" effort="1e6" velocity="1e3"/>'
 BODY = '<inertial><mass value="{}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
@@ -181,3 +182,52 @@ def test_a_block_is_lifted_off_its_stop_by_a_ripple_of_the_load(write):
 
     back = brentq(way, lifted + 0.04, lifted + 0.1, xtol=1e-14)
     assert result.events[0].t == pytest.approx(back, abs=1e-8)
+
+
+def slider_crank(stop, speed="10 rad/s", angle=1.2):
+    """A free slider-crank, 0.1 m and 0.3 m, drawn with its crank turned by an angle; x is how far its piston moves."""
+    a = [0.1 * float(np.cos(angle)), 0.1 * float(np.sin(angle))]
+    p = a[0] + float(np.sqrt(0.3**2 - a[1] ** 2))
+    points = {"A": [f"{x!r} m" for x in a], "P": [f"{p!r} m", 0], "Q": [f"{p + 0.1!r} m", 0]}
+    planar = {
+        "points": {"O": [0, 0], **points}, "ground": ["O"],
+        "links": {"crank": {"points": ["O", "A"], "mass": "1 kg"}, "rod": {"points": ["A", "P"], "mass": "1 kg"},
+                  "piston": {"points": ["P", "Q"], "mass": "2 kg"}},
+        "sliders": {"x": {"link": "piston", "along": ["P", "Q"]}},
+    }  # fmt: skip
+    problem = {"kind": "forward", "time": {"end": "2 s", "samples": 21}, "initial": {"velocity": {"O": speed}},
+               "end_stops": {"x": {"upper": f"{0.4 - p + stop!r} m", "restitution": 0.5}}}  # fmt: skip
+    mechanism = {"pinarm": 1, "gravity": "none", "planar": planar}
+    return {"pinarm": 1, "mechanism": mechanism, "problem": problem, "outputs": ["O", "energy.kinetic"]}
+
+
+def test_a_stop_at_a_dead_point_is_passed_or_refused():
+    """The piston comes to it with velocity 0: no impact, or one that turns the crank back, is one rounding apart."""
+    clear = pinarm.run(slider_crank(1e-6))
+    assert not clear.events
+    met = pinarm.run(slider_crank(-1e-6))
+    first = met.events[0]
+    assert first.v[0] == pytest.approx(-0.5 * first.before[0], rel=1e-6)
+    for angle in (0.7, 1.2, 1.7, 2.2):
+        for stop in (0.0, 1e-14, -1e-14):
+            try:
+                assert not pinarm.run(slider_crank(stop, angle=angle)).events
+            except IntegrationError as error:
+                assert "turns at the end stop 'x upper'" in error.message
+                assert error.partial is not None
+
+
+def test_a_slow_rebound_is_none_of_rest_because_something_else_accelerates(write):
+    """A cart without load, and a reed beside it that swings with 1,000 m/s^2."""
+    bodies = f"""
+<link name="cart">{BODY.format(2)}</link><link name="reed">{BODY.format(1)}</link>
+<joint name="x" type="prismatic"><parent link="base"/><child link="cart"/><axis xyz="1 0 0"/>{SIZES}</joint>
+<joint name="y" type="prismatic"><parent link="base"/><child link="reed"/><axis xyz="0 1 0"/>{SIZES}</joint>"""
+    spring = "gravity: none\nforces: {s: {kind: joint_spring, joint: y, stiffness: 986960.4401089358 N/m}}\n"
+    problem = ("{kind: forward, time: {end: 2 s, samples: 3}, "
+               "initial: {velocity: {x: -4e-6 m/s}, position: {y: 1 mm}}, "
+               "end_stops: {x: {lower: -4e-6 m, restitution: 1}}}")  # fmt: skip
+    result = pinarm.run(write(bodies, spring, problem, "x, joint.x.velocity"))
+    assert len(result.events) == 1
+    assert result["joint.x.velocity"].values[-1] == pytest.approx(4e-6, rel=1e-9)
+    assert result["x"].values[-1] == pytest.approx(0.0, abs=1e-13)

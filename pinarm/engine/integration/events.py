@@ -243,23 +243,24 @@ def _refined(solution: Solution, index: int, watch: Watch, bracket: tuple[float,
     """
     low, high = bracket
 
-    def value(t: float) -> float:
-        found = float(watch.value(np.array([t]), *solution.states_in(np.array([index]), np.array([t])))[0])
-        return found or math.ulp(0.0)
+    def value(*t: float) -> list[float]:
+        found = watch.value(np.array(t), *solution.states_in(np.full(len(t), index), np.array(t)))
+        return [one or math.ulp(0.0) for one in found.tolist()]
 
     begins = float(solution.steps.t[index])
-    if (value(low) > 0.0) != above and low > begins and (value(begins) > 0.0) == above:
-        low, high = begins, low
-    return _sign_change(value, low, high)
+    first, at_low, at_high = value(begins, low, high)  # together: at the end of an interval, what is before its jumps
+    if (at_low > 0.0) != above and (first > 0.0) == above:
+        low, high, at_low, at_high = begins, low, first, at_low
+    return _sign_change(lambda t: value(t)[0], (low, high), (at_low, at_high))
 
 
-def _sign_change(value: Callable[[float], float], low: float, high: float) -> float:
-    """Return the first instant behind a change of sign between two others, to rounding; the later one if there is none.
+def _sign_change(value: Callable[[float], float], bracket: tuple[float, float], at_ends: tuple[float, float]) -> float:
+    """Return the first instant behind a change of sign within a bracket, to rounding; its end if there is none.
 
     By secants, of which the value at an end that stays is halved each time (the Illinois algorithm; Dowell and Jarratt,
     A modified regula falsi method for computing the root of an equation, BIT 11, 1971), with some bisections.
     """
-    at_low, at_high, stayed = value(low), value(high), 0
+    (low, high), (at_low, at_high), stayed = bracket, at_ends, 0
     if (at_low > 0.0) == (at_high > 0.0):
         return high
     least = math.ulp(max(abs(low), abs(high)))

@@ -191,6 +191,13 @@ class Contacts(Record, frozen=True):
         """Return the velocity along the row of a stop."""
         return float(self.bounds[k].row(q) @ v)
 
+    def transmission(self, k: int, t: float, q: Array) -> float:
+        """Return the largest velocity that a unit velocity along the row of a stop takes, endless at a dead point."""
+        row = self.bounds[k].row(q)
+        rest, moving = (self._given(t, q, np.zeros(len(row)), {k: rate})[0] for rate in (0.0, 1.0))
+        moved = float(row @ (moving - rest))
+        return float(np.abs(moving - rest).max()) / moved if moved > 0.5 else np.inf
+
     def impact(self, t: float, q: Array, v: Array, hit: Mapping[int, float], held: Iterable[int] = ()) -> Array:
         """Return the velocity after stops were met with the velocity v, shape (nv,).
 

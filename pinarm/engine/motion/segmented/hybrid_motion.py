@@ -100,7 +100,7 @@ class HybridIntegration(Record, frozen=True):
             if end.stops:
                 break
             if met := transitions.met(mode.held, end):
-                q, v = transitions.after_impact(mode.held, end, met)
+                q, v = transitions.after_impact(motion, mode.held, end, met)
                 motion.events.extend(EventRecord(hybrid.bounds[k].name, t, q, v, end.v) for k in met)
                 end = replace(end, q=q)
             if t >= hybrid.cuts[-1]:

@@ -18,7 +18,11 @@ from pinarm.engine.motion.segmented.segment_ends import SegmentEnd
 from pinarm.engine.motion.segmented.segments import SegmentedMotion
 from pinarm.engine.motion.systems import System
 from pinarm.engine.motion.trajectory import EventRecord
+from pinarm.errors import IntegrationError
 from pinarm.records import Record
+
+DEAD = 1e3
+"""Velocities of the mechanism, per velocity along a stop, as only near a dead point."""
 
 SLIGHT = 1e-9
 """Acceleration of what breaks loose, over that without friction, that may be rounding."""
@@ -36,8 +40,8 @@ class Transitions(Record, frozen=True):
     def begun(self, t: float, q: Array, v: Array) -> Array:
         """Return the velocity with which a motion begins that may move towards stops that it touches, shape (nv,)."""
         contacts = self.hybrid.contacts
-        approached = [k for k in contacts.near(q) if self.approaches(k, q, v)]
-        return contacts.impact(t, q, v, self.slow(approached, t, q, v)) if approached else v
+        approached = [k for k in contacts.near(q) if self._approaches(k, q, v)]
+        return contacts.impact(t, q, v, self._slow(approached, t, q, v)) if approached else v
 
     def met(self, held: Held, end: SegmentEnd) -> list[int]:
         """Return the stops that are hit at the end of a segment, whatever ended it.
@@ -47,11 +51,18 @@ class Transitions(Record, frozen=True):
         bounds = self.hybrid.bounds
         others = {*range(len(bounds))} - held - {end.hit}
         passed = {k for k in others if bounds[k].gap(end.q) <= bounds[k].slack}
-        approached = {k for k in passed if self.approaches(k, end.q, end.v)}
+        approached = {k for k in passed if self._approaches(k, end.q, end.v)}
         return sorted(approached if end.hit is None else approached | {end.hit})
 
-    def after_impact(self, held: Held, end: SegmentEnd, met: Sequence[int]) -> tuple[Array, Array]:
-        """Return the state after stops were met: exactly on them, with the velocity after the impact."""
+    def after_impact(
+        self, motion: SegmentedMotion, held: Held, end: SegmentEnd, met: Sequence[int]
+    ) -> tuple[Array, Array]:
+        """Return the state after stops were met: exactly on them, with the velocity after the impact.
+
+        Raises:
+            IntegrationError: One is met where the motion turns, as at a dead point of a linkage: whether there is an
+                impact, which turns the motion back, is below the accuracy of the integration.
+        """
         hybrid, t, q = self.hybrid, end.t, end.q.copy()
         for bound in (hybrid.bounds[k] for k in met):
             if isinstance(bound, Bound):
@@ -60,7 +71,24 @@ class Transitions(Record, frozen=True):
         if closing:
             stops = hybrid.with_stops(held)
             q = assembled(hybrid.closure_of(held | closing), stops, q, stops.on(t, t)(t)[0], t)
-        return q, hybrid.contacts.impact(t, q, end.v, self.slow(met, t, q, end.v), held & hybrid.separations)
+        for k in met:
+            self._require_clear(motion, k, held, end)
+        return q, hybrid.contacts.impact(t, q, end.v, self._slow(met, t, q, end.v), held & hybrid.separations)
+
+    def _require_clear(self, motion: SegmentedMotion, k: int, held: Held, end: SegmentEnd) -> None:
+        """Raise where a motion at a dead point would turn before it is past a stop by more than the errors of steps."""
+        hybrid, bound = self.hybrid, self.hybrid.bounds[k]
+        speed, away = self._speed(k, end.q, end.v), min(self._accelerations_away(k, held, end.t, end.q, end.v))
+        reach = hybrid.method.tolerance * (hybrid.size + float(np.abs(end.q).max()))
+        grazes = away > 0.0 and speed**2 <= 2.0 * away * reach
+        if grazes and hybrid.contacts.transmission(k, end.t, end.q) > DEAD:
+            raise IntegrationError(
+                f"at t = {end.t:.9g} s the motion turns at the {bound.title}, to {speed**2 / (2.0 * away):.1g} in SI: "
+                "whether it meets it is below the accuracy of the integration",
+                expected=f"a stop farther than {reach:.1g} from where the motion turns, as at a dead point",
+                hint="move the stop, or leave it out",
+                partial=motion, t=end.t,
+            )  # fmt: skip
 
     def settled(
         self, motion: SegmentedMotion, t: float, q: Array, v: Array, mode: Mode, before: Held
@@ -77,25 +105,34 @@ class Transitions(Record, frozen=True):
         motion.events.extend(EventRecord(hybrid.bounds[k].name, t, q, after, v) for k in begun)
         return self.settled(motion, t, q, after, self.mode(t, q, after, mode.held), before.union(begun))
 
-    def approaches(self, k: int, q: Array, v: Array) -> bool:
+    def _approaches(self, k: int, q: Array, v: Array) -> bool:
         """Tell whether a state moves towards a stop."""
-        return self.hybrid.bounds[k].side * self.hybrid.contacts.rate(k, q, v) < -self.hybrid.still(k, v)
+        return self._speed(k, q, v) < -self.hybrid.still(k, v)
 
-    def slow(self, stops: Iterable[int], t: float, q: Array, v: Array) -> dict[int, float]:
+    def _speed(self, k: int, q: Array, v: Array) -> float:
+        """Return the velocity of a state away from a stop."""
+        return self.hybrid.bounds[k].side * self.hybrid.contacts.rate(k, q, v)
+
+    def _slow(self, stops: Iterable[int], t: float, q: Array, v: Array) -> dict[int, float]:
         """Return the velocities up to which what touches stops rests on them [rad/s or m/s].
 
-        With them it would rise by no gap under the accelerations that there are, ``u^2 / (2 a)``: which of them presses
-        it back depends on what else is held.
+        With them it would rise by no gap under the accelerations along the stop that there are, ``u^2 / (2 a)``: which
+        of them presses it back depends on what else is held.
         """
-        hybrid = self.hybrid
-        found = {k: hybrid.still(k, v) for k in stops}
-        if any(abs(hybrid.contacts.rate(k, q, v)) > still for k, still in found.items()):
-            a = np.abs(hybrid.acceleration_without_friction(frozenset(), t, q, v)).max(initial=0.0)
-            if hybrid.frictions:
-                slipping = hybrid.stretch(Mode(frozenset(), hybrid.slip(frozenset(), t, q, v)), t, q, v)
-                a = max(a, np.abs(hybrid.completed(slipping, np.array([t]), q[None], v[None]).a).max(initial=0.0))
-            found = {k: max(still, float(2.0 * a * hybrid.bounds[k].slack) ** 0.5) for k, still in found.items()}
+        found = {k: self.hybrid.still(k, v) for k in stops}
+        for k in (k for k, still in found.items() if abs(self._speed(k, q, v)) > still):
+            most = max(map(abs, self._accelerations_away(k, frozenset(found) - {k}, t, q, v)))
+            found[k] = max(found[k], (2.0 * most * self.hybrid.bounds[k].slack) ** 0.5)
         return found
+
+    def _accelerations_away(self, k: int, others: Held, t: float, q: Array, v: Array) -> list[float]:
+        """Return the accelerations of a state away from a stop: without stops, and on others; with friction too."""
+        hybrid, bound = self.hybrid, self.hybrid.bounds[k]
+        found = [hybrid.acceleration_without_friction(held, t, q, v) for held in {frozenset(), others}]
+        if hybrid.frictions:
+            slipping = hybrid.stretch(Mode(frozenset(), hybrid.slip(frozenset(), t, q, v)), t, q, v)
+            found.append(hybrid.completed(slipping, np.array([t]), q[None], v[None]).a[0])
+        return [bound.side * bound.acceleration(q, v, a) for a in found]
 
     def following(self, mode: Mode, end: SegmentEnd) -> tuple[Array, Mode]:
         """Return the velocity and the mode after the end of a segment that does not end the run."""
@@ -144,10 +181,8 @@ class Transitions(Record, frozen=True):
             v: Velocity, shape (nv,).
             held: Stops that are touched, however well integrated states show it.
         """
-        contacts = self.hybrid.contacts
-        touched = {*contacts.near(q), *held}
-        slow = self.slow(touched, t, q, v)
-        return frozenset(k for k in touched if abs(contacts.rate(k, q, v)) <= slow[k])
+        slow = self._slow({*self.hybrid.contacts.near(q), *held}, t, q, v)
+        return frozenset(k for k, least in slow.items() if abs(self._speed(k, q, v)) <= least)
 
     def mode(self, t: float, q: Array, v: Array, kept: Held = frozenset()) -> Mode:
         """Return the stops that a state at rest on them presses against, and what joints with friction begin to do.
