@@ -59,7 +59,7 @@ def test_arguments_in_other_units_than_si_stay_what_they_are(tmp_path: Path) -> 
         '<joint name="pin" type="continuous"><parent link="base"/><child link="rod"/><origin rpy="0 $(arg tilt) 0"/>'
         '<axis xyz="0 1 0"/></joint></robot>'
     )
-    (tmp_path / "rod.yaml").write_text("pinarm: 1\nrobot: rod.urdf.xacro\narguments: {tilt: deg, L: mm}\n")
+    (tmp_path / "rod.yaml").write_text("pinarm: 1\nrobot: rod.urdf.xacro\narguments: {tilt: rad, L: m}\n")
     (tmp_path / "s.yaml").write_text(
         "pinarm: 1\nmechanism: rod.yaml\narguments: {tilt: 60 deg, L: 400 mm}\n"
         "problem: {kind: statics, hold: {pin: 0 deg}}\noutputs: [joint.pin.effort, tilt, L]\n"
