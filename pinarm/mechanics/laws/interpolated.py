@@ -212,4 +212,5 @@ def check_ascending(times: Sequence[float], least: int) -> None:
         raise InputError(f"{len(times)} points are too few", expected=f"at least {least}")
     for row, (before, after) in enumerate(pairwise(times)):
         if not after > before:
-            raise InputError(f"the points do not ascend: {before:g}, then {after:g} (point {row + 2})")
+            raise InputError(f"the points do not ascend: {before:g}, then {after:g} (point {row + 2})",
+                             expected="each further on than the one before")  # fmt: skip
