@@ -152,12 +152,14 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
 
     def check_follower(self, name: str, names: Collection[str]) -> None:
         """Refuse values whose heading names another coordinate; see ``MotionLaw.check_follower``."""
-        heading, others = cached_table(self.file, self.column).heading, [other for other in names if other != name]
-        meant = [other for other in others for form in HEADINGS if form.format(other) == heading]
+        heading = cached_table(self.file, self.column).heading
+        meant = [other for other in names if other != name for form in HEADINGS if form.format(other) == heading]
         if self.column is None and meant:
             with within("file"):
-                message = f"the table {Path(self.file).name} has values of '{meant[0]}', another coordinate than '{name}'"
-                raise InputError(message, expected=f"a heading such as {name}", hint=f"column: {heading}, if it is meant")
+                raise InputError(
+                    f"the table {Path(self.file).name} has values of '{meant[0]}', another coordinate than '{name}'",
+                    expected=f"a heading such as {name}", hint=f"column: {heading}, if it is meant",
+                )  # fmt: skip
 
     def pieces(self) -> Sequence[Piece]:
         """Return constant speed, the spline, constant speed."""

@@ -120,7 +120,8 @@ def arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
     behind = {f"state.{name}": array for name, array in {**states(result.trajectory), "units": units}.items()}
     if taken := [series.name for series in columns if series.name in behind]:
         raise InputError(f"the output '{taken[0]}' has the name of an array of every result's trajectory.npz",
-                         expected="another name, by a symbol", hint=f"joint.{taken[0]}.position, of a joint")  # fmt: skip
+                         expected="another name, by a symbol",
+                         hint=f"joint.{taken[0]}.position, of a joint")  # fmt: skip
     return {**behind, **{series.name: np.asarray(series.values) for series in columns}}
 
 

@@ -19,9 +19,9 @@ HELD = 1e-10
 
 
 def load_inertia(run: Trajectory, coordinate: str) -> Array:
-    """Return the inertia that the drive of a coordinate feels, rotors included, in every row [kg*m^2 or kg], shape (n,).
+    """Return the inertia that the drive of a coordinate feels in every row, rotors included, shape (n,).
 
-    It is infinite where the coordinate cannot move while the other drives are held.
+    It is in kg*m^2 or kg, and infinite where the coordinate cannot move while the other drives are held.
     """
     mechanism = run.mechanism
     names = [coordinate, *(name for name in run.drives if name != coordinate)]

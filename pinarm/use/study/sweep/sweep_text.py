@@ -78,8 +78,9 @@ def remarks(sweep: Sweep) -> list[str]:
     lines += [f"note: {note}" for note in found["notes"]]
     lines.append(f"cases: {found['cases']}" + (f", {found['failed']} failed" if found["failed"] else ""))
     for name, cases in found["missing"].items():
-        lines.append(f"missing: {name} is not finite in some cases ({_counted(len(cases), cases)}); its statistics are over "
-                     f"{found['results'][name]['cases']}")  # fmt: skip
+        left = found["results"][name]["cases"]
+        said = f"is not finite in some cases ({_counted(len(cases), cases)}); its statistics are over {left}"
+        lines.append(f"missing: {name} {said}")
     for failure in found["failures"][:SHOWN]:
         lines.append(f"failed: {failure['reason']} ({_counted(failure['cases'], failure['first'])})")
     if len(found["failures"]) > SHOWN:
