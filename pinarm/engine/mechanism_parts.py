@@ -174,15 +174,29 @@ def only_joints(loops: Iterable[LoopJoint | CableLoop]) -> list[LoopJoint]:
 def arguments_of(
     description: MechanismDescription, arguments: Mapping[str, float | str], here: Locate, caller: Locate
 ) -> tuple[dict[str, Unit], dict[str, float]]:
-    """Return the units of the model's arguments and the given values in SI."""
+    """Return the units of the model's arguments and the given values in SI.
+
+    Raises:
+        InputError: The model would have to be given numbers in another unit than that of SI, or a value cannot be read.
+    """
     units, given = {}, {}
     for name, text in description.arguments.items():
         with here("arguments", name):
-            units[name] = unit(text)
+            units[name] = _unit_of_model(unit(text))
     for name, value in arguments.items():
         with caller("arguments", name):
             given[name] = _argument(name, value, units.get(name))
     return units, given
+
+
+def _unit_of_model(written: Unit) -> Unit:
+    """Return the unit of an argument in the model; in a default of another unit than SI the number would be wrong."""
+    if written.factor == 1.0:
+        return written
+    raise InputError(
+        f"the model is given numbers in SI, and {written} is no unit of it", expected=str(written.si),
+        hint=f"in the model the argument in {written.si}; scenarios may give it in any unit, in {written} too",
+    )  # fmt: skip
 
 
 @contextmanager

@@ -6,37 +6,51 @@ import math
 from functools import lru_cache
 from pathlib import Path
 
-from pinarm.errors import InputError, Location
+from pinarm.errors import InputError, Location, choices
 from pinarm.input.csv_rows import rows, split_heading
 from pinarm.input.numbers import decimal
 from pinarm.input.roots import Stamp
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import LARGEST
+from pinarm.records import Record
 
 Column = tuple[float, ...]
 
 
+class MotionTable(Record, frozen=True):
+    """Two columns of a CSV file: values over instants or over a coordinate.
+
+    Attributes:
+        heading: Name in the heading of the values.
+        columns: Instants or values of the coordinate, and the values, in SI.
+        units: In which they are written.
+    """
+
+    heading: str
+    columns: tuple[Column, Column]
+    units: tuple[Unit, Unit]
+
+
 @lru_cache(maxsize=64)
-def read_table(name: str, stamp: Stamp) -> tuple[Column, Column, Unit, Unit]:
-    """Read the first two columns of a CSV file, values over instants or over a coordinate.
+def read_table(name: str, column: str | None, stamp: Stamp) -> MotionTable:
+    """Read the first column of a CSV file and one more.
 
     Args:
         name: The file, as an absolute path that may be read.
+        column: Name in the heading of that one; ``None`` for the second, which no other must have a unit beside.
         stamp: Of the file; part of the cache key, so that a changed file is read again.
-
-    Returns:
-        Both columns in SI, and their units.
 
     Raises:
         InputError: The file cannot be read, has no heading, a cell is not a finite number or lies beyond the heading,
-            or the first column does not increase; located at the line.
+            the first column does not increase, or it is not clear which one is meant; located at the line.
     """
     path = Path(name)
     file, table = path.name, rows(path, path.name)
     _, heads = next(table, (1, []))
     if len(heads) < 2:
         raise _too_short(file)
-    along, measured = (_unit(cell, file) for cell in heads[:2])
+    place = _place(heads, column, file)
+    along, measured = (_unit(heads[k], file) for k in (0, place))
     first: list[float] = []
     second: list[float] = []
     for line, row in table:
@@ -44,7 +58,7 @@ def read_table(name: str, stamp: Stamp) -> tuple[Column, Column, Unit, Unit]:
             raise InputError(
                 f"the row has {len(row)} cells, the heading {len(heads)}", expected="numbers with a decimal point"
             ).at(Location(file, line, 1, ",".join(row)))
-        t, value = (_number(row, column, file, line) for column in (0, 1))
+        t, value = (_number(row, k, file, line) for k in (0, place))
         if first and not t * along.factor > first[-1]:
             raise InputError("the first column does not increase", expected="each larger than the one before").at(
                 Location(file, line, 1, ",".join(row))
@@ -53,7 +67,36 @@ def read_table(name: str, stamp: Stamp) -> tuple[Column, Column, Unit, Unit]:
         second.append(value * measured.factor)
     if len(first) < 2:
         raise _too_short(file)
-    return tuple(first), tuple(second), along, measured
+    return MotionTable(_name(heads[place]), (tuple(first), tuple(second)), (along, measured))
+
+
+def _place(heads: list[str], column: str | None, file: str) -> int:
+    """Return where the column with a name stands, or the one with a unit beside the first.
+
+    Raises:
+        InputError: There is none of that name, or there are several.
+    """
+    names = {place: _name(head) for place, head in enumerate(heads) if place}
+    if column is None:
+        fitting = [1, *(place for place in names if place > 1 and _measured(heads[place]))]
+        said = f"the table {file} has several columns"
+    else:
+        fitting = [place for place, name in names.items() if name == column]
+        said = f"the table {file} has {'several columns' if fitting else 'no column'} '{column}'"
+    if len(fitting) == 1:
+        return fitting[0]
+    expected, hint = choices(column or "", [name for name in names.values() if name])
+    raise InputError(said, expected=f"column: {expected}", hint=hint).at(Location(file, 1, 1, ",".join(heads)))
+
+
+def _name(head: str) -> str:
+    heading = split_heading(head)
+    return heading[0] if heading else head.strip()
+
+
+def _measured(head: str) -> bool:
+    heading = split_heading(head)
+    return bool(heading and heading[1] is not None)
 
 
 @lru_cache(maxsize=8)

@@ -1,7 +1,7 @@
 """Units: text in, SI out, and the dimension checked on the way.
 
 Angles count as dimensionless, so that ``N*m/rad`` is ``N*m`` and ``rad/s`` is ``1/s``. Hertz is left out on purpose: it
-would read as rad/s and be wrong by 2 pi; write ``rpm`` or ``rev/s``.
+would read as rad/s and be wrong by 2 pi; write ``rpm`` or ``rev/s``. So is ``1/min``, which counts turns in catalogues.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Unit(Record, frozen=True):
         """The unit of SI of the same dimension; angles in rad."""
         if self.factor == 1.0:
             return self
-        turning = any(word in self.text for word in ("deg", "°", "rev", "rpm", "rad"))
+        turning = any(word in self.text for word in ANGLES)
         return Unit(1.0, self.dimension, _ANGULAR.get(self.dimension, "") if turning else "")
 
     def __str__(self) -> str:
@@ -105,6 +105,9 @@ _SI_NAMES: dict[Dimension, str] = {
 
 _ANGULAR: dict[Dimension, str] = {(0, 0, 0, 0): "rad", (0, 0, -1, 0): "rad/s", (0, 0, -2, 0): "rad/s^2"}
 
+ANGLES = ("deg", "°", "rev", "rpm", "rad")
+"""What is in the text of a unit in which something turns."""
+
 MAX_LENGTH = 100
 """Of a unit; nothing in mechanics needs half as much."""
 
@@ -132,7 +135,17 @@ def unit(text: str) -> Unit:
         raise UnitError(f"the unit '{text}' is beyond all numbers") from None
     if not 0.0 < read.factor < math.inf:
         raise UnitError(f"the unit '{text}' is beyond all numbers")
+    if _counts_turns(read):
+        hint = "rpm or rad/min" if read.dimension[2] == -1 else "rev or rad in place of 1"
+        raise UnitError(f"{text} is ambiguous between turns and radians", hint=hint)
     return read
+
+
+def _counts_turns(read: Unit) -> bool:
+    """Tell whether it is a number per minute or hour, as catalogues give speeds, with no word of what is counted."""
+    rate = read.dimension[2] < 0 and read.dimension == (0, 0, read.dimension[2], 0)
+    names = {match[2] for match in _FACTOR.finditer(read.text)}
+    return rate and not names.isdisjoint(("min", "h")) and not any(word in read.text for word in ANGLES)
 
 
 def _product(text: str) -> Unit:

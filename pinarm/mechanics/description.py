@@ -92,8 +92,8 @@ class MechanismDescription(InputStruct, frozen=True):
         creep: Velocity below which the dry friction of the model gives way [rad/s or m/s], such as ``0.001 rad/s``: it
             is regularised, ``F tanh(v / creep)``, and never sticks. Where this is left out it sticks.
         points: Frames on links, beside those of the model; they are named, and asked about, like links.
-        arguments: Unit of every xacro argument of the model, so that a scenario can give them with units. The model is
-            given numbers in SI, and its own are taken to be, whatever the unit.
+        arguments: Unit in SI of every xacro argument of the model, such as ``{L: m}``, so that a scenario can give them
+            with units, also with others. The model is given numbers in SI, and its own are in SI.
         gravity: ``none`` for none; that of the model, or 9.81 m/s^2 downwards, where it is left out.
         coordinates: Coordinates beside those of the joints.
         loops: Joints that close loops of the tree.

@@ -68,6 +68,16 @@ def test_a_unit_of_an_argument_that_the_model_lacks_is_refused_at_its_place(tmp_
     assert caught.value.hint == "m_A"
 
 
+@pytest.mark.parametrize(("written", "right"), [("g", "kg"), ("deg", "rad"), ("mm", "m"), ("rpm", "rad/s")])
+def test_arguments_are_in_units_of_si(tmp_path, written, right):
+    """A default of the model in millimetres would be 1000 times what the same text in a scenario gives."""
+    (tmp_path / "arm.urdf.xacro").write_text((ARM.parent / "gen411_arm.urdf.xacro").read_text())
+    (tmp_path / "arm.yaml").write_text(f"pinarm: 1\nrobot: arm.urdf.xacro\narguments: {{m_A: {written}}}\n")
+    with pytest.raises(InputError, match=rf"arm\.yaml:3:18: .* and {written} is no unit of it") as caught:
+        Mechanism.load(tmp_path / "arm.yaml")
+    assert caught.value.expected == right
+
+
 def test_an_unknown_robot_is_refused():
     with pytest.raises(ModelError, match="no robot 'pandaa'") as caught:
         Mechanism.load("pandaa")

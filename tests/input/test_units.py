@@ -46,7 +46,9 @@ def test_the_table_above_is_complete() -> None:
         ("mm^4", 1e-12, (4, 0, 0, 0)), ("s^-1", 1, (0, 0, -1, 0)), ("1/s", 1, (0, 0, -1, 0)),
         ("m/s/s", 1, (1, 0, -2, 0)),
         ("N*m/rad", 1, ENERGY), ("N*mm/deg", 1e-3 / math.radians(1), ENERGY), ("kN/mm", 1e6, (0, 1, -2, 0)),
-        ("rev/min", 2 * math.pi / 60, (0, 0, -1, 0)), ("km/h", 1 / 3.6, (1, 0, -1, 0)), ("m^0", 1, NUMBER),
+        ("rev/min", 2 * math.pi / 60, (0, 0, -1, 0)), ("rad/min", 1 / 60, (0, 0, -1, 0)),
+        ("deg/h^2", math.pi / 180 / 3600**2, (0, 0, -2, 0)), ("1/ms", 1000, (0, 0, -1, 0)),
+        ("km/h", 1 / 3.6, (1, 0, -1, 0)), ("m^0", 1, NUMBER),
         ("V*A", 1, POWER), ("V/A", 1, (2, 1, -3, -2)), ("H/ohm", 1, TIME), ("N*m/A", 1, (2, 1, -2, -1)),
     ],
 )  # fmt: skip
@@ -63,7 +65,9 @@ def test_products_quotients_and_powers(text: str, factor: float, dimension: tupl
         ("KG", "unknown unit 'KG'"), ("N*", "not a unit"), ("*N", "not a unit"), ("N m", "not a unit"),
         ("N**m", "not a unit"), ("m^", "not a unit"), ("m^1.5", "not a unit"), ("m^100", "not a unit"),
         ("2 m", "not a unit"), ("(m)", "not a unit"), ("m\nkg", "not a unit"), ("Hz", "ambiguous"),
-        ("1/Hz", "ambiguous"), ("m^2²", "not a unit"), ("m²²", "not a unit"), ("m^²", "not a unit"),
+        ("1/Hz", "ambiguous"), ("1/min", "ambiguous"), ("min^-1", "ambiguous"), ("1/min^2", "ambiguous"),
+        ("1/h", "ambiguous"), ("1/s/min", "ambiguous"), ("s/min²", "ambiguous"),
+        ("m^2²", "not a unit"), ("m²²", "not a unit"), ("m^²", "not a unit"),
         ("m^٢", "not a unit"),
     ],
 )  # fmt: skip

@@ -7,9 +7,10 @@ import pytest
 
 from pinarm.engine.integration.methods import METHODS
 from pinarm.errors import InputError
+from pinarm.input.yaml.schema import reading_from
 from pinarm.mechanics.forces.breakpoints import Pieces
 from pinarm.mechanics.forces.joint_definitions import JointEffort, TorqueSpeed
-from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Over, Polynomial, Succession, Trapezoid
+from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Over, Polynomial, Succession, Table, Trapezoid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
@@ -53,6 +54,17 @@ def test_a_profile_is_said_to_load_nothing_of_what_it_runs_along(arm):
     assert "efforts, reactions, loads and sizing at 'crank' are without it" in note
     assert "joint.crank.effort + joint.arm.effort*joint.arm.velocity/joint.crank.velocity" in note
     assert not Inverse(time=TIME, motion={"crank": TURN, "arm": SAME}).solve(arm, Accuracy(), place).notes
+
+
+@pytest.mark.parametrize("kind", [Inverse, KinematicMotion])
+def test_a_table_of_another_coordinate_is_refused(arm, kind, tmp_path):
+    (tmp_path / "t.csv").write_text("t [s],arm [deg]\n0,0\n2,90\n")
+    with reading_from(tmp_path):
+        law, named = Table(file="t.csv"), Table(file="t.csv", column="arm")
+    with pytest.raises(InputError, match="has values of 'arm', another coordinate than 'crank'"):
+        kind(time=TIME, motion={"crank": law, "arm": TURN}).solve(arm, Accuracy(), place)
+    run = kind(time=TIME, motion={"crank": named, "arm": law}).solve(arm, Accuracy(), place).rows
+    assert run.q[-1] == pytest.approx([0.5 * np.pi, 0.5 * np.pi], abs=1e-14)
 
 
 def test_a_profile_may_run_along_a_task_coordinate(arm, mechanism, chain):

@@ -272,7 +272,7 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         return replace(series, doubt=self.whole[name].doubt)
 
     def _require_one_meaning(self, name: str) -> None:
-        """Raise where a name stands for several things; symbols and arguments may take those of constants and ``g``.
+        """Raise where a name stands for several things; symbols may take those of constants and ``g``.
 
         Raises:
             InputError: Says for which.
@@ -288,8 +288,8 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
             "an argument of the model": name in arguments,
             "a coordinate": coordinate is not None,
             "what runs along the rows": name == run.parameter and not swept,
-            "a quantity of the mechanism": (coordinate is not None or name in known) and self._is_quantity(name),
-            "a constant": name in ("g", *CONSTANTS) and name not in known and name not in arguments,
+            "a quantity of the mechanism": (name in known or name in mechanism.worded) and self._is_quantity(name),
+            "a constant": name in ("g", *CONSTANTS) and name not in known,
         }
         meanings = [meaning for meaning, holds in named.items() if holds]
         if len(meanings) > 1:
@@ -399,8 +399,7 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
 
 
 def _is_constant(name: str, quantities: Quantities) -> bool:
-    """Tell whether a name is one of the language's own constants, which symbols and arguments override."""
-    if name not in CONSTANTS:
-        return False
-    mechanism = quantities.trajectory.mechanism
-    return not any(name in names for names in (quantities.symbols, mechanism.symbols, mechanism.arguments))
+    """Tell whether a name is one of the language's own constants, which symbols override."""
+    return name in CONSTANTS and not any(
+        name in symbols for symbols in (quantities.symbols, quantities.trajectory.mechanism.symbols)
+    )

@@ -133,7 +133,7 @@ def read_tree(text: str, grammar: Grammar) -> ast.expr:
     """
     text = text.translate(_BLANKS).strip()
     if not text:
-        raise ExpressionError("the formula is empty")
+        raise ExpressionError("the formula is empty", expected="a number, a name, or a formula such as 2*(a + b)")
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the formula is too long: {len(text)} characters", expected=f"at most {MAX_LENGTH}")
     try:

@@ -67,8 +67,10 @@ def explain(error: msgspec.ValidationError, data: Any, path: Keys, struct: type[
         expected, hint = choices(match[1], keys_at(struct, data, path), most=40)
         return InputError(f"unknown key '{match[1]}'", expected=expected, hint=hint)
     if match := re.fullmatch(r"Object missing required field `(.*)`", message):
-        what = ": it says which kind this is" if match[1] in _tags(struct, data, path) else ""
-        return InputError(f"the key '{match[1]}' is missing{what}")
+        if match[1] not in _tags(struct, data, path):
+            return InputError(f"the key '{match[1]}' is missing")
+        expected, _ = choices("", _values(struct, data, (*path, match[1])), most=40)
+        return InputError(f"the key '{match[1]}' is missing: it says which kind this is", expected=expected)
     if match := re.fullmatch(r"Invalid (?:enum )?value (.*)", message, re.DOTALL):
         names = _values(struct, data, path)
         expected, hint = choices(match[1].strip("'"), names, most=40)

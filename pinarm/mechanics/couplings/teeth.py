@@ -159,17 +159,26 @@ def _pitch_point(pair: MemberPair, at: Array, line: Array) -> PitchPoint:
 
     The normal leads to the wheel that curves away from it: ``N . r1 / r1^2 > N . r2 / r2^2`` with the radii r1 and r2
     from the axes to the point, for outer teeth, inner teeth and cones alike.
+
+    Raises:
+        InputError: It lies on an axis, as far as numbers tell: one radius is nothing beside the other.
     """
-    radii = [_across(one.axis, at - one.point) for one in (pair.first, pair.second)]
+    members = (pair.first, pair.second)
+    radii = [_across(one.axis, at - one.point) for one in members]
+    sizes = [float(np.linalg.norm(radius)) for radius in radii]
+    if min(sizes) <= IN_LINE * max(sizes):
+        member = members[int(np.argmin(sizes))]
+        raise InputError(f"the teeth would have a radius of {min(sizes):.3g} m about {member.joint.name}, "
+                         f"and of {max(sizes):.3g} m about the other axis",
+                         expected="a ratio that wheels can have", hint="leave pressure_angle out")  # fmt: skip
     way = np.cross(pair.first.axis, radii[0])
     way /= np.linalg.norm(way)
     normal = np.cross(way, line)
     curved = [float(normal @ r) / float(r @ r) for r in radii]
     outwards = 1.0 if curved[0] > curved[1] else -1.0
     lever = float(np.cross(pair.second.axis, radii[1]) @ way)
-    lengths = float(np.linalg.norm(radii[0])), float(np.linalg.norm(radii[1]))
     curvatures = outwards * curved[0], -outwards * curved[1]
-    return PitchPoint(at, way, outwards * normal, line, lever, lengths, curvatures)
+    return PitchPoint(at, way, outwards * normal, line, lever, (sizes[0], sizes[1]), curvatures)
 
 
 def pinion_on_rack(model: pin.Model, pair: MemberPair, radius: float, teeth: Teeth) -> ToothContact:

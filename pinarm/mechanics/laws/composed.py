@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Annotated
 
 import msgspec
@@ -55,6 +55,12 @@ class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rena
                 check_unit(segment.duration, along)
             with within("segments", row, "motion"):
                 segment.motion.check_units(of, along)
+
+    def check_follower(self, name: str, names: Collection[str]) -> None:
+        """Check every law; see ``MotionLaw.check_follower``."""
+        for row, segment in enumerate(self.segments):
+            with within("segments", row, "motion"):
+                segment.motion.check_follower(name, names)
 
     def check(self) -> None:
         """Refuse laws with a jump of value or speed between them."""

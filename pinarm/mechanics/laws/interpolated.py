@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -17,6 +18,13 @@ from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import Abscissa, Level, Rate, check_each, current_folder
 from pinarm.mechanics.laws.clamped_spline import ClampedSpline
 from pinarm.mechanics.laws.motion_law import FILE_KEYS, SECOND, MotionLaw, Piece, polynomial
+
+if TYPE_CHECKING:
+    from pinarm.input.motion_tables import MotionTable
+
+
+HEADINGS = ("{}", "joint.{}.position", "coordinate.{}.position")
+"""What columns of a table are called that has the values of a coordinate."""
 
 
 class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", rename=FILE_KEYS):
@@ -108,15 +116,18 @@ class Spline(MotionLaw, frozen=True, tag_field="law", tag="spline", rename=FILE_
 class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
     """The spline through the rows of a CSV file: a heading such as ``t [s],theta [deg]``, then two numbers a row.
 
-    Columns after the second are notes.
+    Columns whose headings have no unit are notes.
 
     Attributes:
         file: The table, relative to the file that names it.
+        column: Name in the heading of the values, such as ``theta``; without it the table has two columns of numbers,
+            and the second is not called like another coordinate.
         speeds: At the first and the last row, and beyond them, such as ``[0 rad/s, 2 rad/s]``; 0 by default, which
             distorts a motion that does not rest there.
     """
 
     file: str
+    column: str | None = None
     speeds: tuple[Rate, Rate] = (0.0, 0.0)
 
     def check(self) -> None:
@@ -125,12 +136,13 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
         with within("file"):
             path = contained_file((folder / self.file).absolute(), root_of(folder))
             msgspec.structs.force_setattr(self, "file", str(path))
-            cached_table(self.file)
+            cached_table(self.file, self.column)
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
         """Check the column's unit and the end speeds; see ``MotionLaw.check_units``."""
-        _, _, *units = cached_table(self.file)
-        for column, (written, wanted) in enumerate(zip(units, (along, of), strict=True), 1):
+        table = cached_table(self.file, self.column)
+        values = f"'{table.heading}'" if self.column else "2"
+        for column, written, wanted in zip(("1", values), table.units, (along, of), strict=True):
             if written.dimension != wanted.dimension:
                 with within("file"):
                     message = f"column {column} of the table {Path(self.file).name} is in {written}"
@@ -138,17 +150,28 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
         with within("speeds"):
             check_each(self.speeds, of / along, of / along)
 
+    def check_follower(self, name: str, names: Collection[str]) -> None:
+        """Refuse values whose heading names another coordinate; see ``MotionLaw.check_follower``."""
+        heading = cached_table(self.file, self.column).heading
+        meant = [other for other in names if other != name for form in HEADINGS if form.format(other) == heading]
+        if self.column is None and meant:
+            with within("file"):
+                raise InputError(
+                    f"the table {Path(self.file).name} has values of '{meant[0]}', another coordinate than '{name}'",
+                    expected=f"a heading such as {name}", hint=f"column: {heading}, if it is meant",
+                )  # fmt: skip
+
     def pieces(self) -> Sequence[Piece]:
         """Return constant speed, the spline, constant speed."""
-        times, values, _, _ = cached_table(self.file)
+        times, values = cached_table(self.file, self.column).columns
         return spline_pieces(np.array(times), np.array(values), self.speeds)
 
 
-def cached_table(path: str) -> tuple[tuple[float, ...], tuple[float, ...], Unit, Unit]:
-    """Return the two columns of a table in SI and their units; cached until the file changes."""
+def cached_table(path: str, column: str | None = None) -> MotionTable:
+    """Return two columns of a table; cached until the file changes."""
     from pinarm.input.motion_tables import read_table
 
-    return read_table(path, stamp_of(Path(path).stat()))
+    return read_table(path, column, stamp_of(Path(path).stat()))
 
 
 def spline_pieces(times: Array, values: Array, speeds: tuple[float, float]) -> list[Piece]:
@@ -191,4 +214,5 @@ def check_ascending(times: Sequence[float], least: int) -> None:
         raise InputError(f"{len(times)} points are too few", expected=f"at least {least}")
     for row, (before, after) in enumerate(pairwise(times)):
         if not after > before:
-            raise InputError(f"the points do not ascend: {before:g}, then {after:g} (point {row + 2})")
+            raise InputError(f"the points do not ascend: {before:g}, then {after:g} (point {row + 2})",
+                             expected="each further on than the one before")  # fmt: skip

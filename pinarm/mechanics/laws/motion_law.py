@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import pairwise
 
@@ -117,6 +117,17 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
                     check_unit(getattr(self, name), of / along**kind.order if kind.order else of)
                 elif kind.along is not None:
                     check_unit(getattr(self, name), along**kind.along)
+
+    def check_follower(self, name: str, names: Collection[str]) -> None:
+        """Check that the law is meant for the coordinate that follows it, where it says for which it is.
+
+        Args:
+            name: That coordinate.
+            names: All coordinates of the mechanism.
+
+        Raises:
+            InputError: It is meant for another one.
+        """
 
     def breakpoints(self) -> list[float]:
         """Return the instants at which one piece meets the next [s]."""

@@ -7,7 +7,7 @@ With the profile f and the law w(t) of the driving coordinate:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -187,6 +187,11 @@ class Over(InputStruct, frozen=True, tag_field="law", tag="over"):
             self.profile.check_units(of, along)
         with within("period"):
             check_unit(self.period or 0.0, along)
+
+    def check_follower(self, name: str, names: Collection[str]) -> None:
+        """Check the profile; see ``MotionLaw.check_follower``."""
+        with within("profile"):
+            self.profile.check_follower(name, names)
 
     def along(self, drive: MotionLaw, start: float, end: float) -> MotionLaw:
         """Return the law over time ``s(t) = f(w(t))`` for the law w(t) of the other coordinate.

@@ -34,9 +34,11 @@ def laws_of(
         UnitError: A field of a law has another dimension.
     """
     found: dict[str, MotionLaw] = {}
-    for name in motion:
+    for name, law in motion.items():
         with place("motion", Key(name)):
             mechanism.coordinate(name)
+        with place("motion", name):
+            law.check_follower(name, mechanism.coordinates)
     for name in motion:
         _settle(name, (), mechanism, motion, found, place, span)
     return {name: found[name] for name in motion}

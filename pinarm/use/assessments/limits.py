@@ -1,7 +1,8 @@
 """Limits that numbers of a run must keep to, with the margins that are left.
 
 The relative margin is that of the bound, ``(b - x) / |b|`` for ``x < b``. A number that is nearer to its bound than its
-own error is neither within the limit nor beyond it.
+own error is neither within the limit nor beyond it. One that is NaN, as what a run does not come to, is beyond its
+limit; its margin is not known, and so the least of all is not either.
 """
 
 from __future__ import annotations
@@ -83,8 +84,9 @@ class Limits(InputStruct, frozen=True):
         self.check_names(result.quantities, result.scenario)
         compared = [_compared(condition, result) for condition in self.conditions]
         beyond = sum(each.verdict == BEYOND for each in compared)
+        least = np.min([each.relative for each in compared], keepdims=True)  # NaN where any is
         numbers = {each.name: each.margin for each in compared} | {
-            "least_margin": Series("least margin", DIMENSIONLESS, np.array([min(each.relative for each in compared)])),
+            "least_margin": Series("least margin", DIMENSIONLESS, least),
             "beyond": Series("limits not kept", DIMENSIONLESS, np.array([float(beyond)])),
         }
         remarks = [f"beyond its limit: {each.condition} is {each.text}" for each in compared if each.verdict == BEYOND]

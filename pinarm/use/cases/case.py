@@ -162,19 +162,55 @@ class Wanted:
             InputError: The place does not exist in this run, or the quantity is of another kind in this case.
             DynamicsError: A number is not finite.
         """
+        numbers = self.told(result)
+        if not np.isfinite(numbers).all():
+            raise DynamicsError(f"{self.labels()[0]} is {'infinite' if np.isinf(numbers).any() else 'not finite'}")
+        return [(number + 0.0, error) for number, error in numbers]  # -0 becomes 0
+
+    def told(self, result: Result) -> list[tuple[float, float]]:
+        """Return the numbers, finite or not.
+
+        Raises:
+            InputError: See ``numbers``.
+        """
         quantities = result.quantities
         number = measured(self.number, result) if self.number else None
         unit = (number[0] if number else quantities[self.quantity]).unit
         if self.unit and unit and unit.dimension != self.unit.dimension:
             raise InputError(f"{self.labels()[0]} is in {unit} in this case", expected=f"{self.unit}, as in others")
         if number:
-            numbers = [(float(number[0].values[0]), number[1])]
-        else:
-            least, greatest = quantities.bounds(self.quantity)
-            numbers = [(float(least.values.min()), 0.0), (float(greatest.values.max()), 0.0)]
-        if not np.isfinite(numbers).all():
-            raise DynamicsError(f"{self.labels()[0]} is {'infinite' if np.isinf(numbers).any() else 'not finite'}")
-        return [(number + 0.0, error) for number, error in numbers]  # -0 becomes 0
+            return [(float(number[0].values[0]), number[1])]
+        least, greatest = quantities.bounds(self.quantity)
+        return [(float(least.values.min()), 0.0), (float(greatest.values.max()), 0.0)]
+
+
+@dataclass(frozen=True)
+class WhereReached:
+    """A number of a section, NaN in cases in which it is not finite: the other numbers of these count all the same.
+
+    Attributes:
+        wanted: The number.
+    """
+
+    wanted: Wanted
+
+    @property
+    def number(self) -> AnyNumber | None:
+        """The number: see ``Taken``."""
+        return self.wanted.number
+
+    def numbers(self, result: Result) -> list[tuple[float, float]]:
+        """Return the number, with no error where there is none: see ``Taken``.
+
+        Raises:
+            InputError: The section has no such number in this case.
+        """
+        told = self.wanted.told(result)
+        return [(number + 0.0, error) if np.isfinite(number) else (np.nan, 0.0) for number, error in told]
+
+    def of_rows(self, quantities: Quantities) -> list[Array]:
+        """Return what is told of all rows: see ``Taken``."""
+        return self.wanted.of_rows(quantities)
 
 
 @dataclass(frozen=True)

@@ -44,8 +44,12 @@ class Condition:
     @property
     def bound_text(self) -> str:
         """The bound as files write it, with its unit."""
+        return self.measured(float(self.bound))
+
+    def measured(self, value: float) -> str:
+        """Return a value in SI in the unit of the bound."""
         written = self.bound.unit
-        return f"{self.bound / written.factor:g} {written}" if written else f"{self.bound:g}"
+        return f"{value / written.factor:g} {written}" if written else f"{value:g}"
 
     def margin(self, value: float) -> float:
         """Return by how much it holds, negative where it does not; for ``=`` the difference."""

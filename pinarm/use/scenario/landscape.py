@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.records import replace
+from pinarm.use.result.condition import Condition
 
 DIFFERENCE = 1e-4
 """Half width of a difference, of the scaled unknowns: slopes err by its square, and by the error of runs over it."""
@@ -45,7 +47,7 @@ class Landscape:
         high: Upper bounds, shape (k,).
         start: The first start, in SI, shape (k,).
         run: Values in SI of several points -> what a run with each says.
-        equations: For every condition, whether it is an equation.
+        conditions: What others must keep to.
         sizes: What margins are relative to, one for every condition.
         size: Size of the objective.
         squared: Whether the square of the objective is searched, which is smooth where an rms value or a peak vanishes.
@@ -55,11 +57,16 @@ class Landscape:
     high: Array
     start: Array
     run: Callable[[Sequence[Array]], Sequence[Trial]]
-    equations: Sequence[bool] = ()
+    conditions: Sequence[Condition] = ()
     sizes: Sequence[float] = ()
     squared: bool = False
     size: float = 1.0
     trials: dict[bytes, tuple[Array, Trial]] = field(default_factory=dict)
+
+    @cached_property
+    def equations(self) -> Flags:
+        """For every condition, whether it is an equation."""
+        return np.array([condition.relation == "=" for condition in self.conditions], dtype=bool)
 
     def values(self, x: Array) -> Array:
         """Return the unknowns in SI at a scaled point."""
@@ -101,8 +108,16 @@ class Landscape:
 
     def violation(self, x: Array) -> float:
         """Return the largest violation of a condition at a point, relative to its size."""
+        return float(np.max(self._violations(x), initial=0.0))
+
+    def _violations(self, x: Array) -> Array:
         margins = self.margins(x)
-        return float(np.max(np.where(self.equations, np.abs(margins), -margins), initial=0.0))
+        return np.where(self.equations, np.abs(margins), -margins)
+
+    def shortfall(self, x: Array) -> str:
+        """Return which condition is violated most at a point whose run is not refused, and by how much."""
+        k = int(np.argmax(self._violations(x)))
+        return f"'{self.conditions[k]}' by {self.conditions[k].measured(abs(self.trial(x).margins[k]))}"
 
     def slopes(self, x: Array) -> Array:
         """Return the gradients of objective and margins, shape (1 + conditions, k): differences of runs that count."""

@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.errors import IntegrationError
+from pinarm.errors import InputError, IntegrationError
 from pinarm.records import replace
 from pinarm.use.scenario.landscape import KEPT, Landscape, Trial
 from pinarm.use.scenario.lockstep import Run, side_by_side
@@ -32,6 +32,9 @@ FIRST_STEP, EDGE, NOWHERE = 0.02, 0.05, 1e-4
 
 VANISHES = 1e-4
 """Objective at the optimum, relative to that at the starts, below which the latter is what changes are relative to."""
+
+SAME = 1e-12
+"""Differences of the objective, relative to it, that are rounding."""
 
 SETTLED, WITHOUT_SLOPES, KINK = "settled", "without slopes, from the best of the ends", 1e-2
 """Ends of searches, along slopes to where none is left and without slopes; jump of slopes, scaled, that is a kink."""
@@ -116,6 +119,7 @@ def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = 
 
     Raises:
         IntegrationError: No start can be run, or none leads to where all conditions hold.
+        InputError: The objective is the same in all runs.
     """
     points = spread(len(landscape.low), starts, seed)
     points[0] = (landscape.start - landscape.low) / (landscape.high - landscape.low)
@@ -129,7 +133,8 @@ def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = 
         descents.append(_descent(landscape, _scaled(landscape, best.end), _cobyqa))
         best = descents[-1]
     if not best.valid:
-        raise _nowhere(best, len(points))
+        raise _nowhere(landscape, best, len(points))
+    _require_dependence(landscape)
     x = _scaled(landscape, best.end)
     margins = landscape.margins(x)
     active = [k for k, equal in enumerate(landscape.equations) if equal or margins[k] <= ACTIVE]
@@ -260,7 +265,19 @@ def _obstacle(landscape: Landscape, x: Array, allowed: float) -> str:
     return "objective" if trial.objective > allowed else ""
 
 
-def _nowhere(best: Descent, starts: int) -> IntegrationError:
+def _require_dependence(landscape: Landscape) -> None:
+    """Raise where the objective is the same in all runs, but for rounding.
+
+    Raises:
+        InputError: It is.
+    """
+    told = np.array([trial.objective for _, trial in landscape.trials.values() if not trial.refusal])
+    if np.ptp(told) <= SAME * np.abs(told).max():
+        raise InputError(f"what is to be least or largest is the same in all {len(told)} runs between the bounds",
+                         expected="unknowns that change it")  # fmt: skip
+
+
+def _nowhere(landscape: Landscape, best: Descent, starts: int) -> IntegrationError:
     """Return the error of a search that has not come to a point that counts."""
     if best.trial.refusal:
         return IntegrationError(
@@ -268,6 +285,6 @@ def _nowhere(best: Descent, starts: int) -> IntegrationError:
             hint="bounds between which the mechanism can be assembled and moved, or more starts",
         )
     return IntegrationError(
-        f"none of the {starts} starts leads to where all conditions hold: the nearest is off by {best.violation:.3g} "
-        "of the bound", hint="wider bounds, a weaker condition, or more starts",
+        f"none of the {starts} starts leads to where all conditions hold: the nearest end violates "
+        f"{landscape.shortfall(_scaled(landscape, best.end))}", hint="wider bounds, a weaker condition, or more starts",
     )  # fmt: skip

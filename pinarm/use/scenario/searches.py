@@ -122,7 +122,7 @@ def _best(bare: Scenario, search: Find) -> Optimum:
         return optimum(
             Landscape(
                 *_bounds(search), search.start, partial(trials, judge),
-                [condition.relation == "=" for condition in judge.conditions], judge.sizes(first),
+                judge.conditions, judge.sizes(first),
                 squared=judge.sign > 0.0 and judge.of_magnitudes,
             ),
             search.starts, search.seed, everywhere=search.search == "global",

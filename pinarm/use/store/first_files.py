@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
 
 import numpy as np
@@ -62,7 +62,16 @@ def mechanism_text(mechanism: Mechanism, robot: str) -> str:
         f"# gravity: none               # or {{direction: -z, magnitude: 9.81 m/s^2}}; it is {gravity} m/s^2 now",
         *_of_drives(mechanism), "# symbols: {}                 # names of your own, for quantities and formulas",
     ]  # fmt: skip
-    return "\n".join(lines) + "\n"
+    return _text(lines)
+
+
+def _text(lines: Iterable[str]) -> str:
+    """Return lines as text; what names in them have that would end a line, or is no character of YAML, is escaped."""
+    return "".join(f"{_printable(line)}\n" for line in lines)
+
+
+def _printable(line: str) -> str:
+    return "".join(char if char.isprintable() else rf"\U{ord(char):08x}" for char in line)
 
 
 def _of_arguments(mechanism: Mechanism) -> Iterator[str]:
@@ -88,7 +97,7 @@ def scenario_text(mechanism: Mechanism) -> str:
     except PinarmError as error:
         q = start_configuration(mechanism, {})
         text = _scenario(mechanism, q, _independent(mechanism, q), 1.0, {})
-        return f"# This does not run as it is: {error.message}.\n{text}"
+        return _text([f"# This does not run as it is: {error.message}."]) + text
 
 
 def _solvable(mechanism: Mechanism) -> str:
@@ -161,7 +170,7 @@ def _scenario(mechanism: Mechanism, q: Array, names: Sequence[str], part: float,
         lines.append(f"    {_name(name)}: {{law: constant, value: {value + 0.0:.9g} {unit}}}")
     turns = (f"{ball}.moment.{axis}" for ball in mechanism.balls for axis in "xyz" if f"{ball}.rotation.{axis}" in held)
     outputs = [*(f"joint.{name}.effort" for name in ways), *(f"joint.{turn}" for turn in turns)]
-    return "\n".join([*lines, "outputs:", *(f"  - {_name(output)}" for output in outputs)]) + "\n"
+    return _text([*lines, "outputs:", *(f"  - {_name(output)}" for output in outputs)])
 
 
 def _level(joint: Joint, value: float) -> str:
@@ -175,6 +184,7 @@ def _name(text: str) -> str:
 
 
 def _quoted(text: str) -> str:
+    """Return a text in quotes; ``_text`` escapes what is left in it as YAML has it."""
     return json.dumps(text, ensure_ascii=False)
 
 

@@ -111,9 +111,17 @@ def _lines(table: Array) -> bytes:
 
 
 def arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
-    """Return the outputs by name, their units, and what is behind them as ``state.q`` and so on."""
+    """Return the outputs by name, their units, and what is behind them as ``state.q`` and so on.
+
+    Raises:
+        InputError: An output has the name of one of these.
+    """
     units = np.array([[series.name, str(series.unit or "?")] for series in columns])
     behind = {f"state.{name}": array for name, array in {**states(result.trajectory), "units": units}.items()}
+    if taken := [series.name for series in columns if series.name in behind]:
+        raise InputError(f"the output '{taken[0]}' has the name of an array of every result's trajectory.npz",
+                         expected="another name, by a symbol",
+                         hint=f"joint.{taken[0]}.position, of a joint")  # fmt: skip
     return {**behind, **{series.name: np.asarray(series.values) for series in columns}}
 
 

@@ -197,6 +197,11 @@ def test_a_symbol_that_needs_itself_is_refused(run):
         ("phi", "phi", "'phi' is an argument of the model and a coordinate"),
         ("O", "2*O", "'O' is an argument of the model and a coordinate"),
         ("t", "2*t", "'t' is an argument of the model and what runs along the rows"),
+        ("joint.O.effort", "joint.O.effort", "'joint.O.effort' is an argument of the model and a quantity"),
+        ("energy.total", "2*energy.total", "'energy.total' is an argument of the model and a quantity"),
+        ("g", "g", "'g' is an argument of the model and a constant"),
+        ("pi", "2*pi", "'pi' is an argument of the model and a constant"),
+        ("deg", "phi/deg", "'deg' is an argument of the model and a constant"),
     ],
 )
 def test_a_name_of_several_things_is_refused(run, name, asked, message):

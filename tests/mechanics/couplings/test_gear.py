@@ -271,6 +271,8 @@ class TestPlanetary:
 REFUSED = {
     "coincide": (gear("sun", "ring", -0.4, carrier="arm"), "the axes of sun and ring coincide"),
     "alike": (gear("sun", "wheel", 1.0), "sun and wheel turn alike"),
+    "endless": (gear("sun", "wheel", -1e50), "the teeth would have a radius of .* m about wheel"),
+    "nothing": (gear("sun", "wheel", -1e-9), "the teeth would have a radius of .* m about sun"),
     "skew": (gear("sun", "skew", 2.0, plane="middle"), "the axes of sun and skew are skew"),
     "planes": (gear("sun", "back", 2.0), "0.05 m apart along the axes"),
     "carrier": (gear("sun", "planet", 2.0, carrier="sun"), "sun is the carrier and a wheel"),

@@ -11,8 +11,11 @@ from pinarm.errors import InputError, UnitError
 from pinarm.input.units import unit
 from pinarm.input.yaml.document import Document
 from pinarm.mechanics.laws import (
+    Over,
+    Segment,
     SpeedPoints,
     Spline,
+    Succession,
     Table,
 )
 from pinarm.mechanics.laws.interpolated import cached_table
@@ -92,9 +95,43 @@ class TestTable:
         with pytest.raises(UnitError, match=r"column 1 of the table table\.csv is in deg"):
             table(tmp_path, "crank [deg],x [m]\n0,0\n1,1\n").check_units(unit("m"))
 
+    def test_the_column_with_a_name_is_taken(self, tmp_path):
+        text = "t [s],b [deg],a [rad],joint.a.effort [N*m]\n0,0,1,7\n1,90,2,8\n"
+        for column, values in (("a", (1.0, 2.0)), ("b", (0.0, math.pi / 2)), ("joint.a.effort", (7.0, 8.0))):
+            law = table(tmp_path, text, column=column)
+            assert [float(across(law, np.array([t]))[0, 0]) for t in (0.0, 1.0)] == pytest.approx(values, abs=1e-15)
+        with pytest.raises(UnitError, match=r"column 'joint.a.effort' of the table table\.csv is in N\*m"):
+            law.check_units(unit("rad"))
+
+    @pytest.mark.parametrize(
+        ("text", "column", "message"),
+        [
+            ("t [s],b [deg],a [deg]\n0,0,1\n1,1,2\n", None, r"has several columns[\s\S]*column: one of a, b"),
+            ("t [s],b [deg],a [deg]\n0,0,1\n1,1,2\n", "c", r"no column 'c'[\s\S]*column: one of a, b"),
+            ("t [s],b [deg],b [m]\n0,0,1\n1,1,2\n", "b", r"several columns 'b'"),
+            ("t [s],b [deg],a\n0,0,1\n1,1,2\n", "a", r"the heading 'a' has no unit"),
+            ("t [s],b [deg],a [deg]\n0,0,1\n1,1,x\n", "a", r"table\.csv:3:1: a finite number is missing"),
+        ],
+    )
+    def test_a_column_that_is_not_clear_is_refused(self, tmp_path, text, column, message):
+        with pytest.raises(InputError, match=message):
+            table(tmp_path, text, column=column)
+
+    def test_values_of_another_coordinate_are_refused_where_the_column_is_not_named(self, tmp_path):
+        law = table(tmp_path, "t [s],b [deg]\n0,0\n1,0\n")
+        law.check_follower("b", ["a", "b"])
+        law.check_follower("a", ["a", "c"])
+        table(tmp_path, column="b").check_follower("a", ["a", "b"])
+        (tmp_path / "other.csv").write_text("t [s],joint.b.position [deg]\n0,0\n1,0\n")
+        other = table(tmp_path, file="other.csv")
+        part = [Segment(duration=1.0, motion=law)]
+        for each in (law, other, Succession(segments=part), Over(of="c", profile=law)):
+            with pytest.raises(InputError, match="has values of 'b', another coordinate than 'a'"):
+                each.check_follower("a", ["a", "b"])
+
     @pytest.mark.parametrize("text", ["\ufefft [s],x [m]\r\n0,0\r\n1,1\r\n", '"t [s]","x [m]",\n 0 , 0,\n"1",+1e0,\n'])
     def test_what_spreadsheets_write_is_read(self, tmp_path, text):
-        assert cached_table(table(tmp_path, text).file)[1] == (0.0, 1.0)
+        assert cached_table(table(tmp_path, text).file).columns[1] == (0.0, 1.0)
 
     @pytest.mark.parametrize(
         ("text", "message"),
@@ -131,11 +168,11 @@ class TestTable:
         path = tmp_path / "table.csv"
         path.write_text("t [s],x [m]\n0,0\n1,2\n")
         times = path.stat().st_mtime_ns
-        assert cached_table(str(path))[1] == (0.0, 2.0)
+        assert cached_table(str(path)).columns[1] == (0.0, 2.0)
         time.sleep(0.05)  # longer than the tick of a file system's clock
         path.write_text("t [s],x [m]\n0,0\n1,3\n")
         os.utime(path, ns=(times, times))
-        assert cached_table(str(path))[1] == (0.0, 3.0)
+        assert cached_table(str(path)).columns[1] == (0.0, 3.0)
 
     def test_the_line_of_the_table_is_told_to_who_names_it_in_a_file(self, tmp_path):
         (tmp_path / "table.csv").write_text("t [s],x [m]\n0,0\n1,one\n")

@@ -217,7 +217,7 @@ def test_fields_accept_the_unit_of_their_derivative_only(base):
 
 
 def test_every_law_says_which_derivative_its_fields_are():
-    nested = {"points", "speeds", "segments", "file", "times", "values", "measured"}
+    nested = {"points", "speeds", "segments", "file", "column", "times", "values", "measured"}
     plain = {"law", "begin", "duration", "degree", "pulsation", "phase"} | nested
     assert {(type(law), name) for law, name, _ in marked_fields()} == {
         (member, name) for member in MEMBERS for name in member.__struct_fields__ if name not in plain

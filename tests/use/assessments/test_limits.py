@@ -1,6 +1,6 @@
 """Limits of an inertia that turns by a cubic, whose torques are known: peak 6 J θ/T², rms √12 J θ/T²."""
 
-from math import pi, sqrt
+from math import isnan, pi, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +54,40 @@ def test_a_sweep_takes_margins(turned: pinarm.Scenario) -> None:
     table = pinarm.sweep(asked, over={end: ["0.8 s", "0.5 s"]}, results=["limits.least_margin"], workers=1)
     exact = [1.0 - 6.0 * INERTIA * ANGLE / time**2 / 30.0 for time in (0.8, 0.5)]
     assert table["limits.least_margin"].values == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.fixture
+def controlled(turned: pinarm.Scenario, tmp_path: Path) -> pinarm.Scenario:
+    """An inertia that is turned by 1 rad."""
+    (tmp_path / "c.yaml").write_text(
+        "pinarm: 1\nmechanism: rotor.urdf\nproblem:\n  kind: forward\n  time: {end: 1 s, samples: 5}\n"
+        "  control: [{kind: pid, drive: turn, follows: {law: constant, value: 1 rad}, kp: 50 N*m/rad, kd: 2 N*m*s/rad}]"
+        "\noutputs: [turn]\nresponse: {of: turn, final: 1 rad, band: 0.2}\n"
+    )
+    return pinarm.load(tmp_path / "c.yaml")
+
+
+ANY_ORDER = [{"turn @ max": "< 2 rad", "response.settling_time": "< 1 s"},
+             {"response.settling_time": "< 1 s", "turn @ max": "< 2 rad"}]  # fmt: skip
+
+
+@pytest.mark.parametrize("keep", ANY_ORDER)
+def test_a_limit_whose_number_is_not_known_is_beyond_in_any_order(
+    controlled: pinarm.Scenario, keep: dict[str, str]
+) -> None:
+    result = controlled.varied({"limits": {"keep": keep}, "problem.control.0.kd": "100 N*m*s/rad"}).run()
+    assert isnan(result.number("limits.least_margin")[0])
+    assert result.number("limits.beyond")[0] == 1.0
+
+
+@pytest.mark.parametrize("keep", ANY_ORDER)
+def test_a_search_does_not_end_where_a_limit_is_not_known(controlled: pinarm.Scenario, keep: dict[str, str]) -> None:
+    """The overshoot falls with the damping, but from some on it takes too long: 100 N m s/rad / 50 N m/rad = 2 s."""
+    path = "problem.control.0.kd"
+    search = {"for": {path: ["2 N*m*s/rad", "100 N*m*s/rad"]}, "maximise": "limits.least_margin", "starts": 3}
+    result = controlled.varied({"limits": {"keep": keep}, "find": search}).run()
+    assert result.number("limits.beyond")[0] == 0.0
+    assert result.number("limits.least_margin")[0] > 0.3
 
 
 FALL = """\

@@ -9,10 +9,13 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError, IntegrationError, PinarmError
+from pinarm.use.result.condition import Condition
 from pinarm.use.scenario.landscape import Landscape, Trial
 from pinarm.use.scenario.optimum import optimum, spread
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.scenario.searches import refusal
+
+ABOVE, EQUAL = Condition.read("a @ end", "> 0 mm"), Condition.read("b @ end", "= 0 m")
 
 ROOT = Path(pinarm.__file__).parents[1]
 
@@ -43,11 +46,11 @@ def test_a_kink_is_met_though_it_has_no_slope():
 def test_a_condition_holds_the_optimum_and_is_named():
     """Least x² + y² with x + y > 1: (1/2, 1/2); with y = 2 x as well: (1/3, 2/3)."""
     function = lambda x: Trial(x @ x, (x[0] + x[1] - 1.0,))  # noqa: E731
-    found = optimum(landscape(function, [-2, -2], [2, 2], [1, 1], equations=[False], sizes=[1.0]), 3, 0)
+    found = optimum(landscape(function, [-2, -2], [2, 2], [1, 1], conditions=[ABOVE], sizes=[1.0]), 3, 0)
     assert found.best.end == pytest.approx([0.5, 0.5], abs=1e-5)
     assert found.active == [0]
     both = lambda x: Trial(x @ x, (x[0] + x[1] - 1.0, x[1] - 2.0 * x[0]))  # noqa: E731
-    found = optimum(landscape(both, [-2, -2], [2, 2], [1, 1], equations=[False, True], sizes=[1.0, 1.0]), 3, 0)
+    found = optimum(landscape(both, [-2, -2], [2, 2], [1, 1], conditions=[ABOVE, EQUAL], sizes=[1.0, 1.0]), 3, 0)
     assert found.best.end == pytest.approx([1.0 / 3.0, 2.0 / 3.0], abs=1e-5)
     assert found.active == [0, 1]
 
@@ -73,8 +76,17 @@ def test_runs_that_are_refused_are_no_optimum():
 
 
 def test_conditions_that_cannot_hold_are_said():
-    with pytest.raises(IntegrationError, match=r"none of the 2 starts leads to where all conditions hold.*off by 1"):
-        optimum(landscape(lambda x: Trial(x[0], (-1.0 - x[0],)), [0], [1], [0.9], equations=[False], sizes=[1.0]), 2, 0)
+    said = r"none of the 2 starts leads to where all conditions hold: .* violates 'a @ end > 0 mm' by 1000 mm"
+    function = lambda x: Trial(x[0], (-1.0 - x[0],))  # noqa: E731
+    with pytest.raises(IntegrationError, match=said):
+        optimum(landscape(function, [0], [1], [0.9], conditions=[ABOVE], sizes=[1.0]), 2, 0)
+
+
+@pytest.mark.parametrize("everywhere", [False, True])
+def test_what_does_not_depend_on_the_unknowns_has_no_optimum(everywhere):
+    rounded = lambda x: Trial(0.3 + 1e-16 * math.sin(1e3 * x[0]))  # noqa: E731
+    with pytest.raises(InputError, match=r"is the same in all \d+ runs between the bounds"):
+        optimum(landscape(rounded, [0], [1], [0.9]), 2, 0, everywhere=everywhere)
 
 
 def test_a_global_search_leaves_the_nearest_valley():

@@ -9,6 +9,7 @@ import pytest
 import pinarm
 from pinarm.cli.main import main
 from pinarm.errors import InputError
+from pinarm.input.yaml.document import Document
 from pinarm.use.store.new import TEMPLATES, templates
 
 CART = """\
@@ -84,6 +85,21 @@ def test_a_model_moves_every_joint_within_its_limits(tmp_path: Path) -> None:
     text = (tmp_path / "mechanism.yaml").read_text()
     assert "#   rail-1: slides, 20 to 50 mm, at most 10 N\n" in text
     assert "#   on: turns, -171.887 to 5.72958 deg, at most 5 N*m\n" in text
+
+
+@pytest.mark.parametrize("end", ["\n", "\r", "\r\n", "\x85", "\u2028", "\u2029"])
+def test_a_name_of_the_model_writes_no_line_of_the_files(tmp_path: Path, end: str) -> None:
+    name, title = f"a{end}gravity: none{end}#", f"t{end}gravity: none{end}#"
+    coded = [text.replace(end, "".join(f"&#{ord(char)};" for char in end)) for text in (title, name)]
+    pin = PIN.format(coded[1], "base", "A", "0 0 0")
+    (tmp_path / "m.urdf").write_text(f'<robot name="{coded[0]}"><link name="base"/>{LINK.format("A")}{pin}</robot>')
+    pinarm.new(tmp_path / "m.urdf")
+    described = Document.read(tmp_path / "mechanism.yaml").data
+    assert described.keys() == {"pinarm", "title", "robot"}
+    assert pinarm.run(tmp_path / "scenario.yaml").trajectory.mechanism.gravity == 9.81
+    assert moved(tmp_path) == [name]
+    for text in files(tmp_path).values():
+        assert "gravity: none" not in [line.strip() for line in text.splitlines()]
 
 
 def moved(folder: Path) -> list[str]:

@@ -59,7 +59,7 @@ def test_arguments_in_other_units_than_si_stay_what_they_are(tmp_path: Path) -> 
         '<joint name="pin" type="continuous"><parent link="base"/><child link="rod"/><origin rpy="0 $(arg tilt) 0"/>'
         '<axis xyz="0 1 0"/></joint></robot>'
     )
-    (tmp_path / "rod.yaml").write_text("pinarm: 1\nrobot: rod.urdf.xacro\narguments: {tilt: deg, L: mm}\n")
+    (tmp_path / "rod.yaml").write_text("pinarm: 1\nrobot: rod.urdf.xacro\narguments: {tilt: rad, L: m}\n")
     (tmp_path / "s.yaml").write_text(
         "pinarm: 1\nmechanism: rod.yaml\narguments: {tilt: 60 deg, L: 400 mm}\n"
         "problem: {kind: statics, hold: {pin: 0 deg}}\noutputs: [joint.pin.effort, tilt, L]\n"
@@ -147,7 +147,7 @@ def test_npz_needs_no_pickle_and_says_its_units(scenario: Callable[..., Any], fo
     "name", ["q", "state.q", "state.tau", "state.units", "file", "allow_pickle", "self", "../up", "a/b", ""]
 )
 def test_npz_keeps_an_output_whatever_its_name(scenario: Callable[..., Any], folder: Path, name: str) -> None:
-    """Or the name is refused; it must not be lost behind an array of the same name."""
+    """Or the name is refused; it must not be lost behind an array of the same name, nor take the place of states."""
     try:
         result = scenario("statics", f'symbols: {{"{name}": 7*alpha}}\n', ("[M,", f'["{name}", M,')).run()
         saved = result.save(folder / "out", plots=False)
@@ -156,6 +156,7 @@ def test_npz_keeps_an_output_whatever_its_name(scenario: Callable[..., Any], fol
     with np.load(saved / "trajectory.npz", allow_pickle=False) as arrays:
         wanted = result["7*alpha"].values
         assert any(a.shape == wanted.shape and np.array_equal(a, wanted) for a in (arrays[key] for key in arrays.files))
+        assert all(np.array_equal(arrays[f"state.{x}"], getattr(result.trajectory, x)) for x in ("q", "tau"))
     assert set(contents(folder)) - {f"out/{path}" for path in contents(saved)} <= {
         ".pinarm-root", "pendulum.urdf", "pendulum.yaml", "statics.yaml",
     }  # fmt: skip

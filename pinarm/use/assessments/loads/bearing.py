@@ -28,7 +28,7 @@ from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import InputStruct, LoadRating, Span
 from pinarm.use.assessments.loads.joint import LoadedJoint
-from pinarm.use.assessments.loads.number import LoadNumber, peak
+from pinarm.use.assessments.loads.number import LoadNumber, peak, rounding
 from pinarm.use.result.figures.curve_figures import integrals
 from pinarm.use.result.row_lookup import Lookup
 
@@ -77,12 +77,18 @@ class RollingBearing(InputStruct, frozen=True):
         """The exponent of the life."""
         return 10.0 / 3.0 if self.p == "10/3" else float(self.p)
 
+    @property
+    def carried(self) -> list[str]:
+        """The components that P is made of; others need not be determined."""
+        factors = {"force.radial": self.X, "force.axial": self.Y}
+        return [name for name, factor in factors.items() if factor or self.e is not None]
+
     def equivalent(self, rows: Quantities, joint: LoadedJoint) -> Array:
-        """Return P [N], shape (n,); components with a factor of 0 need not be determined."""
+        """Return P [N], shape (n,)."""
         nothing = np.zeros(len(rows.trajectory))
-        radial = rows.determined(f"{joint.prefix}.force.radial").values if self.X or self.e is not None else nothing
-        axial = (
-            np.abs(rows.determined(f"{joint.prefix}.force.axial").values) if self.Y or self.e is not None else nothing
+        radial, axial = (
+            np.abs(rows.determined(f"{joint.prefix}.{name}").values) if name in self.carried else nothing
+            for name in ("force.radial", "force.axial")
         )
         combined = self.X * radial + self.Y * axial
         return combined if self.e is None else np.where(axial <= self.e * radial, radial, combined)
@@ -91,12 +97,14 @@ class RollingBearing(InputStruct, frozen=True):
         """Return the largest P [N] and rate [rad/s].
 
         Raises:
-            InputError: A load is not determined, or the bearing does not turn or carries nothing.
+            InputError: A load is not determined, or the bearing does not turn or carries nothing but rounding.
         """
+        parts = {name: run.quantities.determined(f"{joint.prefix}.{name}") for name in self.carried}
+        loaded = any(np.abs(part.values).max() > rounding(run, name, part) for name, part in parts.items())
         load = peak(run, NEWTON, lambda rows: self.equivalent(rows, joint))
         fastest = peak(run, SPIN, lambda rows: np.abs(joint.rates(rows)[0]))
-        if not load.value or not fastest.value:
-            lacking = "does not turn" if load.value else "carries no load"
+        if not loaded or not fastest.value:
+            lacking = "does not turn" if loaded else "carries no load"
             raise InputError(
                 f"the bearing {lacking} in this run: it has no rating life", expected="a motion under load"
             )

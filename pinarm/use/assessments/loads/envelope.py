@@ -14,12 +14,9 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.use.assessments.loads.joint import LoadedJoint
-from pinarm.use.assessments.loads.number import LoadNumber, worst_row
-from pinarm.use.result.row_lookup import PLATEAU, Lookup
+from pinarm.use.assessments.loads.number import LoadNumber, rounding, worst_row
+from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import SectionTable
-
-NOTHING = 1e-9
-"""Of the largest force or moment of any joint: below that a component is rounding, and has no worst instant."""
 
 BY_AXIS = {"radial": "force.radial", "axial": "force.axial", "overturning": "moment.radial"}
 """Peaks of joints with an axis, beside those of all joints."""
@@ -46,7 +43,7 @@ def envelope(run: Lookup, joint: LoadedJoint) -> tuple[list[EnvelopeRow], list[s
     rows = list[EnvelopeRow]()
     for name, series in known.items():
         shown = name.replace(f".along.{joint.body}", "")
-        if np.ptp(series.values) <= _rounding(run, name, series):
+        if np.ptp(series.values) <= rounding(run, name, series):
             value, place = float(series.values[0]), float(run.run.grid.t[0])
             low = high = value, place
         else:
@@ -67,7 +64,7 @@ def peaks(run: Lookup, joint: LoadedJoint) -> Mapping[str, tuple[LoadNumber, Qua
     known, _ = _determined(run, joint, list(wanted.values()))
     found = {}
     for part, name in wanted.items():
-        if name in known and np.abs(known[name].values).max() > _rounding(run, name, known[name]):
+        if name in known and np.abs(known[name].values).max() > rounding(run, name, known[name]):
             full, unit = known[name].name, known[name].unit
             assert unit is not None
             row = worst_row(run, partial(_size, name=full))
@@ -93,13 +90,6 @@ def _determined(run: Lookup, joint: LoadedJoint, names: list[str]) -> tuple[dict
             if known[name].doubt:
                 left_open.setdefault(known[name].doubt, []).append(shown)
     return known, [f"{joint.name}: {', '.join(parts)}: {why}" for why, parts in left_open.items()]
-
-
-def _rounding(run: Lookup, name: str, series: Series) -> float:
-    """Return up to which size a component is rounding [N or N*m]: of the largest of any joint, and of its own terms."""
-    part = slice(0, 3) if name.startswith("force") else slice(3, 6)
-    largest = float(np.linalg.norm(run.quantities.reactions.joints[..., part], axis=-1).max())
-    return max(NOTHING * largest, PLATEAU * float(np.max(series.terms)))
 
 
 def _size(rows: Quantities, name: str) -> Array:

@@ -11,7 +11,7 @@ from pinarm.arrays import Array
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.input.units import DIMENSIONLESS, Unit
-from pinarm.use.result.row_lookup import Lookup
+from pinarm.use.result.row_lookup import PLATEAU, Lookup
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,9 @@ class LoadNumber:
         return Series(name, self.unit, np.array([self.value]), self.doubt)
 
 
+NOTHING = 1e-9
+"""Of the largest force or moment of any joint: below that a component is rounding, and has no worst instant."""
+
 CONSTANT = 1e-9
 """Relative change below which a curve is constant but for rounding, and its peak is at the start."""
 
@@ -62,3 +65,10 @@ def peak(run: Lookup, measured: Unit, size: Callable[[Quantities], Array]) -> Lo
     """Return the largest of a size, see ``worst_row``, and where it is."""
     row = worst_row(run, size)
     return LoadNumber(float(size(row)[0]), measured, float(row.trajectory.grid.t[0]))
+
+
+def rounding(run: Lookup, name: str, series: Series) -> float:
+    """Return up to which size a component is rounding [N or N*m]: of the largest of any joint, and of its own terms."""
+    part = slice(0, 3) if name.startswith("force") else slice(3, 6)
+    largest = float(np.linalg.norm(run.quantities.reactions.joints[..., part], axis=-1).max())
+    return max(NOTHING * largest, PLATEAU * float(np.max(series.terms)))

@@ -9,7 +9,7 @@ a motor of the rotor inertia J behind a gear of the ratio N gives the torque ``T
     rms(T)² = (J² N² A + 2 J B + C / N²) / L,    A = ∫ a² dt,  B = ∫ a y dt,  C = ∫ y² dt,
 
 for a cycle of the length L: three integrals serve all motors and ratios. The least rms torque of a motor is at
-``N² = C^(1/2) / (J A^(1/2))``, which is ``J_load / J`` where an inertia is all the load.
+``N² = C^(1/2) / (J A^(1/2))``, which is ``J_load / J`` where a constant inertia is all the load.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.motion.standstill import directions
 from pinarm.engine.quantities.names import Quantities
+from pinarm.use.assessments.sizing.load_inertia import load_inertia
 from pinarm.use.result.figures.curve_figures import integrals
 from pinarm.use.result.row_lookup import Lookup
 
@@ -43,6 +44,7 @@ class Duty:
         v: Velocity of the joint [rad/s or m/s], shape (n,).
         a: Its acceleration, shape (n,).
         y: Effort at the gear's input times the ratio, efficiency included [N*m or N], shape (n,).
+        inertia: What it feels of the masses, its own rotor left out [kg*m^2 or kg], shape (n,); see ``load_inertia``.
         squares: A, B and C.
         error: Largest error of their quadrature, relative to the largest contribution.
         rest: How long the joint is held by a brake after the motion, the motor without torque [s].
@@ -52,6 +54,7 @@ class Duty:
     v: Array = field(repr=False)
     a: Array = field(repr=False)
     y: Array = field(repr=False)
+    inertia: Array = field(repr=False)
     squares: tuple[float, float, float]
     error: float
     rest: float
@@ -78,9 +81,8 @@ class Duty:
 
     @property
     def load_inertia(self) -> float:
-        """Inertia that explains most of the effort, ``∫ a y dt / ∫ a² dt`` [kg*m^2 or kg]; 0 without acceleration."""
-        a, b, _ = self.squares
-        return b / a if a > 0.0 else 0.0
+        """Mean of the inertia over the time of the motion [kg*m^2 or kg]."""
+        return float(np.trapezoid(self.inertia, self.t) / (self.t[-1] - self.t[0]))
 
     def mean_speed(self) -> float:
         """Return the mean size of the velocity over the cycle, its rest included."""
@@ -147,13 +149,13 @@ def duty_of(run: Lookup, coordinate: str, armature: float, efficiency: float, re
 
     total, error = integrals(run, squares)
     sizes = np.array([scale[0] ** 2, scale[0] * scale[1], scale[1] ** 2])
-    t, v, a, y = _samples(run, columns)
+    t, v, a, y, inertia = _samples(run, lambda rows: (*columns(rows), load_inertia(rows.trajectory, coordinate)))
     worst = float(error.max() / max(np.abs(total).max(), np.finfo(float).tiny))
     a_square, product, y_square = (total * sizes).tolist()
-    return Duty(t, v, a, y, (a_square, product, y_square), worst, rest)
+    return Duty(t, v, a, y, inertia - armature, (a_square, product, y_square), worst, rest)
 
 
-def _samples(run: Lookup, columns: Columns) -> tuple[Array, Array, Array, Array]:
+def _samples(run: Lookup, columns: Callable[[Quantities], tuple[Array, ...]]) -> tuple[Array, ...]:
     """Return instants all over a run, both sides of jumps among them, and the columns there."""
     whole = run.run.grid.cuts[-1] - run.run.grid.cuts[0]
     parts = []
@@ -161,5 +163,4 @@ def _samples(run: Lookup, columns: Columns) -> tuple[Array, Array, Array, Array]
         if end > start:
             t = np.linspace(start, end, 8 + round(SAMPLES * (end - start) / whole))
             parts.append((t, *columns(run.quantities_at(interval, t))))
-    t, v, a, y = (np.concatenate(each) for each in zip(*parts, strict=True))
-    return t, v, a, y
+    return tuple(np.concatenate(each) for each in zip(*parts, strict=True))

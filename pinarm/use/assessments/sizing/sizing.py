@@ -227,7 +227,7 @@ class Candidate:
         peak_speed: Largest speed [rad/s].
         speed_margin: Largest speed of the motor over that.
         winding: Highest temperature of the winding when cycles follow each other [degC].
-        inertia_ratio: Inertia of the load at the motor over that of the rotor.
+        inertia_ratio: Mean inertia that the drive feels of the load, at the motor, over that of the rotor.
         energy: Given in a cycle [J].
         regenerated: Taken back in a cycle [J].
         safety: Factor that margins have to reach.

@@ -18,8 +18,9 @@ from pinarm.input.roots import noting_files
 from pinarm.input.units import DIMENSIONLESS, unit
 from pinarm.input.yaml.key_path import argument_of
 from pinarm.input.yaml.values import Values, written_unit
-from pinarm.use.cases.case import WORTH, Task, Wanted
+from pinarm.use.cases.case import WORTH, Taken, Task, Wanted, WhereReached
 from pinarm.use.result.presentation import Presentation
+from pinarm.use.result.section_number import SectionNumber
 from pinarm.use.scenario.scenario import Given, Scenario, declared_unit, load
 from pinarm.use.study.sweep.axes import MOST, Axis, Cases, Distribution, Sampling, draw
 from pinarm.use.study.sweep.case_solver import Solving
@@ -52,7 +53,7 @@ class Sweep:
         title: Its title.
         definition: What was asked, as plain data.
         cases: The values of every case.
-        columns: Results and measures of accuracy, one number per case; NaN where a case failed.
+        columns: Results and measures of accuracy, one number per case; NaN where a case failed, or does not come to it.
         errors: Case -> why it failed.
         presentation: In which units, and by which labels, results are shown.
         notes: What to know of the results.
@@ -94,6 +95,13 @@ class Sweep:
     def results(self) -> list[Series]:
         """Return the columns that were asked for, without the measures of accuracy."""
         return [series for series in self.columns if series.name not in WORTH]
+
+    @property
+    def missing(self) -> dict[str, list[int]]:
+        """Return the results that are not finite in cases that did not fail, and which these are."""
+        empty = {series.name: np.flatnonzero(np.isnan(series.values)).tolist() for series in self.results()}
+        known = {name: [case for case in cases if case not in self.errors] for name, cases in empty.items()}
+        return {name: cases for name, cases in known.items() if cases}
 
     def to_dataframe(self) -> DataFrame:
         """Return the table as a pandas table, one row per case, units in the headings, and why cases failed."""
@@ -216,20 +224,25 @@ def sweep(
     return swept
 
 
-def _measured(scenario: Scenario, cases: Cases, results: Sequence[str]) -> tuple[list[Wanted], list[Series]]:
+def _measured(scenario: Scenario, cases: Cases, results: Sequence[str]) -> tuple[list[Taken], list[Series]]:
     """Return what is taken from each case, checked at an end of the sweep, and the columns of it, still empty."""
     quantities, sections = _end(scenario, cases).quantities(), scenario.numbered
     measured = [Wanted.read(text, sections).measured(quantities, sections) for text in results]
-    return [wanted for wanted, _ in measured], [column for _, columns in measured for column in columns]
+    return [_where_reached(wanted) for wanted, _ in measured], [column for _, columns in measured for column in columns]
 
 
-def _task(scenario: Scenario, cases: Cases, wanted: Sequence[Wanted]) -> Task:
+def _where_reached(wanted: Wanted) -> Taken:
+    """Return what is wanted; numbers of sections, which a run need not come to, where it does."""
+    return WhereReached(wanted) if isinstance(wanted.number, SectionNumber) else wanted
+
+
+def _task(scenario: Scenario, cases: Cases, wanted: Sequence[Taken]) -> Task:
     """Return what workers do: closed loops are continued from cases spread over the sweep."""
     anchors = np.unique(np.linspace(0, len(cases) - 1, ANCHORS).astype(int)).tolist()
     return Task.of(scenario, wanted, *map(cases.values, anchors))
 
 
-def _period_notes(scenario: Scenario, cases: Cases, wanted: Sequence[Wanted]) -> list[str]:
+def _period_notes(scenario: Scenario, cases: Cases, wanted: Sequence[Taken]) -> list[str]:
     """Return notes of the first and the last case whose figures are not taken over whole periods."""
     numbers = [entry.number for entry in wanted if entry.number is not None]
     if not numbers:

@@ -72,13 +72,16 @@ def _definition(sweep: Sweep, folder: Path) -> dict[str, Any]:
 def csv(sweep: Sweep) -> str:
     """Return the table as CSV: number of the case, what was varied, results, measures of accuracy, why it failed.
 
-    Those of cases that failed are empty.
+    Those of cases that failed, or do not come to a result, are empty.
     """
     return columns.csv("case", list(sweep.table.values()), sweep.errors)
 
 
 def summary(sweep: Sweep) -> dict[str, Any]:
-    """Return the number of cases, the statistics of every result, the worst measures of accuracy, and the failures."""
+    """Return the number of cases, the statistics of every result over those that have it, and what others have not.
+
+    With the worst measures of accuracy, and the failures.
+    """
     return {
         "scenario": sweep.name,
         "title": sweep.title,
@@ -86,6 +89,7 @@ def summary(sweep: Sweep) -> dict[str, Any]:
         "failed": len(sweep.errors),
         "results": {series.name: columns.statistics(series) for series in sweep.results()},
         "accuracy": {series.name: worst(series) for series in sweep.columns if series.name in WORST},
+        "missing": sweep.missing,
         "failures": columns.failures(sweep.errors),
         "notes": [*(f"{series.name}: {series.doubt}" for series in sweep.columns if series.doubt), *sweep.notes],
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import IO, TYPE_CHECKING
 
@@ -77,9 +77,17 @@ def remarks(sweep: Sweep) -> list[str]:
         lines.append(f"regularity: {words} in the worst case; 0 at a singular position")
     lines += [f"note: {note}" for note in found["notes"]]
     lines.append(f"cases: {found['cases']}" + (f", {found['failed']} failed" if found["failed"] else ""))
+    for name, cases in found["missing"].items():
+        left = found["results"][name]["cases"]
+        said = f"is not finite in some cases ({_counted(len(cases), cases)}); its statistics are over {left}"
+        lines.append(f"missing: {name} {said}")
     for failure in found["failures"][:SHOWN]:
-        first = ", ".join(map(str, failure["first"][:3])) + (", ..." if failure["cases"] > 3 else "")
-        lines.append(f"failed: {failure['reason']} ({failure['cases']}: {first})")
+        lines.append(f"failed: {failure['reason']} ({_counted(failure['cases'], failure['first'])})")
     if len(found["failures"]) > SHOWN:
         lines.append(f"failed: {len(found['failures']) - SHOWN} more reasons")
     return lines
+
+
+def _counted(count: int, cases: Sequence[int]) -> str:
+    """Return how many cases there are, and the first three of them."""
+    return f"{count}: {', '.join(map(str, cases[:3]))}{', ...' if count > 3 else ''}"

@@ -4,6 +4,7 @@ from math import pi
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import pinarm
@@ -126,6 +127,17 @@ def test_an_axial_load_that_is_left_out_is_told(shaft) -> None:
 def test_without_turns_or_load_there_is_no_life(shaft, values, said) -> None:
     with pytest.raises(InputError, match=said):
         shaft(values)
+
+
+def test_a_load_of_rounding_is_none(shaft, tmp_path) -> None:
+    """The axial load of a tilted shaft that a force pulls across its axis, of which numbers leave 1e-14 N."""
+    tilted = '<child link="shaft"/><origin rpy="0.3 0.7 0.2"/>'
+    (tmp_path / "shaft.urdf").write_text(SHAFT.replace('<child link="shaft"/>', tilted))
+    across = pin.rpy.rpyToMatrix(0.3, 0.7, 0.2) @ [100.0, 0.0, 0.0]
+    values = {"problem.loads.radial.force": [f"{x!r} N" for x in across.tolist()]}
+    assert shaft(values)[0]["spin.load.peak"] == pytest.approx(100.0, rel=ROUNDING)
+    with pytest.raises(InputError, match="carries no load"):
+        shaft({**values, "loads.joints.spin.bearing": {"C": "5590 N", "X": 0.0, "Y": 1.0}})
 
 
 def test_factors_that_leave_no_load_are_refused() -> None:

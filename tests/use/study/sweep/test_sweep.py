@@ -22,6 +22,7 @@ from pinarm.errors import Interrupted
 from pinarm.use.cases.case import Row
 from pinarm.use.study.sweep import case_solver as solving
 from pinarm.use.study.sweep.journal import Journal
+from pinarm.use.study.sweep.sweep_text import report
 from pinarm.use.workers.distribute import Dispatch
 
 MASSES = {"arguments.m": "1:3:5 kg", "arguments.l": "0.5, 1"}
@@ -119,6 +120,50 @@ def test_another_question_is_solved_even_where_the_cases_are_the_same(path: Path
     np.testing.assert_allclose(ends(["alpha @ end"]), pi / 2)
     np.testing.assert_allclose(ends(["M @ end"], "gravity={direction: -z, magnitude: 5 m/s^2}"), first / 2, rtol=1e-14)
     assert len(set(entries(tmp_path / "out"))) == 30
+
+
+CONTROL = """
+pinarm: 1
+title: A wheel turned by 1 rad
+mechanism: wheel.urdf
+problem:
+  kind: forward
+  time: {end: 1 s, samples: 5}
+  control: [{kind: pid, drive: turn, follows: {law: constant, value: 1 rad}, kp: 50 N*m/rad, kd: 6 N*m*s/rad}]
+outputs: [turn]
+response: {of: turn, final: 1 rad, band: 0.2}
+"""
+WHEEL = (
+    '<robot name="wheel"><link name="base"/><link name="wheel"><inertial><mass value="1"/>'
+    '<inertia ixx="1" iyy="1" izz="2" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    '<joint name="turn" type="continuous"><parent link="base"/><child link="wheel"/><axis xyz="0 0 1"/></joint></robot>'
+)
+
+
+def test_what_a_case_does_not_come_to_costs_it_no_other_number(tmp_path: Path) -> None:
+    """With 100 N m s/rad the wheel creeps, with 50 N m/rad over them 1/2 s: it does not settle to 20 % in a second."""
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "wheel.urdf").write_text(WHEEL)
+    (tmp_path / "s.yaml").write_text(CONTROL)
+    damping = {"problem.control.0.kd": "6, 100, -1e9, 20 N*m*s/rad"}
+    results = ["response.settling_time", "turn @ max"]
+    sweep = pinarm.sweep(tmp_path / "s.yaml", damping, results=results, workers=1, folder=tmp_path / "out")
+    assert list(sweep.errors) == [2]
+    assert np.isnan(sweep["response.settling_time"].values).tolist() == [False, True, True, False]
+    assert np.isnan(sweep["turn @ max"].values).tolist() == [False, False, True, False]
+    assert sweep["turn @ max"].values[1] == pytest.approx(1.0 - np.exp(-0.5), abs=0.01)  # creeps: the inertia is small
+    assert sweep.missing == {"response.settling_time": [1]}
+    sweep.save(tmp_path / "out")
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert [summary["results"][name]["cases"] for name in results] == [2, 3]
+    assert (summary["failed"], summary["missing"]) == (1, {"response.settling_time": [1]})
+    said = "missing: response.settling_time is not finite in some cases (1: 1); its statistics are over 2"
+    assert said in report(sweep).splitlines()
+    before = files(tmp_path / "out")
+    again = pinarm.sweep(tmp_path / "s.yaml", damping, results=results, workers=1, folder=tmp_path / "out")
+    again.save(tmp_path / "out")
+    assert files(tmp_path / "out") == before
+    assert len(entries(tmp_path / "out")) == 4
 
 
 def test_a_fault_of_the_program_is_not_kept(
