@@ -82,7 +82,8 @@ def joint_chain(
         child = body if k == len(joints) - 1 else f"{body}/{name}"
         kind = "free" if part.tag == "freejoint" else one_of(part.given, "type", tuple(KINDS), f"joint '{name}'")
         joint = _joint(settings, part, name, KINDS[kind], notes)
-        yield replace(joint, parent=parent, child=child, placement=place * joint.placement)
+        made_for = name if child != body else ""
+        yield replace(joint, parent=parent, child=child, placement=place * joint.placement, made_for=made_for)
         parent, place = child, pin.SE3.Identity()
 
 

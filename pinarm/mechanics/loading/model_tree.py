@@ -68,6 +68,7 @@ class TreeJoint(ValueRecord, frozen=True):
         drawn: Coordinate of the reference pose of the model [rad or m].
         tuned_stiffness: Further stiffness, per inertia that the joint has at the reference pose [1/s^2].
         tuned_damping: Further damping, likewise [1/s].
+        made_for: What of the file needs it, where the file itself has no joint or link of its name.
     """
 
     name: str
@@ -86,6 +87,7 @@ class TreeJoint(ValueRecord, frozen=True):
     drawn: float = 0.0
     tuned_stiffness: float = 0.0
     tuned_damping: float = 0.0
+    made_for: str = ""
 
 
 class Mimic(ValueRecord, frozen=True):
@@ -133,6 +135,26 @@ class Tree(ValueRecord, frozen=True):
     def root(self) -> str:
         """The root link."""
         return next(iter(self.links))
+
+
+def check_unique(root: str, joints: Iterable[TreeJoint]) -> None:
+    """Refuse names that two parts of a tree have: those of links, frames and joints, of the file or made for it.
+
+    Raises:
+        ModelError: Two links or frames have the same name, or two joints.
+    """
+    links, names = {root: f"the root, '{root}'"}, dict[str, str]()
+    for joint in joints:
+        part = f"a part of '{joint.made_for}'" if joint.made_for else ""
+        _claim(links, joint.child, part or f"what joint '{joint.name}' carries", "parts of the model")
+        _claim(names, joint.name, part or "a joint of the model", "joints")
+
+
+def _claim(taken: dict[str, str], name: str, what: str, kind: str) -> None:
+    if name in taken:
+        raise ModelError(f"two {kind} have the name '{name}': {taken[name]}, and {what}",
+                         expected="a name of its own for each", hint="rename one of them")  # fmt: skip
+    taken[name] = what
 
 
 def inertia(mass: float, centre: Array, moments: Array) -> pin.Inertia:

@@ -8,7 +8,6 @@ axes (``J.x``, ``J.y``), then turns (``J.angle``), so that its turns are counted
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Literal
 from xml.etree import ElementTree
@@ -22,7 +21,7 @@ from pinarm.errors import ModelError, listed
 from pinarm.input.yaml.schema import FARTHEST, HEAVIEST, LARGEST
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.forces.joint_definitions import CREEP
-from pinarm.mechanics.loading.model_tree import LIGHTEST, Bounds, Mimic, Tree, TreeJoint, from_z
+from pinarm.mechanics.loading.model_tree import LIGHTEST, Bounds, Mimic, Tree, TreeJoint, check_unique, from_z
 from pinarm.mechanics.loading.urdf.reader import urdf_tree
 from pinarm.records import ValueRecord, replace
 
@@ -232,14 +231,12 @@ def _assembled(tree: Tree) -> pin.Model:
     """Return Pinocchio's model of a tree.
 
     Raises:
-        ModelError: It has no degree of freedom, or too many, or two joints have the same name.
+        ModelError: It has no degree of freedom, or too many, or two of its parts have the same name.
     """
     model = pin.Model()
     model.name = tree.name
     simple = [part for joint in tree.joints for part in _parts(joint)]
-    twice = [name for name, times in Counter(part.name for part in simple if part.kind != "fixed").items() if times > 1]
-    if twice:
-        raise ModelError(f"two joints have the name '{twice[0]}'", expected="a name of its own for each")
+    check_unique(tree.root, simple)
     count = sum(3 if joint.kind == "ball" else 1 for joint in simple if joint.kind != "fixed")
     if not count:
         raise ModelError("the model has no joint that moves", expected="at least one joint that is not fixed",
@@ -296,13 +293,13 @@ def _parts(joint: TreeJoint) -> Iterator[TreeJoint]:
         return
     turn = joint.placement.rotation @ from_z(joint.axis) if joint.kind == "planar" else np.eye(3)
     place, parent = pin.SE3(turn, joint.placement.translation), joint.parent
-    step = replace(joint, kind="prismatic", bounds=Bounds(), rest=0.0, offset=pin.SE3.Identity())
+    step = replace(joint, kind="prismatic", bounds=Bounds(), rest=0.0, offset=pin.SE3.Identity(), made_for=joint.name)
     for axis, letter in zip(np.eye(3), "xyz" if joint.kind == "floating" else "xy", strict=False):
         name = f"{joint.name}.{letter}"
         yield replace(step, name=name, parent=parent, child=f"{joint.name}/{letter}", placement=place, axis=axis)
         place, parent = pin.SE3.Identity(), f"{joint.name}/{letter}"
     drawn = pin.SE3(turn.T @ joint.placement.rotation, np.zeros(3))
-    last = replace(step, parent=parent, child=joint.child)
+    last = replace(step, parent=parent, child=joint.child, made_for=joint.made_for)
     if joint.kind == "floating":
         yield replace(last, kind="ball", placement=drawn, offset=joint.offset)
     else:

@@ -102,10 +102,10 @@ class SdfJoint:
         ends = [parent, *(f"{self.name}/{number}" for number in range(1, len(steps))), child]
         places = [placed[parent].actInv(self.place), *[pin.SE3.Identity()] * (len(steps) - 1)]
         hung = [
-            replace(step, parent=ends[k], child=ends[k + 1], placement=place)
+            replace(step, parent=ends[k], child=ends[k + 1], placement=place, made_for=self.name)
             for k, (step, place) in enumerate(zip(steps, places, strict=True))
         ]
-        return [*hung[:-1], replace(hung[-1], offset=self.place.actInv(placed[child]))]
+        return [*hung[:-1], replace(hung[-1], offset=self.place.actInv(placed[child]), made_for="")]
 
     def closing(self, placed: Mapping[str, pin.SE3]) -> tuple[list[TreeJoint], Loop]:
         """Return what it is where it closes a loop: a frame ``NAME_1`` on the parent, ``NAME_2`` on the child, and it.
@@ -118,7 +118,7 @@ class SdfJoint:
         """
         between = f"{self.name}_1", f"{self.name}_2"
         frames = [
-            TreeJoint(f"{frame}_fixed", "fixed", link, frame, placed[link].actInv(self.place), Z)
+            TreeJoint(f"{frame}_fixed", "fixed", link, frame, placed[link].actInv(self.place), Z, made_for=self.name)
             for frame, link in zip(between, (self.parent, self.child), strict=True)
         ]
         return frames, self._loop(between)

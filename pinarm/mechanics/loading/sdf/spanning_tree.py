@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.errors import listed
-from pinarm.mechanics.loading.model_tree import Kind, TreeJoint
+from pinarm.mechanics.loading.model_tree import Kind, TreeJoint, check_unique
 from pinarm.mechanics.loading.sdf.joints import WORLD, SdfJoint
 
 if TYPE_CHECKING:
@@ -76,7 +76,8 @@ def grown_tree(
         fixed: Whether the model does not move.
 
     Raises:
-        ModelError: A universal joint whose axes are not at right angles closes a loop.
+        ModelError: A universal joint whose axes are not at right angles closes a loop, or two parts of the tree have
+            the same name.
     """
     tree, waiting = SpanningTree(), [*joints]
     placed = {WORLD: stand.inverse(), **places}
@@ -96,6 +97,7 @@ def grown_tree(
     for joint in waiting:
         tree.close(joint, placed)
     tree.notes += _notes(tree, joints)
+    check_unique(WORLD, tree.joints)
     tree.joints = _depth_first(tree.joints)
     return tree
 

@@ -213,7 +213,7 @@ class TestBase:
 
 def test_names_that_parts_of_a_joint_take_are_refused(chain):
     xml = chain({**ARM, "name": "free", "kind": "floating"}, {**ARM, "name": "free.x"})
-    assert refusal(xml).message == "two joints have the name 'free.x'"
+    assert refusal(xml).message == "two joints have the name 'free.x': a part of 'free', and a joint of the model"
 
 
 def test_more_freedom_than_memory_holds_is_refused(chain, monkeypatch):
