@@ -19,7 +19,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import ModelError, choices
 from pinarm.mechanics.loading.model_tree import Bounds, Kind, Mimic, TreeJoint
-from pinarm.mechanics.loading.sdf.poses import MODEL, TRUE, Frames, number_in, numbers_of, text_of
+from pinarm.mechanics.loading.sdf.poses import MODEL, Frames, is_true, number_in, numbers_of, text_of
 from pinarm.records import replace
 
 if TYPE_CHECKING:
@@ -203,7 +203,8 @@ def axis_in(axis: Element | None, place: pin.SE3, frames: Frames, version: tuple
     if not length:
         raise ModelError(f"{where}: its axis is 0", expected="a direction")
     named = given.get("expressed_in", "") if given is not None else ""
-    if version < (1, 5) or (axis is not None and text_of(axis, "use_parent_model_frame") in TRUE):
+    key = "use_parent_model_frame"
+    if version < (1, 5) or (axis is not None and is_true(axis.findtext(key), f"{where}: {key}")):
         named = named or MODEL
     turn = place.rotation.T @ frames.placement(named, f"{where}: axis").rotation if named else np.eye(3)
     return np.asarray(turn @ xyz / length)

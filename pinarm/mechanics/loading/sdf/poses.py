@@ -22,7 +22,8 @@ from pinarm.input.numbers import decimal
 MODEL = "__model__"
 """Name of the frame of the model."""
 
-TRUE = ("1", "true")
+TRUTH = {"true": True, "1": True, "false": False, "0": False}
+"""Words of SDF for yes and no, in capitals or not."""
 
 FoundT = TypeVar("FoundT")
 
@@ -114,9 +115,23 @@ def pose_of(element: Element, base: str, where: str) -> tuple[str, pin.SE3]:
         x, y, z, w = given[3:] / length
         turn = pin.Quaternion(w, x, y, z).matrix()
     else:
-        angles = np.deg2rad(given[3:]) if pose.get("degrees", "") in TRUE else given[3:]
+        angles = np.deg2rad(given[3:]) if is_true(pose.get("degrees"), f"{where}: degrees of its pose") else given[3:]
         turn = pin.rpy.rpyToMatrix(angles)
     return pose.get("relative_to") or base, pin.SE3(turn, given[:3])
+
+
+def is_true(text: str | None, where: str, *, default: bool = False) -> bool:
+    """Return whether a text says yes; the default where there is none.
+
+    Raises:
+        ModelError: It says neither yes nor no.
+    """
+    word = (text or "").strip()
+    if not word:
+        return default
+    if word.lower() not in TRUTH:
+        raise ModelError(f"{where}: '{word}'", expected=f"one of {', '.join(TRUTH)}")
+    return TRUTH[word.lower()]
 
 
 def numbers_of(text: str, count: int, where: str) -> Array:

@@ -12,13 +12,13 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
-from pinarm.errors import ModelError
+from pinarm.errors import ModelError, listed
 from pinarm.input.xml_names import check_names, counted
 from pinarm.input.xml_text import MAX_LINKS, bound
 from pinarm.mechanics.loading.model_tree import Tree, checked_mimics, inertia, inertia_defect
 from pinarm.mechanics.loading.sdf.joints import GEARBOX, WORLD, SdfJoint, joint_in
 from pinarm.mechanics.loading.sdf.names import SDF
-from pinarm.mechanics.loading.sdf.poses import TRUE, Frames, number_in, numbers_of, pose_of, text_of
+from pinarm.mechanics.loading.sdf.poses import Frames, is_true, number_in, numbers_of, pose_of
 from pinarm.mechanics.loading.sdf.spanning_tree import grown_tree
 
 if TYPE_CHECKING:
@@ -44,7 +44,9 @@ def sdf_tree(root: Element) -> Tree:
     stand = pose_of(model, WORLD, "the model")[1] * _reference(model, frames)
     elements = model.findall("joint")
     joints = [joint_in(element, frames, version) for element in elements if element.get("type") != GEARBOX]
-    grown = grown_tree(joints, places, stand, fixed=text_of(model, "static") in TRUE)
+    static = is_true(model.findtext("static"), "static")
+    _require_still(static, elements)
+    grown = grown_tree(joints, places, stand, fixed=static)
     couplings = {**grown.couplings, **_gears(elements, frames, version, grown.hung)}
     kinds = {joint.name: joint.kind for joint in grown.joints}
     kept, orphans = checked_mimics([mimic for joint in grown.hung for mimic in joint.mimics], kinds)
@@ -107,6 +109,19 @@ def _only_model(root: Element) -> Element:
     return models[0]
 
 
+def _require_still(static: bool, joints: Sequence[Element]) -> None:
+    """Raise where a model that is said not to move has joints that do.
+
+    Raises:
+        ModelError: It has.
+    """
+    moving = [str(joint.get("name")) for joint in joints if joint.get("type") != "fixed"]
+    if static and moving:
+        verb = "move" if len(moving) > 1 else "moves"
+        raise ModelError(f"the model is static, and its {listed('joint', moving)} {verb}", expected="fixed joints alone",
+                         hint="without <static>, and a fixed joint from the world to its base")  # fmt: skip
+
+
 def _reference(model: Element, frames: Frames) -> pin.SE3:
     """Return the model's frame in what its pose places: the model itself, or its ``placement_frame``."""
     placed = model.get("placement_frame")
@@ -120,11 +135,11 @@ def _inertia(link: Element, defects: list[str], notes: list[str]) -> pin.Inertia
         ModelError: The mass is negative, or to be computed from collision shapes.
     """
     where, inertial = f"link '{link.get('name')}'", link.find("inertial")
-    if text_of(link, "gravity") in ("0", "false"):
+    if not is_true(link.findtext("gravity"), f"{where}: gravity", default=True):
         notes.append(f"{where}: gravity acts on it, though the model switches it off")
     if inertial is None:
         notes.append(f"{where}: it has no <inertial>, and by the format 1 kg and moments of 1 kg*m^2")
-    elif inertial.get("auto", "") in TRUE:
+    elif is_true(inertial.get("auto"), f"{where}: auto"):
         raise ModelError(f"{where}: its inertia is to be computed from its collision shapes",
                          expected="<mass> and <inertia>")  # fmt: skip
     mass = number_in(inertial, "mass", 1.0, where)

@@ -227,14 +227,33 @@ def test_a_model_without_a_joint_to_the_world_floats_at_its_pose():
     assert data.oMf[held.getFrameId("a")].translation.tolist() == [0.0, 2.0, 1.0]
 
 
-def test_a_static_model_and_the_gravity_of_its_world():
-    world = sdf(link("a"), link("b"), joint("j", "a", "b"), model="<static>1</static>")
-    world = world.replace("<model", "<world name='w'><gravity>0 0 -3</gravity><model").replace(
-        "</sdf>", "</world></sdf>"
-    )
-    robot = build_model(world)
-    assert robot.model.nv == 1
-    assert robot.gravity.tolist() == [0.0, 0.0, -3.0]
+ARM = (link("a"), joint("j", "world", "a"))
+
+
+def test_the_gravity_of_a_world():
+    world = sdf(*ARM).replace("<model", "<world name='w'><gravity>0 0 -3</gravity><model")
+    assert build_model(world.replace("</sdf>", "</world></sdf>")).gravity.tolist() == [0.0, 0.0, -3.0]
+
+
+STILL = sdf(link("a"), link("b"), joint("j", "a", "b", "fixed"), model="<static>yes</static>")
+
+
+@pytest.mark.parametrize("word", ["1", "true", "True", " TRUE "])
+def test_a_static_model_does_not_move(word):
+    for broken in (STILL, STILL.replace("fixed", "revolute")):
+        with pytest.raises(ModelError, match="joint j moves" if "revolute" in broken else "no joint that moves"):
+            build_model(broken.replace("yes", word))
+    assert build_model(STILL.replace("yes", "False")).model.nv == 6
+
+
+@pytest.mark.parametrize("word", ["true", "True", "TRUE", "1"])
+def test_yes_is_said_in_capitals_or_not(word):
+    turned = sdf(link("a", "0 0 0 0 0 90", attributes=f'degrees="{word}"'), joint("j", "world", "a"))
+    assert_same(turned, sdf(link("a", f"0 0 0 0 0 {math.pi / 2!r}"), joint("j", "world", "a")), "a")
+    for broken in (turned.replace(f'"{word}"', '"yes"'), STILL):
+        with pytest.raises(ModelError, match="'yes'") as caught:
+            build_model(broken)
+        assert caught.value.expected == "one of true, 1, false, 0"
 
 
 def test_links_without_inertia_have_that_of_the_format():
@@ -242,9 +261,6 @@ def test_links_without_inertia_have_that_of_the_format():
     assert robot.model.inertias[1].mass == 1.0
     assert np.diag(robot.model.inertias[1].inertia).tolist() == [1.0, 1.0, 1.0]
     assert any("no <inertial>" in note for note in robot.notes)
-
-
-ARM = (link("a"), joint("j", "world", "a"))
 
 
 @pytest.mark.parametrize(
