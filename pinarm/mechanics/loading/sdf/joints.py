@@ -19,14 +19,11 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import ModelError, choices
 from pinarm.mechanics.loading.model_tree import Bounds, Kind, Mimic, TreeJoint
-from pinarm.mechanics.loading.sdf.poses import MODEL, Frames, is_true, number_in, numbers_of, text_of
+from pinarm.mechanics.loading.sdf.poses import MODEL, WORLD, Frames, is_true, number_in, numbers_of, text_of
 from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.loops.kinds import Loop
-
-WORLD = "world"
-"""Name of what a model stands on."""
 
 GEARBOX = "gearbox"
 """Type of the joints that move no link, and couple others."""

@@ -52,11 +52,12 @@ JOINT: ElementNames = names(
     },
 )  # fmt: skip
 """The names that a ``<joint>`` may contain."""
+_FRAME = names("name attached_to", {"pose": _POSE})
 _MODEL = names(
     "name canonical_link placement_frame",
     {
         "pose": _POSE, "static": _TEXT, "link": _LINK, "joint": JOINT,
-        "frame": names("name attached_to", {"pose": _POSE}), "model": Content.UNREAD, "include": Content.UNREAD,
+        "frame": _FRAME, "model": Content.UNREAD, "include": Content.UNREAD,
         **_each("self_collide allow_auto_disable", Content.IDLE),
         **_each("enable_wind plugin gripper", Content.UNREAD),
     },
@@ -67,7 +68,7 @@ _WORLD = names(
         "model": _MODEL, "gravity": _TEXT,
         **_each("audio atmosphere gui physics scene light spherical_coordinates", Content.IDLE),
         **_each("state magnetic_field population road wind", Content.IDLE),
-        **_each("include actor plugin joint frame", Content.UNREAD),
+        "frame": _FRAME, **_each("include actor plugin joint", Content.UNREAD),
     },
 )  # fmt: skip
 SDF: ElementNames = names("version", {"model": _MODEL, "world": _WORLD, **_each("light actor", Content.IDLE)})

@@ -16,9 +16,9 @@ from pinarm.errors import ModelError, listed
 from pinarm.input.xml_names import check_names, counted
 from pinarm.input.xml_text import MAX_LINKS, bound
 from pinarm.mechanics.loading.model_tree import Tree, checked_mimics, inertia, inertia_defect
-from pinarm.mechanics.loading.sdf.joints import GEARBOX, WORLD, SdfJoint, joint_in
+from pinarm.mechanics.loading.sdf.joints import GEARBOX, SdfJoint, joint_in
 from pinarm.mechanics.loading.sdf.names import SDF
-from pinarm.mechanics.loading.sdf.poses import Frames, is_true, number_in, numbers_of, pose_of
+from pinarm.mechanics.loading.sdf.poses import WORLD, Frames, is_true, number_in, numbers_of, pose_of
 from pinarm.mechanics.loading.sdf.spanning_tree import grown_tree
 
 if TYPE_CHECKING:
@@ -41,7 +41,8 @@ def sdf_tree(root: Element) -> Tree:
         raise ModelError("the model has no link")
     bound("links", len(bodies), MAX_LINKS)
     places = {name: frames.placement(name, f"link '{name}'") for name in bodies}
-    stand = pose_of(model, WORLD, "the model")[1] * _reference(model, frames)
+    around = Frames.around(model, root.find("world"))
+    stand = around.placement(model.get("name", ""), "the model") * _reference(model, frames)
     elements = model.findall("joint")
     joints = [joint_in(element, frames, version) for element in elements if element.get("type") != GEARBOX]
     static = is_true(model.findtext("static"), "static")
@@ -118,7 +119,8 @@ def _require_still(static: bool, joints: Sequence[Element]) -> None:
     moving = [str(joint.get("name")) for joint in joints if joint.get("type") != "fixed"]
     if static and moving:
         verb = "move" if len(moving) > 1 else "moves"
-        raise ModelError(f"the model is static, and its {listed('joint', moving)} {verb}", expected="fixed joints alone",
+        raise ModelError(f"the model is static, and its {listed('joint', moving)} {verb}",
+                         expected="fixed joints alone",
                          hint="without <static>, and a fixed joint from the world to its base")  # fmt: skip
 
 

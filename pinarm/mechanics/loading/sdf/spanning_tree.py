@@ -16,7 +16,8 @@ import pinocchio as pin
 
 from pinarm.errors import listed
 from pinarm.mechanics.loading.model_tree import Kind, TreeJoint, check_unique
-from pinarm.mechanics.loading.sdf.joints import WORLD, SdfJoint
+from pinarm.mechanics.loading.sdf.joints import SdfJoint
+from pinarm.mechanics.loading.sdf.poses import WORLD
 
 if TYPE_CHECKING:
     from pinarm.mechanics.couplings.kinds import CouplingDefinition

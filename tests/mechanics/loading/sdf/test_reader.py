@@ -1,6 +1,7 @@
 """SDF models: each feature against the same model in URDF, written by hand; and what is refused."""
 
 import math
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -10,6 +11,7 @@ import pinarm
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import ModelError
 from pinarm.mechanics.loading.pinocchio_model import build_model
+from pinarm.mechanics.loading.sdf.poses import Frames
 
 BODY = (
     "<inertial><pose>{com}</pose><mass>{mass}</mass><inertia><ixx>0.02</ixx><iyy>0.03</iyy><izz>0.04</izz>"
@@ -284,6 +286,7 @@ def test_links_without_inertia_have_that_of_the_format():
          "limits are 2 to 1"),
         (sdf(link("a", attributes='relative_to="b"'), link("b", attributes='relative_to="a"'), joint("j", "a", "b")),
          "placed in each other"),
+        (sdf(link("a", attributes='relative_to="a"'), joint("j", "world", "a")), "placed in each other: a -> a"),
         (sdf(link("a", attributes='frame="b"'), joint("j", "world", "a")), "which no version defines"),
         (sdf(*ARM, '<frame name="f"/>', link("b"), joint("k", "f", "b")), "attached to no link"),
         (sdf(*ARM).replace("<inertial>", "<inertial auto='true'>"), "computed from its collision shapes"),
@@ -308,3 +311,53 @@ def test_a_result_of_an_sdf_is_saved_and_read_again(tmp_path):
                       "outputs": ["B"]})  # fmt: skip
     again = pinarm.run(run.save(tmp_path / "out") / "scenario.yaml")
     assert again["B"].values.tolist() == run["B"].values.tolist()
+
+
+def in_world(model, *parts):
+    return (
+        sdf(*ARM, model=model)
+        .replace("<model", f"<world name='w'>{''.join(parts)}<model")
+        .replace("</sdf>", "</world></sdf>")
+    )
+
+
+def test_a_model_is_placed_in_a_frame_of_its_world():
+    pose = '<pose relative_to="f">1 0 0 0 0 0</pose>'
+    frames = '<frame name="f"><pose relative_to="g">10 0 0 0 0 0</pose></frame>', (
+        f'<frame name="g"><pose>0 0 2 0 0 {math.pi / 2!r}</pose></frame>')  # fmt: skip
+    assert_same(in_world(pose, *frames), in_world(f"<pose>0 11 2 0 0 {math.pi / 2!r}</pose>"), "a")
+    for text in (in_world(pose.replace('"f"', '"h"'), *frames), sdf(*ARM, model=pose.replace('"f"', '"h"'))):
+        with pytest.raises(ModelError, match="the model: there is no frame 'h'"):
+            build_model(text)
+    with pytest.raises(ModelError, match="placed in each other: m -> f -> m"):
+        build_model(in_world(pose, '<frame name="f" attached_to="m"/>'))
+
+
+@pytest.mark.parametrize("name", ["world", "__a__"])
+def test_names_that_the_format_keeps_for_itself_are_refused(name):
+    with pytest.raises(ModelError, match=f"link '{name}': this name is reserved"):
+        build_model(sdf(link(name), joint("j", "world", name)))
+
+
+def test_chains_take_time_in_proportion_to_their_length():
+    """Every link is placed in the one before it, as are the frames, and every joint follows the one before it."""
+    count = 600
+    parts = [link("l0"), joint("j0", "world", "l0")]
+    for k in range(1, count):
+        follow = f'<mimic joint="j{k - 1}"><multiplier>1</multiplier></mimic>'
+        parts += [link(f"l{k}", "0.1 0 0 0 0 0", attributes=f'relative_to="l{k - 1}"'),
+                  joint(f"j{k}", f"l{k - 1}", f"l{k}", inside=follow)]  # fmt: skip
+    steps = []
+
+    class Counted(dict):
+        def __getitem__(self, name):
+            steps.append(name)
+            return super().__getitem__(name)
+
+    frames = Frames.of(ElementTree.fromstring(sdf(*parts)).find("model"))
+    counted = Frames(Counted(frames.placed), frames.attached)
+    assert counted.placement(f"l{count - 1}", "here").translation == pytest.approx([0.1 * (count - 1), 0.0, 0.0])
+    for k in range(count):
+        counted.placement(f"l{k}", "here")
+    assert len(steps) == count
+    assert len(build_model(sdf(*parts)).mimics) == count - 1
