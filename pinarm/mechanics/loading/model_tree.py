@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Set
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -214,7 +214,7 @@ def checked_mimics(mimics: Iterable[Mimic], joints: Mapping[str, Kind]) -> tuple
             has two couplings.
     """
     leaders = {mimic.joint: mimic.of for mimic in mimics}
-    kept, orphans = [], []
+    kept, orphans, ending = [], [], set[str]()
     if twice := [joint for joint, count in Counter(mimic.joint for mimic in mimics).items() if count > 1]:
         raise ModelError(f"joint '{twice[0]}' follows other joints twice", expected="one coupling for each joint")
     for mimic in mimics:
@@ -226,13 +226,24 @@ def checked_mimics(mimics: Iterable[Mimic], joints: Mapping[str, Kind]) -> tuple
         if joints[mimic.of] not in ("revolute", "prismatic"):
             raise ModelError(f"joint '{mimic.joint}' mimics '{mimic.of}', which is {joints[mimic.of]}",
                              expected="a leader with one coordinate")  # fmt: skip
-        chain = [mimic.joint]
-        while chain[-1] in leaders and leaders[chain[-1]] not in chain:
-            chain.append(leaders[chain[-1]])
-        if chain[-1] in leaders:
-            raise ModelError(f"joint '{mimic.joint}' mimics itself: {' -> '.join([*chain, leaders[chain[-1]]])}")
+        ending |= _followed(mimic.joint, leaders, ending)
         kept.append(mimic)
     return tuple(kept), tuple(orphans)
+
+
+def _followed(joint: str, leaders: Mapping[str, str], ending: Set[str]) -> Set[str]:
+    """Return a joint with those that it follows, up to one of those that are known not to follow a circle.
+
+    Raises:
+        ModelError: It follows itself, or joints that do.
+    """
+    chain, last = {joint: None}, joint
+    while last in leaders and last not in ending:
+        last = leaders[last]
+        if last in chain:
+            raise ModelError(f"joint '{joint}' mimics itself: {' -> '.join([*chain, last])}")
+        chain[last] = None
+    return chain.keys()
 
 
 def from_z(axis: Array) -> Array:

@@ -54,7 +54,7 @@ def sdf_tree(root: Element) -> Tree:
     if unread:
         notes.append(f"not read: {counted(unread)}")
     ends = {joint.child: pin.Inertia.Zero() for joint in grown.joints if joint.child not in bodies}
-    links = {WORLD: pin.Inertia.Zero(), **{name: bodies[name] for name in grown.links[1:]}, **ends}
+    links = {WORLD: pin.Inertia.Zero(), **{name: bodies[name] for name in [*grown.links][1:]}, **ends}
     gravity = numbers_of(text, 3, "gravity") if (text := root.findtext("world/gravity")) else None
     return Tree(
         model.get("name", ""), links, tuple(grown.joints), kept, gravity, (*defects, *orphans),
