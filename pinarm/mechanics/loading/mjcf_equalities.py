@@ -23,7 +23,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, unit
 from pinarm.errors import ModelError, choices
 from pinarm.mechanics.loading.mjcf_settings import Attributes, Settings, numbers
 from pinarm.mechanics.loading.model_tree import Mimic, TreeJoint, from_z
@@ -239,7 +239,7 @@ def _relative(given: Attributes, where: str, otherwise: pin.SE3) -> pin.SE3:
     pose: Array = np.array(numbers(given, "relpose", where, 7, (0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
     if not pose[3:].any():
         return otherwise
-    w, x, y, z = pose[3:] / np.linalg.norm(pose[3:])
+    w, x, y, z = unit(pose[3:])
     return pin.SE3(pin.Quaternion(w, x, y, z).matrix(), pose[:3])
 
 

@@ -16,7 +16,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, unit
 from pinarm.errors import ModelError, choices
 from pinarm.mechanics.loading.model_tree import Bounds, Kind, Mimic, TreeJoint
 from pinarm.mechanics.loading.sdf.poses import MODEL, WORLD, Frames, is_true, number_in, numbers_of, text_of
@@ -196,15 +196,14 @@ def axis_in(axis: Element | None, place: pin.SE3, frames: Frames, version: tuple
     """
     given = None if axis is None else axis.find("xyz")
     xyz = numbers_of((given.text or "") if given is not None else "0 0 1", 3, f"{where}: axis")
-    length = float(np.linalg.norm(xyz))
-    if not length:
+    if not xyz.any():
         raise ModelError(f"{where}: its axis is 0", expected="a direction")
     named = given.get("expressed_in", "") if given is not None else ""
     key = "use_parent_model_frame"
     if version < (1, 5) or (axis is not None and is_true(axis.findtext(key), f"{where}: {key}")):
         named = named or MODEL
     turn = place.rotation.T @ frames.placement(named, f"{where}: axis").rotation if named else np.eye(3)
-    return np.asarray(turn @ xyz / length)
+    return np.asarray(turn @ unit(xyz))
 
 
 def _moving(plain: TreeJoint, axis: Element | None, *, limits: bool, where: str) -> TreeJoint:

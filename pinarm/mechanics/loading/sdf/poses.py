@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, unit
 from pinarm.errors import ModelError, choices
 from pinarm.input.numbers import decimal
 
@@ -147,10 +147,9 @@ def pose_of(element: Element, base: str, where: str) -> tuple[str, pin.SE3]:
     quaternion = pose.get("rotation_format") == "quat_xyzw"
     given = numbers_of(pose.text or ("0 " * 6 + "1" * quaternion), 7 if quaternion else 6, f"{where}: pose")
     if quaternion:
-        length = float(np.linalg.norm(given[3:]))
-        if not length:
+        if not given[3:].any():
             raise ModelError(f"{where}: its pose has the quaternion 0")
-        x, y, z, w = given[3:] / length
+        x, y, z, w = unit(given[3:])
         turn = pin.Quaternion(w, x, y, z).matrix()
     else:
         angles = np.deg2rad(given[3:]) if is_true(pose.get("degrees"), f"{where}: degrees of its pose") else given[3:]
