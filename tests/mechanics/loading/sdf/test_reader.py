@@ -333,6 +333,19 @@ def test_a_model_is_placed_in_a_frame_of_its_world():
         build_model(in_world(pose, '<frame name="f" attached_to="m"/>'))
 
 
+@pytest.mark.parametrize(
+    ("inside", "owner"),
+    [("<mass>1.5</mass>", "<inertial> in <link> 'a'"), ("<pose >0 0 0 0 0 0</pose>", "link 'a'"),
+     ("<axis><xyz >0 0 1</xyz></axis>", "joint 'j'"), ("<xyz >0 0 1</xyz>", "<axis> in <joint> 'j'"),
+     ("<static>0</static>", "model 'm'"), ("<ixx>0.02</ixx>", "<inertia> in <inertial> in <link> 'a'")],
+)  # fmt: skip
+def test_what_stands_twice_is_refused(inside, owner):
+    text = sdf(*ARM, model="<static>0</static>")
+    assert inside in text
+    with pytest.raises(ModelError, match=f"{owner}: it has 2 <{inside[1:4]}"):
+        build_model(text.replace(inside, 2 * inside))
+
+
 @pytest.mark.parametrize("name", ["world", "__a__"])
 def test_names_that_the_format_keeps_for_itself_are_refused(name):
     with pytest.raises(ModelError, match=f"link '{name}': this name is reserved"):
