@@ -31,6 +31,9 @@ GEARBOX = "gearbox"
 LIMITLESS = 1e15
 """Limit from which on there is none: the format's own default is 1e16."""
 
+INFINITE = ("inf", "+inf", "-inf")
+"""What a file says of a limit where there is none."""
+
 SQUARE = 1e-6
 """Cosine of the angle between two axes up to which they are at right angles: digits that a file prints."""
 
@@ -75,6 +78,12 @@ class SdfJoint:
     lead: float = 0.0
     mimics: tuple[Mimic, ...] = ()
     notes: tuple[str, ...] = ()
+
+    @property
+    def first(self) -> str:
+        """Name of the simple joint that its ``<axis>`` is of."""
+        ends = [end for end, _, tag in KINDS[self.kind] if tag == "axis"]
+        return self.name + ends[0] if ends else self.name
 
     @property
     def active(self) -> bool:
@@ -216,7 +225,7 @@ def _moving(plain: TreeJoint, axis: Element | None, *, limits: bool, where: str)
         where: Begins the message of an error.
     """
     bounds = _bounds(axis, where) if limits else Bounds()
-    effort, speed = (number_in(axis, f"limit/{key}", -1.0, where) for key in ("effort", "velocity"))
+    effort, speed = (_limit(axis, key, -1.0, where) for key in ("effort", "velocity"))
     damping, friction, stiffness = (
         number_in(axis, f"dynamics/{key}", 0.0, where) for key in ("damping", "friction", "spring_stiffness")
     )
@@ -230,10 +239,16 @@ def _moving(plain: TreeJoint, axis: Element | None, *, limits: bool, where: str)
 
 
 def _bounds(axis: Element | None, where: str) -> Bounds:
-    lower, upper = (number_in(axis, f"limit/{key}", x, where) for key, x in (("lower", -1e16), ("upper", 1e16)))
-    if lower > upper:
+    lower, upper = (_limit(axis, key, x, where) for key, x in (("lower", -np.inf), ("upper", np.inf)))
+    if lower > upper or lower >= LIMITLESS or upper <= -LIMITLESS:
         raise ModelError(f"{where}: its limits are {lower:g} to {upper:g}", expected="the lower one first")
     return Bounds(lower if lower > -LIMITLESS else -np.inf, upper if upper < LIMITLESS else np.inf)
+
+
+def _limit(axis: Element | None, key: str, default: float, where: str) -> float:
+    """Return a number in ``<limit>``, which may be infinite; the default where there is none."""
+    text = "" if axis is None else (axis.findtext(f"limit/{key}") or "").strip()
+    return float(text) if text.lower() in INFINITE else number_in(axis, f"limit/{key}", default, where)
 
 
 def _lead(joint: Element, where: str) -> tuple[float, tuple[str, ...]]:

@@ -20,9 +20,13 @@ from pinarm.mechanics.loading.sdf.joints import GEARBOX, SdfJoint, joint_in
 from pinarm.mechanics.loading.sdf.names import SDF
 from pinarm.mechanics.loading.sdf.poses import WORLD, Frames, is_true, number_in, numbers_of, pose_of
 from pinarm.mechanics.loading.sdf.spanning_tree import grown_tree
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.couplings.kinds import CouplingDefinition
+
+
+MOMENTS = ("ixx", "iyy", "izz")
 
 
 def sdf_tree(root: Element) -> Tree:
@@ -33,6 +37,7 @@ def sdf_tree(root: Element) -> Tree:
     """
     unread = check_names(root, SDF)
     version, model = _version(root), _only_model(root)
+    _renew(root, version)
     frames = Frames.of(model)
     defects: list[str] = []
     notes: list[str] = []
@@ -50,7 +55,9 @@ def sdf_tree(root: Element) -> Tree:
     grown = grown_tree(joints, places, stand, fixed=static)
     couplings = {**grown.couplings, **_gears(elements, frames, version, grown.hung)}
     kinds = {joint.name: joint.kind for joint in grown.joints}
-    kept, orphans = checked_mimics([mimic for joint in grown.hung for mimic in joint.mimics], kinds)
+    leaders = {joint.name: joint.first for joint in grown.hung}
+    mimics = [replace(mimic, of=leaders.get(mimic.of, mimic.of)) for joint in grown.hung for mimic in joint.mimics]
+    kept, orphans = checked_mimics(mimics, kinds)
     if unread:
         notes.append(f"not read: {counted(unread)}")
     ends = {joint.child: pin.Inertia.Zero() for joint in grown.joints if joint.child not in bodies}
@@ -92,6 +99,13 @@ def _version(root: Element) -> tuple[int, int]:
         raise ModelError(f"the model is SDF of version {version[0]}.{version[1]}", expected="1.4 to 1.12",
                          hint="a newer version, as 'gz sdf -p' writes it")  # fmt: skip
     return version
+
+
+def _renew(root: Element, version: tuple[int, int]) -> None:
+    """Give poses of versions before 1.7 the attribute of later ones that says the same: ``relative_to``."""
+    for pose in root.iter("pose") if version < (1, 7) else ():
+        if "frame" in pose.attrib and "relative_to" not in pose.attrib:
+            pose.set("relative_to", pose.attrib.pop("frame"))
 
 
 def _only_model(root: Element) -> Element:
@@ -144,10 +158,13 @@ def _inertia(link: Element, defects: list[str], notes: list[str]) -> pin.Inertia
     elif is_true(inertial.get("auto"), f"{where}: auto"):
         raise ModelError(f"{where}: its inertia is to be computed from its collision shapes",
                          expected="<mass> and <inertia>")  # fmt: skip
+    elif missing := [tag for tag in ("mass", *(f"inertia/{key}" for key in MOMENTS)) if not inertial.findtext(tag)]:
+        given = "1 kg" if missing == ["mass"] else "1 kg*m^2" if "mass" not in missing else "1 kg and 1 kg*m^2"
+        notes.append(f"{where}: its <inertial> has no {', '.join(missing)}, and by the format {given}")
     mass = number_in(inertial, "mass", 1.0, where)
     if mass < 0.0:
         raise ModelError(f"{where}: the mass is negative ({mass:g} kg)")
-    xx, yy, zz = (number_in(inertial, f"inertia/{key}", 1.0, where) for key in ("ixx", "iyy", "izz"))
+    xx, yy, zz = (number_in(inertial, f"inertia/{key}", 1.0, where) for key in MOMENTS)
     xy, xz, yz = (number_in(inertial, f"inertia/{key}", 0.0, where) for key in ("ixy", "ixz", "iyz"))
     moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if wrong := inertia_defect(moments):

@@ -374,3 +374,21 @@ def test_chains_take_time_in_proportion_to_their_length():
         counted.placement(f"l{k}", "here")
     assert len(steps) == count
     assert len(build_model(sdf(*parts)).mimics) == count - 1
+
+
+def test_poses_of_old_versions_say_their_frame_in_another_word():
+    b = link("b", "0 1 0 0 0 1"), joint("k", "world", "b")
+    a = link("a", "1 0 0 0 0 0", attributes='frame="b"'), joint("j", "world", "a")
+    new = a[0].replace("frame=", "relative_to="), a[1]
+    assert_same(sdf(*a, *b, version="1.6"), sdf(*new, *b, version="1.7"))
+
+
+@pytest.mark.parametrize(
+    ("inside", "note"),
+    [("<mass>0.001</mass>", "no inertia/ixx, inertia/iyy, inertia/izz, and by the format 1 kg*m^2"),
+     ("<inertia><ixx>2</ixx><iyy>2</iyy><izz>2</izz></inertia>", "no mass, and by the format 1 kg"),
+     ("", "no mass, inertia/ixx, inertia/iyy, inertia/izz, and by the format 1 kg and 1 kg*m^2")],
+)  # fmt: skip
+def test_what_the_format_completes_of_an_inertia_is_told(inside, note):
+    notes = build_model(sdf(f'<link name="a"><inertial>{inside}</inertial></link>', joint("j", "world", "a"))).notes
+    assert f"link 'a': its <inertial> has {note}" in notes
