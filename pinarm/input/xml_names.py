@@ -132,6 +132,20 @@ def check_names(root: Element, known: ElementNames) -> Counter[str]:
     return unread
 
 
+def own_names(root: Element) -> bool:
+    """Take the namespace of the outermost element from all elements in it: what it contains is of one format.
+
+    Returns:
+        Whether there was one.
+    """
+    space, found, _ = root.tag.rpartition("}")
+    if found:
+        for element in root.iter():
+            if isinstance(element.tag, str):
+                element.tag = element.tag.removeprefix(f"{space}}}")
+    return bool(found)
+
+
 def counted(unread: Mapping[str, int]) -> str:
     """Return what is not read in words, such as ``<transmission> (3), <gazebo>``."""
     return ", ".join(what if number == 1 else f"{what} ({number})" for what, number in sorted(unread.items()))

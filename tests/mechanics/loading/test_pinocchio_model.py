@@ -190,3 +190,9 @@ def test_axes_of_any_length_are_directions(text, axis):
         pytest.skip("numbers of MJCF are at most 1e100")
     model = build_model(text.format(axis)).model
     assert pin.crba(model, model.createData(), np.zeros(1)) == pytest.approx(2.0)
+
+
+def test_the_namespace_of_a_file_is_that_of_its_format(chain):
+    robot = build_model(chain(PENDULUM).replace("<robot", '<robot xmlns="http://drake.mit.edu"'))
+    assert (robot.model, robot.notes) == (build_model(chain(PENDULUM)).model, ())
+    assert "drake.mit.edu" not in robot.xml
