@@ -54,6 +54,12 @@ def same_rows(*arrays: Array) -> None:
         raise InputError(f"the arrays have {rows} rows", expected="as many in each")
 
 
+def unit(vector: Array) -> Array:
+    """Return the direction of a vector that is not 0, shape (k,), of any length: no square overflows or vanishes."""
+    scaled = np.ldexp(vector, -np.frexp(np.abs(vector).max())[1])
+    return np.asarray(scaled / np.linalg.norm(scaled))
+
+
 def in_one(parts: Sequence[Array]) -> Array:
     """Return the rows of several arrays in one; of a single one itself, which keeps its order in memory."""
     return parts[0] if len(parts) == 1 else np.concatenate(parts)

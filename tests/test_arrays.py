@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pinarm.arrays import as_rows, distinct, others, real, same_rows
+from pinarm.arrays import as_rows, distinct, others, real, same_rows, unit
 from pinarm.errors import InputError
 
 
@@ -48,3 +48,9 @@ def test_distinct_values_are_those_of_numpy(given: list[float]) -> None:
 @pytest.mark.parametrize(("places", "count"), [([], 3), ([1, 3], 5), ([4, 0, 1], 5), ([0], 1), ([], 0)])
 def test_other_places_are_those_of_numpy(places: list[int], count: int) -> None:
     assert others(np.array(places, np.intp), count).tolist() == np.setdiff1d(np.arange(count), places).tolist()
+
+
+@pytest.mark.parametrize("size", [1e-320, 1e-200, 1.0, 1e200, 1.7e308])
+def test_directions_are_those_of_vectors_of_any_length(size: float) -> None:
+    assert unit(np.array([0.0, size, 0.0])).tolist() == [0.0, 1.0, 0.0]
+    assert unit(size * np.array([0.6, 0.0, -0.8])) == pytest.approx([0.6, 0.0, -0.8], rel=1e-3)

@@ -146,8 +146,7 @@ ELSEWHERE = {
     ),
     "mechanics/loading/urdf/test_writer.py": ("of models with points", "mechanics/points"),
     "mechanics/loading/sdf/test_joints.py": ("joints of SDF", "mechanics/loading/sdf/gearboxes"),
-    "mechanics/loading/urdf/test_reader.py": (
-        "what files make of it", "mechanics/loading/model_tree mechanics/loading/urdf/elements"),
+    "mechanics/loading/urdf/test_reader.py": ("what files make of it", "mechanics/loading/urdf/elements"),
     "mechanics/planar/test_linkage.py": ("mistakes with their lines", "mechanics/planar/drawing"),
     "mechanics/test_coordinates.py": ("joints by their coordinates", "mechanics/joints"),
     "engine/statics/test_shared_efforts.py": ("efforts of one row", "engine/statics/effort_distribution"),

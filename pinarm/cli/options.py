@@ -90,10 +90,10 @@ def _sources(prefix: str, **asked: object) -> list[str]:
     """Return how the source of ``new`` may go on: templates, folders and model files."""
     from argcomplete.completers import FilesCompleter
 
-    from pinarm.engine.model_source import FILES
+    from pinarm.input.robots import ENDINGS
     from pinarm.use.store.new import templates
 
-    files = FilesCompleter([ending[1:] for ending in (*FILES, ".yaml")])(prefix)
+    files = FilesCompleter([ending[1:] for ending in (*ENDINGS, ".yaml")])(prefix)
     return [*(name for name in templates() if name.startswith(prefix)), *files]
 
 

@@ -16,6 +16,8 @@ import pinocchio as pin
 from pinarm.errors import Location, ModelError
 from pinarm.input.mjcf_includes import resolve_includes
 from pinarm.input.numbers import decimal
+from pinarm.input.robots import ENDINGS, is_floating
+from pinarm.input.robots import robot as robot_file
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.xacro.expansion import check_declared, expand
 from pinarm.input.xml_names import UnknownName
@@ -26,9 +28,6 @@ from pinarm.records import ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.planar.drawing import PlanarDrawing
-
-FILES = (".urdf", ".xacro", ".xml", ".mjcf", ".sdf")
-"""Endings of model files; what has none of them is the name of a robot."""
 
 MESH_MASSES = "masses of meshes are those of MuJoCo's compiler"
 """What is said of a model whose meshes have masses."""
@@ -92,13 +91,10 @@ def read_robot(
         check_declared(arguments, {})
         return _drawn(description, description.planar, data, folder)
     defects: Defects
-    if description.robot.endswith(FILES):
+    if description.robot.endswith(ENDINGS):
         root, base, defects = root_of(folder / "mechanism.yaml"), description.base, description.defects or "refused"
         path = contained_file((folder / description.robot).absolute(), root, {})
     else:
-        from pinarm.input.robots import is_floating
-        from pinarm.input.robots import robot as robot_file
-
         path, defects = robot_file(description.robot), description.defects or "noted"
         root, base = path.parent, description.base or ("floating" if is_floating(path) else None)
     expansion = expand(path, arguments, root=root)

@@ -28,6 +28,9 @@ FLOATING = frozenset({
 })  # fmt: skip
 """Folders, without ``_description``, whose robots have a free-flyer in the package's own loaders."""
 
+ENDINGS = (".urdf", ".xacro", ".xml", ".mjcf", ".sdf")
+"""Endings of model files; what has none of them is the name of a robot."""
+
 HELD = frozenset({"talos_left_arm"})
 """Files in such folders whose robots are fixed to the ground."""
 
@@ -71,7 +74,9 @@ def robot(name: str) -> Path:
     if name in files:
         return files[name]
     expected, hint = choices(name, files, most=100)
-    raise ModelError(f"there is no robot '{name}'", expected=f"a file, or {expected}", hint=hint)
+    raise ModelError(
+        f"there is no robot '{name}'", expected=f"a file that ends in {', '.join(ENDINGS)}, or {expected}", hint=hint
+    )
 
 
 def is_floating(file: Path) -> bool:

@@ -165,9 +165,16 @@ def _local(text: str, packages: Mapping[str, Path]) -> Path:
         )
     name, _, inner = rest.partition("/")
     if name not in packages:
-        expected, hint = choices(name, packages)
-        raise InputError(f"unknown package {_short(name)}", expected=expected, hint=hint)
+        raise unknown_package(name, packages)
     return packages[name] / inner.lstrip("/")
+
+
+def unknown_package(name: str, packages: Mapping[str, Path]) -> InputError:
+    """Return the error that there is no package of a name; where there is none at all, it says what to do."""
+    expected, hint = choices(name, packages)
+    if not packages:
+        expected, hint = "a path: no package is looked for", "the path of the file from the one that names it"
+    return InputError(f"unknown package {_short(name)}", expected=expected, hint=hint)
 
 
 def _short(path: str | Path) -> str:

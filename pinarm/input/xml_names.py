@@ -35,11 +35,13 @@ class ElementNames(ValueRecord, frozen=True):
         attributes: Attributes that are read, or have no part in what is computed.
         children: Elements in it by tag. A mapping may contain itself, as that of bodies that carry bodies does.
         unread: Attributes that may have a part, and are not read.
+        once: Elements that stand in it once at most: a second one would be passed over.
     """
 
     attributes: frozenset[str] = frozenset()
     children: Mapping[str, ElementNames | Content] = field(default_factory=dict)
     unread: frozenset[str] = frozenset()
+    once: frozenset[str] = frozenset()
 
 
 class UnknownName(ModelError):
@@ -86,14 +88,16 @@ class UnknownName(ModelError):
 
 
 def names(
-    attributes: str = "", children: Mapping[str, ElementNames | Content] | None = None, unread: str = ""
-) -> ElementNames:
-    """Return the names of an element; attributes are separated by spaces."""
-    return ElementNames(frozenset(attributes.split()), children or {}, frozenset(unread.split()))
+    attributes: str = "", children: Mapping[str, ElementNames | Content] | None = None, unread: str = "",
+    once: str = "",
+) -> ElementNames:  # fmt: skip
+    """Return the names of an element; attributes, and elements that stand in it once, are separated by spaces."""
+    return ElementNames(frozenset(attributes.split()), children or {}, frozenset(unread.split()),
+                        frozenset(once.split()))  # fmt: skip
 
 
 def check_names(root: Element, known: ElementNames) -> Counter[str]:
-    """Compare an element and all in it with the names of their format; names with a namespace are not looked at.
+    """Compare an element and all in it with the names of their format; elements with a namespace are not read.
 
     Args:
         root: The outermost element.
@@ -105,6 +109,7 @@ def check_names(root: Element, known: ElementNames) -> Counter[str]:
     Raises:
         UnknownName: The first name in the order of the file that the format does not have; the message says the nearest
             element around it that has a name, the hint what it may have been meant to be.
+        ModelError: An element stands twice where one would be passed over.
     """
     unread: Counter[str] = Counter()
     waiting: list[tuple[tuple[Element, ...], Element, ElementNames]] = [
@@ -120,9 +125,25 @@ def check_names(root: Element, known: ElementNames) -> Counter[str]:
             unread[f"<{element.tag}>"] += 1
         elif isinstance(content, ElementNames):
             _check_attributes(around, element, content, unread)
+            _check_once(around, element, content)
+            unread.update(f"<{child.tag}>" for child in element if isinstance(child.tag, str) and _foreign(child.tag))
             inside = (*around, element)
             waiting += [(inside, child, content) for child in reversed(element) if not _foreign(child.tag)]
     return unread
+
+
+def own_names(root: Element) -> bool:
+    """Take the namespace of the outermost element from all elements in it: what it contains is of one format.
+
+    Returns:
+        Whether there was one.
+    """
+    space, found, _ = root.tag.rpartition("}")
+    if found:
+        for element in root.iter():
+            if isinstance(element.tag, str):
+                element.tag = element.tag.removeprefix(f"{space}}}")
+    return bool(found)
 
 
 def counted(unread: Mapping[str, int]) -> str:
@@ -139,6 +160,16 @@ def _check_attributes(
         elif attribute not in allowed.attributes and not _foreign(attribute):
             raise UnknownName(f"{_words((*around, element))} has no attribute '{attribute}'", around, element.tag,
                               attribute, allowed.attributes | allowed.unread)  # fmt: skip
+
+
+def _check_once(around: tuple[Element, ...], element: Element, allowed: ElementNames) -> None:
+    if not allowed.once:
+        return
+    for tag, count in Counter(child.tag for child in element).items():
+        if count > 1 and tag in allowed.once:
+            name = element.get("name")
+            where = f"{element.tag} '{name}'" if name else _words((*around, element))
+            raise ModelError(f"{where}: it has {count} <{tag}>", expected="one")
 
 
 def _words(chain: tuple[Element, ...]) -> str:

@@ -86,3 +86,10 @@ def test_meshes_are_not_opened(monkeypatch, tmp_path):
         '<joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint></robot>')  # fmt: skip
     Mechanism.load(tmp_path / "arm.urdf")
     assert set(opened) <= {".urdf", ".yaml"}
+
+
+@pytest.mark.parametrize("name", ["arm.URDF", "arm.txt"])
+def test_what_is_neither_a_model_file_nor_a_robot_is_told_the_endings(name):
+    with pytest.raises(ModelError, match=f"there is no robot '{name}'") as caught:
+        robot(name)
+    assert caught.value.expected.startswith("a file that ends in .urdf, .xacro, .xml, .mjcf, .sdf, or ")

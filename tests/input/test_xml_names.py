@@ -4,6 +4,7 @@ from xml.etree import ElementTree
 
 import pytest
 
+from pinarm.errors import ModelError
 from pinarm.input.xml_names import Content, ElementNames, UnknownName, check_names, counted, names
 
 SHELF: dict[str, ElementNames | Content] = {"board": names("name width", unread="colour"), "sticker": Content.IDLE,
@@ -33,8 +34,18 @@ def test_what_is_known_and_not_read_is_counted():
     assert counted(unread) == "<lamp> (2), colour of <board>"
 
 
-def test_names_with_a_namespace_belong_to_others():
-    assert not check('<room xmlns:o="urn:o"><o:door/><shelf o:wood="oak"/></room>')
+def test_elements_with_a_namespace_belong_to_others_and_are_counted():
+    unread = check('<room xmlns:o="urn:o"><o:door/><!-- --><shelf o:wood="oak"><o:door><bord/></o:door></shelf></room>')
+    assert unread == {"<{urn:o}door>": 2}
+
+
+def test_what_stands_twice_where_one_is_read_is_refused():
+    known = names("", {"shelf": names("name", {"board": names(), "sticker": Content.IDLE}, once="board")})
+    check_names(ElementTree.fromstring("<room><shelf/><shelf><board/><sticker/><sticker/></shelf></room>"), known)
+    with pytest.raises(ModelError, match=r"^<shelf>: it has 2 <board>"):
+        check_names(ElementTree.fromstring("<room><shelf><board/><sticker/><board/></shelf></room>"), known)
+    with pytest.raises(ModelError, match=r"^shelf 's': it has 2 <board>"):
+        check_names(ElementTree.fromstring('<room><shelf name="s"><board/><board/></shelf></room>'), known)
 
 
 @pytest.mark.parametrize(

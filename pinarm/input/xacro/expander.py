@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from pinarm.errors import Location, ModelError, PinarmError, choices
 from pinarm.input.formulas.grammar import MANY
-from pinarm.input.roots import contained_file, contained_path
+from pinarm.input.roots import contained_file, contained_path, unknown_package
 from pinarm.input.xacro.arithmetic import Names, Scalars, evaluate
 from pinarm.input.xacro.expression_tape import OPEN, Tape
 from pinarm.input.xacro.sandboxed_xacro import OURS, private_xacro
@@ -267,9 +267,10 @@ class Expander:
             raise ModelError(f"'$({text[:60]})' is not allowed", expected="$(arg NAME) or $(find PACKAGE)")
         name = name.strip()
         if name not in tables[command]:
+            if command == "find":
+                raise unknown_package(name, self.packages)
             expected, hint = choices(name, tables[command], most=40)
-            what = "argument" if command == "arg" else "package"
-            raise ModelError(f"unknown {what} '{name[:60]}'", expected=expected, hint=hint)
+            raise ModelError(f"unknown argument '{name[:60]}'", expected=expected, hint=hint)
         if command == "arg":
             self.declared[name] = None
         return tables[command][name]

@@ -23,10 +23,11 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, unit
 from pinarm.errors import ModelError, choices
 from pinarm.mechanics.loading.mjcf_settings import Attributes, Settings, numbers
 from pinarm.mechanics.loading.model_tree import Mimic, TreeJoint, from_z
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.loops.kinds import Loop
@@ -155,7 +156,8 @@ class EqualityReader:
             if frame in self.places or frame in self.sites:
                 raise ModelError(f"{where}: '{frame}', which would be the name of its frame, is a body or site",
                                  expected="another name for the equality")  # fmt: skip
-            said.frames.append(TreeJoint(f"{frame}_fixed", "fixed", body, frame, place, np.array([0.0, 0.0, 1.0])))
+            said.frames.append(TreeJoint(f"{frame}_fixed", "fixed", body, frame, place, np.array([0.0, 0.0, 1.0]),
+                                         made_for=name))  # fmt: skip
         return names
 
 
@@ -184,7 +186,8 @@ def with_hinges(said: Equalities, sites: Iterable[TreeJoint]) -> list[str]:
             x, y, z = axes[0].tolist()
         else:
             between, (x, y, z) = (f"{name}_hinge_1", f"{name}_hinge_2"), (0.0, 0.0, 1.0)
-            said.frames += [_along(end, frame, axis) for end, frame, axis in zip(between, (a, b), axes, strict=True)]
+            said.frames += [replace(_along(end, frame, axis), made_for=name)
+                            for end, frame, axis in zip(between, (a, b), axes, strict=True)]  # fmt: skip
         del said.loops[other]
         said.loops[name] = Revolute(between=between, axis=(x, y, z))
         notes.append(f"{name} and {other} tie two points of the same bodies: together they are a revolute joint {name}")
@@ -236,7 +239,7 @@ def _relative(given: Attributes, where: str, otherwise: pin.SE3) -> pin.SE3:
     pose: Array = np.array(numbers(given, "relpose", where, 7, (0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
     if not pose[3:].any():
         return otherwise
-    w, x, y, z = pose[3:] / np.linalg.norm(pose[3:])
+    w, x, y, z = unit(pose[3:])
     return pin.SE3(pin.Quaternion(w, x, y, z).matrix(), pose[:3])
 
 

@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, unit
 from pinarm.errors import ModelError
 from pinarm.mechanics.loading.mjcf_settings import Attributes, Settings, number, numbers, one_of
 from pinarm.mechanics.loading.model_tree import Bounds, Kind, TreeJoint
@@ -82,7 +82,8 @@ def joint_chain(
         child = body if k == len(joints) - 1 else f"{body}/{name}"
         kind = "free" if part.tag == "freejoint" else one_of(part.given, "type", tuple(KINDS), f"joint '{name}'")
         joint = _joint(settings, part, name, KINDS[kind], notes)
-        yield replace(joint, parent=parent, child=child, placement=place * joint.placement)
+        made_for = name if child != body else ""
+        yield replace(joint, parent=parent, child=child, placement=place * joint.placement, made_for=made_for)
         parent, place = child, pin.SE3.Identity()
 
 
@@ -104,7 +105,7 @@ def _joint(settings: Settings, part: BodyElement, name: str, kind: Kind, notes: 
     axis = numbers(given, "axis", where, 3, (0.0, 0.0, 1.0))
     if not axis.any():
         raise ModelError(f"{where}: its axis is 0 0 0", expected="three numbers, not all zero")
-    axis = part.frame.rotation @ axis / np.linalg.norm(axis)
+    axis = part.frame.rotation @ unit(axis)
     stiffness, damping, friction, armature = (coefficient(given, key, settings, where) for key in SWITCHES)
     joint = TreeJoint(name, kind, "", "", pin.SE3.Identity(), axis, stiffness=stiffness, damping=damping,
                       friction=friction, armature=armature)  # fmt: skip

@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, unit
 from pinarm.errors import ModelError, choices
 from pinarm.input.numbers import decimal
 from pinarm.input.yaml.schema import LARGEST
@@ -131,15 +131,15 @@ class Settings:
         if not values[:3].any() and not (way == "quat" and values.any()):
             raise ModelError(f"{where}: {way}='{given[way]}' has no direction")
         if way == "quat":
-            w, x, y, z = values / np.linalg.norm(values)
+            w, x, y, z = unit(values)
             return np.asarray(pin.Quaternion(w, x, y, z).matrix())
         if way == "axisangle":
-            return np.asarray(pin.exp3(values[:3] / np.linalg.norm(values[:3]) * values[3] * self.angle))
+            return np.asarray(pin.exp3(unit(values[:3]) * values[3] * self.angle))
         if way == "zaxis":
-            return from_z(values / np.linalg.norm(values))
-        x = values[:3] / np.linalg.norm(values[:3])
-        y = values[3:] - (x @ values[3:]) * x
-        if np.linalg.norm(y) < 1e-9 * np.linalg.norm(values[3:]):
+            return from_z(unit(values))
+        x, second = unit(values[:3]), unit(values[3:]) if values[3:].any() else np.zeros(3)
+        y = second - (x @ second) * x
+        if np.linalg.norm(y) < 1e-9:
             raise ModelError(f"{where}: the axes of xyaxes='{given[way]}' are parallel")
         y /= np.linalg.norm(y)
         return np.array([x, y, np.cross(x, y)]).T

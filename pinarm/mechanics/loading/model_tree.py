@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Set
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -68,6 +68,7 @@ class TreeJoint(ValueRecord, frozen=True):
         drawn: Coordinate of the reference pose of the model [rad or m].
         tuned_stiffness: Further stiffness, per inertia that the joint has at the reference pose [1/s^2].
         tuned_damping: Further damping, likewise [1/s].
+        made_for: What of the file needs it, where the file itself has no joint or link of its name.
     """
 
     name: str
@@ -86,6 +87,7 @@ class TreeJoint(ValueRecord, frozen=True):
     drawn: float = 0.0
     tuned_stiffness: float = 0.0
     tuned_damping: float = 0.0
+    made_for: str = ""
 
 
 class Mimic(ValueRecord, frozen=True):
@@ -133,6 +135,26 @@ class Tree(ValueRecord, frozen=True):
     def root(self) -> str:
         """The root link."""
         return next(iter(self.links))
+
+
+def check_unique(root: str, joints: Iterable[TreeJoint]) -> None:
+    """Refuse names that two parts of a tree have: those of links, frames and joints, of the file or made for it.
+
+    Raises:
+        ModelError: Two links or frames have the same name, or two joints.
+    """
+    links, names = {root: f"the root, '{root}'"}, dict[str, str]()
+    for joint in joints:
+        part = f"a part of '{joint.made_for}'" if joint.made_for else ""
+        _claim(links, joint.child, part or f"what joint '{joint.name}' carries", "parts of the model")
+        _claim(names, joint.name, part or "a joint of the model", "joints")
+
+
+def _claim(taken: dict[str, str], name: str, what: str, kind: str) -> None:
+    if name in taken:
+        raise ModelError(f"two {kind} have the name '{name}': {taken[name]}, and {what}",
+                         expected="a name of its own for each", hint="rename one of them")  # fmt: skip
+    taken[name] = what
 
 
 def inertia(mass: float, centre: Array, moments: Array) -> pin.Inertia:
@@ -192,7 +214,7 @@ def checked_mimics(mimics: Iterable[Mimic], joints: Mapping[str, Kind]) -> tuple
             has two couplings.
     """
     leaders = {mimic.joint: mimic.of for mimic in mimics}
-    kept, orphans = [], []
+    kept, orphans, ending = [], [], set[str]()
     if twice := [joint for joint, count in Counter(mimic.joint for mimic in mimics).items() if count > 1]:
         raise ModelError(f"joint '{twice[0]}' follows other joints twice", expected="one coupling for each joint")
     for mimic in mimics:
@@ -204,13 +226,24 @@ def checked_mimics(mimics: Iterable[Mimic], joints: Mapping[str, Kind]) -> tuple
         if joints[mimic.of] not in ("revolute", "prismatic"):
             raise ModelError(f"joint '{mimic.joint}' mimics '{mimic.of}', which is {joints[mimic.of]}",
                              expected="a leader with one coordinate")  # fmt: skip
-        chain = [mimic.joint]
-        while chain[-1] in leaders and leaders[chain[-1]] not in chain:
-            chain.append(leaders[chain[-1]])
-        if chain[-1] in leaders:
-            raise ModelError(f"joint '{mimic.joint}' mimics itself: {' -> '.join([*chain, leaders[chain[-1]]])}")
+        ending |= _followed(mimic.joint, leaders, ending)
         kept.append(mimic)
     return tuple(kept), tuple(orphans)
+
+
+def _followed(joint: str, leaders: Mapping[str, str], ending: Set[str]) -> Set[str]:
+    """Return a joint with those that it follows, up to one of those that are known not to follow a circle.
+
+    Raises:
+        ModelError: It follows itself, or joints that do.
+    """
+    chain, last = {joint: None}, joint
+    while last in leaders and last not in ending:
+        last = leaders[last]
+        if last in chain:
+            raise ModelError(f"joint '{joint}' mimics itself: {' -> '.join([*chain, last])}")
+        chain[last] = None
+    return chain.keys()
 
 
 def from_z(axis: Array) -> Array:

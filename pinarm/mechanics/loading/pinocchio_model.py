@@ -8,7 +8,6 @@ axes (``J.x``, ``J.y``), then turns (``J.angle``), so that its turns are counted
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Literal
 from xml.etree import ElementTree
@@ -19,10 +18,11 @@ from msgspec import field
 
 from pinarm.arrays import Array
 from pinarm.errors import ModelError, listed
+from pinarm.input.xml_names import own_names
 from pinarm.input.yaml.schema import FARTHEST, HEAVIEST, LARGEST
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.forces.joint_definitions import CREEP
-from pinarm.mechanics.loading.model_tree import LIGHTEST, Bounds, Mimic, Tree, TreeJoint, from_z
+from pinarm.mechanics.loading.model_tree import LIGHTEST, Bounds, Mimic, Tree, TreeJoint, check_unique, from_z
 from pinarm.mechanics.loading.urdf.reader import urdf_tree
 from pinarm.records import ValueRecord, replace
 
@@ -90,7 +90,8 @@ def build_model(
     Raises:
         ModelError: The text is no model, or has an invalid mass, inertia, axis or other number.
     """
-    tree = _with_base(_tuned(_read(xml)), base)
+    xml, read = _read(xml)
+    tree = _with_base(_tuned(read), base)
     if tree.defects and defects == "refused":
         raise ModelError(tree.defects[0], hint="mend the model, or say 'defects: noted' in the mechanism file")
     model = _assembled(tree)
@@ -105,9 +106,13 @@ def build_model(
                       tuple(notes))  # fmt: skip
 
 
-def _read(xml: str) -> Tree:
+def _read(xml: str) -> tuple[str, Tree]:
+    """Return a text without the namespace of its outermost element, and its tree."""
     try:
-        return _within_reach(_tree(ElementTree.fromstring(xml)))
+        root = ElementTree.fromstring(xml)
+        if own_names(root):
+            xml = ElementTree.tostring(root, encoding="unicode")
+        return xml, _within_reach(_tree(root))
     except ElementTree.ParseError as error:
         raise ModelError(f"the model is not XML: {error}") from None
     except ArithmeticError as error:
@@ -209,15 +214,26 @@ def _with_numbers(model: pin.Model, joint: TreeJoint, mobility: Array) -> TreeJo
 
 
 def _with_base(tree: Tree, base: Base | None) -> Tree:
-    """Return the tree with its root fixed or floating."""
+    """Return the tree with its root fixed or floating.
+
+    A root without mass that carries floating joints stands for the ground: what these carry is held, or floats already.
+
+    Raises:
+        ModelError: Such a root carries masses by other joints too, or a name that is needed is taken.
+    """
     if base is None:
         return tree
-    carried = [joint for joint in tree.joints if joint.parent == tree.root]
-    afloat = [joint.name for joint in carried if joint.kind == "floating"]
+    afloat = [joint.name for joint in tree.joints if joint.parent == tree.root and joint.kind == "floating"]
+    if tree.links[tree.root].mass:
+        afloat = []
     if base == "fixed":
         joints = (replace(joint, kind="fixed") if joint.name in afloat else joint for joint in tree.joints)
         return replace(tree, joints=tuple(joints))
     if afloat:
+        if standing := _standing(tree):
+            raise ModelError(f"base: floating: '{tree.root}' lets {listed('joint', afloat)} float already, and carries "
+                             f"{listed('joint', standing)} too", expected="a root without other joints",
+                             hint="without 'base: floating' the model is as its file has it")  # fmt: skip
         return tree
     if any(joint.name == BASE for joint in tree.joints):
         raise ModelError(f"the model has a joint '{BASE}', which is the name of the one that lets its base float")
@@ -228,18 +244,27 @@ def _with_base(tree: Tree, base: Base | None) -> Tree:
     return replace(tree, links={ground: pin.Inertia.Zero(), **tree.links}, joints=(free, *tree.joints))
 
 
+def _standing(tree: Tree) -> list[str]:
+    """Return the joints of the root beyond which there are masses, but for the floating ones."""
+    first = dict[str, str]()
+    heavy = dict[str, None]()
+    for joint in tree.joints:
+        first[joint.child] = first.get(joint.parent, joint.name)
+        if joint.child in tree.links and tree.links[joint.child].mass:
+            heavy[first[joint.child]] = None
+    return [joint.name for joint in tree.joints if joint.name in heavy and joint.kind != "floating"]
+
+
 def _assembled(tree: Tree) -> pin.Model:
     """Return Pinocchio's model of a tree.
 
     Raises:
-        ModelError: It has no degree of freedom, or too many, or two joints have the same name.
+        ModelError: It has no degree of freedom, or too many, or two of its parts have the same name.
     """
     model = pin.Model()
     model.name = tree.name
     simple = [part for joint in tree.joints for part in _parts(joint)]
-    twice = [name for name, times in Counter(part.name for part in simple if part.kind != "fixed").items() if times > 1]
-    if twice:
-        raise ModelError(f"two joints have the name '{twice[0]}'", expected="a name of its own for each")
+    check_unique(tree.root, simple)
     count = sum(3 if joint.kind == "ball" else 1 for joint in simple if joint.kind != "fixed")
     if not count:
         raise ModelError("the model has no joint that moves", expected="at least one joint that is not fixed",
@@ -296,13 +321,13 @@ def _parts(joint: TreeJoint) -> Iterator[TreeJoint]:
         return
     turn = joint.placement.rotation @ from_z(joint.axis) if joint.kind == "planar" else np.eye(3)
     place, parent = pin.SE3(turn, joint.placement.translation), joint.parent
-    step = replace(joint, kind="prismatic", bounds=Bounds(), rest=0.0, offset=pin.SE3.Identity())
+    step = replace(joint, kind="prismatic", bounds=Bounds(), rest=0.0, offset=pin.SE3.Identity(), made_for=joint.name)
     for axis, letter in zip(np.eye(3), "xyz" if joint.kind == "floating" else "xy", strict=False):
         name = f"{joint.name}.{letter}"
         yield replace(step, name=name, parent=parent, child=f"{joint.name}/{letter}", placement=place, axis=axis)
         place, parent = pin.SE3.Identity(), f"{joint.name}/{letter}"
     drawn = pin.SE3(turn.T @ joint.placement.rotation, np.zeros(3))
-    last = replace(step, parent=parent, child=joint.child)
+    last = replace(step, parent=parent, child=joint.child, made_for=joint.made_for)
     if joint.kind == "floating":
         yield replace(last, kind="ball", placement=drawn, offset=joint.offset)
     else:

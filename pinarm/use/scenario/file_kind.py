@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pinarm.engine.model_source import FILES
 from pinarm.errors import InputError, Location, ModelError
+from pinarm.input.robots import ENDINGS
 from pinarm.input.yaml.values import Values
 from pinarm.mechanics.description import MechanismDescription
 from pinarm.use.scenario.scenario_file import ScenarioFile
@@ -31,7 +31,7 @@ def refuse_folder(path: Path) -> None:
     """
     if not path.is_dir():
         return
-    files = sorted(file for file in path.iterdir() if file.name.endswith((".yaml", ".yml", *FILES)))
+    files = sorted(file for file in path.iterdir() if file.name.endswith((".yaml", ".yml", *ENDINGS)))
     shown = [str(file) for file in files[:MOST]] + (["..."] if len(files) > MOST else [])
     none = "a scenario, a mechanism file or a model; there is none of them in it"
     robot = _is_robot(path)
@@ -89,7 +89,7 @@ def refuse_model(path: Path) -> None:
     Raises:
         InputError: It is one; the message says what to do with it.
     """
-    if path.name.endswith(FILES) and path.is_file():
+    if path.name.endswith(ENDINGS) and path.is_file():
         raise InputError(
             "this is a model, not a scenario", expected="a scenario (.yaml): a question about a mechanism",
             hint=f"python -m pinarm new {path}, which writes a scenario for it; or python -m pinarm explain {path}",

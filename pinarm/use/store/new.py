@@ -37,7 +37,7 @@ def new(source: str | Path, folder: str | Path | None = None) -> Path:
         InputError: There is nothing of that name, or a file to be written exists already; then nothing is written.
         ModelError: The model has a mistake.
     """
-    from pinarm.engine.model_source import FILES
+    from pinarm.input.robots import ENDINGS
 
     name, file = str(source), Path(source)
     if name in templates():
@@ -45,7 +45,7 @@ def new(source: str | Path, folder: str | Path | None = None) -> Path:
     if file.suffix in (".yaml", ".yml"):
         target = Path(folder or f"{file.stem}_urdf")
         return _written(target, _drawing(file, target))
-    if name.endswith(FILES):
+    if name.endswith(ENDINGS):
         target = Path(folder or file.parent)
         return _written(target, _model(file, os.path.relpath(file, target), target))
     return _written(Path(folder or name), _robot(name))

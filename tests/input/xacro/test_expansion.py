@@ -190,8 +190,9 @@ def test_packages(tmp_path: Path) -> None:
     for name in ("$(find parts)/part.xacro", "package://parts/part.xacro"):
         path = write(model, f'<xacro:include filename="{name}"/>')
         assert "<found/>" in expand(path, {}, root=model, packages={"parts": package}).xml
-        with pytest.raises(PinarmError, match=r"unknown package 'parts'"):
+        with pytest.raises(PinarmError, match=r"unknown package 'parts'") as caught:
             expand(path, {}, root=model)
+        assert caught.value.hint == "the path of the file from the one that names it"
 
 
 @pytest.mark.parametrize(

@@ -390,3 +390,12 @@ def test_a_joint_that_follows_twice_is_refused():
 
 def test_a_geom_whose_inertia_is_beyond_all_numbers_is_refused():
     assert "beyond all numbers" in refusal(model(body(HINGE + '<geom size="1e90"/>'))).message
+
+
+def test_a_world_with_more_than_what_floats_in_it_is_no_base():
+    """A body with two joints, and what stands still, beside one that floats."""
+    floating, still = body(f"<freejoint/>{UNIT}", "f"), body(UNIT, "s")
+    hinged = body(f'<joint name="j"/><joint name="k" axis="1 0 0"/>{UNIT}', "h")
+    assert build_model(model(floating, still), base="floating").model.nv == 6
+    with pytest.raises(ModelError, match="'world' lets joint f_free float already, and carries joint j too"):
+        build_model(model(floating, still, hinged), base="floating")

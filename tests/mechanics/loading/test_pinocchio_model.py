@@ -164,3 +164,35 @@ CLOSED = """<sdf version="1.7"><model name="m">
 def test_places_of_loop_joints_are_not_beyond_all_lengths(text):
     assert set(build_model(text.format(place="1")).loops) == {"c"}
     assert "'c': its frame is 1e+60 m away" in refusal(text.format(place="1e60")).message
+
+
+URDF_AXIS = (
+    '<robot name="r"><link name="a"/><link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="2" izz="3"/>'
+    '</inertial></link><joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="{}"/></joint>'
+    "</robot>"
+)
+SDF_AXIS = (
+    '<sdf version="1.9"><model name="m"><link name="b"><inertial><mass>1</mass><inertia><ixx>1</ixx><iyy>2</iyy>'
+    '<izz>3</izz></inertia></inertial></link><joint name="j" type="revolute"><parent>world</parent><child>b</child>'
+    "<axis><xyz>{}</xyz></axis></joint></model></sdf>"
+)
+MJCF_AXIS = (
+    '<mujoco><worldbody><body name="b"><inertial pos="0 0 0" mass="1" diaginertia="1 2 3"/><joint name="j" axis="{}"/>'
+    "</body></worldbody></mujoco>"
+)
+
+
+@pytest.mark.parametrize("text", [URDF_AXIS, SDF_AXIS, MJCF_AXIS])
+@pytest.mark.parametrize("axis", ["0 1e99 0", "0 1e200 0", "0 1e-200 0"])
+def test_axes_of_any_length_are_directions(text, axis):
+    """Squares of 1e200 are beyond all numbers, and those of 1e-200 are 0: the joint would not turn the body."""
+    if text is MJCF_AXIS and axis == "0 1e200 0":
+        pytest.skip("numbers of MJCF are at most 1e100")
+    model = build_model(text.format(axis)).model
+    assert pin.crba(model, model.createData(), np.zeros(1)) == pytest.approx(2.0)
+
+
+def test_the_namespace_of_a_file_is_that_of_its_format(chain):
+    robot = build_model(chain(PENDULUM).replace("<robot", '<robot xmlns="http://drake.mit.edu"'))
+    assert (robot.model, robot.notes) == (build_model(chain(PENDULUM)).model, ())
+    assert "drake.mit.edu" not in robot.xml

@@ -16,23 +16,23 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, unit
 from pinarm.errors import ModelError, choices
 from pinarm.mechanics.loading.model_tree import Bounds, Kind, Mimic, TreeJoint
-from pinarm.mechanics.loading.sdf.poses import MODEL, TRUE, Frames, number_in, numbers_of, text_of
+from pinarm.mechanics.loading.sdf.poses import MODEL, WORLD, Frames, is_true, number_in, numbers_of, text_of
 from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.loops.kinds import Loop
-
-WORLD = "world"
-"""Name of what a model stands on."""
 
 GEARBOX = "gearbox"
 """Type of the joints that move no link, and couple others."""
 
 LIMITLESS = 1e15
 """Limit from which on there is none: the format's own default is 1e16."""
+
+INFINITE = ("inf", "+inf", "-inf")
+"""What a file says of a limit where there is none."""
 
 SQUARE = 1e-6
 """Cosine of the angle between two axes up to which they are at right angles: digits that a file prints."""
@@ -80,6 +80,12 @@ class SdfJoint:
     notes: tuple[str, ...] = ()
 
     @property
+    def first(self) -> str:
+        """Name of the simple joint that its ``<axis>`` is of."""
+        ends = [end for end, _, tag in KINDS[self.kind] if tag == "axis"]
+        return self.name + ends[0] if ends else self.name
+
+    @property
     def active(self) -> bool:
         """Whether it has more than a motion: limits, damping, friction, a spring, or a joint that it follows."""
         return bool(self.mimics) or any(
@@ -102,10 +108,10 @@ class SdfJoint:
         ends = [parent, *(f"{self.name}/{number}" for number in range(1, len(steps))), child]
         places = [placed[parent].actInv(self.place), *[pin.SE3.Identity()] * (len(steps) - 1)]
         hung = [
-            replace(step, parent=ends[k], child=ends[k + 1], placement=place)
+            replace(step, parent=ends[k], child=ends[k + 1], placement=place, made_for=self.name)
             for k, (step, place) in enumerate(zip(steps, places, strict=True))
         ]
-        return [*hung[:-1], replace(hung[-1], offset=self.place.actInv(placed[child]))]
+        return [*hung[:-1], replace(hung[-1], offset=self.place.actInv(placed[child]), made_for="")]
 
     def closing(self, placed: Mapping[str, pin.SE3]) -> tuple[list[TreeJoint], Loop]:
         """Return what it is where it closes a loop: a frame ``NAME_1`` on the parent, ``NAME_2`` on the child, and it.
@@ -118,7 +124,7 @@ class SdfJoint:
         """
         between = f"{self.name}_1", f"{self.name}_2"
         frames = [
-            TreeJoint(f"{frame}_fixed", "fixed", link, frame, placed[link].actInv(self.place), Z)
+            TreeJoint(f"{frame}_fixed", "fixed", link, frame, placed[link].actInv(self.place), Z, made_for=self.name)
             for frame, link in zip(between, (self.parent, self.child), strict=True)
         ]
         return frames, self._loop(between)
@@ -199,14 +205,14 @@ def axis_in(axis: Element | None, place: pin.SE3, frames: Frames, version: tuple
     """
     given = None if axis is None else axis.find("xyz")
     xyz = numbers_of((given.text or "") if given is not None else "0 0 1", 3, f"{where}: axis")
-    length = float(np.linalg.norm(xyz))
-    if not length:
+    if not xyz.any():
         raise ModelError(f"{where}: its axis is 0", expected="a direction")
     named = given.get("expressed_in", "") if given is not None else ""
-    if version < (1, 5) or (axis is not None and text_of(axis, "use_parent_model_frame") in TRUE):
+    key = "use_parent_model_frame"
+    if version < (1, 5) or (axis is not None and is_true(axis.findtext(key), f"{where}: {key}")):
         named = named or MODEL
     turn = place.rotation.T @ frames.placement(named, f"{where}: axis").rotation if named else np.eye(3)
-    return np.asarray(turn @ xyz / length)
+    return np.asarray(turn @ unit(xyz))
 
 
 def _moving(plain: TreeJoint, axis: Element | None, *, limits: bool, where: str) -> TreeJoint:
@@ -219,7 +225,7 @@ def _moving(plain: TreeJoint, axis: Element | None, *, limits: bool, where: str)
         where: Begins the message of an error.
     """
     bounds = _bounds(axis, where) if limits else Bounds()
-    effort, speed = (number_in(axis, f"limit/{key}", -1.0, where) for key in ("effort", "velocity"))
+    effort, speed = (_limit(axis, key, -1.0, where) for key in ("effort", "velocity"))
     damping, friction, stiffness = (
         number_in(axis, f"dynamics/{key}", 0.0, where) for key in ("damping", "friction", "spring_stiffness")
     )
@@ -233,10 +239,16 @@ def _moving(plain: TreeJoint, axis: Element | None, *, limits: bool, where: str)
 
 
 def _bounds(axis: Element | None, where: str) -> Bounds:
-    lower, upper = (number_in(axis, f"limit/{key}", x, where) for key, x in (("lower", -1e16), ("upper", 1e16)))
-    if lower > upper:
+    lower, upper = (_limit(axis, key, x, where) for key, x in (("lower", -np.inf), ("upper", np.inf)))
+    if lower > upper or lower >= LIMITLESS or upper <= -LIMITLESS:
         raise ModelError(f"{where}: its limits are {lower:g} to {upper:g}", expected="the lower one first")
     return Bounds(lower if lower > -LIMITLESS else -np.inf, upper if upper < LIMITLESS else np.inf)
+
+
+def _limit(axis: Element | None, key: str, default: float, where: str) -> float:
+    """Return a number in ``<limit>``, which may be infinite; the default where there is none."""
+    text = "" if axis is None else (axis.findtext(f"limit/{key}") or "").strip()
+    return float(text) if text.lower() in INFINITE else number_in(axis, f"limit/{key}", default, where)
 
 
 def _lead(joint: Element, where: str) -> tuple[float, tuple[str, ...]]:

@@ -12,17 +12,21 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
-from pinarm.errors import ModelError
+from pinarm.errors import ModelError, listed
 from pinarm.input.xml_names import check_names, counted
 from pinarm.input.xml_text import MAX_LINKS, bound
 from pinarm.mechanics.loading.model_tree import Tree, checked_mimics, inertia, inertia_defect
-from pinarm.mechanics.loading.sdf.joints import GEARBOX, WORLD, SdfJoint, joint_in
+from pinarm.mechanics.loading.sdf.joints import GEARBOX, SdfJoint, joint_in
 from pinarm.mechanics.loading.sdf.names import SDF
-from pinarm.mechanics.loading.sdf.poses import TRUE, Frames, number_in, numbers_of, pose_of, text_of
+from pinarm.mechanics.loading.sdf.poses import WORLD, Frames, is_true, number_in, numbers_of, pose_of
 from pinarm.mechanics.loading.sdf.spanning_tree import grown_tree
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.couplings.kinds import CouplingDefinition
+
+
+MOMENTS = ("ixx", "iyy", "izz")
 
 
 def sdf_tree(root: Element) -> Tree:
@@ -33,6 +37,7 @@ def sdf_tree(root: Element) -> Tree:
     """
     unread = check_names(root, SDF)
     version, model = _version(root), _only_model(root)
+    _renew(root, version)
     frames = Frames.of(model)
     defects: list[str] = []
     notes: list[str] = []
@@ -41,17 +46,22 @@ def sdf_tree(root: Element) -> Tree:
         raise ModelError("the model has no link")
     bound("links", len(bodies), MAX_LINKS)
     places = {name: frames.placement(name, f"link '{name}'") for name in bodies}
-    stand = pose_of(model, WORLD, "the model")[1] * _reference(model, frames)
+    around = Frames.around(model, root.find("world"))
+    stand = around.placement(model.get("name", ""), "the model") * _reference(model, frames)
     elements = model.findall("joint")
     joints = [joint_in(element, frames, version) for element in elements if element.get("type") != GEARBOX]
-    grown = grown_tree(joints, places, stand, fixed=text_of(model, "static") in TRUE)
+    static = is_true(model.findtext("static"), "static")
+    _require_still(static, elements)
+    grown = grown_tree(joints, places, stand, fixed=static)
     couplings = {**grown.couplings, **_gears(elements, frames, version, grown.hung)}
     kinds = {joint.name: joint.kind for joint in grown.joints}
-    kept, orphans = checked_mimics([mimic for joint in grown.hung for mimic in joint.mimics], kinds)
+    leaders = {joint.name: joint.first for joint in grown.hung}
+    mimics = [replace(mimic, of=leaders.get(mimic.of, mimic.of)) for joint in grown.hung for mimic in joint.mimics]
+    kept, orphans = checked_mimics(mimics, kinds)
     if unread:
         notes.append(f"not read: {counted(unread)}")
     ends = {joint.child: pin.Inertia.Zero() for joint in grown.joints if joint.child not in bodies}
-    links = {WORLD: pin.Inertia.Zero(), **{name: bodies[name] for name in grown.links[1:]}, **ends}
+    links = {WORLD: pin.Inertia.Zero(), **{name: bodies[name] for name in [*grown.links][1:]}, **ends}
     gravity = numbers_of(text, 3, "gravity") if (text := root.findtext("world/gravity")) else None
     return Tree(
         model.get("name", ""), links, tuple(grown.joints), kept, gravity, (*defects, *orphans),
@@ -91,6 +101,13 @@ def _version(root: Element) -> tuple[int, int]:
     return version
 
 
+def _renew(root: Element, version: tuple[int, int]) -> None:
+    """Give poses of versions before 1.7 the attribute of later ones that says the same: ``relative_to``."""
+    for pose in root.iter("pose") if version < (1, 7) else ():
+        if "frame" in pose.attrib and "relative_to" not in pose.attrib:
+            pose.set("relative_to", pose.attrib.pop("frame"))
+
+
 def _only_model(root: Element) -> Element:
     """Return the model of a file.
 
@@ -107,6 +124,20 @@ def _only_model(root: Element) -> Element:
     return models[0]
 
 
+def _require_still(static: bool, joints: Sequence[Element]) -> None:
+    """Raise where a model that is said not to move has joints that do.
+
+    Raises:
+        ModelError: It has.
+    """
+    moving = [str(joint.get("name")) for joint in joints if joint.get("type") != "fixed"]
+    if static and moving:
+        verb = "move" if len(moving) > 1 else "moves"
+        raise ModelError(f"the model is static, and its {listed('joint', moving)} {verb}",
+                         expected="fixed joints alone",
+                         hint="without <static>, and a fixed joint from the world to its base")  # fmt: skip
+
+
 def _reference(model: Element, frames: Frames) -> pin.SE3:
     """Return the model's frame in what its pose places: the model itself, or its ``placement_frame``."""
     placed = model.get("placement_frame")
@@ -120,17 +151,20 @@ def _inertia(link: Element, defects: list[str], notes: list[str]) -> pin.Inertia
         ModelError: The mass is negative, or to be computed from collision shapes.
     """
     where, inertial = f"link '{link.get('name')}'", link.find("inertial")
-    if text_of(link, "gravity") in ("0", "false"):
+    if not is_true(link.findtext("gravity"), f"{where}: gravity", default=True):
         notes.append(f"{where}: gravity acts on it, though the model switches it off")
     if inertial is None:
         notes.append(f"{where}: it has no <inertial>, and by the format 1 kg and moments of 1 kg*m^2")
-    elif inertial.get("auto", "") in TRUE:
+    elif is_true(inertial.get("auto"), f"{where}: auto"):
         raise ModelError(f"{where}: its inertia is to be computed from its collision shapes",
                          expected="<mass> and <inertia>")  # fmt: skip
+    elif missing := [tag for tag in ("mass", *(f"inertia/{key}" for key in MOMENTS)) if not inertial.findtext(tag)]:
+        given = "1 kg" if missing == ["mass"] else "1 kg*m^2" if "mass" not in missing else "1 kg and 1 kg*m^2"
+        notes.append(f"{where}: its <inertial> has no {', '.join(missing)}, and by the format {given}")
     mass = number_in(inertial, "mass", 1.0, where)
     if mass < 0.0:
         raise ModelError(f"{where}: the mass is negative ({mass:g} kg)")
-    xx, yy, zz = (number_in(inertial, f"inertia/{key}", 1.0, where) for key in ("ixx", "iyy", "izz"))
+    xx, yy, zz = (number_in(inertial, f"inertia/{key}", 1.0, where) for key in MOMENTS)
     xy, xz, yz = (number_in(inertial, f"inertia/{key}", 0.0, where) for key in ("ixy", "ixz", "iyz"))
     moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if wrong := inertia_defect(moments):

@@ -7,16 +7,18 @@ that no joint ties to the world floats.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from heapq import heappop, heappush
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.errors import listed
-from pinarm.mechanics.loading.model_tree import Kind, TreeJoint
-from pinarm.mechanics.loading.sdf.joints import WORLD, SdfJoint
+from pinarm.mechanics.loading.model_tree import Kind, TreeJoint, check_unique
+from pinarm.mechanics.loading.sdf.joints import SdfJoint
+from pinarm.mechanics.loading.sdf.poses import WORLD
 
 if TYPE_CHECKING:
     from pinarm.mechanics.couplings.kinds import CouplingDefinition
@@ -39,24 +41,25 @@ class SpanningTree:
         notes: What is modelled differently, in words.
     """
 
-    links: list[str] = field(default_factory=lambda: [WORLD])
+    links: dict[str, None] = field(default_factory=lambda: {WORLD: None})
     joints: list[TreeJoint] = field(default_factory=list)
     hung: list[SdfJoint] = field(default_factory=list)
     loops: dict[str, Loop] = field(default_factory=dict)
     couplings: dict[str, CouplingDefinition] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
-    def hang(self, joint: SdfJoint, placed: Mapping[str, pin.SE3]) -> None:
-        """Hang a link in the tree by a joint that leads to it or from it."""
+    def hang(self, joint: SdfJoint, placed: Mapping[str, pin.SE3]) -> str:
+        """Hang a link in the tree by a joint that leads to it or from it; return the link."""
         outwards = joint.parent in self.links
         parent, child = (joint.parent, joint.child) if outwards else (joint.child, joint.parent)
         self.joints += joint.hung(parent, child, placed)
-        self.links.append(child)
+        self.links[child] = None
         self.hung.append(joint)
         if joint.lead:
             from pinarm.mechanics.couplings.screw import Screw
 
             self.couplings[joint.name] = Screw(joints=(joint.name, f"{joint.name}.slide"), lead=joint.lead)
+        return child
 
     def close(self, joint: SdfJoint, placed: Mapping[str, pin.SE3]) -> None:
         """Add a loop joint, between frames on both of its links."""
@@ -76,26 +79,30 @@ def grown_tree(
         fixed: Whether the model does not move.
 
     Raises:
-        ModelError: A universal joint whose axes are not at right angles closes a loop.
+        ModelError: A universal joint whose axes are not at right angles closes a loop, or two parts of the tree have
+            the same name.
     """
-    tree, waiting = SpanningTree(), [*joints]
+    tree, waiting = SpanningTree(), _Waiting(joints, WORLD)
     placed = {WORLD: stand.inverse(), **places}
     carried = {joint.child for joint in joints}
-    order = [*(link for link in places if link not in carried), *places]
+    order = iter([*(link for link in places if link not in carried), *places])
     while True:
-        while (joint := _reaching(waiting, tree.links)) is not None:
-            waiting.remove(joint)
-            tree.hang(joint, placed)
+        while (joint := waiting.next(tree.links)) is not None:
+            waiting.reach(tree.hang(joint, placed))
         loose = next((link for link in order if link not in tree.links), None)
         if loose is None:
             break
         name = FREE if not any(joint.kind == "floating" for joint in tree.joints) else f"{loose}_free"
         kind: Kind = "fixed" if fixed else "floating"
         tree.joints.append(TreeJoint(name, kind, WORLD, loose, stand * places[loose], np.array([0.0, 0.0, 1.0])))
-        tree.links.append(loose)
-    for joint in waiting:
-        tree.close(joint, placed)
+        tree.links[loose] = None
+        waiting.reach(loose)
+    hung = {joint.name for joint in tree.hung}
+    for joint in joints:
+        if joint.name not in hung:
+            tree.close(joint, placed)
     tree.notes += _notes(tree, joints)
+    check_unique(WORLD, tree.joints)
     tree.joints = _depth_first(tree.joints)
     return tree
 
@@ -113,12 +120,37 @@ def _depth_first(joints: list[TreeJoint]) -> list[TreeJoint]:
     return ordered
 
 
-def _reaching(waiting: list[SdfJoint], links: list[str]) -> SdfJoint | None:
-    """Return the first joint from a link of the tree to one that does not hang in it yet, outwards before inwards."""
-    there = set(links)
-    outwards = (joint for joint in waiting if joint.parent in there and joint.child not in there)
-    inwards = (joint for joint in waiting if joint.child in there and joint.parent not in there)
-    return next(outwards, None) or next(inwards, None)
+class _Waiting:
+    """Joints that may hang in a tree next: those of the links that have been reached, in the order of the file.
+
+    Args:
+        joints: All joints of the file.
+        root: The link that is reached first.
+    """
+
+    def __init__(self, joints: Sequence[SdfJoint], root: str) -> None:
+        self._joints = joints
+        self._of: dict[str, tuple[list[int], list[int]]] = {}
+        for number, joint in enumerate(joints):
+            for end, link in enumerate((joint.parent, joint.child)):
+                self._of.setdefault(link, ([], []))[end].append(number)
+        self._ready: tuple[list[int], list[int]] = ([], [])
+        self.reach(root)
+
+    def reach(self, link: str) -> None:
+        """Add the joints of a link: those that lead from it outwards, and those that lead to it inwards."""
+        for ready, numbers in zip(self._ready, self._of.get(link, ([], [])), strict=True):
+            for number in numbers:
+                heappush(ready, number)
+
+    def next(self, links: Container[str]) -> SdfJoint | None:
+        """Return the first joint to a link that is not among those of the tree, outwards before inwards."""
+        for ready in self._ready:
+            while ready:
+                joint = self._joints[heappop(ready)]
+                if joint.parent not in links or joint.child not in links:
+                    return joint
+        return None
 
 
 def _notes(tree: SpanningTree, joints: Sequence[SdfJoint]) -> Iterator[str]:

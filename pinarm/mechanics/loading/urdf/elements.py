@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, unit
 from pinarm.errors import ModelError
 from pinarm.input.numbers import decimal, is_decimal
 
@@ -24,7 +24,7 @@ def axis_of(axis: Element | None, where: str) -> Array:
     vector = np.array(vector_of(axis, "xyz", f"{where}: axis") if axis is not None else (1.0, 0.0, 0.0))
     if not vector.any():
         raise ModelError(f"{where}: its axis is 0 0 0", expected="three numbers, not all zero")
-    return np.asarray(vector / np.linalg.norm(vector))
+    return unit(vector)
 
 
 def placement_of(origin: Element | None, where: str) -> pin.SE3:

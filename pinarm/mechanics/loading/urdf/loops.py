@@ -104,7 +104,8 @@ class _Closed:
         between = f"{name}_1", f"{name}_2"
         for frame, (link, origin) in zip(between, ends, strict=True):
             self._check(link, where)
-            self._add_frame(_fixed(frame, link, placement_of(origin, f"{where}: origin in '{link}'")), where)
+            place = placement_of(origin, f"{where}: origin in '{link}'")
+            self._add_frame(replace(_fixed(frame, link, place), made_for=name), where)
         kind = LOWER_KINDS[KINDS[given]]
         if issubclass(kind, AxisDefinition):
             x, y, z = axis_of(element.find("axis"), where).tolist()

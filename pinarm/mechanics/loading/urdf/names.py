@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from xml.etree.ElementTree import Element
 
-from pinarm.errors import ModelError, choices
+from pinarm.errors import choices
 from pinarm.input.xml_names import Content, ElementNames, names
 
 _ORIGIN = names("xyz rpy")
@@ -21,7 +21,8 @@ _GEOMETRY = names(
     },
 )  # fmt: skip
 _MATERIAL = names("name", {"color": names("rgba"), "texture": Content.IDLE})
-_INERTIAL = names("", {"origin": _ORIGIN, "mass": names("value"), "inertia": names("ixx ixy ixz iyy iyz izz")})
+_INERTIAL = names("", {"origin": _ORIGIN, "mass": names("value"), "inertia": names("ixx ixy ixz iyy iyz izz")},
+                  once="origin mass inertia")  # fmt: skip
 _LINK = names(
     "name",
     {
@@ -33,8 +34,8 @@ _LINK = names(
             Content.UNREAD,
         ),
     },
-    unread="type",
-)
+    unread="type", once="inertial",
+)  # fmt: skip
 _JOINT = names(
     "name type",
     {
@@ -45,27 +46,20 @@ _JOINT = names(
         "mimic": names("joint multiplier offset"), "calibration": Content.IDLE, "safety_controller": Content.IDLE,
         "joint_properties": Content.UNREAD,
     },
-    unread="dont_collapse independent",
+    unread="dont_collapse independent", once="origin parent child axis limit dynamics mimic",
 )  # fmt: skip
-_END = names("link name", {"origin": _ORIGIN})
+_END = names("link name", {"origin": _ORIGIN}, once="origin")
 _ENDS: dict[str, ElementNames | Content] = {"predecessor": _END, "successor": _END, "sucessor": _END}
 _LINKED = names("link xyz rpy")
 _CLOSING: dict[str, ElementNames | Content] = {
-    "loop": names("name type", {**_ENDS, "axis": names("xyz")}),
-    "coupling": names("name", {**_ENDS, "ratio": names("value")}),
-    "loop_joint": names("name type", {"link1": _LINKED, "link2": _LINKED, "axis": names("xyz")}),
+    "loop": names("name type", {**_ENDS, "axis": names("xyz")}, once="axis"),
+    "coupling": names("name", {**_ENDS, "ratio": names("value")}, once="ratio"),
+    "loop_joint": names("name type", {"link1": _LINKED, "link2": _LINKED, "axis": names("xyz")}, once="axis"),
 }
 _IN_ROBOT: dict[str, ElementNames | Content] = {
     "link": _LINK, "joint": _JOINT, "material": _MATERIAL, **_CLOSING,
     **dict.fromkeys(("transmission", "gazebo", "ros2_control", "sensor", "mujoco"), Content.UNREAD),
 }  # fmt: skip
-
-ONCE = {
-    "link": ("inertial",),
-    "inertial": ("origin", "mass", "inertia"),
-    "joint": ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic"),
-}
-"""Element -> elements that stand in it once at most."""
 
 
 def urdf_names(robot: Element) -> ElementNames:
@@ -97,17 +91,3 @@ def _joints_of_gazebo(robot: Element) -> dict[str, ElementNames | Content]:
 
     others = {element.tag for gazebo in robot.findall("gazebo") for element in gazebo if isinstance(element.tag, str)}
     return {"gazebo": names("reference", {**dict.fromkeys(others, Content.UNREAD), "joint": JOINT})}
-
-
-def check_once(robot: Element) -> None:
-    """Refuse elements that stand twice where one of them would be passed over.
-
-    Raises:
-        ModelError: One does.
-    """
-    for element in (*robot.findall("link"), *robot.findall("link/inertial"), *robot.findall("joint")):
-        for tag in ONCE[element.tag]:
-            if (count := len(element.findall(tag))) > 1:
-                name = element.get("name", "")
-                where = f"{element.tag} '{name}'" if name else f"<{element.tag}>"
-                raise ModelError(f"{where}: it has {count} <{tag}>", expected="one")

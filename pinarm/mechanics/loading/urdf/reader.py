@@ -23,7 +23,7 @@ from pinarm.mechanics.loading.model_tree import (
     inertia_defect,
 )
 from pinarm.mechanics.loading.urdf.elements import axis_of, number_of, placement_of
-from pinarm.mechanics.loading.urdf.names import check_once, closes_loops, urdf_names
+from pinarm.mechanics.loading.urdf.names import closes_loops, urdf_names
 from pinarm.records import replace
 
 KINDS: Mapping[str, Kind] = {
@@ -45,7 +45,6 @@ def urdf_tree(robot: Element) -> Tree:
             or other number is invalid.
     """
     unread = check_names(robot, urdf_names(robot))
-    check_once(robot)
     defects: list[str] = []
     notes: list[str] = []
     links = {name: _inertia(link, name, defects, notes) for name, link in _named(robot, "link").items()}

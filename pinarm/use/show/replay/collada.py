@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
+from xml.parsers import expat
 
 import numpy as np
 from msgspec import Struct
@@ -37,39 +37,35 @@ def read_collada(path: Path) -> list[Part]:
     """Return the triangles of a file, apart for each material of each node.
 
     Raises:
-        ValueError: The file is damaged.
-        ElementTree.ParseError: It is no XML.
+        ValueError: The file is damaged, or no XML.
     """
     raw = path.read_bytes()
-    if b"<!DOCTYPE" in raw or b"<!ENTITY" in raw:
-        raise ValueError("it declares entities")
-    return list(_File(_root(raw)).parts())
+    _survey(raw)
+    return list(_File(ElementTree.fromstring(raw)).parts())
 
 
-def _root(raw: bytes) -> Element:
-    """Return the tree of a file, whose elements are counted while it is read.
+def _survey(raw: bytes) -> None:
+    """Read a file in whatever encoding it has, and build nothing.
 
     Raises:
-        ValueError: They are too many.
-        ElementTree.ParseError: It is no XML.
+        ValueError: It is no XML, declares entities, or has too many elements.
     """
-    parser: Any = ElementTree.XMLPullParser(["start"])  # whose types are those of all kinds of events
-    first: Element | None = None
-    count = 0
-    for begin in range(0, len(raw), CHUNK):
-        parser.feed(raw[begin : begin + CHUNK])
-        for _, element in parser.read_events():
-            first, count = first if first is not None else element, count + 1
+    parser, count = expat.ParserCreate(), 0
+
+    def start(*_: object) -> None:
+        nonlocal count
+        count += 1
         if count > MOST_ELEMENTS:
             raise ValueError(f"it has more than {MOST_ELEMENTS} elements")
-    parser.close()
-    if first is None:
-        raise ValueError("it is empty")
-    return first
 
+    def refuse(*_: object) -> None:
+        raise ValueError("it declares entities")
 
-CHUNK = 1 << 16
-"""Bytes that are read at once."""
+    parser.StartElementHandler, parser.StartDoctypeDeclHandler = start, refuse
+    try:
+        parser.Parse(raw, True)
+    except expat.ExpatError as error:
+        raise ValueError(f"it is no XML: {error}") from None
 
 
 class _File(Struct, eq=False, dict=True, weakref=True):

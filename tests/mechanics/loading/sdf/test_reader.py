@@ -1,6 +1,7 @@
 """SDF models: each feature against the same model in URDF, written by hand; and what is refused."""
 
 import math
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -10,6 +11,7 @@ import pinarm
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import ModelError
 from pinarm.mechanics.loading.pinocchio_model import build_model
+from pinarm.mechanics.loading.sdf.poses import Frames
 
 BODY = (
     "<inertial><pose>{com}</pose><mass>{mass}</mass><inertia><ixx>0.02</ixx><iyy>0.03</iyy><izz>0.04</izz>"
@@ -227,14 +229,33 @@ def test_a_model_without_a_joint_to_the_world_floats_at_its_pose():
     assert data.oMf[held.getFrameId("a")].translation.tolist() == [0.0, 2.0, 1.0]
 
 
-def test_a_static_model_and_the_gravity_of_its_world():
-    world = sdf(link("a"), link("b"), joint("j", "a", "b"), model="<static>1</static>")
-    world = world.replace("<model", "<world name='w'><gravity>0 0 -3</gravity><model").replace(
-        "</sdf>", "</world></sdf>"
-    )
-    robot = build_model(world)
-    assert robot.model.nv == 1
-    assert robot.gravity.tolist() == [0.0, 0.0, -3.0]
+ARM = (link("a"), joint("j", "world", "a"))
+
+
+def test_the_gravity_of_a_world():
+    world = sdf(*ARM).replace("<model", "<world name='w'><gravity>0 0 -3</gravity><model")
+    assert build_model(world.replace("</sdf>", "</world></sdf>")).gravity.tolist() == [0.0, 0.0, -3.0]
+
+
+STILL = sdf(link("a"), link("b"), joint("j", "a", "b", "fixed"), model="<static>yes</static>")
+
+
+@pytest.mark.parametrize("word", ["1", "true", "True", " TRUE "])
+def test_a_static_model_does_not_move(word):
+    for broken in (STILL, STILL.replace("fixed", "revolute")):
+        with pytest.raises(ModelError, match="joint j moves" if "revolute" in broken else "no joint that moves"):
+            build_model(broken.replace("yes", word))
+    assert build_model(STILL.replace("yes", "False")).model.nv == 6
+
+
+@pytest.mark.parametrize("word", ["true", "True", "TRUE", "1"])
+def test_yes_is_said_in_capitals_or_not(word):
+    turned = sdf(link("a", "0 0 0 0 0 90", attributes=f'degrees="{word}"'), joint("j", "world", "a"))
+    assert_same(turned, sdf(link("a", f"0 0 0 0 0 {math.pi / 2!r}"), joint("j", "world", "a")), "a")
+    for broken in (turned.replace(f'"{word}"', '"yes"'), STILL):
+        with pytest.raises(ModelError, match="'yes'") as caught:
+            build_model(broken)
+        assert caught.value.expected == "one of true, 1, false, 0"
 
 
 def test_links_without_inertia_have_that_of_the_format():
@@ -242,9 +263,6 @@ def test_links_without_inertia_have_that_of_the_format():
     assert robot.model.inertias[1].mass == 1.0
     assert np.diag(robot.model.inertias[1].inertia).tolist() == [1.0, 1.0, 1.0]
     assert any("no <inertial>" in note for note in robot.notes)
-
-
-ARM = (link("a"), joint("j", "world", "a"))
 
 
 @pytest.mark.parametrize(
@@ -268,6 +286,7 @@ ARM = (link("a"), joint("j", "world", "a"))
          "limits are 2 to 1"),
         (sdf(link("a", attributes='relative_to="b"'), link("b", attributes='relative_to="a"'), joint("j", "a", "b")),
          "placed in each other"),
+        (sdf(link("a", attributes='relative_to="a"'), joint("j", "world", "a")), "placed in each other: a -> a"),
         (sdf(link("a", attributes='frame="b"'), joint("j", "world", "a")), "which no version defines"),
         (sdf(*ARM, '<frame name="f"/>', link("b"), joint("k", "f", "b")), "attached to no link"),
         (sdf(*ARM).replace("<inertial>", "<inertial auto='true'>"), "computed from its collision shapes"),
@@ -292,3 +311,84 @@ def test_a_result_of_an_sdf_is_saved_and_read_again(tmp_path):
                       "outputs": ["B"]})  # fmt: skip
     again = pinarm.run(run.save(tmp_path / "out") / "scenario.yaml")
     assert again["B"].values.tolist() == run["B"].values.tolist()
+
+
+def in_world(model, *parts):
+    return (
+        sdf(*ARM, model=model)
+        .replace("<model", f"<world name='w'>{''.join(parts)}<model")
+        .replace("</sdf>", "</world></sdf>")
+    )
+
+
+def test_a_model_is_placed_in_a_frame_of_its_world():
+    pose = '<pose relative_to="f">1 0 0 0 0 0</pose>'
+    frames = '<frame name="f"><pose relative_to="g">10 0 0 0 0 0</pose></frame>', (
+        f'<frame name="g"><pose>0 0 2 0 0 {math.pi / 2!r}</pose></frame>')  # fmt: skip
+    assert_same(in_world(pose, *frames), in_world(f"<pose>0 11 2 0 0 {math.pi / 2!r}</pose>"), "a")
+    for text in (in_world(pose.replace('"f"', '"h"'), *frames), sdf(*ARM, model=pose.replace('"f"', '"h"'))):
+        with pytest.raises(ModelError, match="the model: there is no frame 'h'"):
+            build_model(text)
+    with pytest.raises(ModelError, match="placed in each other: m -> f -> m"):
+        build_model(in_world(pose, '<frame name="f" attached_to="m"/>'))
+
+
+@pytest.mark.parametrize(
+    ("inside", "owner"),
+    [("<mass>1.5</mass>", "<inertial> in <link> 'a'"), ("<pose >0 0 0 0 0 0</pose>", "link 'a'"),
+     ("<axis><xyz >0 0 1</xyz></axis>", "joint 'j'"), ("<xyz >0 0 1</xyz>", "<axis> in <joint> 'j'"),
+     ("<static>0</static>", "model 'm'"), ("<ixx>0.02</ixx>", "<inertia> in <inertial> in <link> 'a'")],
+)  # fmt: skip
+def test_what_stands_twice_is_refused(inside, owner):
+    text = sdf(*ARM, model="<static>0</static>")
+    assert inside in text
+    with pytest.raises(ModelError, match=f"{owner}: it has 2 <{inside[1:4]}"):
+        build_model(text.replace(inside, 2 * inside))
+
+
+@pytest.mark.parametrize("name", ["world", "__a__"])
+def test_names_that_the_format_keeps_for_itself_are_refused(name):
+    with pytest.raises(ModelError, match=f"link '{name}': this name is reserved"):
+        build_model(sdf(link(name), joint("j", "world", name)))
+
+
+def test_chains_take_time_in_proportion_to_their_length():
+    """Every link is placed in the one before it, as are the frames, and every joint follows the one before it."""
+    count = 600
+    parts = [link("l0"), joint("j0", "world", "l0")]
+    for k in range(1, count):
+        follow = f'<mimic joint="j{k - 1}"><multiplier>1</multiplier></mimic>'
+        parts += [link(f"l{k}", "0.1 0 0 0 0 0", attributes=f'relative_to="l{k - 1}"'),
+                  joint(f"j{k}", f"l{k - 1}", f"l{k}", inside=follow)]  # fmt: skip
+    steps = []
+
+    class Counted(dict):
+        def __getitem__(self, name):
+            steps.append(name)
+            return super().__getitem__(name)
+
+    frames = Frames.of(ElementTree.fromstring(sdf(*parts)).find("model"))
+    counted = Frames(Counted(frames.placed), frames.attached)
+    assert counted.placement(f"l{count - 1}", "here").translation == pytest.approx([0.1 * (count - 1), 0.0, 0.0])
+    for k in range(count):
+        counted.placement(f"l{k}", "here")
+    assert len(steps) == count
+    assert len(build_model(sdf(*parts)).mimics) == count - 1
+
+
+def test_poses_of_old_versions_say_their_frame_in_another_word():
+    b = link("b", "0 1 0 0 0 1"), joint("k", "world", "b")
+    a = link("a", "1 0 0 0 0 0", attributes='frame="b"'), joint("j", "world", "a")
+    new = a[0].replace("frame=", "relative_to="), a[1]
+    assert_same(sdf(*a, *b, version="1.6"), sdf(*new, *b, version="1.7"))
+
+
+@pytest.mark.parametrize(
+    ("inside", "note"),
+    [("<mass>0.001</mass>", "no inertia/ixx, inertia/iyy, inertia/izz, and by the format 1 kg*m^2"),
+     ("<inertia><ixx>2</ixx><iyy>2</iyy><izz>2</izz></inertia>", "no mass, and by the format 1 kg"),
+     ("", "no mass, inertia/ixx, inertia/iyy, inertia/izz, and by the format 1 kg and 1 kg*m^2")],
+)  # fmt: skip
+def test_what_the_format_completes_of_an_inertia_is_told(inside, note):
+    notes = build_model(sdf(f'<link name="a"><inertial>{inside}</inertial></link>', joint("j", "world", "a"))).notes
+    assert f"link 'a': its <inertial> has {note}" in notes

@@ -47,7 +47,8 @@ def test_a_misprint_is_told(
 
 @pytest.mark.parametrize(
     ("element", "owner"),
-    [('<axis xyz="0 1 0"/>', "joint 'j'"), ('<origin xyz="1 0 0"/>', "joint 'j'"), ('<mass value="2"/>', "<inertial>"),
+    [('<axis xyz="0 1 0"/>', "joint 'j'"), ('<origin xyz="1 0 0"/>', "joint 'j'"),
+     ('<mass value="2"/>', "<inertial> in <link> 'arm'"),
      ('<dynamics damping="0.1"/>', "joint 'j'")],
 )  # fmt: skip
 def test_what_stands_twice_is_refused(mechanism: Callable[..., Mechanism], element: str, owner: str) -> None:
@@ -61,9 +62,17 @@ def test_extensions_of_others_are_listed_as_not_read(mechanism: Callable[..., Me
         '<ros2_control name="c" type="system"/><drake_acceleration/><d:joint xmlns:d="http://drake"/>'
     )
     notes = mechanism(ARM.replace("</robot>", others + "</robot>")).notes
-    listed = "not read: <drake_acceleration>, <gazebo> (2), <ros2_control>, <transmission>"
+    listed = "not read: <drake_acceleration>, <gazebo> (2), <ros2_control>, <transmission>, <{http://drake}joint>"
     assert [note for note in notes if note.startswith("not read")] == [listed]
 
 
 def test_a_file_of_urdf_alone_has_no_such_note(mechanism: Callable[..., Mechanism]) -> None:
     assert not [note for note in mechanism(ARM).notes if note.startswith("not read")]
+
+
+def test_elements_with_a_namespace_are_listed_as_not_read(mechanism: Callable[..., Mechanism]) -> None:
+    bushing = '<drake:linear_bushing_rpy xmlns:drake="http://drake.mit.edu"/>'
+    notes = mechanism(ARM.replace("</robot>", bushing + "</robot>")).notes
+    assert any("not read: <{http://drake.mit.edu}linear_bushing_rpy>" in note for note in notes)
+    notes = mechanism(ARM.replace("<inertial>", '<inertial xmlns="x">')).notes
+    assert any("not read: <{x}inertial>" in note for note in notes)

@@ -204,6 +204,17 @@ class TestBase:
         with pytest.raises(ModelError, match="a link 'world', which is the name"):
             build_model(chain(ARM).replace("arm_link", "world"), base="floating")
 
+    def test_with_a_mass_is_the_base_itself(self, chain):
+        """A ball that flies beside a base with a mass is neither that base nor held with it."""
+        base = '<link name="base"><inertial><mass value="5"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>'
+        text = chain(ARM, {**ARM, "name": "ball", "kind": "floating"}).replace('<link name="base"/>', base)
+        heavy = text.replace('<parent link="arm_link"/>', '<parent link="base"/>')
+        assert [build_model(heavy, base=said).model.nv for said in (None, "fixed", "floating")] == [7, 7, 13]
+        light = heavy.replace(base, '<link name="base"/>')
+        assert build_model(light, base="fixed").model.nv == 1
+        with pytest.raises(ModelError, match="'base' lets joint ball float already, and carries joint arm too"):
+            build_model(light, base="floating")
+
     def test_of_a_body_without_joints_may_float(self):
         inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
         brick = f'<robot name="r"><link name="brick">{inertial}</link></robot>'
@@ -213,7 +224,7 @@ class TestBase:
 
 def test_names_that_parts_of_a_joint_take_are_refused(chain):
     xml = chain({**ARM, "name": "free", "kind": "floating"}, {**ARM, "name": "free.x"})
-    assert refusal(xml).message == "two joints have the name 'free.x'"
+    assert refusal(xml).message == "two joints have the name 'free.x': a part of 'free', and a joint of the model"
 
 
 def test_more_freedom_than_memory_holds_is_refused(chain, monkeypatch):

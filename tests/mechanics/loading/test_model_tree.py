@@ -1,0 +1,127 @@
+"""Names of the parts of a tree: links, frames and joints of the file, and those that are made for its joints."""
+
+from time import process_time
+from xml.etree import ElementTree
+
+import pytest
+
+from pinarm.errors import ModelError
+from pinarm.mechanics.loading.model_tree import Mimic, checked_mimics
+from pinarm.mechanics.loading.pinocchio_model import build_model
+from pinarm.mechanics.loading.sdf.reader import sdf_tree
+
+MASS = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+SDF_MASS = "<inertial><mass>1</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia></inertial>"
+
+
+def urdf(*joints, extra=""):
+    """Return a robot of links with mass: joints as name, type, parent and child."""
+    links = {link: MASS for _, _, parent, child in joints for link in (parent, child)} | {joints[0][2]: ""}
+    told = "".join(
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/></joint>'
+        for name, kind, parent, child in joints
+    )
+    bodies = "".join(f'<link name="{name}">{inside}</link>' for name, inside in links.items())
+    return f'<robot name="r">{bodies}{told}{extra}</robot>'
+
+
+def sdf(*joints):
+    """Return a model of links with mass, likewise."""
+    links = dict.fromkeys(link for _, _, *ends in joints for link in ends if link != "world")
+    told = "".join(
+        f'<joint name="{name}" type="{kind}"><parent>{parent}</parent><child>{child}</child>'
+        "<axis><xyz>0 0 1</xyz></axis><axis2><xyz>1 0 0</xyz></axis2></joint>"
+        for name, kind, parent, child in joints
+    )
+    bodies = "".join(f'<link name="{name}">{SDF_MASS}</link>' for name in links)
+    return f'<sdf version="1.9"><model name="m">{bodies}{told}</model></sdf>'
+
+
+def mjcf(*bodies):
+    return f"<mujoco><worldbody>{''.join(bodies)}</worldbody></mujoco>"
+
+
+def body(name, *joints, inside=""):
+    return f'<body name="{name}">{"".join(joints)}<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>{inside}</body>'
+
+
+LOOP = '<loop name="L" type="spherical"><predecessor link="a"/><successor link="c"/></loop>'
+
+CLASHES = {
+    "a link and a frame of the loop joint g": (
+        sdf(("j", "revolute", "world", "a"), ("k", "revolute", "a", "g_2"), ("g", "revolute", "world", "g_2")),
+        "g_2", "g",
+    ),
+    "a link elsewhere and a frame of the loop joint g": (
+        sdf(("j", "revolute", "world", "a"), ("k", "revolute", "a", "b"), ("z", "revolute", "a", "g_1"),
+            ("g", "revolute", "world", "b")),
+        "g_1", "g",
+    ),
+    "links of a four-bar and the frames of the joint that closes it": (
+        sdf(("A", "revolute", "world", "rod_1"), ("B", "revolute", "rod_1", "coupler"),
+            ("D", "revolute", "world", "rod_2"), ("rod", "revolute", "coupler", "rod_2")),
+        "rod_1", "rod",
+    ),
+    "a link and what is between the axes of the universal joint u": (
+        sdf(("u", "universal", "world", "u/1"), ("k", "revolute", "u/1", "b")), "u/1", "u",
+    ),
+    "a link and a slide of the floating joint f": (
+        urdf(("f", "floating", "a", "b"), ("k", "continuous", "b", "f/x")), "f/x", "f",
+    ),
+    "a link and a slide of the planar joint f": (
+        urdf(("f", "planar", "a", "b"), ("k", "continuous", "b", "f/y")), "f/y", "f",
+    ),
+    "a fixed joint and a slide of the floating joint f": (
+        urdf(("f", "floating", "a", "b"), ("f.x", "fixed", "b", "c")), "f.x", "f",
+    ),
+    "a fixed joint and that of a frame of the loop L": (
+        urdf(("j", "continuous", "a", "b"), ("k", "continuous", "b", "c"), ("L_1_fixed", "fixed", "b", "d"),
+             extra=LOOP),
+        "L_1_fixed", "L",
+    ),
+    "a body and a slide of the free joint f": (
+        mjcf(body("b", '<freejoint name="f"/>', inside=body("f/x", '<joint name="k"/>'))), "f/x", "f",
+    ),
+    "a body and what is between the joints j and k": (
+        mjcf(body("b", '<joint name="j"/>', '<joint name="k" axis="1 0 0"/>', inside=body("b/j", '<joint name="z"/>'))),
+        "b/j", "j",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CLASHES)
+def test_a_name_that_a_part_of_a_joint_has_is_refused(case):
+    """Otherwise the mass of a link counts twice, or it hangs where that part is."""
+    text, name, joint = CLASHES[case]
+    with pytest.raises(ModelError, match=rf"have the name '{name}': .*a part of '{joint}'") as caught:
+        build_model(text)
+    assert caught.value.hint == "rename one of them"
+
+
+def test_a_link_with_the_name_of_a_slide_of_the_floating_base_is_refused():
+    text = urdf(("j", "continuous", "a", "root/x"))
+    assert build_model(text).model.nv == 1
+    with pytest.raises(ModelError, match=r"the name 'root/x': a part of 'root', and what joint 'j' carries"):
+        build_model(text, base="floating")
+
+
+def test_joints_that_follow_each_other_take_time_in_proportion_to_their_number():
+    """A hundredth of a second; a walk along the chain from each of them took half a minute."""
+    count = 3000
+    mimics = [Mimic(f"j{k}", f"j{k - 1}", 1.0, 0.0) for k in range(1, count)]
+    kinds = dict.fromkeys((f"j{k}" for k in range(count)), "revolute")
+    begin = process_time()
+    assert checked_mimics(mimics, kinds) == (tuple(mimics), ())
+    assert process_time() - begin < 2.0
+    with pytest.raises(ModelError, match=r"joint 'j1' mimics itself: j1 -> j0 -> j2999 -> .* -> j2 -> j1$"):
+        checked_mimics([*mimics, Mimic("j0", f"j{count - 1}", 1.0, 0.0)], kinds)
+
+
+def test_a_long_chain_of_an_sdf_grows_in_proportion_to_its_length():
+    """Also where it stands in the file from its end to its beginning."""
+    count = 4000
+    names = ["world", *(f"l{k}" for k in range(count))]
+    root = ElementTree.fromstring(sdf(*((f"j{k}", "revolute", *names[k : k + 2]) for k in reversed(range(count)))))
+    begin = process_time()
+    assert [joint.name for joint in sdf_tree(root).joints] == [f"j{k}" for k in range(count)]
+    assert process_time() - begin < 1.5
