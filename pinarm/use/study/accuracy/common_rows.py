@@ -1,11 +1,21 @@
-"""Rows of two runs that belong together."""
+"""Rows of two runs that belong together, and instants between them."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 
 from pinarm.arrays import Indices
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.names import Quantities
+from pinarm.use.result.row_lookup import Lookup
+
+BETWEEN = 100
+"""Instants all over a run at which two are compared beside their rows: rows at the turning points of an oscillation do
+not show an error of its phase."""
+
+GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 
 def common_rows(one: Trajectory, two: Trajectory) -> tuple[Indices, Indices]:
@@ -22,3 +32,19 @@ def common_rows(one: Trajectory, two: Trajectory) -> tuple[Indices, Indices]:
     shared, k1, k2 = np.intersect1d(t1, t2, return_indices=True)
     shared = shared[n1[k1] == n2[k2]]
     return np.flatnonzero(np.isin(one.grid.t, shared)), np.flatnonzero(np.isin(two.grid.t, shared))
+
+
+def between_rows(one: Lookup, two: Lookup) -> Iterator[tuple[Quantities, Quantities]]:
+    """Yield the quantities of two motions at the same instants, interval by interval; none where events are others.
+
+    In every interval the instants are multiples of the golden ratio: they are not those of a period.
+    """
+    if not one.motion or not two.motion or len(one.intervals) != len(two.intervals):
+        return
+    whole = one.run.grid.cuts[-1] - one.run.grid.cuts[0]
+    for number, (first, second) in enumerate(zip(one.intervals, two.intervals, strict=True)):
+        start, end = max(first[0], second[0]), min(first[1], second[1])
+        count = round(BETWEEN * (end - start) / whole) if end > start else 0
+        if count:
+            t = start + (end - start) * np.sort(GOLDEN * np.arange(1, count + 1) % 1.0)
+            yield one.quantities_at(number, t), two.quantities_at(number, t)

@@ -19,13 +19,15 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import NumericsError
 from pinarm.input.units import Unit
 from pinarm.records import replace
-from pinarm.use.study.accuracy.common_rows import common_rows
+from pinarm.use.study.accuracy.common_rows import between_rows, common_rows
 from pinarm.use.study.accuracy.error_growth import e_folding, saturation
 from pinarm.use.study.accuracy.integration_settings import (
     comparison_settings,
+    finer_setting,
     format_setting,
     reference_settings,
     step_limit,
+    takes_other_steps,
     with_setting,
 )
 
@@ -69,11 +71,33 @@ def estimate_errors(scenario: Scenario, result: Result) -> Result:
         other = _other(scenario, accuracy.setting_keys, accuracy.max_steps)
         return with_errors(result, other, "against other last digits")
     used, steps = format_setting(accuracy.setting_keys), step_limit(result, accuracy.max_steps)
+    setting: Mapping[str, Any]
     for setting in comparison_settings(accuracy):
         other = _other(scenario, setting, steps)
         if other and np.isfinite(max(output_differences(result, other).values())):
+            other, setting = _with_other_steps(scenario, result, other, setting, steps)
             return with_errors(result, other, f"{used}, against {format_setting(setting)} and other last digits")
     return with_errors(result, None, f"{used}; no other setting got to the end")
+
+
+def _with_other_steps(
+    scenario: Scenario, result: Result, other: Result, setting: Mapping[str, Any], most: int
+) -> tuple[Result, Mapping[str, Any]]:
+    """Return a solution whose steps are others than those of a result, and its setting: as fine as need be, or can be.
+
+    Args:
+        scenario: What is solved.
+        result: The result.
+        other: A solution that it can be compared with.
+        setting: The setting of that.
+        most: Number of steps after which a solution is given up.
+    """
+    while not takes_other_steps(result, other) and (finer := finer_setting(setting)):
+        found = _other(scenario, finer, most)
+        if found is None or not np.isfinite(max(output_differences(result, found).values())):
+            break
+        other, setting = found, finer
+    return other, setting
 
 
 def _other(scenario: Scenario, setting: Mapping[str, Any], max_steps: int) -> Result | None:
@@ -148,14 +172,19 @@ def unaccounted_energy(result: Result) -> float:
 
 
 def output_differences(result: Result, other: Result) -> dict[str, float]:
-    """Return the largest difference of every output of two results, relative to its scale in the first."""
+    """Return the largest difference of every output of two results, relative to its scale in the first.
+
+    In rows, and between those of motions.
+    """
     first, second = common_rows(result.trajectory, other.trajectory)
     if not len(first):
         return dict.fromkeys(result.content.outputs, np.inf)
     found = {}
+    elsewhere = list(between_rows(result.lookup, other.lookup))
     for name, scale in output_scales(result).items():
-        one, two = result[name].values[first], other[name].values[second]
-        difference = float(np.abs(one - two).max())
+        pairs = [(result[name].values[first], other[name].values[second])]
+        pairs += [(one[name].values, two[name].values) for one, two in elsewhere]
+        difference = max(float(np.abs(one - two).max()) for one, two in pairs)
         found[name] = max(difference / scale, UNSEEN) if np.isfinite(difference) else np.inf
     return found
 

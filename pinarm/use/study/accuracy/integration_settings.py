@@ -23,6 +23,11 @@ FINER = 100.0
 LOOSEST, TIGHTEST = 1e-2, 1e-14
 """Tolerances that can be asked for."""
 
+GROWN = 1.2
+"""Steps of a finer solution over those of another from which on they are other steps: a tolerance finer by 100 takes
+1.8 times as many of order 8. Where they are the same, as samples of a controller or the end of the run limit them, so
+are their errors, and the difference shows none of them."""
+
 PATIENCE = 10.0
 """Steps of a finer solution over those of the coarser one beyond which it is given up; order 5 needs 2.5 times."""
 
@@ -37,6 +42,17 @@ def comparison_settings(accuracy: Accuracy) -> list[dict[str, Any]]:
         return [setting_keys(accuracy.method, own / 2.0), setting_keys(accuracy.method, own * 2.0)]
     near = [own / FINER, own / 10.0, own * 10.0]
     return [setting_keys(accuracy.method, value) for value in near if TIGHTEST < 1.001 * value < LOOSEST]
+
+
+def finer_setting(setting: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return a setting that is finer by another ``FINER``; ``None`` for a step, and where none is so fine."""
+    tolerance = setting.get("tolerance", 0.0) / FINER
+    return {**setting, "tolerance": tolerance} if tolerance > 1.001 * TIGHTEST else None
+
+
+def takes_other_steps(result: Result, finer: Result) -> bool:
+    """Tell whether a finer solution takes more steps than another; see ``GROWN``."""
+    return finer.figures["steps"] >= GROWN * result.figures["steps"]
 
 
 @dataclass(frozen=True)

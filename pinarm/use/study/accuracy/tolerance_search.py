@@ -18,7 +18,13 @@ from pinarm.use.study.accuracy.error_estimate import (
     unaccounted_energy,
     with_errors,
 )
-from pinarm.use.study.accuracy.integration_settings import Ladder, format_setting, step_limit, with_setting
+from pinarm.use.study.accuracy.integration_settings import (
+    Ladder,
+    format_setting,
+    step_limit,
+    takes_other_steps,
+    with_setting,
+)
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -150,8 +156,14 @@ class _Search:
         return step_limit(solved[-1], self.most) if solved else self.most
 
     def finer(self, rung: int) -> Result | None:
-        """Return the solution that one of a rung is compared with."""
-        return self.run(min(rung + self.ladder.finer, self.ladder.last))
+        """Return the solution that one of a rung is compared with: whose steps are others, if there is one."""
+        own, last = self.run(rung), self.ladder.last
+        found = self.run(min(rung + self.ladder.finer, last))
+        for other in range(rung + 2 * self.ladder.finer, last + 1, self.ladder.finer):
+            if own is None or found is None or takes_other_steps(own, found) or self.run(other) is None:
+                break
+            found = self.run(other)
+        return found
 
     def error(self, rung: int) -> float:
         """Return the bound of the error at a rung, no less than its energy shows; infinite where a solution failed."""

@@ -147,3 +147,32 @@ def test_bounds_hold_of_small_motions_under_gravity(amplitude, accuracy):
                           "accuracy": accuracy}).verified()  # fmt: skip
     true = np.abs(result["x"].values / amplitude - np.cos(10.0 * result["t"].values)).max()
     assert true < result.error < accuracy.get("target", 1e-7)
+
+
+def on_slide(problem, **keys):
+    mechanism = {"pinarm": 1, "gravity": "none", "planar": SLIDE}
+    return {"pinarm": 1, "mechanism": mechanism, "problem": {"kind": "forward", **problem}, "outputs": ["x"], **keys}
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
+def test_rows_at_the_turning_points_of_an_oscillation_do_not_hide_the_error_of_its_phase(tolerance):
+    """10 rad/s: rows every pi/10 s are at the turning points. Between them the error is that of 20 half turns."""
+    end = f"{2.0 * np.pi!r} s"
+    problem = {"time": {"end": end, "samples": 21}, "initial": {"position": {"x": "1 m"}}, "loads": {"s": SPRING}}
+    scenario = pinarm.load(on_slide(problem, accuracy={"tolerance": tolerance}))
+    t = 1.95 * np.pi
+    off = abs(scenario.run().number(f"x @ t={t!r} s")[0] - np.cos(10.0 * t))
+    assert 0.0 < off <= scenario.verified().errors["x"]
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
+def test_steps_that_samples_limit_do_not_hide_their_errors(tolerance):
+    """A finer tolerance takes the same steps, one from sample to sample, which are 1 rad of the oscillation."""
+    control = {"kind": "pid", "drive": "x", "follows": {"law": "constant", "value": "0 m"}, "kp": "20 N/m",
+               "period": "0.1 s"}  # fmt: skip
+    problem = {"time": {"end": "3 s", "samples": 11}, "initial": {"position": {"x": "1 m"}}, "loads": {"s": SPRING},
+               "control": [control]}  # fmt: skip
+    coarse, tight = (pinarm.load(on_slide(problem, accuracy={"tolerance": one})) for one in (tolerance, 1e-13))
+    found = coarse.verified()
+    off = np.abs(found["x"].values - tight.run()["x"].values).max() / np.abs(found["x"].values).max()
+    assert 1e-11 < off <= found.errors["x"] < 10.0 * off

