@@ -38,11 +38,12 @@ is less than 0.1. Errors of stages there grow with 1 over the regularity, and th
 show it: at tolerance 1e-3 one motion in a hundred went on on another branch. Finer steps are shortened by their errors
 until they are as near as ``NEAR``."""
 
-BLIND, ASIDE, ACROSS = 2.5e-3, 8e-3, np.array([1.0, -6.0, 15.0, 15.0, -6.0, 1.0]) / 20.0
+BLIND, ASIDE, ACROSS = 2.5e-3, 8e-3, np.array([-1.0, 8.0, -28.0, 56.0, 56.0, -28.0, 8.0, -1.0]) / 70.0
 """The same, s, below which a position says little of the state, whose place is known to eps / s and whose velocity to
 eps / s^2, and of the acceleration there. The state is then not closed: it would lose energy. The acceleration is
-interpolated between positions at once, twice and three times that distance [rad], before and behind it on the way, with
-these weights. The motion is smooth. None of them should come close to the singular position itself: of four-bars, whose
+interpolated between positions at once to four times that distance [rad], before and behind it on the way, with these
+weights. The motion is smooth, and the error is of the eighth order, below 1e-14 of the motion; with six positions it
+would be as large as ``PASSED``. None of them should come close to the singular position itself: of four-bars, whose
 regularity changes by 0.5 per radian, a blind state is up to 5e-3 from it. If it changes by less than 0.3, one may."""
 
 PASSED, TURNED = 1e-11, 1e-9
@@ -138,7 +139,7 @@ class PointMotion:
         """Return the acceleration at a singular position that is passed, from both sides of it; see if it is one."""
         model, aside = self.points.tied.model, (ASIDE / float(np.abs(v / self.scale).max())) * v
         accelerations, changes = [], []
-        for k in (-3, -2, -1, 1, 2, 3):
+        for k in (-4, -3, -2, -1, 1, 2, 3, 4):
             beside = pin.integrate(model, q, k * aside)
             self.points.factorise(beside)
             closed = self.closed(beside)
