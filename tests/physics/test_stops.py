@@ -231,3 +231,19 @@ def test_a_slow_rebound_is_none_of_rest_because_something_else_accelerates(write
     assert len(result.events) == 1
     assert result["joint.x.velocity"].values[-1] == pytest.approx(4e-6, rel=1e-9)
     assert result["x"].values[-1] == pytest.approx(0.0, abs=1e-13)
+
+
+def test_a_stop_of_a_nut_is_met_though_its_spindle_turns_fast(write):
+    """Lead 4 mm: 1571 rad/m, which is no dead point. With damping on the nut ``v = v0 exp(-t / T)``."""
+    bodies = f"""
+<link name="spindle">{BODY.format(1)}</link><link name="nut">{BODY.format(2)}</link>
+<joint name="turn" type="continuous"><parent link="base"/><child link="spindle"/><axis xyz="0 0 1"/></joint>
+<joint name="lift" type="prismatic"><parent link="base"/><child link="nut"/><axis xyz="0 0 1"/>{SIZES}</joint>"""
+    felt = 2.0 + (2.0 * np.pi / 4e-3) ** 2
+    screw = ("gravity: none\ncouplings: {s: {kind: screw, joints: [turn, lift], lead: 4 mm}}\n"
+             f"forces: {{d: {{kind: joint_spring, joint: lift, damping: {felt!r} N*s/m}}}}\n")  # fmt: skip
+    problem = ("{kind: forward, time: {end: 6 s, samples: 3}, initial: {velocity: {lift: 1 mm/s}}, "
+               "end_stops: {lift: {upper: 0.99 mm}}}")  # fmt: skip
+    result = pinarm.run(write(bodies, screw, problem, "lift"))
+    assert result.events[0].t == pytest.approx(-np.log(0.01), rel=1e-6)
+    assert result["lift"].values[-1] == pytest.approx(0.99e-3, rel=1e-12)

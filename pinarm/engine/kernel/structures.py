@@ -91,7 +91,7 @@ class LimitsStructure(ctypes.Structure):
 
     _fields_ = [
         *((name, REAL) for name in ("usual", "near", "ahead", "coarse", "close", "blind", "vanished", "accuracy")),
-        ("aside", REAL), ("across", REAL * 6), ("passed", REAL), ("floor", REAL), ("clear", REAL), ("rank", INT),
+        ("aside", REAL), ("across", REAL * 8), ("passed", REAL), ("floor", REAL), ("clear", REAL), ("rank", INT),
     ]  # fmt: skip
 
 

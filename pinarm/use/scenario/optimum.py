@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError, IntegrationError
+from pinarm.errors import IntegrationError
 from pinarm.records import replace
 from pinarm.use.scenario.landscape import KEPT, Landscape, Trial
 from pinarm.use.scenario.lockstep import Run, side_by_side
@@ -98,6 +98,7 @@ class Optimum:
         reaches: For every unknown, how far it may go until the objective is worse by ``allowance``.
         allowance: That change of the objective.
         runs: Number of runs in all.
+        flat: Whether the objective is the same in all of them, but for rounding.
     """
 
     best: Descent
@@ -106,6 +107,7 @@ class Optimum:
     reaches: Sequence[Reach]
     allowance: float
     runs: int
+    flat: bool = False
 
 
 def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = False) -> Optimum:
@@ -119,7 +121,6 @@ def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = 
 
     Raises:
         IntegrationError: No start can be run, or none leads to where all conditions hold.
-        InputError: The objective is the same in all runs.
     """
     points = spread(len(landscape.low), starts, seed)
     points[0] = (landscape.start - landscape.low) / (landscape.high - landscape.low)
@@ -134,14 +135,13 @@ def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = 
         best = descents[-1]
     if not best.valid:
         raise _nowhere(landscape, best, len(points))
-    _require_dependence(landscape)
     x = _scaled(landscape, best.end)
     margins = landscape.margins(x)
     active = [k for k, equal in enumerate(landscape.equations) if equal or margins[k] <= ACTIVE]
     size = abs(best.trial.objective)
     allowance = FLAT * (size if size > VANISHES * landscape.size else landscape.size)
     reaches = [_reach(landscape, x, k, best.trial.objective + allowance) for k in range(len(x))]
-    return Optimum(best, descents, active, reaches, allowance, len(landscape.trials))
+    return Optimum(best, descents, active, reaches, allowance, len(landscape.trials), _is_flat(landscape))
 
 
 def spread(k: int, count: int, seed: int) -> list[Array]:
@@ -265,16 +265,10 @@ def _obstacle(landscape: Landscape, x: Array, allowed: float) -> str:
     return "objective" if trial.objective > allowed else ""
 
 
-def _require_dependence(landscape: Landscape) -> None:
-    """Raise where the objective is the same in all runs, but for rounding.
-
-    Raises:
-        InputError: It is.
-    """
+def _is_flat(landscape: Landscape) -> bool:
+    """Tell whether the objective is the same in all runs, but for rounding."""
     told = np.array([trial.objective for _, trial in landscape.trials.values() if not trial.refusal])
-    if np.ptp(told) <= SAME * np.abs(told).max():
-        raise InputError(f"what is to be least or largest is the same in all {len(told)} runs between the bounds",
-                         expected="unknowns that change it")  # fmt: skip
+    return bool(np.ptp(told) <= SAME * np.abs(told).max())
 
 
 def _nowhere(landscape: Landscape, best: Descent, starts: int) -> IntegrationError:

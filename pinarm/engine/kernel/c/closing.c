@@ -82,12 +82,12 @@ static int turns(const closing *c) { return c->open > c->limits.passed; } /* bes
 
 /* Write the acceleration at a singular position that is passed, from both sides of it; return how open it is. */
 static double across(const closing *c, const double *q, const double *v, double *a) {
-    static const double places[6] = {-3.0, -2.0, -1.0, 1.0, 2.0, 3.0};
+    static const double places[8] = {-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0};
     const tree *t = c->rows.tree;
     const double fastest = largest(c, v);
     for (int k = 0; k < t->nv; k++)
         c->sum[k] = c->aside[k] = 0.0;
-    for (int i = 0; i < 6; i++) {
+    for (int i = 0; i < 8; i++) {
         copy(t->nq, q, c->state);
         copy(t->nv, v, c->state + t->nq);
         move(t, places[i] * c->limits.aside / fastest, v, c->state);

@@ -10,7 +10,7 @@ typedef struct {
     double usual;                     /* s_r / s_1 at positions of no special kind */
     double near, ahead, coarse, close, blind; /* limits of the regularity, and of its fall over a step */
     double vanished, accuracy;        /* squares that are 0, and how well they are known */
-    double aside, across[6];          /* how far beside a singular position others are, and their weights */
+    double aside, across[8];          /* how far beside a singular position others are, and their weights */
     double passed;                    /* gap at the position so interpolated up to which it is passed [m] */
     double floor;                     /* least step close to singular positions, relative to a regular one */
     double clear;                     /* motion within a step, over the regularity, that reaches no singular position */

@@ -191,12 +191,16 @@ class Contacts(Record, frozen=True):
         """Return the velocity along the row of a stop."""
         return float(self.bounds[k].row(q) @ v)
 
-    def transmission(self, k: int, t: float, q: Array) -> float:
-        """Return the largest velocity that a unit velocity along the row of a stop takes, endless at a dead point."""
-        row = self.bounds[k].row(q)
-        rest, moving = (self._given(t, q, np.zeros(len(row)), {k: rate})[0] for rate in (0.0, 1.0))
-        moved = float(row @ (moving - rest))
-        return float(np.abs(moving - rest).max()) / moved if moved > 0.5 else np.inf
+    def freedom(self, k: int, q: Array) -> float:
+        """Return how much of the row of a stop the loops and laws leave free, 1 for all of it, 0 at a dead point.
+
+        With the row n, and the accelerations ``a`` that it gives as a force to the mechanism and ``M^-1 n`` to its
+        bodies without loops, ``(n a / n M^-1 n)^(1/2)``: a number without a unit.
+        """
+        rows, row = self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates), self.bounds[k].row(q)
+        mass, split = mass_matrix(rows.model, q), split_rows(rows.rows(rows.state(q)), rows.reach)
+        left = float(row @ solve(split, mass, row, np.zeros(rows.size)))
+        return float((max(left, 0.0) / float(row @ np.linalg.lstsq(mass, row)[0])) ** 0.5)
 
     def impact(self, t: float, q: Array, v: Array, hit: Mapping[int, float], held: Iterable[int] = ()) -> Array:
         """Return the velocity after stops were met with the velocity v, shape (nv,).

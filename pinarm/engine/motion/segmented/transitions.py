@@ -21,8 +21,9 @@ from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.errors import IntegrationError
 from pinarm.records import Record
 
-DEAD = 1e3
-"""Velocities of the mechanism, per velocity along a stop, as only near a dead point."""
+DEAD = 10.0
+"""What loops leave free of the row of a stop, over the root of the tolerance, up to which it is at a dead point: from
+there a motion turns within the tolerance of the size of its links."""
 
 SLIGHT = 1e-9
 """Acceleration of what breaks loose, over that without friction, that may be rounding."""
@@ -77,15 +78,16 @@ class Transitions(Record, frozen=True):
 
     def _require_clear(self, motion: SegmentedMotion, k: int, held: Held, end: SegmentEnd) -> None:
         """Raise where a motion at a dead point would turn before it is past a stop by more than the errors of steps."""
-        hybrid, bound = self.hybrid, self.hybrid.bounds[k]
+        hybrid, bound, error = self.hybrid, self.hybrid.bounds[k], self.hybrid.method.tolerance
+        if not isinstance(bound, Bound) or hybrid.contacts.freedom(k, end.q) > DEAD * error**0.5:
+            return
         speed, away = self._speed(k, end.q, end.v), min(self._accelerations_away(k, held, end.t, end.q, end.v))
-        reach = hybrid.method.tolerance * (hybrid.size + float(np.abs(end.q).max()))
-        grazes = away > 0.0 and speed**2 <= 2.0 * away * reach
-        if grazes and hybrid.contacts.transmission(k, end.t, end.q) > DEAD:
+        reach, unit = error * (hybrid.size + abs(bound.limit)), bound.coordinate.unit
+        if away > 0.0 and speed**2 <= 2.0 * away * reach:
             raise IntegrationError(
-                f"at t = {end.t:.9g} s the motion turns at the {bound.title}, to {speed**2 / (2.0 * away):.1g} in SI: "
+                f"at t = {end.t:.9g} s the motion turns at the {bound.title}, to {speed**2 / (2.0 * away):.1g} {unit}: "
                 "whether it meets it is below the accuracy of the integration",
-                expected=f"a stop farther than {reach:.1g} from where the motion turns, as at a dead point",
+                expected=f"a stop farther than {reach:.1g} {unit} from where the motion turns, as at a dead point",
                 hint="move the stop, or leave it out",
                 partial=motion, t=end.t,
             )  # fmt: skip

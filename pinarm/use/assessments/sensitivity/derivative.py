@@ -19,7 +19,7 @@ Source: Ridders, Accurate computation of F'(x) and F'(x) F''(x), Advances in Eng
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from itertools import islice
 
@@ -104,8 +104,18 @@ class _Differences:
 
     def finds(self, other: _Differences, k: int) -> bool:
         """Tell whether another step has given about the same derivatives on both sides."""
-        apart = max(abs(self.left[k] - other.left[k]), abs(self.right[k] - other.right[k]))
-        return bool(apart <= min(self.alike(k), other.alike(k)))
+        alike = REGULAR * min(self.quotient[k], other.quotient[k]) + 8.0 * (self.rounding[k] + other.rounding[k])
+        return bool(self.moved(other, k) <= alike)
+
+    def moved(self, other: _Differences, k: int) -> float:
+        """Return how far the one-sided derivatives of another step are from these."""
+        return float(max(abs(self.left[k] - other.left[k]), abs(self.right[k] - other.right[k])))
+
+    def contradicted(self, finer: _Differences, k: int) -> float:
+        """Return the error that smaller steps show: of both sides at a kink, which they may be too small to see."""
+        if self.derivative(k).kink:
+            return self.moved(finer, k) - float(finer.one_sided_error[k])
+        return float(abs(self.central[k] - finer.central[k]) - finer.error[k])
 
 
 STEPS = np.array([1.0, 0.5, 0.25, -1.0, -0.5, -0.25])
@@ -135,13 +145,19 @@ class _Sought:
         taken = np.array([row.taken for row in rows]).reshape(2, 3, -1)
         found = _differences(taken[0], taken[1], at_zero, step, noise)
         self.rounds.append(found)
-        return all(found.settled(k) for k in range(len(at_zero)))
+        return all(found.settled(k) or self._is_kink(k) for k in range(len(at_zero)))
+
+    def _is_kink(self, k: int) -> bool:
+        """Tell whether the last two steps have found the same kink."""
+        last = self.rounds[-2:]
+        return len(last) == 2 and all(each.derivative(k).kink for each in last) and last[0].finds(last[1], k)
 
     def best(self, k: int) -> Derivative:
         """Return the derivative of number k with the least error, after what the other steps say of it."""
         found, rounds = [each.derivative(k) for each in self.rounds], self.rounds
-        errors = [max(one.error, _contradicted(one, found[n + 1 :])) for n, one in enumerate(found)]
+        errors = [one.error for one in found]
         for n, each in enumerate(rounds):
+            errors[n] = max([errors[n], *(each.contradicted(finer, k) for finer in rounds[n + 1 :])])
             if each.apart(k) > each.alike(k) and not any(each.finds(other, k) for other in rounds if other is not each):
                 errors[n] = max(errors[n], each.apart(k))
         least = int(np.argmin(errors))
@@ -177,11 +193,6 @@ def derivatives(
                 raise InputError(f"no run succeeds on both sides of {of.text(of.value)}: {each.failure}",
                                  hint="another value, from which the mechanism can be changed both ways")  # fmt: skip
     return [[each.best(k) for k in range(len(at_zero))] for each in sought]
-
-
-def _contradicted(one: Derivative, finer: Sequence[Derivative]) -> float:
-    """Return the error of a derivative that those of smaller steps show."""
-    return max((abs(one.value - each.value) - each.error for each in finer), default=0.0)
 
 
 def _differences(ahead: Array, behind: Array, at_zero: Array, step: float, noise: Array) -> _Differences:

@@ -14,7 +14,7 @@ for a cycle of the length L: three integrals serve all motors and ratios. The le
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -81,8 +81,15 @@ class Duty:
 
     @property
     def load_inertia(self) -> float:
-        """Mean of the inertia over the time of the motion [kg*m^2 or kg]."""
-        return float(np.trapezoid(self.inertia, self.t) / (self.t[-1] - self.t[0]))
+        """Mean of the inertia, weighted with the square of the speed [kg*m^2 or kg]; of the time where it rests.
+
+        Twice the mean kinetic energy over the mean square of the speed: finite where the motion passes a dead point.
+        """
+        squares = self.v**2
+        if not squares.any():
+            return float(np.trapezoid(self.inertia, self.t) / (self.t[-1] - self.t[0]))
+        energies = np.multiply(self.inertia, squares, out=np.zeros_like(squares), where=squares > 0.0)
+        return float(np.trapezoid(energies, self.t) / np.trapezoid(squares, self.t))
 
     def mean_speed(self) -> float:
         """Return the mean size of the velocity over the cycle, its rest included."""
@@ -119,7 +126,9 @@ def _recursion(factors: Array, terms: Array) -> Array:
     return np.array(values)
 
 
-def duty_of(run: Lookup, coordinate: str, armature: float, efficiency: float, rest: float) -> Duty:
+def duty_of(
+    run: Lookup, coordinate: str, armature: float, efficiency: float, rest: float, held: Collection[str] = ()
+) -> Duty:
     """Return the cycle of what a motor drives in a run.
 
     Args:
@@ -128,6 +137,7 @@ def duty_of(run: Lookup, coordinate: str, armature: float, efficiency: float, re
         armature: What its effort in the run counts of the rotor of its own drive [kg*m^2 or kg].
         efficiency: Of the gear.
         rest: How long the joint is held by a brake after the motion [s].
+        held: Joints that simplification holds on their laws; see ``load_inertia``.
     """
     names = [f"coordinate.{coordinate}.{part}" for part in ("velocity", "acceleration", "effort")]
     rates = [run.quantities.determined(name).values for name in names][:2]
@@ -149,7 +159,7 @@ def duty_of(run: Lookup, coordinate: str, armature: float, efficiency: float, re
 
     total, error = integrals(run, squares)
     sizes = np.array([scale[0] ** 2, scale[0] * scale[1], scale[1] ** 2])
-    t, v, a, y, inertia = _samples(run, lambda rows: (*columns(rows), load_inertia(rows.trajectory, coordinate)))
+    t, v, a, y, inertia = _samples(run, lambda rows: (*columns(rows), load_inertia(rows.trajectory, coordinate, held)))
     worst = float(error.max() / max(np.abs(total).max(), np.finfo(float).tiny))
     a_square, product, y_square = (total * sizes).tolist()
     return Duty(t, v, a, y, inertia - armature, (a_square, product, y_square), worst, rest)

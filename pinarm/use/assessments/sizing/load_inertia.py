@@ -8,6 +8,8 @@ mechanism it is ``2 T / w²``, with the kinetic energy T at the speed w.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from pinarm.arrays import Array
@@ -18,13 +20,18 @@ HELD = 1e-10
 """Singular value of what drives do to the free motions, relative to the largest, below which one holds the others."""
 
 
-def load_inertia(run: Trajectory, coordinate: str) -> Array:
+def load_inertia(run: Trajectory, coordinate: str, held: Iterable[str] = ()) -> Array:
     """Return the inertia that the drive of a coordinate feels in every row, rotors included, shape (n,).
 
     It is in kg*m^2 or kg, and infinite where the coordinate cannot move while the other drives are held.
+
+    Args:
+        run: The rows.
+        coordinate: Name of the driven coordinate.
+        held: Names of joints that follow laws beside those of ``run.drives``, as where simplification holds them.
     """
     mechanism = run.mechanism
-    names = [coordinate, *(name for name in run.drives if name != coordinate)]
+    names = [coordinate, *(name for name in dict.fromkeys((*run.drives, *held)) if name != coordinate)]
     rows = rows_of(mechanism.model, [mechanism.coordinate(name) for name in names], run.q)
     masses, felt = run.dynamics.mass_matrices(run.q), np.empty(len(run.q))
     for places, free in mechanism.closure.free_motions(run.q):

@@ -167,7 +167,8 @@ class Sizing(InputStruct, frozen=True):
         self._check_drive(result.quantities)
         drive = run.mechanism.drives[self.drive]
         efficiency = drive.efficiency if self.efficiency is None else self.efficiency
-        duty = duty_of(result.lookup, drive.coordinate, drive.armature, efficiency, float(self.rest))
+        held = [removal.joint for removal in result.scenario.simplification.removals]
+        duty = duty_of(result.lookup, drive.coordinate, drive.armature, efficiency, float(self.rest), held)
         candidates = [self._candidate(duty, motor, ratio) for motor in read_catalogue(Path(self.catalogue))
                       for ratio in self.ratios_tried]  # fmt: skip
         ranked = sorted(candidates, key=lambda each: each.order)

@@ -184,7 +184,7 @@ def output_differences(result: Result, other: Result) -> dict[str, float]:
     for name, scale in output_scales(result).items():
         pairs = [(result[name].values[first], other[name].values[second])]
         pairs += [(one[name].values, two[name].values) for one, two in elsewhere]
-        difference = max(float(np.abs(one - two).max()) for one, two in pairs)
+        difference = float(np.max([np.abs(one - two).max() for one, two in pairs]))
         found[name] = max(difference / scale, UNSEEN) if np.isfinite(difference) else np.inf
     return found
 

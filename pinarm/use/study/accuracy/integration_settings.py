@@ -50,9 +50,10 @@ def finer_setting(setting: Mapping[str, Any]) -> dict[str, Any] | None:
     return {**setting, "tolerance": tolerance} if tolerance > 1.001 * TIGHTEST else None
 
 
-def takes_other_steps(result: Result, finer: Result) -> bool:
-    """Tell whether a finer solution takes more steps than another; see ``GROWN``."""
-    return finer.figures["steps"] >= GROWN * result.figures["steps"]
+def takes_other_steps(one: Result, two: Result) -> bool:
+    """Tell whether of two solutions one takes more steps than the other; see ``GROWN``."""
+    fewer, more = sorted(each.figures["steps"] for each in (one, two))
+    return more >= GROWN * fewer
 
 
 @dataclass(frozen=True)

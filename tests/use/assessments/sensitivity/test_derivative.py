@@ -114,3 +114,13 @@ def test_a_step_over_many_turns_of_an_oscillation_is_not_taken_for_a_small_one()
         found = one(lambda h, phase=phase: cos(phase * (1.0 + h) ** 0.5), 0.37, 1e-3)
         most = 0.5 * phase
         assert abs(found.value + most * sin(phase)) <= 3.0 * found.error + 0.01 * most, (phase, found)
+
+
+@pytest.mark.parametrize("noise", [1e-5, 1e-4])
+def test_a_kink_is_told_with_noise_too(noise: float) -> None:
+    """Smaller steps, in which the noise is larger, do not take it back."""
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        found = one(lambda h, rng=rng: abs(h) + 0.3 * h + rng.uniform(-noise, noise), noise ** (1.0 / 7.0), noise)
+        assert found.kink
+        assert abs(found.value - 1.3) <= found.error

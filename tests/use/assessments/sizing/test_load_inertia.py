@@ -1,6 +1,8 @@
 """The inertia of a load: of a pendulum among springs and losses, of a linkage from its energy, of an arm by hand."""
 
 import json
+import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,14 +33,23 @@ TWO_LINKS = (
 WHOLE = {"law": "harmonic", "amplitude": "0.5 rad", "pulsation": "3 rad/s"}
 
 
-def arm(folder: Path, problem: dict[str, Any], **mechanism: Any) -> Any:
+def arm(folder: Path, problem: dict[str, Any], outputs: Sequence[str] | None = None, **mechanism: Any) -> Any:
     (folder / "arm.urdf").write_text(TWO_LINKS)
     drives = {"m": {"joint": "a", "ratio": 50.0, "rotor_inertia": "1e-4 kg*m^2", "efficiency": 0.7}}
     described = {"pinarm": 1, "robot": "arm.urdf", "gravity": {"direction": "-y"}, "drives": drives, **mechanism}
     grid = {"end": "1 s", "samples": 21}
     (folder / ".pinarm-root").touch()
     (folder / "arm.yaml").write_text(json.dumps(described))
-    scenario = {"pinarm": 1, "mechanism": "arm.yaml", "problem": {"time": grid, **problem}, "outputs": ["a", "b"]}
+    scenario: dict[str, Any] = {
+        "pinarm": 1,
+        "mechanism": "arm.yaml",
+        "problem": {"time": grid, **problem},
+        "outputs": ["a", "b"],
+    }
+    if outputs is not None:
+        shutil.copy(ROOT / "models/motors/motors.csv", folder)
+        scenario["outputs"] = ["a", *outputs]
+        scenario["sizing"] = {"drive": "m", "catalogue": "motors.csv", "ratios": [50]}
     (folder / "s.yaml").write_text(json.dumps(scenario))
     return pinarm.run(folder / "s.yaml")
 
@@ -55,8 +66,20 @@ def test_other_drives_are_held_and_weights_springs_and_losses_have_no_part(tmp_p
     assert load_inertia(result.trajectory, "a") == pytest.approx(rotor + locked(result["b"].values), rel=1e-13)
     duty = duty_of(result.lookup, "a", rotor, 0.7, 0.0)
     t = np.linspace(0.0, 1.0, 20001)
-    mean = locked(1.0 + 0.5 * np.sin(3.0 * t)).mean()
+    mean = np.average(locked(1.0 + 0.5 * np.sin(3.0 * t)), weights=np.cos(3.0 * t) ** 2)
     assert duty.load_inertia == pytest.approx(mean, rel=1e-4)  # the mean of 20,001 instants
+
+
+def test_a_joint_that_is_held_still_is_held_whether_it_is_solved_for_or_not(tmp_path: Path) -> None:
+    """Where no output asks for its effort, simplification takes it out of the mechanism."""
+    ratios = []
+    for more in ([], ["joint.b.effort"]):
+        problem = {"kind": "inverse", "motion": {"a": WHOLE, "b": {"law": "constant", "value": "0 rad"}}}
+        result = arm(tmp_path, problem, more)
+        assert [one.joint for one in result.scenario.simplification.removals] == ([] if more else ["b"])
+        [table] = [one for one in result.sections["sizing"].tables if "inertia ratio" in one.columns]
+        ratios.append(dict(zip(table.columns, table.rows[0], strict=True))["inertia ratio"])
+    assert ratios[0] == pytest.approx(ratios[1], rel=1e-12)
 
 
 def test_a_joint_without_a_drive_gives_way(tmp_path: Path) -> None:
