@@ -1,10 +1,12 @@
 """Stops, and cables that only pull, together with friction that sticks and with controllers, against closed forms."""
 
+import json
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 import pinarm
@@ -247,3 +249,34 @@ def test_a_stop_of_a_nut_is_met_though_its_spindle_turns_fast(write):
     result = pinarm.run(write(bodies, screw, problem, "lift"))
     assert result.events[0].t == pytest.approx(-np.log(0.01), rel=1e-6)
     assert result["lift"].values[-1] == pytest.approx(0.99e-3, rel=1e-12)
+
+
+POINTS = np.linspace(0.0, 10.0, 1001)
+BLOW = CubicSpline(POINTS, 15.0 * np.maximum(1.0 - np.abs(POINTS - 7.76) / 0.05, 0.0), bc_type="clamped")
+"""A force measured at 100 Hz: a blow of 0.1 s in a run of 10 s, as a spline that SciPy computes."""
+
+
+@pytest.mark.parametrize("accuracy", ["", "accuracy: {target: 1e-6}"])
+@pytest.mark.parametrize("rests", [False, True])
+def test_a_short_blow_in_a_long_table_is_not_stepped_over(write, accuracy, rests):
+    """On a block in steady motion, and on one that 2 N press onto its stop, which no step before it is short for."""
+    points = [[f"{t:.2f} s", f"{f!r} N"] for t, f in zip(POINTS.tolist(), BLOW(POINTS).tolist(), strict=True)]
+    loads = {"blow": {"kind": "joint_effort", "joint": "slip", "effort": {"law": "spline", "points": points}}}
+    if rests:
+        loads["press"] = {"kind": "joint_effort", "joint": "slip", "effort": {"law": "constant", "value": "-2 N"}}
+    rest = ["end_stops: {slip: {lower: 0 m}}"] if rests else ["initial: {velocity: {slip: 0.1 m/s}}"]
+    keys = ["kind: forward", "time: {end: 10 s, samples: 2}", STILL, f"loads: {json.dumps(loads)}", *rest]
+    result = pinarm.run(write(BLOCK, "gravity: none\n", "{" + ", ".join(keys) + "}\n" + accuracy, "slip"))
+    if not rests:
+        exact = 1.0 + BLOW.antiderivative(2)(10.0) / MASS
+        assert result["slip"].values[-1] == pytest.approx(exact, rel=1e-9)
+        return
+    lifted = brentq(lambda t: BLOW(t) - 2.0, 7.71, 7.76, xtol=1e-14)
+    once, twice = BLOW.antiderivative(), BLOW.antiderivative(2)
+
+    def way(t):
+        h = t - lifted
+        return twice(t) - twice(lifted) - once(lifted) * h - h * h
+
+    back = brentq(way, 7.8, 10.0, xtol=1e-13)
+    assert [event.t for event in result.events] == pytest.approx([back], abs=1e-7)

@@ -106,8 +106,11 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
                 break
             for first, last, above in _brackets(values, watch.direction):
                 bracket = start + length * first, start + length * last
-                crossings.append((_refined(solution, index, watch, bracket, above=above), number))
-                latest = min(latest, crossings[-1][0]) if watch.stops else latest
+                instant = _refined(solution, index, watch, bracket, above=above)
+                if instant is None:
+                    continue
+                crossings.append((instant, number))
+                latest = min(latest, instant) if watch.stops else latest
     within, stop = _until_stop(sorted(crossings), watches, slack)
     for instant, number in within:
         q, v = solution.states_in(np.array([index]), np.array([instant]))
@@ -231,8 +234,12 @@ def _brackets(values: Array, direction: int) -> list[tuple[float, float, bool]]:
     ]
 
 
-def _refined(solution: Solution, index: int, watch: Watch, bracket: tuple[float, float], *, above: bool) -> float:
-    """Return the first instant after the crossing within a bracket, to rounding [s].
+def _refined(
+    solution: Solution, index: int, watch: Watch, bracket: tuple[float, float], *, above: bool
+) -> float | None:
+    """Return the first instant after a crossing in a bracket, to rounding [s]; ``None`` where only its series has one.
+
+    At the end of a step the state is closed, and the value of that counts.
 
     Args:
         solution: The solution.
@@ -251,18 +258,18 @@ def _refined(solution: Solution, index: int, watch: Watch, bracket: tuple[float,
     first, at_low, at_high = value(begins, low, high)  # together: at the end of an interval, what is before its jumps
     if (at_low > 0.0) != above and (first > 0.0) == above:
         low, high, at_low, at_high = begins, low, first, at_low
+    if (at_low > 0.0) == (at_high > 0.0):
+        return high if high >= float(solution.steps.until[index]) else None
     return _sign_change(lambda t: value(t)[0], (low, high), (at_low, at_high))
 
 
 def _sign_change(value: Callable[[float], float], bracket: tuple[float, float], at_ends: tuple[float, float]) -> float:
-    """Return the first instant behind a change of sign within a bracket, to rounding; its end if there is none.
+    """Return the first instant behind the change of sign within a bracket, to rounding.
 
     By secants, of which the value at an end that stays is halved each time (the Illinois algorithm; Dowell and Jarratt,
     A modified regula falsi method for computing the root of an equation, BIT 11, 1971), with some bisections.
     """
     (low, high), (at_low, at_high), stayed = bracket, at_ends, 0
-    if (at_low > 0.0) == (at_high > 0.0):
-        return high
     least = math.ulp(max(abs(low), abs(high)))
     for count in range(MOST_SECANTS):
         if high - low <= least:

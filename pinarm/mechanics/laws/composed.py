@@ -85,7 +85,8 @@ class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rena
             for piece in own:
                 low, high = max(piece.start, 0.0), min(piece.end, segment.duration)
                 if low < high:
-                    pieces.append(Piece(t + low, t + high, _moved(piece.function, t, s - value)))
+                    knots = tuple(t + knot for knot in piece.knots if low < knot < high)
+                    pieces.append(Piece(t + low, t + high, _moved(piece.function, t, s - value), knots))
             s, v = (float(part[0]) for part in pieces[-1].function(np.array([t + segment.duration]))[:2])
             t, size = t + segment.duration, max(size, abs(s))
         return [*pieces, Piece(t, math.inf, polynomial(t, s, v))]

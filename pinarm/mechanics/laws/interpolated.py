@@ -188,7 +188,7 @@ def spline_pieces(times: Array, values: Array, speeds: tuple[float, float]) -> l
     first, last = float(times[0]), float(times[-1])
     return [
         Piece(-math.inf, first, polynomial(first, float(values[0]), float(speeds[0]))),
-        Piece(first, last, spline),
+        Piece(first, last, spline, tuple(times[1:-1].tolist())),
         Piece(last, math.inf, polynomial(last, float(values[-1]), float(speeds[1]))),
     ]
 

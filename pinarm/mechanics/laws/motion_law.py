@@ -51,11 +51,13 @@ class Piece(ValueRecord, frozen=True):
         start: First instant [s]; may be ``-inf``.
         end: Last instant [s].
         function: ``t -> s, s', s''``, each of shape (n,).
+        knots: Instants within it at which only a higher derivative jumps, as of a spline, ascending [s].
     """
 
     start: float
     end: float
     function: Callable[[Array], Values]
+    knots: tuple[float, ...] = ()
 
     def size(self) -> Array:
         """Return estimates of the largest |s|, |s'| and |s''|, from 9 samples, shape (3,)."""
@@ -65,7 +67,8 @@ class Piece(ValueRecord, frozen=True):
 
     def between(self, low: float, high: float) -> Piece:
         """Return the part of it between two instants that it does not lie outside of."""
-        return Piece(max(self.start, low), min(self.end, high), self.function)
+        start, end = max(self.start, low), min(self.end, high)
+        return Piece(start, end, self.function, tuple(t for t in self.knots if start < t < end))
 
 
 def polynomial(origin: float, *coefficients: float) -> Callable[[Array], Values]:
@@ -132,6 +135,10 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
     def breakpoints(self) -> list[float]:
         """Return the instants at which one piece meets the next [s]."""
         return [piece.start for piece in self.smooth_pieces[1:]]
+
+    def knots(self) -> list[float]:
+        """Return the instants within its pieces between which it may do anything, as between points of a spline [s]."""
+        return [t for piece in self.smooth_pieces for t in piece.knots]
 
     def jumps(self) -> list[float]:
         """Return the breakpoints at which s, s' or s'' jumps, not only a higher derivative [s]."""

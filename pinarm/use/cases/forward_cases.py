@@ -133,7 +133,7 @@ def _forward(scenario: Scenario) -> Forward:
 
 def _is_free(hybrid: HybridSystem) -> bool:
     """Whether one smooth motion of a tree is integrated, and nothing else is looked for."""
-    if hybrid.bounds or hybrid.watches or hybrid.frictions or hybrid.controls or len(hybrid.cuts) > 2:
+    if hybrid.bounds or hybrid.watches or hybrid.frictions or hybrid.controls or len(hybrid.cuts) > 2 or hybrid.knots:
         return False
     given = hybrid.initial.rates or hybrid.initial.followers  # these depend on lengths
     return isinstance(hybrid.closed_system, FreeSystem) and not hybrid.closure.size and not given

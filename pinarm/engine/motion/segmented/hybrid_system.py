@@ -184,6 +184,15 @@ class HybridSystem(Record, frozen=True):
         """Return the bounds of the intervals on which all laws are smooth [s]."""
         return Grid.cover(np.array(self.time), self._laws).cuts
 
+    @cached_property
+    def knots(self) -> list[float]:
+        """Instants at which steps have to end, as the third derivative of a law jumps [s].
+
+        A step sees a law at a few instants only: where it rests but for one point of a table, the stages of a longer
+        step, and of a finer one beside it, may all lie where it rests.
+        """
+        return sorted({knot for law in self._laws for knot in law.knots()})
+
     @property
     def _laws(self) -> list[MotionLaw]:
         """The laws of coordinates and loads."""
@@ -257,8 +266,12 @@ class HybridSystem(Record, frozen=True):
         require_masses(self.guided, q if known else self.initial.q[None], self.time[0])
 
     def intervals(self, system: System, spans: Iterable[tuple[float, float]]) -> list[Interval]:
-        """Return what a system integrates in spans of time [s] without jumps."""
-        found = [replace(system.interval(self.dynamics, *span), size=self.size) for span in spans]
+        """Return what a system integrates in spans of time [s] without jumps, parted at knots of laws."""
+        parts = [
+            part for low, high in spans
+            for part in pairwise([low, *(knot for knot in self.knots if low < knot < high), high])
+        ]  # fmt: skip
+        found = [replace(system.interval(self.dynamics, *part), size=self.size) for part in parts]
         return [self.controls.interval(each, system) for each in found] if self.controls else found
 
     @cached_property
