@@ -217,9 +217,8 @@ ELSEWHERE = {
     "use/study/answers/test_check.py": ("verdicts", "use/result/expectation use/study/answers/verdict_table"),
     "use/study/batch/test_batch.py": (
         "motions together against each alone", "engine/integration/batch_driver engine/integration/batch_solution "
-        "engine/motion/segmented/ensembles "
-        "problems/batch_table use/study/batch/batch_files use/study/batch/block use/study/batch/initial_states "
-        "use/study/batch/reduced_table use/study/batch/worker_blocks",
+        "engine/motion/segmented/ensembles problems/batch_table use/study/batch/batch_files use/study/batch/block "
+        "use/study/batch/initial_states use/study/batch/reduced_table use/study/batch/worker_blocks",
     ),
     "use/study/sweep/test_axes.py": ("values as they are written", "use/study/sweep/value_syntax"),
     "use/cases/test_stack.py": ("cases of all kinds against each alone", "use/cases/prescribed_cases"),
