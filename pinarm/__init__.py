@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pinarm.use.scenario.scenario import Scenario, load
     from pinarm.use.store.examples import examples
     from pinarm.use.store.new import new
-    from pinarm.use.store.restore import replay
+    from pinarm.use.store.restore import replay, restore
     from pinarm.use.study.accuracy.tradeoff import Tradeoff, tradeoff
     from pinarm.use.study.answers.check import check
     from pinarm.use.study.answers.selftest import SelfTest, selftest
@@ -49,6 +49,7 @@ _HOMES = {
     "replay": "pinarm.use.store.restore",
     "quantities": "pinarm.use.study.quantities",
     "report": "pinarm.use.report.report",
+    "restore": "pinarm.use.store.restore",
     "result": "pinarm.use.scenario.recorded",
     "file_root": "pinarm.input.roots",
     "run": "pinarm.use.study.run",
@@ -62,8 +63,8 @@ _HOMES = {
 
 __all__ = [
     "Batch", "Mechanism", "PinarmError", "Result", "Scenario", "SelfTest", "Series", "Sweep", "Tradeoff", "Trajectory",
-    "batch", "check", "examples", "explain", "file_root", "load", "new", "quantities", "replay", "report", "result",
-    "run", "schema", "selftest", "sweep", "tradeoff", "validate",
+    "batch", "check", "examples", "explain", "file_root", "load", "new", "quantities", "replay", "report", "restore",
+    "result", "run", "schema", "selftest", "sweep", "tradeoff", "validate",
 ]  # fmt: skip
 
 

@@ -1,7 +1,8 @@
 """Units: text in, SI out, and the dimension checked on the way.
 
 Angles count as dimensionless, so that ``N*m/rad`` is ``N*m`` and ``rad/s`` is ``1/s``. Hertz is left out on purpose: it
-would read as rad/s and be wrong by 2 pi; write ``rpm`` or ``rev/s``. So is ``1/min``, which counts turns in catalogues.
+would read as rad/s and be wrong by 2 pi; write ``rpm`` or ``rev/s``. So is ``1/min``, which counts turns in catalogues,
+in ``V*min`` and ``N*m*min`` too.
 """
 
 from __future__ import annotations
@@ -103,6 +104,9 @@ _SI_NAMES: dict[Dimension, str] = {
     (2, 1, 0, 0): "kg*m^2",
 }  # fmt: skip
 
+_PER_SPEED = {(2, 1, -1, 0), (2, 1, -2, -1)}
+"""Dimensions of a torque and of a voltage over a speed of rotation: of damping, and of the constant of a motor."""
+
 _ANGULAR: dict[Dimension, str] = {(0, 0, 0, 0): "rad", (0, 0, -1, 0): "rad/s", (0, 0, -2, 0): "rad/s^2"}
 
 ANGLES = ("deg", "°", "rev", "rpm", "rad")
@@ -136,16 +140,18 @@ def unit(text: str) -> Unit:
     if not 0.0 < read.factor < math.inf:
         raise UnitError(f"the unit '{text}' is beyond all numbers")
     if _counts_turns(read):
-        hint = "rpm or rad/min" if read.dimension[2] == -1 else "rev or rad in place of 1"
+        hint = "rpm or rad/min" if read.dimension == (0, 0, -1, 0) else "rpm or rad/min in place of 1/min"
         raise UnitError(f"{text} is ambiguous between turns and radians", hint=hint)
     return read
 
 
 def _counts_turns(read: Unit) -> bool:
-    """Tell whether it is a number per minute or hour, as catalogues give speeds, with no word of what is counted."""
-    rate = read.dimension[2] < 0 and read.dimension == (0, 0, read.dimension[2], 0)
+    """Tell whether it takes a speed per minute or hour, as catalogues do, with no word of what is counted."""
+    m, kg, time, ampere = read.dimension
+    rate = time < 0 and (m, kg, ampere) == (0, 0, 0)
+    per_speed = not _PER_SPEED.isdisjoint((read.dimension, (-m, -kg, -time, -ampere)))
     names = {match[2] for match in _FACTOR.finditer(read.text)}
-    return rate and not names.isdisjoint(("min", "h")) and not any(word in read.text for word in ANGLES)
+    return (rate or per_speed) and not names.isdisjoint(("min", "h")) and not any(w in read.text for w in ANGLES)
 
 
 def _product(text: str) -> Unit:

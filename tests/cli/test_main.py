@@ -558,6 +558,10 @@ def test_a_folder_in_place_of_a_file_is_called_a_folder(
     said = capsys.readouterr().err
     assert said.startswith("error: bars: this is a folder\n")
     assert "one of the files in it: bars/bars.urdf, bars/mechanism.yaml, bars/scenario.yaml\n" in said
+    assert "pinarm.restore" not in said
+    (tmp_path / "bars" / "summary.json").touch()
+    assert main([command, "bars"]) == 2
+    assert "try: for the saved result, the commands replay and report, or pinarm.restore in" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", ["explain", "quantities", "run", "sweep"])

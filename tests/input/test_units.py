@@ -67,6 +67,7 @@ def test_products_quotients_and_powers(text: str, factor: float, dimension: tupl
         ("2 m", "not a unit"), ("(m)", "not a unit"), ("m\nkg", "not a unit"), ("Hz", "ambiguous"),
         ("1/Hz", "ambiguous"), ("1/min", "ambiguous"), ("min^-1", "ambiguous"), ("1/min^2", "ambiguous"),
         ("1/h", "ambiguous"), ("1/s/min", "ambiguous"), ("s/min²", "ambiguous"),
+        ("V*min", "ambiguous"), ("1/min/V", "ambiguous"), ("mN*m*min", "ambiguous"),
         ("m^2²", "not a unit"), ("m²²", "not a unit"), ("m^²", "not a unit"),
         ("m^٢", "not a unit"),
     ],

@@ -35,12 +35,14 @@ def refuse_folder(path: Path) -> None:
     shown = [str(file) for file in files[:MOST]] + (["..."] if len(files) > MOST else [])
     none = "a scenario, a mechanism file or a model; there is none of them in it"
     robot = _is_robot(path)
+    hint = _OF_ROBOT if robot else _OF_RESULT if (path / "summary.json").is_file() else ""
     raise InputError(
         "this is a folder" + (", and the name of a robot" if robot else ""),
-        expected=f"one of the files in it: {', '.join(shown)}" if shown else none, hint=_OF_ROBOT if robot else "",
+        expected=f"one of the files in it: {', '.join(shown)}" if shown else none, hint=hint,
     ).at(Location(str(path)))  # fmt: skip
 
 
+_OF_RESULT = "for the saved result, the commands replay and report, or pinarm.restore in Python"
 _OF_ROBOT = "for the robot, the command in another folder, or a mechanism file with 'robot: NAME'"
 
 

@@ -13,7 +13,6 @@ import pinarm
 from pinarm.cli.main import main
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.use.store.restore import restore
 
 ROOT = Path(__file__).parents[3]
 
@@ -26,7 +25,7 @@ ROOT = Path(__file__).parents[3]
 def test_every_number_comes_back(tmp_path: Path, name: str) -> None:
     """Outputs, multipliers and figures, and what is asked only now: to the last bit."""
     result = pinarm.load(ROOT / "scenarios" / f"{name}.yaml").run()
-    again = restore(result.save(tmp_path / "elsewhere", plots=False))
+    again = pinarm.restore(result.save(tmp_path / "elsewhere", plots=False))
     assert again.figures == result.figures
     assert again.summary() == {**result.summary(), "input": again.digest()}
     assert again.trajectory.grid.cuts == result.trajectory.grid.cuts
@@ -41,7 +40,7 @@ def test_every_number_comes_back(tmp_path: Path, name: str) -> None:
 
 def test_estimates_of_the_error_come_back(tmp_path: Path) -> None:
     result = pinarm.load(ROOT / "scenarios" / "gen411_arm_static.yaml").verified()
-    again = restore(result.save(tmp_path / "elsewhere", plots=False))
+    again = pinarm.restore(result.save(tmp_path / "elsewhere", plots=False))
     assert again.errors == result.errors != {}
     assert again.setting == result.setting
     assert again.summary() == {**result.summary(), "input": again.digest()}
@@ -52,7 +51,7 @@ def test_it_needs_nothing_outside_of_the_folder(scenario: Callable[..., Any], fo
     saved = result.save(folder / "out", plots=False)
     for file in ("pendulum.urdf", "pendulum.yaml", "inverse.yaml"):
         (folder / file).unlink()
-    again = restore(saved)
+    again = pinarm.restore(saved)
     assert np.array_equal(again["drive.motor.torque"].values, result["drive.motor.torque"].values)
     assert np.array_equal(again["M"].values, result["M"].values)
     assert again.notes() == result.notes()
@@ -60,14 +59,14 @@ def test_it_needs_nothing_outside_of_the_folder(scenario: Callable[..., Any], fo
 
 def test_other_instants_are_solved_anew(scenario: Callable[..., Any], folder: Path) -> None:
     result = scenario("forward").run()
-    again = restore(result.save(folder / "out", plots=False))
+    again = pinarm.restore(result.save(folder / "out", plots=False))
     grid = Grid(np.array([1.234]), (0.0, 5.0), (0, 1))
     assert np.array_equal(again.outcome.motion.at(grid).q, result.outcome.motion.at(grid).q)
 
 
 def test_a_partial_result_comes_back(scenario: Callable[..., Any], folder: Path) -> None:
     saved = scenario("inverse").run().save(folder / "out" / "partial", plots=False)
-    assert len(restore(saved)) > 9
+    assert len(pinarm.restore(saved)) > 9
 
 
 @pytest.mark.parametrize(
@@ -82,7 +81,7 @@ def test_a_damaged_folder_is_refused(scenario: Callable[..., Any], folder: Path,
     saved = scenario("inverse").run().save(folder / "out", plots=False)
     (saved / file).write_text(content)
     with pytest.raises(pinarm.PinarmError):
-        restore(saved)
+        pinarm.restore(saved)
 
 
 def test_states_of_another_model_are_refused(scenario: Callable[..., Any], folder: Path) -> None:
@@ -90,7 +89,7 @@ def test_states_of_another_model_are_refused(scenario: Callable[..., Any], folde
     other = pinarm.load(ROOT / "scenarios" / "gen411_arm_static.yaml").run().save(folder / "two", plots=False)
     (one / "trajectory.npz").write_bytes((other / "trajectory.npz").read_bytes())
     with pytest.raises(InputError, match="not those of its model"):
-        restore(one)
+        pinarm.restore(one)
 
 
 MJCF = """<mujoco><option gravity="0 0 -4"/><worldbody><body name="rod" pos="0 0 1"><joint name="pin" axis="0 1 0"/>
@@ -105,7 +104,7 @@ def test_other_kinds_of_models_and_bases_come_back(tmp_path: Path) -> None:
     for mechanism, output in (("rod.xml", "joint.pin.acceleration"), ("iris", "root.z")):
         (tmp_path / "s.yaml").write_text(f"pinarm: 1\nmechanism: {mechanism}\n{forward}outputs: [{output}]\n")
         result = pinarm.load(tmp_path / "s.yaml").run()
-        again = restore(result.save(tmp_path / "out", plots=False))
+        again = pinarm.restore(result.save(tmp_path / "out", plots=False))
         assert np.array_equal(again["energy.total"].values, result["energy.total"].values)
         assert np.array_equal(again["momentum.all.linear.z"].values, result["momentum.all.linear.z"].values)
         assert again.replay().html == result.replay().html
@@ -119,7 +118,7 @@ def test_relative_meshes_are_found_from_the_folder(folder: Path, scenario: Calla
     (folder / "pendulum.urdf").write_text(urdf.replace('<link name="rod">', f'<link name="rod">{visual}'))
     result = scenario("statics").run()
     saved = result.save(folder / "deep" / "er" / "out", plots=False)
-    page = restore(saved).replay()
+    page = pinarm.restore(saved).replay()
     assert page.notes == ()
     assert page.html == result.replay().html
     named = pinarm.replay(saved, named=True)
@@ -158,7 +157,7 @@ def test_an_array_that_promises_more_than_it_holds_is_refused(
     saved = scenario("inverse").run().save(folder / "out", plots=False)
     rewritten(saved / "trajectory.npz", "state.q.npy", raw)
     with pytest.raises(InputError, match=said):
-        restore(saved)
+        pinarm.restore(saved)
 
 
 def test_an_array_that_unpacks_to_more_than_the_file_is_refused(scenario: Callable[..., Any], folder: Path) -> None:
@@ -166,7 +165,7 @@ def test_an_array_that_unpacks_to_more_than_the_file_is_refused(scenario: Callab
     rewritten(saved / "trajectory.npz", "state.q.npy", npy("(9, 100000)", "'<f8'", bytes(7_200_000)), 8)
     assert (saved / "trajectory.npz").stat().st_size < 30_000
     with pytest.raises(InputError, match="is compressed"):
-        restore(saved)
+        pinarm.restore(saved)
 
 
 @pytest.mark.parametrize("summary", ["[" * 100_000, '{"accuracy":' * 50_000, " " * 20_000_001, "9" * 100_000, "NaN"])
@@ -174,7 +173,7 @@ def test_a_summary_meant_to_harm_is_refused(scenario: Callable[..., Any], folder
     saved = scenario("inverse").run().save(folder / "out", plots=False)
     (saved / "summary.json").write_text(summary)
     with pytest.raises(InputError, match="is no summary of a run"):
-        restore(saved)
+        pinarm.restore(saved)
 
 
 def test_a_summary_that_cannot_be_read_is_not_said_to_be_another_file(
@@ -186,7 +185,7 @@ def test_a_summary_that_cannot_be_read_is_not_said_to_be_another_file(
     saved = scenario("inverse").run().save(folder / "out", plots=False)
     monkeypatch.setattr("pinarm.use.store.restore.open", closed, raising=False)
     with pytest.raises(InputError, match=r"summary\.json cannot be read: Permission denied"):
-        restore(saved)
+        pinarm.restore(saved)
 
 
 def test_a_replay_in_the_folder_goes_through_no_link(
@@ -211,5 +210,5 @@ def test_a_link_in_place_of_a_file_is_not_followed(tmp_path: Path, name: str) ->
     (saved / name).unlink()
     (saved / name).symlink_to(tmp_path / "mine")
     with pytest.raises(InputError, match="symbolic link") as caught:
-        restore(saved)
+        pinarm.restore(saved)
     assert "secret" not in str(caught.value)
