@@ -370,10 +370,8 @@ class Closure(Record, frozen=True):
 
         [f; m] at the world's origin, world axes [N, N*m]. Couplings whose forces are not known do nothing to them.
         """
-        total = self._none_of(6, lam.shape[:-1])
-        for joints, wrenches in self._acting(links, lam)[0]:
-            _add(total, joints, wrenches)
-        return total
+        joints, wrenches, _ = self._acting(links, lam)
+        return self._summed(joints, wrenches)
 
     def acting(self, links: LinkPlacements, q: Array, lam: Array) -> tuple[Array, Array, Array]:
         """Return what multipliers do to the links, and G^T lam of couplings whose forces are not known.
@@ -389,12 +387,10 @@ class Closure(Record, frozen=True):
             crosswise, shape (n, njoints, 2); and loads [N*m or N], shape (n, nv).
         """
         states = np.broadcast_shapes(q.shape[:-1], lam.shape[:-1])
-        total, sizes, loads = self._none_of(6, states), self._none_of(2, states), np.zeros((*states, self.model.nv))
-        acting, idle = self._acting(links, lam)
-        for joints, wrenches in acting:
-            own = moved(wrenches, -links.places[..., joints, :])
-            _add(total, joints, own)
-            _add(sizes, joints, lengths(own))
+        joints, wrenches, idle = self._acting(links, lam)
+        own = moved(wrenches, -links.places[..., joints, :])
+        total, sizes = self._summed(joints, own), self._summed(joints, lengths(own))
+        loads = np.zeros((*states, self.model.nv))
         sizes[..., 1] += self._arms * sizes[..., 0]
         for constraint, rows in idle:
             loads += np.vecmat(lam[..., rows], replace(self, constraints=(constraint,)).at(q)[1])
@@ -414,25 +410,34 @@ class Closure(Record, frozen=True):
                     found[frame.parentJoint] = np.maximum(found[frame.parentJoint], arm)
         return np.stack(np.broadcast_arrays(*found), axis=-1)
 
-    def _none_of(self, width: int, states: tuple[int, ...]) -> Array:
-        return states_first(np.zeros((width, self.model.njoints, *states)))
+    def _summed(self, joints: Indices, parts: Array) -> Array:
+        """Return the sums of parts, shape (.., k, w), at the joints on which they act, shape (.., njoints, w)."""
+        *states, _, width = parts.shape
+        total = np.zeros((width, self.model.njoints, *states))
+        for joint, part in zip(joints.tolist(), np.moveaxis(parts, (-2, -1), (0, 1)), strict=True):
+            total[:, joint] += part
+        return states_first(total)
 
-    def _acting(
-        self, links: LinkPlacements, lam: Array
-    ) -> tuple[list[tuple[Indices, Array]], list[tuple[Constraint, slice]]]:
-        """Return joints of links, shape (k,), and wrenches on these, shape (.., k, 6); the others with their rows.
+    def _acting(self, links: LinkPlacements, lam: Array) -> tuple[Indices, Array, list[tuple[Constraint, slice]]]:
+        """Return joints of links, shape (k,), and wrenches on these, shape (.., k, 6).
 
-        Others are constraints that have no wrenches.
+        And the constraints that have no wrenches, with their rows.
         """
-        acting, idle = [], []
-        for joints, places in self._alike[0]:
-            acting += joints.wrenches(links, lam[..., places])
+        found, idle = list[tuple[Indices, Array]](), []
+        for loops, places in self._alike[0]:
+            found += loops.wrenches(links, lam[..., places])
         for constraint, rows in self._alike[1]:
             wrenches = constraint.wrenches(links, lam[..., rows])
-            acting += [(np.array([joint]), wrench[..., None, :]) for joint, wrench in wrenches.items()]
+            found += [(np.array([joint]), wrench[..., None, :]) for joint, wrench in wrenches.items()]
             if not wrenches:
                 idle.append((constraint, rows))
-        return acting, idle
+        joints = np.concatenate([np.zeros(0, int), *(some for some, _ in found)])
+        states = np.broadcast_shapes(lam.shape[:-1], *(wrenches.shape[:-2] for _, wrenches in found))
+        acting, end = states_first(np.empty((6, len(joints), *states))), 0
+        for some, wrenches in found:
+            start, end = end, end + len(some)
+            acting[..., start:end, :] = wrenches
+        return joints, acting, idle
 
     @cached_property
     def _alike(self) -> tuple[list[tuple[AlikeLoopJoints, Indices]], list[tuple[Constraint, slice]]]:
@@ -448,14 +453,6 @@ class Closure(Record, frozen=True):
             for each in several
         ]  # fmt: skip
         return together, [each[0] for each in alike.values() if len(each) == 1]
-
-
-def _add(total: Array, joints: Indices, parts: Array) -> None:
-    """Add parts, shape (.., k, w), to the sums of k joints, shape (.., njoints, w)."""
-    if len(joints) == 1:
-        total[..., joints[0], :] += parts[..., 0, :]
-    else:
-        np.add.at(np.moveaxis(total, -2, 0), joints, np.moveaxis(parts, -2, 0))
 
 
 class MeasuredRows(Record, frozen=True):
