@@ -434,9 +434,9 @@ class Closure(Record, frozen=True):
         joints = np.concatenate([np.zeros(0, int), *(some for some, _ in found)])
         states = np.broadcast_shapes(lam.shape[:-1], *(wrenches.shape[:-2] for _, wrenches in found))
         acting, end = states_first(np.empty((6, len(joints), *states))), 0
-        for some, wrenches in found:
+        for some, own in found:
             start, end = end, end + len(some)
-            acting[..., start:end, :] = wrenches
+            acting[..., start:end, :] = own
         return joints, acting, idle
 
     @cached_property
