@@ -142,7 +142,11 @@ def compare(result: Result, expectation: Expectation) -> Finding:
     """Compare a result with one expectation."""
     quantities, series, slack = _computed(result, expectation)
     wanted, tolerance = _wanted(quantities, expectation, series.unit)
-    tolerance = tolerance + slack
+    if wanted is not None:
+        if not np.isfinite(wanted).all():
+            return Finding(result.name, expectation, series.unit, np.nan, None, None, None, "MISS",
+                           "the independent value is not finite")  # fmt: skip
+        tolerance = tolerance + np.minimum(slack, np.maximum(tolerance, FORMULA * np.abs(wanted)))
     difference = np.abs(series.values - wanted) if wanted is not None else np.zeros(1)
     worst = int(np.nan_to_num(difference - tolerance, nan=np.inf).argmax())
     met = wanted is not None and bool((difference <= tolerance).all())
@@ -152,6 +156,8 @@ def compare(result: Result, expectation: Expectation) -> Finding:
         error = float(difference.max() / scale) if scale else float(difference.max())
     printed, off, explained = _published(quantities, expectation, series.values, series.unit)
     verdict, reason = _verdict(expectation, wanted is not None, met, off, explained)
+    if verdict == "MISS" and slack > tolerance.min():
+        reason = f"{reason}, and it is known to {slack:.1e} only"
     if not np.isfinite(series.values).all():
         verdict, reason = "MISS", "the computed number is not finite"
     return Finding(
@@ -219,6 +225,8 @@ def _published(
             formula = np.broadcast_to(quantities.figure(expectation.published_formula), values.shape)
         difference = np.abs(values - formula)
         worst, slack = int(difference.argmax()), FORMULA * float(np.abs(formula).max())
+        if not np.isfinite(slack):
+            return float(formula[worst]), True, False
         agree = bool((difference <= slack).all())
         return float(formula[worst]), not agree, _follows(quantities, expectation, formula, slack)
     if expectation.published is None:

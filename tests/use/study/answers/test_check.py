@@ -4,6 +4,7 @@ The pendulum of 2 kg and 1 m is held at an angle a by 20 sin(a) N*m (g = 10 m/s^
 """
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,6 +13,8 @@ import pinarm
 from pinarm.errors import InputError
 from pinarm.use.study.answers.check import Finding, misses
 from pinarm.use.study.answers.verdict_table import errata, remarks
+
+ROOT = Path(__file__).parents[4]
 
 
 @pytest.fixture
@@ -121,6 +124,25 @@ def test_a_formula_that_is_not_a_number_is_met_by_nothing(
     verdict: Callable[..., Finding], fields: dict[str, str]
 ) -> None:
     assert verdict(entry(at="all", **fields)).verdict == MISS
+
+
+@pytest.mark.parametrize("key", ["formula", "published_formula"])
+def test_a_formula_that_is_infinite_at_one_row_is_met_by_nothing(verdict: Callable[..., Finding], key: str) -> None:
+    """Its largest value scales the rounding that is left to it."""
+    assert verdict(entry(at="all", **{key: '"(1 N*m)/sin(alpha)"'})).verdict == MISS
+
+
+def test_what_is_known_worse_than_asked_does_not_agree() -> None:
+    """The 10th percentile of the torque of a sampled controller, from two rows, is -0.8 +- 3 N*m."""
+    control = {"kind": "pid", "drive": "x", "follows": {"law": "constant", "value": "0 rad"},
+               "kp": "25 N*m/rad", "kd": "6 N*m*s/rad", "period": "50 ms"}  # fmt: skip
+    problem = {"kind": "forward", "time": {"end": "2 s", "samples": 2}, "initial": {"position": {"x": "1 rad"}},
+               "control": [control]}  # fmt: skip
+    wrong = {"quantity": "joint.x.effort", "at": "p10", "value": "2.0 N*m", "source": "none"}
+    [finding] = pinarm.check({"pinarm": 1, "mechanism": str(ROOT / "models/servo/mechanism.yaml"), "problem": problem,
+                              "outputs": ["x"], "expect": [wrong]})  # fmt: skip
+    assert finding.verdict == MISS
+    assert "it is known to" in finding.reason
 
 
 @pytest.mark.parametrize(
