@@ -187,8 +187,11 @@ def _bound(error: float | None) -> str:
 
 
 def _numbers(result: Result) -> ReportTable:
-    rows = [[text, unit_text(series.unit), number(float(series.values[0])), f"{error:.1e}" if error else "0"]
-            for text, (series, error) in result.numbers().items()]  # fmt: skip
+    rows = []
+    for text, (series, error) in result.numbers().items():
+        shown, (scale, _) = result.presentation.shown(series), result.presentation.scale(series)
+        told = f"{error * scale:.1e}" if error else "0"
+        rows.append([text, unit_text(shown.unit), number(float(shown.values[0])), told])
     return ReportTable(["Number of the run", "unit", "value", "quadrature error"], rows, range(2))
 
 

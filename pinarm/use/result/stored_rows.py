@@ -25,6 +25,13 @@ from pinarm.records import Record, replace
 if TYPE_CHECKING:
     from pinarm.use.scenario.scenario import Scenario
 
+SAME = 1e-5
+"""Difference of a motion that is solved again to its rows, relative to the largest: other processors round otherwise,
+and errors grow along a motion."""
+
+ROUNDING = 1e-12
+"""Difference that is none where all is 0 [SI]."""
+
 EFFORTS, NOTHING = ("tau", "lam", "further"), np.zeros(0)
 
 AGAIN = "run the scenario again: python -m pinarm run SCENARIO -o DIR"
@@ -65,19 +72,36 @@ class SolvedAnew(Record, frozen=True):
     Attributes:
         scenario: The scenario.
         mechanism: The mechanism, as it was saved.
-        cuts: Bounds of the intervals between jumps.
+        rows: The states that are known of it.
     """
 
     scenario: Scenario
     mechanism: Mechanism
-    cuts: Sequence[float]
+    rows: Trajectory
 
     @cached_property
     def _motion(self) -> SolvedMotion:
         place = partial(self.scenario.document.locating, "problem")
         outcome = self.scenario.problem.solve(self.mechanism, self.scenario.content.accuracy, place)
         assert outcome.motion is not None
+        self._require_same(outcome.rows)
         return outcome.motion
+
+    def _require_same(self, anew: Trajectory) -> None:
+        """Refuse a motion that does not lead through the rows.
+
+        Raises:
+            InputError: Positions, velocities or efforts differ by more than ``SAME``.
+        """
+        for name in ("q", "v", "tau"):
+            known, found = getattr(self.rows, name), getattr(anew, name)
+            allowed = ROUNDING + SAME * np.abs(known).max(initial=0.0)
+            if known.shape != found.shape or np.abs(found - known).max(initial=0.0) > allowed:
+                raise InputError(
+                    "between the rows of this result its motion has to be solved again, and that leads elsewhere: a "
+                    "function in Python drives it, its files or pinarm are others now, or errors grow along it",
+                    expected="quantities at the rows", hint=AGAIN,
+                )  # fmt: skip
 
     def at(self, grid: Grid) -> Trajectory:
         """Return the states at other values of the parameter.

@@ -448,7 +448,7 @@ class Scenario(Record, frozen=True):
         from pinarm.use.result.stored_rows import SolvedAnew, trajectory_of
 
         rows = trajectory_of(self, mechanism, arrays)
-        motion = None if rows.isolated else SolvedAnew(self, mechanism, rows.grid.cuts)
+        motion = None if rows.isolated else SolvedAnew(self, mechanism, rows)
         return replace(self.result(Outcome(rows, motion, **outcome)), **measured)
 
     def validate(self) -> None:

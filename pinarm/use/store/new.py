@@ -103,14 +103,16 @@ def _drawing(file: Path, folder: Path) -> dict[str, str]:
     """
     from pinarm.engine.mechanism import Mechanism
     from pinarm.input.yaml.document import Document
-    from pinarm.use.store.save import mechanism_text
+    from pinarm.use.store.save import LawTables, mechanism_text
 
     data = Document.read(file).data
     if not isinstance(data, dict) or "planar" not in data:
         raise InputError(f"{file} has no drawing to make a URDF of", expected="a mechanism file with 'planar:'")
-    mechanism = Mechanism.load(file)
+    mechanism, laws = Mechanism.load(file), LawTables()
     model = f"{file.stem}.urdf"
-    return {model: mechanism.xml, "mechanism.yaml": mechanism_text(mechanism.source, folder, model)}
+    text = mechanism_text(mechanism.source, model, laws)
+    tables = {name: source.read_text(encoding="utf-8") for name, source in laws.kept}
+    return {model: mechanism.xml, "mechanism.yaml": text, **tables}
 
 
 def _written(folder: Path, files: Mapping[str, str]) -> Path:

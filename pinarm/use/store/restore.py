@@ -68,7 +68,7 @@ def restore(folder: str | Path) -> Result:
         mechanism = replace(_mechanism(folder, scenario), notes=tuple(summary["notes"]))
     scenario = scenario.with_mechanism(mechanism)
     rows = trajectory_of(scenario, mechanism, arrays)
-    outcome = Outcome(rows, None if rows.isolated else SolvedAnew(scenario, mechanism, rows.grid.cuts))
+    outcome = Outcome(rows, None if rows.isolated else SolvedAnew(scenario, mechanism, rows))
     measured = {key: summary[key] for key in ("figures", "errors", "setting", "removals")}
     return replace(scenario.result(outcome), name=str(summary["scenario"]), known=known, **measured)
 

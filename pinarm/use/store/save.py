@@ -41,8 +41,8 @@ def save(
     The folder gets ``scenario.yaml`` (as resolved: it can be run again), ``mechanism.yaml`` and the model (the
     mechanism with its arguments filled in), ``summary.json``, ``trajectory.csv``, ``trajectory.npz``, and with
     ``plots`` pictures of the outputs, as SVG where no other format is said, PNG with ``dpi`` pixels per inch;
-    ``manifest.json`` has the digests of all. With the tables that its laws name, it is all that ``restore`` needs. An
-    earlier result is replaced; of anything else see ``whole_folder``.
+    ``manifest.json`` has the digests of all. The tables that laws name are copied: the folder is all that ``restore``
+    needs. An earlier result is replaced; of anything else see ``whole_folder``.
 
     Raises:
         InputError: The folder cannot be written, or holds files that are not an earlier result's.
@@ -52,14 +52,14 @@ def save(
         raise InputError(f"the result would overwrite its own input {scenario}", hint="another folder: -o DIR")
     with whole_folder(folder, "result", source=given) as draft:
         columns, mechanism = result.table_columns(), result.trajectory.mechanism
-        model = f"model{file_suffix(mechanism.xml)}"
+        model, laws = f"model{file_suffix(mechanism.xml)}", LawTables()
         write(draft / "summary.json", json_text(result.summary()) + "\n")
-        write(draft / "scenario.yaml", _resolved(result, folder))
-        for name, source in _tables(result).values():
+        write(draft / "scenario.yaml", _resolved(result, folder, laws))
+        write(draft / "mechanism.yaml", mechanism_text(mechanism.source, model, laws))
+        for name, source in (*_tables(result).values(), *laws.kept):
             write_parts(draft / name, [source.read_bytes()])
         if result.kind == RECORDED:
             write_parts(draft / MOTION, recorded_csv(result))
-        write(draft / "mechanism.yaml", mechanism_text(mechanism.source, folder, model))
         write(draft / model, _model(mechanism, folder))
         write_parts(draft / "trajectory.csv", csv([result.presentation.written(series) for series in columns]))
         write_arrays(draft / "trajectory.npz", arrays(result, columns))
@@ -139,10 +139,10 @@ def recorded_csv(result: Result) -> Iterator[bytes]:
     yield _lines(np.array([text.split() for text in columns.values()], float).T)
 
 
-def _resolved(result: Result, folder: Path) -> str:
+def _resolved(result: Result, folder: Path, laws: LawTables) -> str:
     """Return the scenario with every argument of the model and every default written out."""
     own = {key: value for key, value in result.data.items() if key != "changes"}  # in which paths are the mechanism's
-    written = {**result.data, **_moved(own, result.folder, folder)}
+    written = {**result.data, **laws.beside(own, result.folder)}
     if result.kind == RECORDED:
         problem = {key: value for key, value in written["problem"].items() if key != "columns"}
         written["problem"] = {**problem, "file": MOTION}
@@ -167,11 +167,43 @@ def _resolved(result: Result, folder: Path) -> str:
     return yaml_text(written)
 
 
-def mechanism_text(source: Source, folder: Path, model: str) -> str:
+def mechanism_text(source: Source, model: str, laws: LawTables) -> str:
     """Return the mechanism file for the model beside it, which has no arguments any more."""
-    data = {key: value for key, value in _moved(source.data, source.folder, folder).items() if key != "arguments"}
+    data = {key: value for key, value in laws.beside(source.data, source.folder).items() if key != "arguments"}
     base = {"base": source.base} if source.base else {}
     return yaml_text({**data, "robot": model, **base, "defects": source.defects})
+
+
+class LawTables:
+    """Tables that laws name, which come along with the files that name them.
+
+    Attributes:
+        kept: Their names beside these files, and where they are.
+    """
+
+    def __init__(self) -> None:
+        self.kept: list[tuple[str, Path]] = []
+
+    def beside(self, data: Any, folder: Path) -> Any:
+        """Return data of a file in a folder with its tables beside it."""
+        if isinstance(data, list):
+            return [self.beside(value, folder) for value in data]
+        if not isinstance(data, dict):
+            return data
+        found = {key: self.beside(value, folder) for key, value in data.items()}
+        if data.get("law") == "table":
+            found["file"] = self._name((folder / data["file"]).resolve())
+        return found
+
+    def _name(self, file: Path) -> str:
+        """Return the name of a file beside the others; numbers keep equal names of several folders apart."""
+        if not file.is_file():  # it has been removed meanwhile
+            return str(file)
+        known = {source: name for name, source in self.kept}
+        if file not in known:
+            known[file] = f"law_{len(known) + 1}_{re.sub('^law_[0-9]+_', '', file.name)}"
+            self.kept.append((known[file], file))
+        return known[file]
 
 
 _MESH = r"""(<mesh\b[^<>]*?\bfilename\s*=\s*)(["'])(?!\w+://|/)([^<]*?)\2"""
@@ -182,18 +214,6 @@ def _model(mechanism: Mechanism, folder: Path) -> str:
     """Return the model's text with the files of its meshes named from another folder."""
     home = mechanism.source.robot.parent
     return re.sub(_MESH, lambda m: f"{m[1]}{m[2]}{os.path.relpath(home / m[3], folder)}{m[2]}", mechanism.xml)
-
-
-def _moved(data: Any, source: Path, target: Path) -> Any:
-    """Return scenario data with the files of its tables named from another folder."""
-    if isinstance(data, list):
-        return [_moved(value, source, target) for value in data]
-    if not isinstance(data, dict):
-        return data
-    moved = {key: _moved(value, source, target) for key, value in data.items()}
-    if data.get("law") == "table":
-        moved["file"] = os.path.relpath(source / data["file"], target)
-    return moved
 
 
 def _tables(result: Result) -> dict[str, tuple[str, Path]]:

@@ -57,11 +57,13 @@ def test_every_output_is_printed_as_the_summary_has_it(scenario: Callable[..., A
 
 
 def test_numbers_and_sections_are_printed_as_the_result_has_them(scenario: Callable[..., Any]) -> None:
+    """Angles in degrees."""
     result = scenario("inverse", SHAKING, PERIODIC).run()
     page = report(result).html
-    for text, (series, error) in result.numbers().items():
-        assert row(page, text)[2] == printed(float(series.values[0]))
-        assert float(row(page, text)[3]) == pytest.approx(error, rel=0.06)  # two digits
+    (torque, error), (angle, _) = result.numbers().values()
+    assert row(page, "M @ rms")[1:3] == ["N·m", printed(float(torque.values[0]))]
+    assert float(row(page, "M @ rms")[3]) == pytest.approx(error, rel=0.06)  # two digits
+    assert row(page, "alpha @ end")[1:] == ["deg", printed(float(np.rad2deg(angle.values[0]))), "0"]
     section = result.sections["shaking"]
     assert len(section.tables) == 2
     for table in section.tables:

@@ -64,6 +64,33 @@ def test_other_instants_are_solved_anew(scenario: Callable[..., Any], folder: Pa
     assert np.array_equal(again.outcome.motion.at(grid).q, result.outcome.motion.at(grid).q)
 
 
+def test_a_motion_that_a_function_drives_is_known_at_its_rows_only(tmp_path: Path) -> None:
+    """Without the function the servo would stay where it starts."""
+    problem = {"kind": "forward", "time": {"end": "1 s", "samples": 11}, "initial": {"position": {"x": "1 rad"}}}
+    servo = {"pinarm": 1, "mechanism": str(ROOT / "models/servo/mechanism.yaml"), "problem": problem, "outputs": ["x"]}
+    result = pinarm.run(servo, control={"x": lambda _, state: -25.0 * state["x"] - 6.0 * state["joint.x.velocity"]})
+    again = pinarm.restore(result.save(tmp_path / "out", plots=False))
+    assert np.array_equal(again["x"].values, result["x"].values)
+    with pytest.raises(InputError, match="a function in Python drives it"):
+        again.number("x @ min")
+
+
+def test_a_table_that_is_changed_afterwards_changes_nothing(scenario: Callable[..., Any], folder: Path) -> None:
+    """The angle of a pendulum follows a table, whose largest value is 30 deg, between rows."""
+    table = folder / "t.csv"
+    table.write_text("t [s],angle [deg]\n0,0\n1,30\n2,0\n")
+    given = scenario("inverse").document.path
+    given.write_text(
+        "pinarm: 1\nmechanism: pendulum.yaml\noutputs: [pivot]\nproblem: {kind: inverse, time: {end: 2 s, samples: 4}, "
+        "motion: {pivot: {law: table, file: t.csv}}}\n"
+    )
+    result = pinarm.run(given)
+    saved = result.save(folder / "out", plots=False)
+    table.write_text("t [s],angle [deg]\n0,0\n1,5\n2,0\n")
+    value, error = pinarm.restore(saved).number("pivot @ max")
+    assert value == pytest.approx(np.deg2rad(30.0), abs=error + 1e-9)
+
+
 def test_a_partial_result_comes_back(scenario: Callable[..., Any], folder: Path) -> None:
     saved = scenario("inverse").run().save(folder / "out" / "partial", plots=False)
     assert len(pinarm.restore(saved)) > 9

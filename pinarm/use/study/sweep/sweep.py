@@ -103,11 +103,15 @@ class Sweep:
         known = {name: [case for case in cases if case not in self.errors] for name, cases in empty.items()}
         return {name: cases for name, cases in known.items() if cases}
 
+    def written(self) -> list[Series]:
+        """Return the columns as tables for people have them: results in the units that the scenario chooses."""
+        return [*self.cases.table(), *map(self.presentation.written, self.columns)]
+
     def to_dataframe(self) -> DataFrame:
         """Return the table as a pandas table, one row per case, units in the headings, and why cases failed."""
         from pinarm.use.result.dataframes import dataframe
 
-        columns: dict[str, Any] = {series.label: series.values for series in self.table.values()}
+        columns: dict[str, Any] = {series.label: series.values for series in self.written()}
         return dataframe({**columns, "error": [self.errors.get(case, "") for case in range(len(self))]})
 
     def plot(self, name: str | None = None) -> Picture:

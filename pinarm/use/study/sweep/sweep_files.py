@@ -45,7 +45,7 @@ def save(
     source = Path(given) if (given := sweep.definition.get("scenario")) else None
     with whole_folder(folder, "sweep", source=source, beside=(JOURNAL,)) as draft:
         write(draft / "sweep.yaml", yaml_text(_definition(sweep, folder)))
-        lines = columns.csv_lines("case", list(sweep.table.values()), sweep.errors)
+        lines = columns.csv_lines("case", sweep.written(), sweep.errors)
         write_parts(draft / "cases.csv", (line.encode() for line in lines))
         write_arrays(draft / "cases.npz", columns.arrays(list(sweep.table.values()), sweep.errors))
         if parquet:
@@ -74,7 +74,7 @@ def csv(sweep: Sweep) -> str:
 
     Those of cases that failed, or do not come to a result, are empty.
     """
-    return columns.csv("case", list(sweep.table.values()), sweep.errors)
+    return columns.csv("case", sweep.written(), sweep.errors)
 
 
 def summary(sweep: Sweep) -> dict[str, Any]:
