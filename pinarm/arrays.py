@@ -20,13 +20,13 @@ Flags = np.ndarray[tuple[Any, ...], np.dtype[np.bool_]]
 
 
 def real(x: ArrayLike, name: str) -> Array:
-    """Return an array of real numbers.
+    """Return an array of real numbers; in SI, where something with a unit is given.
 
     Raises:
         InputError: It is none.
     """
     try:
-        return np.asarray(x).astype(np.float64, casting="same_kind", copy=False)
+        return np.asarray(getattr(x, "si", x)).astype(np.float64, casting="same_kind", copy=False)
     except (TypeError, ValueError):
         raise InputError(f"{name} is no array of real numbers", expected="an array of them") from None
 

@@ -65,6 +65,11 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
         force_setattr(self, "values", values)
 
     @property
+    def si(self) -> Array:
+        """Values in SI, angles in rad."""
+        return self.values if self.unit is None or self.unit.factor == 1.0 else self.values * self.unit.factor
+
+    @property
     def label(self) -> str:
         """Name and unit, for headings."""
         text = str(self.unit) if self.unit else "?"
@@ -222,6 +227,16 @@ def _quotient(measures: Sequence[Measure]) -> Measure:
 def _to_the(exponent: Fraction | int) -> Rule:
     """Return the rule of a function that takes its argument to a power."""
     return lambda measures: power(measures[0], Measure(DIMENSIONLESS, Fraction(exponent)))
+
+
+def require_unit(x: object, name: str, *units: Unit) -> None:
+    """Refuse a ``Series`` in place of numbers in SI where it measures something else.
+
+    Raises:
+        UnitError: Its unit has another dimension than all of these.
+    """
+    if isinstance(x, Series) and x.unit is not None and x.unit.dimension not in {one.dimension for one in units}:
+        raise UnitError(f"{name} is in {x.unit}", expected=f"a unit such as {' or '.join(map(str, units))}")
 
 
 _PLAIN = Measure(DIMENSIONLESS)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Flags
+from pinarm.arrays import Array, Flags, real
 from pinarm.engine.constraints.batch_jacobians import BLOCK, BatchJacobians
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
@@ -20,12 +20,12 @@ from pinarm.engine.motion.standstill import directions, lossy, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.broadcasting import LeadingAxes, refuse_foreign
 from pinarm.engine.quantities.names import Quantities
-from pinarm.engine.series import Series
+from pinarm.engine.series import Series, require_unit
 from pinarm.engine.statics.actuation import Actuation, actuation, everywhere
 from pinarm.errors import InputError
-from pinarm.input.units import unit
-from pinarm.mechanics.ball_joints import configuration, places_of, unit_of, velocities_of
-from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.input.units import Unit, unit
+from pinarm.mechanics.ball_joints import configuration, places_of, positions_of, unit_of, velocities_of
+from pinarm.mechanics.laws.motion_law import SECOND, Grid
 from pinarm.mechanics.loading.pinocchio_layout import UNIT
 from pinarm.records import replace
 
@@ -81,7 +81,7 @@ def configurations(mechanism: Mechanism, positions: Mapping[str, ArrayLike]) -> 
         InputError: A joint does not exist, or the shapes differ.
     """
     model, joints, balls = mechanism.model, mechanism.joints, mechanism.balls
-    shape, columns = columns_of(positions)
+    shape, columns = columns_of(positions, {name: (of,) for name, of in positions_of(joints, balls).items()})
     if all(name in joints for name in positions):
         rows = np.tile(np.asarray(pin.neutral(model)), (*shape, 1))
         for name, column in columns.items():
@@ -100,32 +100,59 @@ def rates(mechanism: Mechanism, values: Mapping[str, ArrayLike]) -> Array:
     known, places = velocities_of(mechanism.joints, mechanism.balls), places_of(mechanism.joints, mechanism.balls)
     for name in values:
         unit_of(name, known)
-    shape, columns = columns_of(values)
+    effort = {unit("m/s"): unit("N")}
+    measures = {name: (rate, rate / unit("s"), effort.get(rate, unit("N*m"))) for name, rate in known.items()}
+    shape, columns = columns_of(values, measures)
     rows = np.zeros((*shape, mechanism.model.nv))
     for name, column in columns.items():
         rows[..., places[name]] = column
     return rows
 
 
-def columns_of(values: Mapping[str, ArrayLike]) -> tuple[tuple[int, ...], dict[str, Array]]:
-    """Return the shape that values share, and each of them in it.
+def columns_of(
+    values: Mapping[str, ArrayLike], units: Mapping[str, Sequence[Unit]]
+) -> tuple[tuple[int, ...], dict[str, Array]]:
+    """Return the shape that values share, and each of them in it, in SI.
+
+    Args:
+        values: Values by name.
+        units: Name -> what it may be measured in; others are refused elsewhere.
 
     Raises:
-        InputError: Their shapes do not go together.
+        InputError: Their shapes do not go together, or they are no numbers.
+        UnitError: They measure something else.
     """
+    for name, value in values.items():
+        if name in units:
+            require_unit(value, name, *units[name])
+    given = [real(value, name) for name, value in values.items()]
     try:
-        columns = np.broadcast_arrays(*(np.asarray(value, float) for value in values.values()))
+        columns = np.broadcast_arrays(*given)
     except ValueError:
         shapes = ", ".join(f"{name}: {np.shape(value)}" for name, value in values.items())
         raise InputError(f"the arrays have the shapes {shapes}", expected="one shape, or single numbers") from None
     return columns[0].shape if columns else (), dict(zip(values, columns, strict=True))
 
 
+def instant(t: float) -> float:
+    """Return an instant [s].
+
+    Raises:
+        InputError: It is no finite number.
+        UnitError: It has a unit that is none of time.
+    """
+    require_unit(t, "t", SECOND)
+    found = real(t, "t")
+    if found.ndim or not np.isfinite(found):
+        raise InputError("t is not an instant", expected="one finite number [s]")
+    return float(found)
+
+
 def quantities(
     mechanism: Mechanism, q: Array, v: Array | None, a: Array | None, tau: Array | None, drives: Sequence[str], t: float
 ) -> States:
     """Return the quantities of states; see ``Mechanism.at``."""
-    nq, nv = mechanism.model.nq, mechanism.model.nv
+    nq, nv, t = mechanism.model.nq, mechanism.model.nv, instant(t)
     if a is not None and tau is not None:
         raise InputError("accelerations and efforts are given", expected="one of them: the other one follows")
     rates = {name: (x, nv) for name, x in (("v", v), ("a", a), ("tau", tau)) if x is not None}
@@ -233,7 +260,7 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
         names = ", ".join(constraint.name for constraint in mechanism.constraints)
         raise InputError(f"the joints of this mechanism are tied by {names}", expected="drives that carry the load",
                          hint="inverse(q, v, a, drives=[...])")  # fmt: skip
-    nv = mechanism.model.nv
+    nv, t = mechanism.model.nv, instant(t)
     refuse_foreign(mechanism, q)
     leading, (q, v, a) = LeadingAxes.fold(q=(q, mechanism.model.nq), v=(v, nv), a=(a, nv))
     check_quaternions(mechanism, leading, q)
@@ -247,7 +274,8 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
 
 def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: float) -> Array:
     """Return the accelerations under efforts; see ``Mechanism.forward``."""
-    dynamics, nv = mechanism.dynamics.on(t, np.nextafter(t, np.inf)), mechanism.model.nv
+    t, nv = instant(t), mechanism.model.nv
+    dynamics = mechanism.dynamics.on(t, np.nextafter(t, np.inf))
     given = {} if tau is None else {"tau": (tau, nv)}
     refuse_foreign(mechanism, q)
     leading, (q, v, *efforts) = LeadingAxes.fold(q=(q, mechanism.model.nq), v=(v, nv), **given)

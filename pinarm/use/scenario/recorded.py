@@ -6,14 +6,15 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Literal
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import as_rows, real, same_rows
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.recorded_motion import RecordedRows
 from pinarm.engine.quantities.broadcasting import refuse_foreign
+from pinarm.engine.series import require_unit
 from pinarm.errors import InputError
+from pinarm.mechanics.laws.motion_law import SECOND
 from pinarm.problems.recording.recorded_columns import check_rows, named_columns
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
@@ -69,13 +70,14 @@ def _rows(
     mechanism: Mechanism, t: ArrayLike, q: ArrayLike, v: ArrayLike | None, a: ArrayLike | None, tau: ArrayLike | None
 ) -> RecordedRows:
     """Return the rows, their shapes and numbers checked."""
+    require_unit(t, "t", SECOND)
     instants, nq, nv = real(t, "t"), mechanism.model.nq, mechanism.model.nv
     if instants.ndim != 1:
         raise InputError(f"t has the shape {instants.shape}", expected="(n,)")
     given = {"v": v, "a": a, "tau": tau}
     refuse_foreign(mechanism, q)
-    positions = as_rows(np.asarray(q), nq, "q")
-    arrays = {name: None if x is None else as_rows(np.asarray(x), nv, name) for name, x in given.items()}
+    positions = as_rows(real(q, "q"), nq, "q")
+    arrays = {name: None if x is None else as_rows(real(x, name), nv, name) for name, x in given.items()}
     same_rows(instants, positions, *(x for x in arrays.values() if x is not None))
     rows = RecordedRows(instants, positions, **arrays)
     check_rows(mechanism, rows)

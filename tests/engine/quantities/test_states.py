@@ -9,7 +9,9 @@ import pytest
 import pinarm
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError, InputError, PinarmError
+from pinarm.input.units import unit
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
@@ -85,11 +87,36 @@ def test_states_are_built_from_names(arm):
     assert arm.at(q)["theta"].values.tolist() == [0.5] * 3
 
 
+def measured(value, text):
+    return Series("x", unit(text), np.asarray(value, float))
+
+
+def test_what_has_a_unit_is_taken_in_it(arm):
+    """90 deg are no 90 rad, and 60 rpm no 60 rad/s."""
+    q = arm.configurations({"O": measured([90.0], "deg"), "B": 0.5})
+    assert q == pytest.approx(np.array([[np.pi / 2, 0.5]]), rel=1e-15)
+    assert arm.rates({"O": measured(60.0, "rpm")}) == pytest.approx(np.array([2 * np.pi, 0.0]), rel=1e-15)
+    assert arm.rates({"O": measured(2.0, "kN*m")}).tolist() == [2000.0, 0.0]
+    assert arm.at(measured([90.0, 0.0], "deg"))["theta"].values == pytest.approx(np.pi / 2, rel=1e-15)
+    v = np.zeros(2)
+    assert np.array_equal(arm.inverse(q[0], v, v, t=measured(500.0, "ms")), arm.inverse(q[0], v, v, t=0.5))
+
+
+@pytest.mark.parametrize("t", ["1 s", np.nan, [0.0, 1.0], None, measured(1.0, "mm")])
+def test_what_is_no_instant_is_refused(arm, t):
+    zero = np.zeros(2)
+    for call in (arm.inverse, arm.forward, arm.at):
+        with pytest.raises(PinarmError, match=r"^t "):
+            call(zero, zero, zero, t=t)
+
+
 @pytest.mark.parametrize(("given", "message"), [
+    ({"O": None}, "O is no array of real numbers"), ({"O": "1 rad"}, "O is no array of real numbers"),
+    ({"O": measured(1.0, "mm")}, "O is in mm"),
     ({"C": 1.0}, "no joint 'C'"), ({"O": [1.0, 2.0], "B": [1.0, 2.0, 3.0]}, r"O: \(2,\), B: \(3,\)"),
 ])  # fmt: skip
 def test_names_that_build_nothing(arm, given, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(PinarmError, match=message):
         arm.configurations(given)
 
 

@@ -9,6 +9,7 @@ import pytest
 import pinarm
 from pinarm.cli.main import main
 from pinarm.errors import PinarmError
+from pinarm.input.units import unit
 from pinarm.records import replace
 from pinarm.use.show.terminal import report
 from pinarm.use.store.restore import restore
@@ -45,6 +46,19 @@ def test_everything_given_is_as_of_separate_states(arm):
     for name in ("joint.O.force.x", "energy.total", "point.A.acceleration.y", "momentum.all.linear.x"):
         assert result[name].values == pytest.approx(states[name].values, rel=1e-12, abs=1e-12)
     assert result.figures["equilibrium"] < 1e-14
+
+
+def test_arrays_with_units_are_taken_in_them(arm):
+    t = np.linspace(0, 2, 41)
+    q, v, a = motion(t)
+    plain = arm.result(t, q, v, a, outputs=["C_B"])
+    milliseconds = pinarm.Series("t", unit("ms"), 1000.0 * t)
+    degrees = pinarm.Series("q", unit("deg"), np.rad2deg(q))
+    result = arm.result(milliseconds, degrees, v, a, outputs=["C_B"])
+    assert result.parameter.values == pytest.approx(plain.parameter.values, rel=1e-15)
+    assert result["C_B"].values == pytest.approx(plain["C_B"].values, rel=1e-13)
+    with pytest.raises(PinarmError, match="t is in deg"):
+        arm.result(degrees, q, v, a)
 
 
 def test_a_result_that_is_changed_leaves_its_scenario_as_it_was():

@@ -16,6 +16,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.quantities.states import columns_of
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices
+from pinarm.input.units import unit
 from pinarm.mechanics.joints import Joint
 
 
@@ -52,10 +53,17 @@ class Starts:
                 raise InputError(
                     f"no free joint '{name}' with one coordinate can begin elsewhere", expected=expected, hint=hint
                 )
+        joints = mechanism.joints
         given = {f"position {name}": x for name, x in position.items()}
-        shape, columns = columns_of(given | {f"velocity {name}": x for name, x in velocity.items()})
+        given |= {f"velocity {name}": x for name, x in velocity.items()}
+        units = {f"position {name}": [joint.unit] for name, joint in joints.items()}
+        units |= {f"velocity {name}": [joint.unit / unit("s")] for name, joint in joints.items()}
+        shape, columns = columns_of(given, units)
         if len(shape) > 1:
             raise InputError(f"the arrays have {len(shape)} axes", expected="one: a value for every motion")
+        for name, column in columns.items():
+            if not np.isfinite(column).all():
+                raise InputError(f"{name} is not finite", expected="a finite number for every motion")
         if shape == (0,):
             raise InputError("there are no initial values", expected="one motion or more")
         found = [np.array(x, ndmin=1) for x in columns.values()]

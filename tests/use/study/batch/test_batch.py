@@ -17,7 +17,8 @@ from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Flat, Interval
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.motion.segmented.ensembles import is_batchable
-from pinarm.errors import InputError, Interrupted, NumericsError
+from pinarm.errors import InputError, Interrupted, NumericsError, PinarmError
+from pinarm.input.units import unit
 from pinarm.mechanics.forces.breakpoints import Pieces
 from pinarm.problems.forward import Forward
 from pinarm.use.study.batch import batch as motions
@@ -466,10 +467,12 @@ class TestSave:
         ({"O": [0.0, 1.0], "B": [0.0, 1.0, 2.0]}, "the arrays have the shapes"),
         ({"O": []}, "there are no initial values"),
         ({"O": [[0.0]]}, "the arrays have 2 axes"),
+        ({"O": [0.1, np.nan]}, "position O is not finite"),
+        ({"O": pinarm.Series("O", unit("mm"), np.array([1.0]))}, "position O is in mm"),
     ],
 )
 def test_starts_that_cannot_be_are_refused(scenario, position, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(PinarmError, match=message):
         pinarm.batch(scenario(), position)
 
 
