@@ -112,7 +112,7 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
         grid = grid_of(mechanism, motion, self.time.instants(), laws)
         known = Prescription(mechanism, motion, drives, Dynamics.of(mechanism.model, forces), "t", unit("s"))
         with place("motion"):
-            return PrescribedTable(known, grid, rough_start(mechanism, self.start, self.resolve))
+            return PrescribedTable(known, grid, rough_start(mechanism, self.start, self.resolve, motion, grid))
 
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None

@@ -80,7 +80,7 @@ class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematic
         grid = grid_of(mechanism, motion, self.time.instants(), laws)
         known = Prescription(mechanism, motion, None, mechanism.dynamics, "t", unit("s"))
         with place("motion"):
-            return PrescribedTable(known, grid, rough_start(mechanism, self.start, self.resolve))
+            return PrescribedTable(known, grid, rough_start(mechanism, self.start, self.resolve, motion, grid))
 
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: JointMotion | None = None

@@ -13,7 +13,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import with_friction_columns
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.kinematics.law_count import determining
-from pinarm.engine.kinematics.newton import start_configuration
+from pinarm.engine.kinematics.newton import start_near
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.prescribed_motion import PrescribedTable, Prescription, Rates
@@ -226,7 +226,8 @@ def _table(
     with place():
         parameter = _parameter(problem.over, mechanism)
         known = Prescription(mechanism, motion, drives, dynamics, *parameter, rates)
-        return PrescribedTable(known, _grid(problem.over), start_configuration(mechanism, problem.start))
+        grid = _grid(problem.over)
+        return PrescribedTable(known, grid, start_near(mechanism, problem.start, prescribed, grid))
 
 
 def _outcome(problem: Statics | State, table: PrescribedTable, place: Place) -> Outcome:

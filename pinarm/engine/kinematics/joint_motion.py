@@ -29,6 +29,11 @@ class JointMotion(Protocol):
     """How the joints of a mechanism follow prescribed coordinates."""
 
     @property
+    def prescribed(self) -> PrescribedCoordinates:
+        """The prescribed coordinates with their laws."""
+        ...
+
+    @property
     def coordinates(self) -> tuple[Coordinate, ...]:
         """The prescribed coordinates."""
         ...

@@ -26,6 +26,7 @@ from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import format_configuration
+from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 if TYPE_CHECKING:
@@ -85,6 +86,34 @@ def start_configuration(mechanism: Mechanism, start: Mapping[str, float]) -> Arr
         key: value for key, value in mechanism.start.items() if not any(key.startswith(f"{name}.") for name in given)
     }
     return configuration(mechanism.model, mechanism.joints, mechanism.balls, {**own, **start})
+
+
+def start_near(
+    mechanism: Mechanism, start: Mapping[str, float], prescribed: PrescribedCoordinates, grid: Grid
+) -> Array:
+    """Return the start configuration as close to a solution as the given coordinates allow, shape (nq,).
+
+    Loops, first values of laws and given coordinates share what is left open; from where the others are 0 the
+    positions that are found may be on another branch than those given.
+
+    Args:
+        mechanism: The mechanism.
+        start: Joint coordinates; see ``start_configuration``.
+        prescribed: What follows laws.
+        grid: Instants of the laws.
+
+    Raises:
+        InputError: A joint does not exist.
+    """
+    q = start_configuration(mechanism, start)
+    given = [name for name in start if name in mechanism.joints and name not in prescribed.names]
+    if not given or not mechanism.closure.size:
+        return q
+    coordinates = *prescribed.coordinates, *(mechanism.coordinate(name) for name in given)
+    solver = NewtonSolver(mechanism.closure, PrescribedCoordinates((*prescribed.names, *given), coordinates, ()))
+    begin, end, _ = grid.intervals()[0]
+    first = np.append(prescribed.on(begin, end)(float(grid.t[0]))[0], [start[name] for name in given])
+    return solver.closest(q, first, solver.sliding)[0]
 
 
 class NewtonSolver:

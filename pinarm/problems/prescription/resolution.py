@@ -10,12 +10,12 @@ import numpy as np
 
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion, JointMotion
 from pinarm.engine.kinematics.law_count import determining
-from pinarm.engine.kinematics.newton import start_configuration
+from pinarm.engine.kinematics.newton import start_near
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, Key, Place, within
 from pinarm.input.yaml.schema import InputStruct, Level, check_unit
 from pinarm.mechanics.joints import joint_of
-from pinarm.mechanics.laws.motion_law import MotionLaw
+from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.problems.weights import Weight, comparable, reciprocal, weights_of
 
 if TYPE_CHECKING:
@@ -137,10 +137,12 @@ def joint_motion(
         return NearestMotion.of(mechanism, motion, posture)
 
 
-def rough_start(mechanism: Mechanism, start: Mapping[str, float], resolve: NearestPosture | None) -> Array:
+def rough_start(
+    mechanism: Mechanism, start: Mapping[str, float], resolve: NearestPosture | None, motion: JointMotion, grid: Grid
+) -> Array:
     """Return the rough configuration from which a motion is assembled, shape (nq,): the start, else the posture."""
     posture = resolve.nearest_to if resolve else {}
-    return start_configuration(mechanism, {**posture, **start})
+    return start_near(mechanism, {**posture, **start}, motion.prescribed, grid)
 
 
 def _free_joint(mechanism: Mechanism, name: str, followed: Mapping[str, MotionLaw]) -> Joint:

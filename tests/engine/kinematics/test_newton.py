@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import pinarm
 from pinarm.engine.kinematics.joint_motion import follow
 from pinarm.engine.kinematics.law_count import determining
 from pinarm.engine.kinematics.newton import NewtonSolver, start_configuration
@@ -238,6 +239,44 @@ def test_start_sets_the_named_joints_only(leg):
     q = start_configuration(leg, {"hip": 0.4})
     assert q.tolist() == [0.0, 0.0, 0.4]
     assert np.array_equal(start_configuration(leg, {}), pin.neutral(leg.model))
+
+
+def rocker_angle(crank, points):
+    """The angle of a rocker about C by the circles about A and C, on the side of the drawing, from the drawn one."""
+    a, b, c = (np.array(points[name]) for name in "ABC")
+
+    def turned(angle):
+        tip = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ a
+        way, coupler, rocker = c - tip, np.hypot(*(b - a)), np.hypot(*(b - c))
+        length = np.hypot(*way)
+        along = (length**2 + coupler**2 - rocker**2) / (2.0 * length)
+        side = np.sign(np.cross([*(c - a), 0.0], [*(b - a), 0.0])[2])
+        across = side * np.sqrt(coupler**2 - along**2)
+        pin = tip + (along * way + across * np.array([-way[1], way[0]])) / length
+        return np.arctan2(*(pin - c)[::-1])
+
+    return np.angle(np.exp(1j * (turned(crank) - turned(0.0))))
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "c", "crank"),
+    [
+        ((0.14024551859588735, -0.06520002980097124), (0.12632630032270323, -0.22519424670253602), 0.259834995277851,
+         -1.1759541024952396),
+        ((0.1, 0.0), (0.33, 0.24), 0.4, 1.1),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("off", [0.0, 0.02, -0.02])
+def test_a_start_that_is_a_solution_is_taken(a, b, c, crank, off):
+    """With the rocker held there are two positions of the crank; the one that is given is taken, rounded digits too."""
+    points = {"O": (0.0, 0.0), "A": a, "B": b, "C": (c, 0.0)}
+    links = {"crank": ["O", "A"], "coupler": ["A", "B"], "rocker": ["B", "C"]}
+    planar = {"points": {name: [f"{x!r} m" for x in point] for name, point in points.items()}, "ground": ["O", "C"],
+              "links": {name: {"points": of, "mass": "1 kg"} for name, of in links.items()}}  # fmt: skip
+    held = {"kind": "statics", "hold": {"C": f"{float(rocker_angle(crank, points))!r} rad"},
+            "start": {"O": f"{crank + off!r} rad"}}  # fmt: skip
+    result = pinarm.run({"pinarm": 1, "mechanism": {"pinarm": 1, "planar": planar}, "problem": held, "outputs": ["O"]})
+    assert result["O"].values == pytest.approx(crank, abs=1e-9)
 
 
 @pytest.mark.parametrize(("angle", "refused"), [(90.0, True), (89.0, False)])
