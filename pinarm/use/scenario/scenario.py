@@ -369,7 +369,7 @@ class Scenario(Record, frozen=True):
                 return self._solve_once()
         except NumericsError as error:
             if isinstance(error.partial, Outcome):
-                error.partial = self.result(error.partial)
+                error.partial = self.broken_off(error.partial, error.message)
             raise
 
     def prescribed_table(self, like: Scenario) -> PrescribedTable | None:
@@ -428,6 +428,11 @@ class Scenario(Record, frozen=True):
         if not all(math.isfinite(figure) for figure in result.figures.values()):
             raise overflow(whole)
         return result
+
+    def broken_off(self, outcome: Outcome, why: str) -> Result:
+        """Return the result of what there was when the numerics failed."""
+        note = f"broken off at the last row, and its accuracy is not measured: {why}"
+        return self.result(replace(outcome, notes=(*outcome.notes, note)))
 
     def result(self, outcome: Outcome) -> Result:
         """Return the result of what came out for the whole mechanism; its accuracy is not measured."""

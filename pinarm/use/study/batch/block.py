@@ -135,7 +135,7 @@ class Block:
                 raise error
         except NumericsError as error:
             if isinstance(error.partial, Outcome):
-                error.partial = scenario.result(error.partial)
+                error.partial = scenario.broken_off(error.partial, error.message)
             raise
 
     @cached_property
