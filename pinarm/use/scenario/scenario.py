@@ -431,7 +431,7 @@ class Scenario(Record, frozen=True):
 
     def broken_off(self, outcome: Outcome, why: str) -> Result:
         """Return the result of what there was when the numerics failed."""
-        note = f"broken off at the last row, and its accuracy is not measured: {why}"
+        note = f"the numerics failed, and what there was by then is not checked: {why}"
         return self.result(replace(outcome, notes=(*outcome.notes, note)))
 
     def result(self, outcome: Outcome) -> Result:
