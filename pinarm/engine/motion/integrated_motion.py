@@ -99,6 +99,10 @@ class IntegratedMotion(Record, frozen=True):
         """Return where the steps of the integrator end; see ``SolvedMotion``."""
         return np.concatenate([segment.solution.steps.until for segment in self.motion.segments])
 
+    def knots(self) -> Array:
+        """Return nothing: steps end there; see ``SolvedMotion``."""
+        return np.empty(0)
+
     def jumps(self) -> Array:
         """Return where controllers change what they do; see ``SolvedMotion``."""
         if not self.hybrid.controls:

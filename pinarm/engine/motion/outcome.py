@@ -40,6 +40,13 @@ class SolvedMotion(Protocol):
         """
         ...
 
+    def knots(self) -> Array:
+        """Return where curves of laws have points, between which they may do anything, ascending, shape (n,).
+
+        None where they end steps of an integrator.
+        """
+        ...
+
     def jumps(self) -> Array:
         """Return where loads jump within intervals, as those of sampled controllers do [s], ascending, shape (n,)."""
         ...

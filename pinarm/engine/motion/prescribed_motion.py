@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, distinct
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.rests import rests_between
@@ -256,6 +256,13 @@ class PrescribedMotion(Record, frozen=True):
     def steps(self) -> Array:
         """Return nothing, as nothing is integrated; see ``SolvedMotion``."""
         return np.empty(0)
+
+    def knots(self) -> Array:
+        """Return the points of laws of coordinates, and of loads over time; see ``SolvedMotion``."""
+        known, laws = self.prescription, [*self.prescription.motion.laws]
+        if known.parameter == "t":
+            laws += [law for force in known.dynamics.forces.values() for law in force.laws()]
+        return distinct(np.array([knot for law in laws for knot in law.knots()]))
 
     def jumps(self) -> Array:
         """Return nothing: laws jump between intervals only; see ``SolvedMotion``."""

@@ -272,6 +272,10 @@ class SplinedMotion:
         """Return nothing, as nothing is integrated; see ``SolvedMotion``."""
         return np.empty(0)
 
+    def knots(self) -> Array:
+        """Return nothing: rows are the points of its spline; see ``SolvedMotion``."""
+        return np.empty(0)
+
     def jumps(self) -> Array:
         """Return nothing: laws jump between intervals only; see ``SolvedMotion``."""
         return np.empty(0)

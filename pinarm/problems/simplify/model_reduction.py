@@ -294,6 +294,10 @@ class RestoredMotion:
         """Return where the steps of the integrator end; see ``SolvedMotion``."""
         return self.motion.steps()
 
+    def knots(self) -> Array:
+        """Return where curves of laws have points; see ``SolvedMotion``."""
+        return self.motion.knots()
+
     def jumps(self) -> Array:
         """Return where loads jump; see ``SolvedMotion``."""
         return self.motion.jumps()

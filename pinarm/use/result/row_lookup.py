@@ -28,6 +28,7 @@ from pinarm.use.result.figures.peak_search import (
     Spots,
     bounded_below,
 )
+from pinarm.use.result.figures.quadrature import NODES
 
 if TYPE_CHECKING:
     from pinarm.use.result.expectation import Expectation
@@ -142,6 +143,12 @@ class Lookup(Record, frozen=True):
         jumps = self.motion.jumps() if self.motion else np.empty(0)
         return self._within(jumps if len(jumps) <= MOST_JUMPS else jumps[:0])
 
+    @cached_property
+    def knots(self) -> list[Array]:
+        """Points of the curves of laws, interval by interval, each ascending; none where these are many."""
+        knots = self.motion.knots() if self.motion else np.empty(0)
+        return self._within(knots if len(knots) * len(NODES) * self._width <= TOGETHER else knots[:0])
+
     def _within(self, t: Array) -> list[Array]:
         """Return the instants that are within each interval."""
         return [t[(t > start) & (t < end)] for start, end, _ in self.intervals]
@@ -154,7 +161,9 @@ class Lookup(Record, frozen=True):
 
     def bounds(self, interval: int) -> list[float]:
         """Return where an interval is cut so that quantities are smooth between the cuts, and do not change much."""
-        found: list[float] = distinct(np.concatenate([self.cuts(interval), self.jumps[interval]])).tolist()
+        found: list[float] = distinct(
+            np.concatenate([self.cuts(interval), self.jumps[interval], self.knots[interval]])
+        ).tolist()
         return found
 
     def quantities_at(self, interval: int, t: Array) -> Quantities:

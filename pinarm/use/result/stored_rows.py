@@ -123,6 +123,10 @@ class SolvedAnew(Record, frozen=True):
         """Return where the steps of the integrator end; see ``SolvedMotion``."""
         return self._motion.steps()
 
+    def knots(self) -> Array:
+        """Return where curves of laws have points; see ``SolvedMotion``."""
+        return self._motion.knots()
+
     def jumps(self) -> Array:
         """Return where loads jump; see ``SolvedMotion``."""
         return self._motion.jumps()

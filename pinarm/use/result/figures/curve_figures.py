@@ -2,13 +2,14 @@
 
     mean      1/L ∫ x ds
     rms       (1/L ∫ x² ds)^(1/2)
-    integral  ∫ x ds
+    integral  ∫ x ds, with ds < 0 where s falls
     peak      largest |x|
     p95       the value below which x is for 95 % of L; any percentage from p0 to p100
 
 s is the parameter of the run: the time, or the coordinate that is swept. Integrals are taken of the motion itself, not
 of the rows of the table, by adaptive Gauss-Kronrod quadrature on every interval between the breakpoints of laws: exact
-but for rounding where x is a polynomial of degree 31 or less there.
+but for rounding where x is a polynomial of degree 31 or less there. Parts of an interval in which the rows do not lie
+on the polynomials through the points of the quadrature are bisected: what the rows see an integral does not miss.
 """
 
 from __future__ import annotations
@@ -28,15 +29,16 @@ from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.records import ValueRecord
 from pinarm.use.result.figures.percentile import percentile
-from pinarm.use.result.figures.quadrature import NODES, Panels, integrate
-from pinarm.use.result.row_lookup import Lookup
+from pinarm.use.result.figures.quadrature import NODES, Panels, Samples, integrate
+from pinarm.use.result.row_lookup import MOST_INTERVALS, PARTS, Lookup
 
 RELATIVE, ABSOLUTE = 1e-10, 1e-13
 """Errors at which an integral is good enough, relative to itself and to the largest value times the length."""
 
-PANELS, PER_STEP = 600, 2
-"""Panels of 21 states that the integrals of a run may take in bisections, and for each of its intervals and each step
-of its integrator: a kink takes 70, and between two steps a motion is a polynomial. The error that is left is told."""
+PANELS, PER_STEP, ROWS = 600, 2, 4
+"""Panels of 21 states that the integrals of a run may take in bisections, those for each of its intervals and each step
+of its integrator, and how many rows bring a further one: a kink takes 70, and between two steps a motion is a
+polynomial. The error that is left is told."""
 
 MOST_CUTS = 50
 """Places at most in an interval at which a quantity is infinite."""
@@ -134,14 +136,17 @@ def integrals(run: Lookup, integrand: Callable[[Quantities], Array]) -> tuple[Ar
         run: The run; its rows are states of one motion.
         integrand: Quantities of n rows -> values of the functions there, of the size of 1 or less, shape (n, k).
     """
-    parts, left = [], PANELS + PER_STEP * (len(run.intervals) + sum(map(len, run.steps)))
-    for interval, (start, end, _) in enumerate(run.intervals):
+    parts, left = [], PANELS + PER_STEP * (len(run.intervals) + sum(map(len, run.steps))) + len(run.run) // ROWS
+    rows, parts_of_each = integrand(run.quantities), PARTS if len(run.intervals) <= MOST_INTERVALS else 1
+    for interval, (start, end, own) in enumerate(run.intervals):
         low, high = sorted((start, end))
         if low < high:
             curve = _Counted(partial(_evaluated, run, integrand, interval), left // (len(run.intervals) - interval))
             allowed = curve.left
-            bounds = [low, *run.bounds(interval), high]
-            parts += _integrals_between(curve, [low, high], np.array(bounds))
+            bounds = np.union1d(np.linspace(low, high, 1 + parts_of_each), run.bounds(interval))
+            order = 1 if start < end else -1
+            known = Samples(run.run.grid.t[own][::order], rows[own][::order])
+            parts += _integrals_between(curve, [low, high], bounds, known)
             left -= allowed - curve.left
     total, error = (np.sum(of, axis=0) for of in zip(*parts, strict=True))
     return total, error + ROUNDING * np.abs(total)
@@ -183,13 +188,14 @@ def _evaluated(run: Lookup, integrand: Callable[[Quantities], Array], interval: 
     return values
 
 
-def _integrals_between(at: _Counted, cuts: list[float], bounds: Array) -> list[tuple[Array, Array]]:
+def _integrals_between(at: _Counted, cuts: list[float], bounds: Array, known: Samples) -> list[tuple[Array, Array]]:
     """Return the integrals of functions of size 1 between cuts, and their errors; where one is infinite, it is cut.
 
     Args:
         at: The functions.
         cuts: Where they are cut, ascending.
         bounds: Between which there is at least one panel each, ascending.
+        known: What is known of them: the rows.
 
     Raises:
         InputError: There is no end of such places.
@@ -198,7 +204,7 @@ def _integrals_between(at: _Counted, cuts: list[float], bounds: Array) -> list[t
     try:
         return [
             _integral_between(
-                at, np.array([low, *bounds[(bounds > low) & (bounds < high)], high]), len(cuts) - 1 - part
+                at, np.array([low, *bounds[(bounds > low) & (bounds < high)], high]), len(cuts) - 1 - part, known
             )
             for part, (low, high) in enumerate(pairwise(cuts))
         ]
@@ -208,10 +214,10 @@ def _integrals_between(at: _Counted, cuts: list[float], bounds: Array) -> list[t
                 f"it is not finite about {found.place:.9g}", expected="a quantity that is finite"
             ) from None
         at.left = allowed
-        return _integrals_between(at, sorted([*cuts, found.place]), bounds)
+        return _integrals_between(at, sorted([*cuts, found.place]), bounds, known)
 
 
-def _integral_between(at: _Counted, bounds: Array, parts: int) -> tuple[Array, Array]:
+def _integral_between(at: _Counted, bounds: Array, parts: int, known: Samples) -> tuple[Array, Array]:
     """Return the integrals of functions of size 1, and their errors, both of shape (k,).
 
     A function is not integrated to less than its own rounding.
@@ -220,6 +226,7 @@ def _integral_between(at: _Counted, bounds: Array, parts: int) -> tuple[Array, A
         at: The functions.
         bounds: Where panels begin and end, ascending, shape (m + 1,).
         parts: How many integrals share the panels that are left.
+        known: What is known of them: the rows.
     """
     low, high = float(bounds[0]), float(bounds[-1])
     low_of, high_of, clusters = bounds[:-1], bounds[1:], low + (high - low) * NEIGHBOURS
@@ -227,7 +234,7 @@ def _integral_between(at: _Counted, bounds: Array, parts: int) -> tuple[Array, A
     values = at(np.concatenate([points, clusters.ravel()]))
     first = Panels.of(low_of, high_of, values[: len(points)])
     rounding = _rounding(values[len(points) :].reshape(*clusters.shape, -1))
-    return integrate(at, first, RELATIVE, (high - low) * np.maximum(rounding, ABSOLUTE), at.left // parts)
+    return integrate(at, first, RELATIVE, (high - low) * np.maximum(rounding, ABSOLUTE), at.left // parts, known)
 
 
 def _rounding(values: Array) -> Array:
@@ -298,7 +305,8 @@ def rms_values(run: Lookup, quantities: Sequence[str], scales: Array) -> tuple[A
 
 def _integral(run: Lookup, quantity: str) -> tuple[float, float]:
     (first, _), (error, _), scale = _moments(run, quantity)
-    return scale * first, scale * error
+    t = run.run.grid.t
+    return scale * first * float(np.sign(t[-1] - t[0])), scale * error
 
 
 def _peak(run: Lookup, quantity: str) -> tuple[float, float]:

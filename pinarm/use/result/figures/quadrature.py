@@ -32,6 +32,9 @@ NODES: Array = np.concatenate([-_POSITIVE[:, 0], [0.0], _POSITIVE[::-1, 0]])
 KRONROD: Array = np.concatenate([_POSITIVE[:, 1], [0.149445554002916905664936468389821], _POSITIVE[::-1, 1]])
 GAUSS: Array = np.concatenate([_POSITIVE[:, 2], [0.0], _POSITIVE[::-1, 2]])
 
+BARYCENTRIC: Array = 1.0 / np.prod(np.subtract.outer(NODES, NODES) + np.eye(len(NODES)), axis=1)
+"""Weights of the polynomial through values at the nodes."""
+
 NARROWEST = 1e-13
 """Part of an interval below which its parts are not bisected: their points would not differ."""
 
@@ -56,6 +59,35 @@ DIVERGES = 0.05
 sum: 1 where a function is finite, 1/2 of the inverse root, 0 of the inverse of the distance."""
 
 
+UNSEEN = 1e-6
+"""Difference of a function of size 1 to the polynomial through the points of a panel that the panel has not seen."""
+
+EXPLAINED = 10.0
+"""Differences that the error of an integral explains, over its root: a polynomial through 21 points errs by about the
+root of the error of its integral."""
+
+CLOSE = 0.25
+"""Width of panels over the distance of known points from which on they are no wider than what the points tell."""
+
+
+class Samples(Record, frozen=True):
+    """Values of k functions that are known beforehand, at n points.
+
+    Attributes:
+        t: The points, ascending, shape (n,).
+        f: The values there, shape (n, k).
+    """
+
+    t: Array
+    f: Array
+
+    def between(self, bounds: Array) -> Samples:
+        """Return those strictly between bounds, shape (m,), at which functions may jump, and finite."""
+        places = np.searchsorted(bounds, self.t)
+        inside = (places > 0) & (places < len(bounds)) & ~np.isin(self.t, bounds) & np.isfinite(self.f).all(axis=1)
+        return Samples(self.t[inside], self.f[inside])
+
+
 class Panels(Record, frozen=True):
     """Neighbouring parts of an interval, m of them, with the integrals of k functions over each.
 
@@ -64,12 +96,14 @@ class Panels(Record, frozen=True):
         high: Where each ends, shape (m,).
         values: Integrals, shape (m, k).
         errors: Bounds of their errors, shape (m, k).
+        f: The functions at the nodes, shape (m, 21, k).
     """
 
     low: Array
     high: Array
     values: Array
     errors: Array
+    f: Array
 
     @staticmethod
     def points(low: Array, high: Array) -> Array:
@@ -82,7 +116,7 @@ class Panels(Record, frozen=True):
         f = f.reshape(len(low), len(NODES), -1)
         half = 0.5 * (high - low)[:, None]
         kronrod = half * np.einsum("p,mpk->mk", KRONROD, f)
-        return cls(low, high, kronrod, np.abs(kronrod - half * np.einsum("p,mpk->mk", GAUSS, f)))
+        return cls(low, high, kronrod, np.abs(kronrod - half * np.einsum("p,mpk->mk", GAUSS, f)), f)
 
     def refined(self, at: Callable[[Array], Array], poor: Indices) -> Panels:
         """Return them with some bisected: those whose numbers are given, ascending."""
@@ -93,8 +127,28 @@ class Panels(Record, frozen=True):
         order = np.concatenate([self.low[kept], lows]).argsort()
         merged = (np.concatenate([own[kept], new])[order]
                   for own, new in ((self.low, parts.low), (self.high, parts.high), (self.values, parts.values),
-                                   (self.errors, parts.errors)))  # fmt: skip
+                                   (self.errors, parts.errors), (self.f, parts.f)))  # fmt: skip
         return Panels(*merged)
+
+    def unseen(self, known: Samples) -> tuple[Indices, Array]:
+        """Return the panels with known values off the polynomials through their points, and by how much at most.
+
+        Numbers of panels, ascending, shape (p,), and distances, shape (p, k). Those that are narrower than what the
+        points tell are not among them.
+        """
+        if len(known.t) < 2:
+            return np.zeros(0, np.intp), np.zeros((0, known.f.shape[1]))
+        panel = np.clip(np.searchsorted(self.high, known.t), 0, len(self.high) - 1)
+        width = self.high - self.low
+        x = (2.0 * known.t - self.low[panel] - self.high[panel]) / width[panel]
+        off = np.abs(_interpolated(x, self.f[panel]) - known.f)
+        allowed = UNSEEN + EXPLAINED * np.sqrt(self.errors / width[:, None])
+        gap = np.gradient(known.t)
+        found = (off > allowed[panel]).any(axis=1) & (width[panel] > CLOSE * gap)
+        numbers, places = np.unique(panel[found], return_inverse=True)
+        most = np.zeros((len(numbers), off.shape[1]))
+        np.maximum.at(most, places, off[found])
+        return numbers, most
 
     def poor(self, allowed: Array, most: int) -> Indices:
         """Return the numbers of those that have to be bisected, as few as leave half of the allowed error, ascending.
@@ -145,13 +199,27 @@ class Panels(Record, frozen=True):
         return bool(power < DIVERGES - 1.0)
 
 
+def _interpolated(x: Array, f: Array) -> Array:
+    """Return polynomials through values at the nodes, shape (n, 21, k), at places of [-1, 1], shape (n,): (n, k).
+
+    The barycentric formula: J.-P. Berrut, L. N. Trefethen, *Barycentric Lagrange interpolation* (2004), equation 4.2.
+    """
+    apart = x[:, None] - NODES
+    at_node = np.abs(apart).argmin(axis=1)
+    parts = BARYCENTRIC / np.where(apart == 0.0, 1.0, apart)
+    on = (apart == 0.0).any(axis=1)
+    parts[on] = np.eye(len(NODES))[at_node[on]]
+    return np.asarray(np.einsum("np,npk->nk", parts, f) / parts.sum(axis=1)[:, None])
+
+
 def integrate(
-    at: Callable[[Array], Array], first: Panels, relative: float, absolute: Array, most: int
+    at: Callable[[Array], Array], first: Panels, relative: float, absolute: Array, most: int, known: Samples
 ) -> tuple[Array, Array]:
     """Return the integrals of k functions of size 1 over an interval, and bounds of their errors, both of shape (k,).
 
     Bisections end where every error is allowed, where no panel can be bisected, where they no longer help, or where
-    ``most`` panels have been evaluated: the bounds then tell what is left.
+    ``most`` panels have been evaluated: the bounds then tell what is left. Panels that do not agree with values which
+    are known beforehand are bisected as well.
 
     Args:
         at: Points, ascending, shape (n,) -> values of the functions, shape (n, k).
@@ -159,19 +227,22 @@ def integrate(
         relative: Allowed error relative to an integral.
         absolute: Allowed error of every integral beside that, shape (k,), positive.
         most: Number of panels that are evaluated at most, those of all rounds together.
+        known: What is known of the functions.
     """
+    known = known.between(np.append(first.low, first.high[-1]))
     panels, before, evaluated = first, list[Array](), 0
     while True:
         value, error = panels.values.sum(axis=0), panels.told_errors
         before.append(panels.errors.sum(axis=0))
-        allowed = absolute + relative * np.abs(value)
-        if (error <= allowed).all():
-            return value, error
-        poor = panels.poor(allowed, (most - evaluated) // 2)
-        if not len(poor):
-            return value, panels.left_over(error > allowed)
-        if _noisy(before, panels, allowed):
-            return value, error
+        allowed, room = absolute + relative * np.abs(value), max(0, (most - evaluated) // 2)
+        fine = bool((error <= allowed).all())
+        poor = np.zeros(0, np.intp) if fine else panels.poor(allowed, room)
+        if not len(poor) or _noisy(before, panels, allowed):
+            unseen, off = panels.unseen(known)
+            if not len(unseen) or not room:
+                left = error if fine or len(poor) else panels.left_over(error > allowed)
+                return value, left + np.sum((panels.high - panels.low)[unseen, None] * off, axis=0)
+            poor, before = unseen[:room], []
         panels, evaluated = panels.refined(at, poor), evaluated + 2 * len(poor)
 
 

@@ -6,14 +6,18 @@ import numpy as np
 import pytest
 from scipy.integrate import cubature
 
-from pinarm.use.result.figures.quadrature import GAUSS, KRONROD, NODES, PATIENCE, Panels, integrate
+from pinarm.use.result.figures.quadrature import GAUSS, KRONROD, NODES, PATIENCE, Panels, Samples, integrate
 
 ROUNDING = 1e-14
 """Of sums of some hundred terms of size 1."""
 
 
-def integrals(f, low, high, relative=1e-10, absolute=1e-13, most=2000):
-    """Return the integrals of functions ``f(t)``, shape (n, k), their bounds, and the numbers of points asked for."""
+def integrals(f, low, high, relative=1e-10, absolute=1e-13, most=2000, known=()):
+    """Return the integrals of functions ``f(t)``, shape (n, k), their bounds, and the numbers of points asked for.
+
+    What is known of them are their values at points.
+    """
+    known = np.array(known)
     asked = []
 
     def at(t):
@@ -24,7 +28,8 @@ def integrals(f, low, high, relative=1e-10, absolute=1e-13, most=2000):
     bounds = np.array([low]), np.array([high])
     first = Panels.of(*bounds, f(Panels.points(*bounds)))
     width = first.values.shape[1]
-    value, error = integrate(at, first, relative, np.full(width, absolute * (high - low)), most)
+    value, error = integrate(at, first, relative, np.full(width, absolute * (high - low)), most,
+                             Samples(known, f(known).reshape(len(known), width)))  # fmt: skip
     return value, error, asked
 
 
@@ -38,6 +43,44 @@ class TestPanels:
     def test_gauss_is_exact_to_degree_19(self, degree):
         exact = 0.0 if degree % 2 else 2.0 / (degree + 1)
         assert GAUSS @ NODES**degree == pytest.approx(exact, abs=ROUNDING)
+
+
+class TestSamples:
+    """What known values tell of a narrow peak that no point of a panel sees."""
+
+    @staticmethod
+    def peak(width):
+        return lambda t: 1.0 + np.exp(-(((t - 0.61803) / width) ** 2))[:, None], 2.0 + math.sqrt(math.pi) * width
+
+    @pytest.mark.parametrize("width", [3e-3, 1e-3])
+    def test_a_peak_that_they_see_is_integrated(self, width):
+        f, exact = self.peak(width)
+        assert integrals(f, -1.0, 1.0)[0] == pytest.approx([2.0], abs=1e-12)  # unseen
+        value, error, _ = integrals(f, -1.0, 1.0, known=np.linspace(-1.0, 1.0, 2001))
+        assert abs(value[0] - exact) <= error[0] + ROUNDING
+        assert error[0] < 1e-9
+
+    def test_what_they_confirm_takes_no_bisection(self):
+        value, _, asked = integrals(
+            lambda t: np.stack([np.exp(t), np.cos(t)], 1), -1.0, 2.0, known=np.linspace(-1, 2, 301)
+        )
+        assert value == pytest.approx([math.e**2 - 1 / math.e, math.sin(2) + math.sin(1)], rel=ROUNDING)
+        assert not asked
+
+    def test_what_they_cannot_resolve_ends(self):
+        """One value apart from all others, as of noise or of a point."""
+        noise = np.random.default_rng(3)
+        known = np.linspace(-1.0, 1.0, 201)
+        f = lambda t: np.ones((len(t), 1)) + (1e-3 * noise.normal(size=(len(t), 1)) if len(t) == 201 else 0.0)  # noqa: E731
+        value, error, asked = integrals(f, -1.0, 1.0, known=known)
+        assert value == pytest.approx([2.0], abs=1e-12)
+        assert sum(asked) < 21 * 201 * 16
+        assert error[0] < 1e-2
+
+    def test_panels_that_are_out_tell_what_they_have_not_seen(self):
+        f, exact = self.peak(1e-3)
+        value, error, _ = integrals(f, -1.0, 1.0, most=2, known=np.linspace(-1.0, 1.0, 2001))
+        assert abs(value[0] - exact) <= error[0]
 
 
 class TestIntegrate:
