@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -107,7 +107,9 @@ class SlidingFriction(ForceElement):
             return [self.solution(float(t[0]), q[0], v[0])] * len(t)
         return [self.solution(*row) for row in zip(t, q, v, strict=True)]
 
-    def extremes(self, t: Array, q: Array, v: Array, solutions: Sequence[FrictionSolution]) -> list[Extremes]:
+    def extremes(
+        self, t: Array, q: Array, v: Array, solutions: Sequence[FrictionSolution], unknown: Collection[int] = ()
+    ) -> list[Extremes]:
         """Return the frictions at which what joints at rest share is least or greatest, by states.
 
         Args:
@@ -115,6 +117,7 @@ class SlidingFriction(ForceElement):
             q: Configurations, shape (n, nq).
             v: Velocities, shape (n, nv).
             solutions: The friction in these states; where it is the same solution, so are the extremes.
+            unknown: Joints whose limits rigid bodies do not determine.
         """
         from pinarm.engine.friction.extremes import extreme_frictions
 
@@ -124,7 +127,7 @@ class SlidingFriction(ForceElement):
                 extremes.append(extremes[-1])
                 continue
             balance, slips = self.balance(float(t[i]), q[i], v[i]), self._slips(q[i], v[i])
-            extremes.append(extreme_frictions(balance, self.directions(slips), self.slip.stuck, each.f))
+            extremes.append(extreme_frictions(balance, self.directions(slips), self.slip.stuck, each.f, unknown))
         return extremes
 
     def _slips(self, q: Array, v: Array) -> Array:

@@ -21,6 +21,7 @@ from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Solution
+    from pinarm.engine.motion.segmented.stop_shares import StopShares
 
 
 CROWDED = 200
@@ -50,12 +51,14 @@ class MotionSegment(Record, frozen=True):
         solution: The integrated states.
         dynamics: The equation of motion, with the friction of what slips.
         holding: Which rows of the mechanism's constraints hold, shape (m,) as flags.
+        shares: Stops that are rested on, of which several hold one motion; ``None`` where none do.
     """
 
     system: System
     solution: Solution
     dynamics: Dynamics
     holding: Flags
+    shares: StopShares | None = None
 
     @cached_property
     def size(self) -> float:
@@ -66,6 +69,12 @@ class MotionSegment(Record, frozen=True):
     def displacement(self) -> float:
         """Largest change of a coordinate, or velocity, that was integrated, in SI."""
         return self.solution.displacement
+
+    def complete(self, dynamics: Dynamics, grid: Grid) -> CompletedStates:
+        """Return the motion at the rows of a grid within the segment."""
+        found = self.system.complete(dynamics, grid, *_states(self, grid.t))
+        found = self.shares.shared(found) if self.shares else found
+        return found if self.holding.all() else _opened(found, self.holding)
 
 
 class SegmentedMotion(Record, frozen=True):
@@ -140,9 +149,8 @@ class SegmentedMotion(Record, frozen=True):
         owners, filled = bounds.searchsorted(middles), np.diff(grid.rows) > 0
         motions = []
         for number in sorted(set(owners[filled].tolist())):
-            segment, local = self.segments[number], grid.part(*(owners == number).nonzero()[0][[0, -1]])
-            found = segment.system.complete(self.dynamics, local, *_states(segment, local.t))
-            motions.append(found if segment.holding.all() else _opened(found, segment.holding))
+            local = grid.part(*(owners == number).nonzero()[0][[0, -1]])
+            motions.append(self.segments[number].complete(self.dynamics, local))
         return CompletedStates.joined(motions)
 
     def positions(self, t: Array) -> Array:
