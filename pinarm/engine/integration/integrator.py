@@ -229,6 +229,11 @@ class Method(Protocol):
         ...
 
     @property
+    def tangent(self) -> bool:
+        """Whether the dense output leaves the start of a step with the slopes of the state there."""
+        ...
+
+    @property
     def remedy(self) -> str:
         """What to try where the method fails, for error messages."""
         ...

@@ -95,7 +95,7 @@ class HybridIntegration(Record, frozen=True):
         v = transitions.begun(t, q, v)
         v, mode = transitions.settled(motion, t, q, v, transitions.mode(t, q, v), frozenset())
         while (end := self._segment(mode, t, q, v, first)) is not None:
-            motion.require_progress()
+            motion.require_progress(hybrid.cuts[-1])
             t, q, v, first = self._on_cut(end.t), end.q, end.v, None
             if end.stops:
                 break

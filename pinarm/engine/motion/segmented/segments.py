@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 CROWDED = 200
 """Number of segments that together take longer than rounding: a machine has far fewer events at one instant."""
 
+ENDLESS = 1e-10
+"""Part of the time that is left which as many segments have to take: with less a run would not come to its end."""
+
 
 SMALL = 0.1
 """Size over that which errors are relative to, below which a motion is integrated again: its errors are then more than
@@ -126,8 +129,11 @@ class SegmentedMotion(Record, frozen=True):
         """Return the largest change of a coordinate in a segment, or velocity, that was integrated, in SI."""
         return max(segment.displacement for segment in self.segments)
 
-    def require_progress(self) -> None:
-        """Raise where events follow one another without end, at one instant but for rounding.
+    def require_progress(self, until: float = 0.0) -> None:
+        """Raise where events follow one another without end, at one instant or so fast that the run has none.
+
+        Args:
+            until: Last instant of the run [s].
 
         Raises:
             IntegrationError: The last ``CROWDED`` segments take no time.
@@ -135,7 +141,7 @@ class SegmentedMotion(Record, frozen=True):
         if len(self.segments) <= CROWDED:
             return
         before, end = self.segments[-1 - CROWDED].solution.end, self.end
-        if end - before <= CROWDED * math.ulp(max(abs(before), abs(end))):
+        if end - before <= max(CROWDED * math.ulp(max(abs(before), abs(end))), ENDLESS * (until - end)):
             raise IntegrationError(
                 f"the integration cannot go on at t = {end:.12g} s: {CROWDED} events follow one another there",
                 hint="look for a controller, a stop or friction that switches back as soon as it has switched",
