@@ -107,6 +107,25 @@ class SlidingFriction(ForceElement):
             return [self.solution(float(t[0]), q[0], v[0])] * len(t)
         return [self.solution(*row) for row in zip(t, q, v, strict=True)]
 
+    def reserves(self, group: int, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return what holds a stuck group in states of one interval, and the most that can [N*m or N], shape (n,) each.
+
+        Where nothing moves, friction follows the accelerations that loads would give; but where it depends on loads and
+        some joints slip, or several hold one motion, states are solved one by one.
+        """
+        stuck, loaded, same = self.slip.stuck, self.equation.loaded, bool((q == q[0]).all() and (v == v[0]).all())
+        if not same or (loaded and (self.direction.any() or any(len(each.members) > 1 for each in stuck))):
+            solutions = self.solutions(t, q, v)
+            return np.array([x.held[group] for x in solutions]), np.array([x.bounds[group] for x in solutions])
+        balance, alpha = self.balance(float(t[0]), q[0], v[0]), self.equation.accelerations(t, q[0], v[0])
+        if loaded:
+            held, bounds = balance.stuck_alone(stuck, alpha, self.equation.carried(t, q[0], v[0]))
+            return held[:, group], bounds[:, group]
+        first, some = self.solution(float(t[0]), q[0], v[0]), [each.first for each in stuck]
+        changed = (alpha - alpha[0])[:, some] @ balance.back(stuck).T
+        held = first.held[group] - changed[:, list(stuck[group].members)] @ stuck[group].ratios
+        return np.asarray(held), np.full(len(t), first.bounds[group])
+
     def extremes(
         self, t: Array, q: Array, v: Array, solutions: Sequence[FrictionSolution], unknown: Collection[int] = ()
     ) -> list[Extremes]:

@@ -189,6 +189,7 @@ class _Driver(Struct, eq=False, dict=True, weakref=True):
                 t, self.h, self.stopped = span.start, shorter, False
                 self.steps.drop_all()
                 self.solution.crossings.clear()
+                self.solution.unresolved.clear()
                 self.stepper.begin(span, begun)
         return t, self.stepper.y.copy()
 

@@ -182,7 +182,19 @@ class SegmentedMotion(Record, frozen=True):
     def remarks(self) -> list[str]:
         """Return what is to be said of how the motion was computed; mostly nothing."""
         remarks = (interval.remark for segment in self.segments for interval in segment.solution.intervals)
-        return list(dict.fromkeys(filter(None, remarks)))
+        return list(dict.fromkeys(filter(None, [*remarks, self._unseen])))
+
+    @property
+    def _unseen(self) -> str:
+        """What is to be said of loads that vary faster than what they may set in motion is looked at."""
+        parts = [part for segment in self.segments for part in segment.solution.unresolved]
+        if not parts:
+            return ""
+        longest = max(high - low for low, high in parts)
+        return (
+            f"what rests on a stop, or is held by friction, a cable or a cam, is looked at on parts of up to "
+            f"{longest:.2g} s from t = {parts[0][0]:.6g} to {parts[-1][1]:.6g} s, where its loads vary faster: it may let go unseen"
+        )
 
     def diagnose(self) -> list[str]:
         """Return what says that the integrator was a poor choice: stiff, where a good part of all steps is."""
