@@ -125,14 +125,14 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
     return stop is not None
 
 
-class Part(NamedTuple):
+class StepPart(NamedTuple):
     """A part of a step on which a value is interpolated.
 
     Attributes:
         low: Its start, from 0 to 1.
         high: Its end.
         values: Values at the nodes.
-        resolved: Whether their series shows the signs.
+        resolved: Whether their series shows the signs, or the part is so short that a kink or a jump is in it.
     """
 
     low: float
@@ -161,7 +161,7 @@ def _states(solution: Solution, index: int, y: Array, parts: Array) -> tuple[Arr
     return t.ravel(), q, v
 
 
-def _parts(solution: Solution, index: int, y: Array, watch: Watch, values: Array) -> Iterator[Part]:
+def _parts(solution: Solution, index: int, y: Array, watch: Watch, values: Array) -> Iterator[StepPart]:
     """Yield the parts of a step on which a value is interpolated, in order of time.
 
     Parts whose series do not show the signs are halved, the first ones first: what follows a crossing is not looked at.
@@ -174,27 +174,24 @@ def _parts(solution: Solution, index: int, y: Array, watch: Watch, values: Array
         watch: What is watched.
         values: Its values at the nodes of the whole step.
     """
-    waiting, left, at_once = (
-        [Part(0.0, 1.0, values, not watch.loaded or bool(resolved(values[None])[0]))],
-        MOST_STATES,
-        1,
-    )
+    known = not watch.loaded or bool(resolved(values[None])[0])
+    waiting, left, at_once = [StepPart(0.0, 1.0, values, known)], MOST_STATES, 1
     while waiting:
-        low, high, *_, seen = waiting[-1]
-        if seen or left <= 0 or high - low <= LEAST_PART:
+        if waiting[-1].resolved or left <= 0:
             yield waiting.pop()
             at_once = min(2 * at_once, AT_ONCE)
             continue
         some = [waiting.pop() for _ in range(min(at_once, len(waiting)))]
         ends = np.array([half for part in some if not part.resolved for half in _halves(part)])
         found = watch.value(*_states(solution, index, y, ends)).reshape(len(ends), -1)
-        halves = iter([*map(Part, *ends.T.tolist(), found, resolved(found).tolist())])
+        seen = resolved(found) | (ends[:, 1] - ends[:, 0] <= LEAST_PART)
+        halves = iter([*map(StepPart, *ends.T.tolist(), found, seen.tolist())])
         divided = [one for part in some for one in ([part] if part.resolved else [next(halves), next(halves)])]
         waiting += divided[::-1]
         left -= found.size
 
 
-def _halves(part: Part) -> tuple[tuple[float, float], tuple[float, float]]:
+def _halves(part: StepPart) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the ends of the halves of a part."""
     middle = 0.5 * (part.low + part.high)
     return (part.low, middle), (middle, part.high)

@@ -192,8 +192,9 @@ class SegmentedMotion(Record, frozen=True):
             return ""
         longest = max(high - low for low, high in parts)
         return (
-            f"what rests on a stop, or is held by friction, a cable or a cam, is looked at on parts of up to "
-            f"{longest:.2g} s from t = {parts[0][0]:.6g} to {parts[-1][1]:.6g} s, where its loads vary faster: it may let go unseen"
+            "what rests on a stop, or is held by friction, a cable or a cam, is looked at on parts of up to "
+            f"{longest:.2g} s from t = {parts[0][0]:.6g} to {parts[-1][1]:.6g} s, where its loads vary faster: it may "
+            "let go unseen"
         )
 
     def diagnose(self) -> list[str]:
