@@ -69,8 +69,8 @@ def pressed(
         seen.add(held)
         found = away(held)
         moving = {k: ties(held, k) for k in known if k not in held and found[k] < 0.0}
-        wrong = [k for k in known if k in held and found[k] <= 0.0 or k in moving
-                 and (not moving[k] or found[k] < -slight())]  # fmt: skip
+        wrong = [k for k in known if (k in held and found[k] <= 0.0) or (k in moving
+                 and (not moving[k] or found[k] < -slight()))]  # fmt: skip
         if not wrong:
             return held
         relieved = [k for k, with_it in sorted(moving.get(wrong[0], {}).items()) if with_it > TIED]
