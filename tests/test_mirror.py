@@ -15,6 +15,9 @@ ELSEWHERE = {
     "loops/test_cables.py": (
         "cables in machines", "mechanics/loops/cable mechanics/forces/cable mechanics/paths",
     ),
+    "engine/motion/segmented/test_stop_shares.py": (
+        "several stops at one instant", "engine/motion/segmented/impact_remarks",
+    ),
     "cli/test_main.py": ("what commands print and write", "cli/options use/scenario/file_kind "
         "use/study/run"),
     "engine/control/test_controls.py": (

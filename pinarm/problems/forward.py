@@ -20,11 +20,13 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.bifurcation import undetermined_rest
 from pinarm.engine.motion.integrated_motion import IntegratedMotion, driven_by, event_columns
-from pinarm.engine.motion.segmented.end_stops import Bound, frictionless_remarks, impact_remarks
+from pinarm.engine.motion.segmented.end_stops import Bound
 from pinarm.engine.motion.segmented.hybrid_motion import FirstSegment
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
+from pinarm.engine.motion.segmented.impact_remarks import frictionless_remarks, impact_remarks
 from pinarm.engine.motion.segmented.segments import SegmentedMotion
 from pinarm.engine.motion.segmented.separations import Separation, opening_remarks, separations_of
+from pinarm.engine.motion.segmented.stop_shares import shares_remarks
 from pinarm.engine.motion.small_motions import integrate_to_size
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
@@ -270,12 +272,13 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
 
 
 def _rest(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:
-    """Return what is to be said of joints that friction holds together."""
+    """Return what is to be said of joints that stops or friction hold together."""
+    remarks = shares_remarks(segment.shares for segment in motion.segments)
     if not hybrid.frictions:
-        return []
+        return remarks
     from pinarm.engine.motion.systems.frictional import remarks_on_rest
 
-    return remarks_on_rest(segment.system for segment in motion.segments)
+    return [*remarks, *remarks_on_rest(segment.system for segment in motion.segments)]
 
 
 def _motors(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:

@@ -100,6 +100,10 @@ class Multipliers(Record, frozen=True):
 
         return cls(own, np.concatenate([part.along for part in parts]))
 
+    def plus(self, added: Array, m: int) -> Multipliers:
+        """Return the sums with others, shape (n, m + g), the first m of which are those of the constraints."""
+        return Multipliers(lambda rows: self.own(rows) + added[rows, :m], self.along + added[:, m:])
+
     def spread(self, rows: Indices, m: int) -> Multipliers:
         """Return the multipliers of m constraint rows, of which these belong to some; the others are 0.
 

@@ -184,9 +184,33 @@ class FrictionBalance:
         own = np.diag(slips)
         if not stuck:
             return np.zeros(len(slips)), own
-        rows = self.response.mobility[[group.first for group in stuck]]
-        back = shares @ np.linalg.inv(rows @ shares)
+        rows, back = self.response.mobility[[group.first for group in stuck]], self._back(shares, stuck)
         return -back @ self.response.acceleration[[group.first for group in stuck]], own - back @ rows @ own
+
+    def _back(self, shares: Array, stuck: Sequence[SlipGroup]) -> Array:
+        """Return the friction that undoes accelerations of the stuck groups, shape (k, g)."""
+        return np.asarray(shares @ np.linalg.inv(self.response.mobility[[group.first for group in stuck]] @ shares))
+
+    def back(self, stuck: Sequence[SlipGroup]) -> Array:
+        """Return the same where limits do not depend on loads, or each group has one member."""
+        limits = None if all(len(group.members) == 1 for group in stuck) else self.limits(np.zeros(len(self.contacts)))
+        return self._back(self._shares(limits, stuck), stuck)
+
+    def stuck_alone(self, stuck: Sequence[SlipGroup], alpha: Array, carried: Array) -> tuple[Array, Array]:
+        """Return phi of groups of one member each while nothing slips, and the most that it can be, shape (n, g).
+
+        Args:
+            stuck: The groups.
+            alpha: Accelerations of the slips without friction at n instants of this state, shape (n, k).
+            carried: What bearings carry without friction, shape (n, k, 6).
+        """
+        some = [group.first for group in stuck]
+        f = -alpha[:, some] @ self.back(stuck).T
+        wrenches = carried + np.einsum("nj,kjc->nkc", f, self.response.loads.response)
+        laws = [(self.contacts[i], *self.contacts[i].law.resting) for i in some]
+        limits = [mu * (contact.bearing.load(wrenches[:, i]) if mu else 0.0) + constant
+                  for i, (contact, mu, constant) in zip(some, laws, strict=True)]  # fmt: skip
+        return f[:, some], np.array([np.broadcast_to(limit, len(f)) for limit in limits]).T
 
     def _shares(self, limits: Array | None, stuck: Sequence[SlipGroup]) -> Array:
         """Return the friction of all joints for ``phi = 1`` of each stuck group, shape (k, g)."""

@@ -11,7 +11,7 @@ found, a friction in that direction stands for it, which tells what depends on i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from itertools import product
 from typing import NamedTuple
 
@@ -84,8 +84,9 @@ def joints_of(balance: FrictionBalance, group: SlipGroup) -> list[str]:
 
 
 def extreme_frictions(
-    balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], friction: Array
-) -> Extremes:
+    balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], friction: Array,
+    unknown: Collection[int] = (),
+) -> Extremes:  # fmt: skip
     """Return the frictions at the corners; none where nothing is open.
 
     Args:
@@ -93,20 +94,21 @@ def extreme_frictions(
         direction: Of joints that slip, 0 of others, shape (k,).
         stuck: The groups at rest.
         friction: Of the rows, shape (k,): joints that slip keep theirs.
+        unknown: Joints whose limits rigid bodies do not determine.
     """
     shared = _shared(balance, direction, stuck, friction)
     corners, directions = shared.corners if len(shared.corners) else friction[None], shared.directions
     on_laws = _at_rest_on_laws(balance, direction, stuck)
     for i in on_laws:
-        limits = {sign: _limit(balance, direction, stuck, i, sign) if len(on_laws) <= ALONE else None
-                  for sign in (-1.0, 1.0)}  # fmt: skip
-        ends = [float(friction[i]) if f is None else f for f in limits.values()]
-        corners = np.concatenate([_with(corners, i, f) for f in dict.fromkeys(ends)])
+        known = len(on_laws) <= ALONE and i not in unknown
+        limits = {sign: _limit(balance, direction, stuck, i, sign) if known else None for sign in (-1.0, 1.0)}
+        values = [float(friction[i]) if f is None else f for f in limits.values()]
+        corners = np.concatenate([_with(corners, i, f) for f in dict.fromkeys(values)])
         size = max(1.0, float(balance.limits(friction)[i]))
         directions = [*directions, *(sign * size * np.eye(len(friction))[i] for sign, f in limits.items() if f is None)]
-    known = corners if len(corners) > 1 else corners[:0]
-    frictions = np.concatenate([known, friction + np.array(directions).reshape(-1, len(friction))])
-    return Extremes(frictions, np.arange(len(frictions)) >= len(known))
+    ends = corners if len(corners) > 1 else corners[:0]
+    frictions = np.concatenate([ends, friction + np.array(directions).reshape(-1, len(friction))])
+    return Extremes(frictions, np.arange(len(frictions)) >= len(ends))
 
 
 def _at_rest_on_laws(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup]) -> list[int]:

@@ -90,6 +90,49 @@ class SlipEquation:
             loads = solved.loads()
         return SlipResponse(solved.alpha, solved.mobility, loads, solved.driven)
 
+    def accelerations(self, t: Array, q: Array, v: Array) -> Array:
+        """Return those of the slips without friction at n instants of one state [rad/s^2 or m/s^2], shape (n, k)."""
+        here = self.in_state(q, v)
+        return np.asarray(self.motions(t, q, v)[1] @ here.slips.T + here.drift)
+
+    def carried(self, t: Array, q: Array, v: Array) -> Array:
+        """Return what bearings carry without friction at n instants of one state, shape (n, k, 6)."""
+        here, (force, a) = self.in_state(q, v), self.motions(t, q, v)
+        lam, none = here.split.multipliers(a @ here.mass - force), np.zeros((len(t), len(self.contacts)))
+        return self.transmission.wrenches(t, q, v, a, lam, none)
+
+    def motions(self, t: Array | float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return efforts and loads less what weights and velocities do, and accelerations without friction.
+
+        Args:
+            t: Instant [s], or several.
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+
+        Returns:
+            Both of shape (.., nv).
+        """
+        here, instants = self.in_state(q, v), np.shape(t)
+        states = (np.broadcast_to(x, (*instants, len(x))) for x in (q, v))
+        force = np.asarray(self.efforts + self.dynamics.loads(t, *states) - here.nle)
+        ddw = np.array([self.targets(instant)[2] for instant in np.atleast_1d(t).tolist()])
+        right = np.tile(here.right, (*instants, 1)) if instants else here.right.copy()
+        right[..., len(here.right) - ddw.shape[1] :] += ddw if instants else ddw[0]
+        return force, solve(here.split, here.mass, force, right)
+
+    @cached_property
+    def in_state(self) -> Callable[[Array, Array], _InState]:
+        """Returns what does not depend on the instant: where nothing moves, loads change alone."""
+        last: list[tuple[bytes, _InState]] = []
+
+        def in_state(q: Array, v: Array) -> _InState:
+            asked = q.tobytes() + v.tobytes()
+            if not last or last[0][0] != asked:
+                last[:] = [(asked, _InState.of(self, q, v))]
+            return last[0][1]
+
+        return in_state
+
     @cached_property
     def decomposed(self) -> Callable[[Array], SplitRows]:
         """Takes rows of the constraints, shape (m, nv), apart; those of couplings alone are always the same."""
@@ -127,11 +170,11 @@ class BearingReactions:
     closure: Closure
     dynamics: Dynamics
 
-    def wrenches(self, t: float, q: Array, v: Array, a: Array, lam: Array, f: Array) -> Array:
+    def wrenches(self, t: Array | float, q: Array, v: Array, a: Array, lam: Array, f: Array) -> Array:
         """Return the wrenches in one state under n accelerations, multipliers and frictions, shape (n, k, 6).
 
         Args:
-            t: Instant [s].
+            t: Instant [s], or n of them.
             q: Configuration, shape (nq,).
             v: Velocity, shape (nv,).
             a: Accelerations, shape (n, nv).
@@ -159,12 +202,14 @@ class BearingReactions:
         joints = links.outwards(inner)
         return np.array([contact.transmitted(links, joints, named) for contact in self.contacts]).swapaxes(0, 1)
 
-    def _acting(self, links: LinkPlacements, t: float, q: Array, v: Array, lam: Array, f: Array) -> Array:
+    def _acting(self, links: LinkPlacements, t: Array | float, q: Array, v: Array, lam: Array, f: Array) -> Array:
         """Return what loads, constraints and friction do to links, [f; m] at the world's origin, (n, njoints, 6)."""
-        acting = self.closure.wrenches(links, lam)
+        acting, instants = self.closure.wrenches(links, lam), np.atleast_1d(t).tolist()
+        rows: Sequence[int | slice] = range(len(instants)) if len(instants) > 1 else [slice(None)]
         for force in self.dynamics.forces.values():
-            for joint, wrench in force.wrenches(t, q, v).items():
-                acting[:, joint] += wrench
+            for row, instant in zip(rows, instants, strict=True):
+                for joint, wrench in force.wrenches(instant, q, v).items():
+                    acting[row, joint] += wrench
         for contact, size in zip(self.contacts, f.T, strict=True):
             for joint, wrench in contact.wrenches(links, size).items():
                 acting[:, joint] += wrench
@@ -219,6 +264,36 @@ class BearingReactions:
 
 
 @dataclass(frozen=True, eq=False)
+class _InState:
+    """What does not depend on the instant: the mechanism in one state, and what frictions of size 1 do to it."""
+
+    split: SplitRows
+    mass: Array
+    nle: Array
+    right: Array
+    slips: Array
+    drift: Array
+    accelerations: Array
+    multipliers: Array
+    driven: Flags
+
+    @classmethod
+    def of(cls, equation: SlipEquation, q: Array, v: Array) -> _InState:
+        """Return it."""
+        closure, model = equation.closure, equation.closure.model
+        state = closure.state(q, v)
+        split, mass = equation.decomposed(closure.rows(state)), mass_matrix(model, q)
+        slips = slip_rows(model, equation.contacts, q[None])[0]
+        drift = slip_drifts(model, equation.contacts, q[None], v[None])[0]
+        free = slips @ split.free
+        accelerations = split.free @ solved_positive(split.free.T @ mass @ split.free, free.T)  # (nv, k)
+        driven = np.linalg.norm(free, axis=1) <= DRIVEN * np.linalg.norm(slips, axis=1)
+        multipliers = np.array([split.multipliers(each) for each in accelerations.T @ mass - slips])
+        nle = pin.nonLinearEffects(model, equation.dynamics.data, q, v).copy()
+        return cls(split, mass, nle, -closure.drift(state), slips, drift, accelerations, multipliers, driven)
+
+
+@dataclass(frozen=True, eq=False)
 class _Solved:
     """The equation of motion solved in one state, without friction and for each friction of size 1."""
 
@@ -239,23 +314,11 @@ class _Solved:
     @classmethod
     def of(cls, equation: SlipEquation, t: float, q: Array, v: Array) -> _Solved:
         """Return it in a state."""
-        closure, dynamics, model = equation.closure, equation.dynamics, equation.closure.model
-        state, ddw = closure.state(q, v), equation.targets(t)[2]
-        right = -closure.drift(state)
-        right[len(right) - len(ddw) :] += ddw
-        split = equation.decomposed(closure.rows(state))
-        mass = mass_matrix(model, q)
-        force = equation.efforts + dynamics.loads(t, q, v) - pin.nonLinearEffects(model, dynamics.data, q, v)
-        a = solve(split, mass, force, right)
-        slips = slip_rows(model, equation.contacts, q[None])[0]
-        drift = slip_drifts(model, equation.contacts, q[None], v[None])[0]
-        free = slips @ split.free
-        accelerations = split.free @ solved_positive(split.free.T @ mass @ split.free, free.T)  # (nv, k)
-        driven = np.linalg.norm(free, axis=1) <= DRIVEN * np.linalg.norm(slips, axis=1)
-        lam = split.multipliers(mass @ a - force)
-        multipliers = np.array([split.multipliers(each) for each in accelerations.T @ mass - slips])
-        return cls(equation, t, q, v, split, slips, a, lam, accelerations, multipliers, slips @ a + drift, driven,
-                   np.abs(force) + np.abs(mass @ a))  # fmt: skip
+        here = equation.in_state(q, v)
+        force, a = equation.motions(t, q, v)
+        lam = here.split.multipliers(here.mass @ a - force)
+        return cls(equation, t, q, v, here.split, here.slips, a, lam, here.accelerations, here.multipliers,
+                   here.slips @ a + here.drift, here.driven, np.abs(force) + np.abs(here.mass @ a))  # fmt: skip
 
     @property
     def mobility(self) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -107,7 +107,28 @@ class SlidingFriction(ForceElement):
             return [self.solution(float(t[0]), q[0], v[0])] * len(t)
         return [self.solution(*row) for row in zip(t, q, v, strict=True)]
 
-    def extremes(self, t: Array, q: Array, v: Array, solutions: Sequence[FrictionSolution]) -> list[Extremes]:
+    def reserves(self, group: int, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return what holds a stuck group in states of one interval, and the most that can [N*m or N], shape (n,) each.
+
+        Where nothing moves, friction follows the accelerations that loads would give; but where it depends on loads and
+        some joints slip, or several hold one motion, states are solved one by one.
+        """
+        stuck, loaded, same = self.slip.stuck, self.equation.loaded, bool((q == q[0]).all() and (v == v[0]).all())
+        if not same or (loaded and (self.direction.any() or any(len(each.members) > 1 for each in stuck))):
+            solutions = self.solutions(t, q, v)
+            return np.array([x.held[group] for x in solutions]), np.array([x.bounds[group] for x in solutions])
+        balance, alpha = self.balance(float(t[0]), q[0], v[0]), self.equation.accelerations(t, q[0], v[0])
+        if loaded:
+            held, bounds = balance.stuck_alone(stuck, alpha, self.equation.carried(t, q[0], v[0]))
+            return held[:, group], bounds[:, group]
+        first, some = self.solution(float(t[0]), q[0], v[0]), [each.first for each in stuck]
+        changed = (alpha - alpha[0])[:, some] @ balance.back(stuck).T
+        held = first.held[group] - changed[:, list(stuck[group].members)] @ stuck[group].ratios
+        return np.asarray(held), np.full(len(t), first.bounds[group])
+
+    def extremes(
+        self, t: Array, q: Array, v: Array, solutions: Sequence[FrictionSolution], unknown: Collection[int] = ()
+    ) -> list[Extremes]:
         """Return the frictions at which what joints at rest share is least or greatest, by states.
 
         Args:
@@ -115,6 +136,7 @@ class SlidingFriction(ForceElement):
             q: Configurations, shape (n, nq).
             v: Velocities, shape (n, nv).
             solutions: The friction in these states; where it is the same solution, so are the extremes.
+            unknown: Joints whose limits rigid bodies do not determine.
         """
         from pinarm.engine.friction.extremes import extreme_frictions
 
@@ -124,7 +146,7 @@ class SlidingFriction(ForceElement):
                 extremes.append(extremes[-1])
                 continue
             balance, slips = self.balance(float(t[i]), q[i], v[i]), self._slips(q[i], v[i])
-            extremes.append(extreme_frictions(balance, self.directions(slips), self.slip.stuck, each.f))
+            extremes.append(extreme_frictions(balance, self.directions(slips), self.slip.stuck, each.f, unknown))
         return extremes
 
     def _slips(self, q: Array, v: Array) -> Array:

@@ -75,7 +75,5 @@ class Reserve:
 
     def left(self, t: Array, q: Array, v: Array) -> Array:
         """Return ``bound^2 - phi^2`` with some slack, which is smooth where phi vanishes, shape (n,)."""
-        sliding = self.sliding_at(float(t[0]), float(t[-1]))
-        solutions = sliding.solutions(t, q, v)
-        g = self.group
-        return np.array([each.bounds[g] ** 2 - each.held[g] ** 2 + self.slack**2 for each in solutions])
+        held, bounds = self.sliding_at(float(t[0]), float(t[-1])).reserves(self.group, t, q, v)
+        return np.asarray(bounds**2 - held**2 + self.slack**2)

@@ -107,3 +107,9 @@ class CompiledRadau(Struct, eq=False, dict=True, weakref=True):
         count.rejected, count.evaluations = self._rejected[index], self._evaluations[index]
         del self._rejected[index + 1 :], self._evaluations[index + 1 :]
         self.solution.truncate(index + 1)
+
+    def drop_all(self) -> None:
+        """Take all steps out of the solution."""
+        self._rejected.clear()
+        self._evaluations.clear()
+        self.solution.truncate(0)

@@ -190,6 +190,12 @@ class CompiledSteps(Struct, eq=False, dict=True, weakref=True):
         del self._rejected[index + 1 :], self._floored[index + 1 :]
         self.solution.truncate(index + 1)
 
+    def drop_all(self) -> None:
+        """Take all steps out of the solution."""
+        self._rejected.clear()
+        self._floored.clear()
+        self.solution.truncate(0)
+
 
 def terms(tableau: Tableau, flow: Flow, t: Array, h: Array, y: Array, slopes: Array) -> Array:
     """Return the terms of the dense output of steps, see ``DenseOutput``, shape (n, d, nq + nv).

@@ -23,6 +23,14 @@ HOPELESS = 1000.0
 """How many times the steps allowed the rest would take, with steps ten times as long, where the driver gives up."""
 
 
+NEAR = 0.1
+"""Part of a first step within which a crossing is looked at again with a step that ends behind it: where a motion
+begins at a stop, or at rest, errors of a dense output that leaves in another direction may be all that crosses."""
+
+APART = 1e3
+"""Distance of a crossing from the start over the rounding of instants, up to which it is where the motion begins."""
+
+
 def integrate(
     intervals: Sequence[Interval], manifold: Manifold, q: Array, v: Array, method: Method, *,
     max_steps: int = 1_000_000, watches: Sequence[Watch] = (), steps_over: StepsOver | None = None,
@@ -81,6 +89,10 @@ class StepTaker(Protocol):
         """Take the steps after the one of an index out of the solution, and of the count of its cost."""
         ...
 
+    def drop_all(self) -> None:
+        """Take all steps out of the solution; what they have cost counts."""
+        ...
+
 
 class SingleSteps(Struct, eq=False, dict=True, weakref=True):
     """Steps one at a time.
@@ -125,6 +137,10 @@ class SingleSteps(Struct, eq=False, dict=True, weakref=True):
     def drop_after(self, index: int) -> None:
         """Do nothing: no step is taken after the last one."""
 
+    def drop_all(self) -> None:
+        """Take all steps out of the solution."""
+        self.solution.truncate(0)
+
 
 class _Driver(Struct, eq=False, dict=True, weakref=True):
     """The loop over intervals and steps."""
@@ -158,7 +174,7 @@ class _Driver(Struct, eq=False, dict=True, weakref=True):
             self.stopped = bool(self.solution.steps) and self.ends_under_loads(t, y[:nq], y[nq:])
             if self.stopped:
                 return t, y
-        span = interval.span(t)
+        span, begun = interval.span(t), y.copy()
         self.stepper.begin(span, y)
         if not self.stepper.finite:
             raise _not_finite(self.solution, t, self.stepper.y)
@@ -169,7 +185,21 @@ class _Driver(Struct, eq=False, dict=True, weakref=True):
             t, self.h = self.steps.take(index, span, t, self.h, self.tries_until_check)
             if self.watches:
                 self.stopped = self.locate_crossings(known)
+            if self.stopped and not known and (shorter := self.shorter_first()):
+                t, self.h, self.stopped = span.start, shorter, False
+                self.steps.drop_all()
+                self.solution.crossings.clear()
+                self.solution.unresolved.clear()
+                self.stepper.begin(span, begun)
         return t, self.stepper.y.copy()
+
+    def shorter_first(self) -> float:
+        """Return the first step that shows a crossing in it better [s]; 0 where it is far from its start, or at it."""
+        solution, steps = self.solution, self.solution.steps
+        start, until = float(steps.t[0]), float(steps.until[0])
+        near = len(steps) == 1 and until - start < NEAR * float(steps.h[0])
+        apart = until - start > APART * math.ulp(max(abs(until), abs(start)))
+        return 2.0 * (until - start) if near and apart and not solution.method.tangent else 0.0
 
     def ends_under_loads(self, t: float, q: Array, v: Array) -> bool:
         """Return whether loads that have jumped at t [s] end the integration; see ``Watch.loaded``."""

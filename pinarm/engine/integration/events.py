@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,8 +31,9 @@ CONVERGED, EXACT, FAR = 1e-3, 1e-9, 4.0
 """Size of the last coefficients of a series over the largest where it has converged, and where it shows crossings; and
 how many times its other terms the first one is where nothing that they miss can make it cross 0."""
 
-LEAST_PART = 2.0**-12
-"""Smallest part of a step for which a value that depends on loads has a series of its own."""
+LEAST_PART, MOST_STATES, AT_ONCE = 2.0**-24, 500_000, 256
+"""Smallest part of a step for which a value that depends on loads has a series of its own; states in which it is looked
+at for them in one step; and parts that are halved in one call."""
 
 
 class Watch(ValueRecord, frozen=True):
@@ -97,15 +99,18 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
     Returns:
         Whether the integration stops.
     """
-    step, whole = solution.steps[index], _states(solution, index, y, 0.0, 1.0)
+    step, whole = solution.steps[index], np.array([[0.0, 1.0]])
     crossings, latest, slack = [], math.inf, SAME_INSTANT * max(abs(step.t), abs(step.h))
+    first = _states(solution, index, y, whole)
     for number, watch in enumerate(watches):
-        for low, high, values in _parts(solution, index, y, watch, watch.value(*whole)):
-            start, length = step.t + step.h * low, step.h * (high - low)
+        for part in _parts(solution, index, y, watch, watch.value(*first)):
+            start, length = step.t + step.h * part.low, step.h * (part.high - part.low)
             if start > latest + slack:
                 break
-            for first, last, above in _brackets(values, watch.direction):
-                bracket = start + length * first, start + length * last
+            if not part.resolved:
+                solution.unresolved.append((start, start + length))
+            for low, high, above in _brackets(part.values, watch.direction):
+                bracket = start + length * low, start + length * high
                 instant = _refined(solution, index, watch, bracket, above=above)
                 if instant is None:
                     continue
@@ -120,39 +125,76 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
     return stop is not None
 
 
-def _states(solution: Solution, index: int, y: Array, low: float, high: float) -> tuple[Array, Array, Array]:
-    """Return instants and states at the nodes of a part of a step; see ``locate_crossings``."""
+class StepPart(NamedTuple):
+    """A part of a step on which a value is interpolated.
+
+    Attributes:
+        low: Its start, from 0 to 1.
+        high: Its end.
+        values: Values at the nodes.
+        resolved: Whether their series shows the signs, or the part is so short that a kink or a jump is in it.
+    """
+
+    low: float
+    high: float
+    values: Array
+    resolved: bool
+
+
+def _states(solution: Solution, index: int, y: Array, parts: Array) -> tuple[Array, Array, Array]:
+    """Return instants and states at the nodes of parts of a step one after the other; see ``locate_crossings``.
+
+    Args:
+        solution: The solution.
+        index: Index of the step.
+        y: State at its end.
+        parts: Both ends of each part, from 0 to 1, in order of time, shape (p, 2).
+    """
     step, nq = solution.steps[index], solution.manifold.nq
-    t = step.t + step.h * (low + (high - low) * nodes(solution.method.subdivisions))
-    if high == 1.0:
-        t[-1] = step.until
-    q, v = solution.states_in(np.full(len(t), index), t)
-    for place, end, known in ((0, low == 0.0, step.y), (-1, high == 1.0, y)):
+    t = step.t + step.h * (parts[:, :1] + np.diff(parts) * nodes(solution.method.subdivisions))
+    if parts[-1, 1] == 1.0:
+        t[-1, -1] = step.until
+    q, v = solution.states_in(np.full(t.size, index), t.ravel())
+    for place, end, known in ((0, parts[0, 0] == 0.0, step.y), (-1, parts[-1, 1] == 1.0, y)):
         if end:
             q[place], v[place] = known[:nq], known[nq:]
-    return t, q, v
+    return t.ravel(), q, v
 
 
-def _parts(
-    solution: Solution, index: int, y: Array, watch: Watch, values: Array, low: float = 0.0, high: float = 1.0
-) -> Iterator[tuple[float, float, Array]]:
-    """Yield the parts of a step on which a value is interpolated: both ends, from 0 to 1, and the values at the nodes.
+def _parts(solution: Solution, index: int, y: Array, watch: Watch, values: Array) -> Iterator[StepPart]:
+    """Yield the parts of a step on which a value is interpolated, in order of time.
+
+    Parts whose series do not show the signs are halved, the first ones first: what follows a crossing is not looked at.
+    The farther there is none, the more are halved in one call.
 
     Args:
         solution: The solution.
         index: Index of the step.
         y: State at its end.
         watch: What is watched.
-        values: Its values at the nodes of the part from low to high.
-        low: Start of the part.
-        high: Its end.
+        values: Its values at the nodes of the whole step.
     """
-    if not watch.loaded or high - low <= LEAST_PART or resolved(values[None])[0]:
-        yield low, high, values
-        return
-    middle = 0.5 * (low + high)
-    for start, end in ((low, middle), (middle, high)):
-        yield from _parts(solution, index, y, watch, watch.value(*_states(solution, index, y, start, end)), start, end)
+    known = not watch.loaded or bool(resolved(values[None])[0])
+    waiting, left, at_once = [StepPart(0.0, 1.0, values, known)], MOST_STATES, 1
+    while waiting:
+        if waiting[-1].resolved or left <= 0:
+            yield waiting.pop()
+            at_once = min(2 * at_once, AT_ONCE)
+            continue
+        some = [waiting.pop() for _ in range(min(at_once, len(waiting)))]
+        ends = np.array([half for part in some if not part.resolved for half in _halves(part)])
+        found = watch.value(*_states(solution, index, y, ends)).reshape(len(ends), -1)
+        seen = resolved(found) | (ends[:, 1] - ends[:, 0] <= LEAST_PART)
+        halves = iter([*map(StepPart, *ends.T.tolist(), found, seen.tolist())])
+        divided = [one for part in some for one in ([part] if part.resolved else [next(halves), next(halves)])]
+        waiting += divided[::-1]
+        left -= found.size
+
+
+def _halves(part: StepPart) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the ends of the halves of a part."""
+    middle = 0.5 * (part.low + part.high)
+    return (part.low, middle), (middle, part.high)
 
 
 def _until_stop(

@@ -229,6 +229,11 @@ class Method(Protocol):
         ...
 
     @property
+    def tangent(self) -> bool:
+        """Whether the dense output leaves the start of a step with the slopes of the state there."""
+        ...
+
+    @property
     def remedy(self) -> str:
         """What to try where the method fails, for error messages."""
         ...
@@ -316,6 +321,7 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
         count: Cost.
         final: State [q, v] at the end, projected onto the constraints, shape (nq + nv,); ``None`` where an event or a
             failure ended the integration, or where it was one of many at once.
+        unresolved: Parts of steps in which a watched value varies with loads faster than it is looked at [s].
     """
 
     method: Method
@@ -325,6 +331,7 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
     crossings: list[Crossing] = []
     count: Count = field(default_factory=Count)
     final: Array | None = None
+    unresolved: list[tuple[float, float]] = []
     _interpolated: InterpolatedSteps = field(default_factory=InterpolatedSteps)
     _foreseen: Indices | None = None
 

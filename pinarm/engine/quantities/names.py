@@ -167,7 +167,7 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         return low, high
 
     def determined(self, name: str) -> Series:
-        """Return a quantity that does not depend on how several frictions at rest share a load.
+        """Return a quantity that does not depend on how several frictions at rest, or stops, share a load.
 
         Raises:
             InputError: It does, in some row.
@@ -176,7 +176,7 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         if self.open_rows(name).any():
             raise InputError(
                 f"'{name}': {self._left_open(name, series)}",
-                expected="a quantity that does not depend on which friction holds how much",
+                expected="a quantity that does not depend on which friction or stop holds how much",
                 hint=" or ".join(f"'{name}.{extreme}'" for extreme in EXTREMES),
             )
         return series
@@ -192,7 +192,7 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         run, row = self.trajectory, int(rows[0])
         low, high = values[:, row].min(), values[:, row].max()
         return (
-            f"not determined in {len(rows)} of {len(run)} rows, as several frictions hold one motion: at "
+            f"not determined in {len(rows)} of {len(run)} rows, as several frictions or stops hold one motion: at "
             f"{run.parameter} = {run.grid.t[row]:.6g} {run.unit} anything from {low:.6g} to {high:.6g} "
             f"{series.unit or ''}; '{name}.least' and '{name}.greatest' tell it for all rows"
         )

@@ -140,8 +140,8 @@ class RunNumber(ValueRecord, frozen=True):
         if high - low > OPEN * max(np.abs(finite).max(initial=0.0), abs(told)):
             unit = result[self.quantity].unit
             raise InputError(
-                f"'{self.label}' is not determined: several frictions hold one motion, and it lies between {low:.6g} "
-                f"and {high:.6g} {unit or ''}",
+                f"'{self.label}' is not determined: several frictions or stops hold one motion, and it lies between "
+                f"{low:.6g} and {high:.6g} {unit or ''}",
                 expected="a number that does not depend on which of them holds how much",
                 hint=f"'{ends[0].label}' or '{ends[1].label}'",
             )

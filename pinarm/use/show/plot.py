@@ -86,7 +86,7 @@ def _bounds(result: Result, curve: Line, name: str, factor: float) -> list[Line]
         return []
     least, greatest = (replace(curve, y=each.values / factor, width=0.8, style="--")
                        for each in result.quantities.bounds(name))  # fmt: skip
-    return [replace(least, label="least and greatest, as several frictions hold one motion"), greatest]
+    return [replace(least, label="least and greatest, as several frictions or stops hold one motion"), greatest]
 
 
 def graph(drawn: Graph, how: Presentation = PLAIN) -> Chart:

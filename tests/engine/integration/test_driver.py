@@ -5,7 +5,9 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.integrator import Flat, Interval
+from pinarm.engine.integration.methods.collocation import Collocation
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.integration.methods.stiff import radau_of
 from pinarm.engine.integration.tableaus import DOPRI5
@@ -313,3 +315,36 @@ class TestMaxSteps:
         assert integrate(parts, PLANE, *orbit(0.0), Adaptive(1e-9), max_steps=needed).end == pytest.approx(6.0)
         with pytest.raises(IntegrationError, match=f"has taken {needed - 1} steps"):
             integrate(parts, PLANE, *orbit(0.0), Adaptive(1e-9), max_steps=needed - 1)
+
+
+@pytest.mark.parametrize("speed", [0.0, 1e-6])
+@pytest.mark.parametrize("method", [radau_of(1e-3), radau_of(1e-4), radau_of(1e-6), Collocation(1e-4, 8)])
+def test_what_leaves_a_stop_does_not_meet_it_at_once(method, speed):
+    """``q = cos(2 t)`` leaves 1: the dense output of a long first step goes on beyond 1 for an instant."""
+
+    def swing(t, q, v):
+        return -4.0 * q
+
+    gap = Watch(lambda t, q, v: 1.0 - q[:, 0] + 2e-13, -1, stops=True)
+    interval = Interval(0.0, 1.5, swing, batch=swing)
+    solution = integrate([interval], Flat(1, 1), np.ones(1), np.array([-speed]), method, watches=[gap])
+    assert not solution.crossings
+    t = np.linspace(0.0, 1.5, 31)
+    assert solution.states(t)[0][:, 0] == pytest.approx(np.cos(2.0 * t) - speed / 2.0 * np.sin(2.0 * t),
+                                                        abs=20.0 * method.tolerance)  # fmt: skip
+
+
+def test_a_bounce_that_is_over_soon_is_seen_at_its_instant():
+    """Up with 1e-5 against 1: back after twice the speed over the deceleration, which the first step is longer than."""
+    speed, pull = 1e-5, 2.0
+
+    def spring(t, q, v):
+        return -pull * (1.0 + q)
+
+    ground = Watch(lambda t, q, v: q[:, 0], -1, stops=True)
+    method = radau_of(1e-3)
+    solution = integrate(
+        [Interval(0.0, 4.0, spring)], Flat(1, 1), np.zeros(1), np.array([speed]), method, watches=[ground]
+    )
+    assert solution.end == pytest.approx(2.0 * speed / pull, rel=1e-4)
+    assert solution.states(np.array([solution.end]))[1][0, 0] == pytest.approx(-speed, rel=1e-4)

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from pinarm.engine.integration.driver import integrate
-from pinarm.engine.integration.events import Watch, _brackets, nodes
+from pinarm.engine.integration.events import MOST_STATES, Watch, _brackets, nodes
 from pinarm.engine.integration.integrator import Flat, Interval
 from pinarm.engine.integration.methods import METHODS
 from pinarm.engine.integration.methods.explicit import Adaptive, FixedStep
@@ -150,3 +151,43 @@ def test_what_depends_on_loads_is_looked_at_as_often_as_these_vary(pulsation):
     instants = np.linspace(0.0, 8.0, 4_000_001)
     later = int(np.flatnonzero(left(instants) < 0.0)[0])
     assert instants[later - 1] <= solution.end <= instants[later]
+
+
+def resting(left, end):
+    """One step in which nothing moves, under a load; the solution, and how many states each look took."""
+    looks = []
+
+    def value(t, q, v):
+        looks.append(len(t))
+        return left(t)
+
+    interval = Interval(0.0, end, lambda t, q, v: np.zeros_like(q))
+    watches = [Watch(value, -1, stops=True, loaded=True)]
+    return integrate([interval], LINE, np.zeros(1), np.zeros(1), FixedStep(end), watches=watches), looks
+
+
+def test_a_release_that_is_far_in_a_long_step_under_a_fast_load_is_found():
+    """A load of 3000 rad/s with a slow rise passes its bound after 5 s, in the 2400th of its periods."""
+
+    def left(t):
+        return 5.0 - 4.9 * np.sin(3000.0 * t) - 0.02 * t
+
+    solution, looks = resting(left, 6.0)
+    tops = (2.0 * np.pi * np.arange(3000) + 0.5 * np.pi) / 3000.0 + 0.02 / (4.9 * 3000.0**2)
+    first = tops[left(tops) < 0.0][0]
+    assert solution.end == pytest.approx(brentq(left, first - 3e-4, first, xtol=1e-15), rel=1e-14)
+    assert not solution.unresolved
+    assert len(looks) < sum(looks) / 1000
+
+
+def test_little_is_looked_at_before_a_release_that_comes_soon():
+    solution, looks = resting(lambda t: 1.0 - 2.0 * np.sin(3000.0 * t), 6.0)
+    assert solution.end == pytest.approx(np.arcsin(0.5) / 3000.0, rel=1e-13)
+    assert sum(looks) < 1000
+
+
+def test_what_varies_too_fast_to_be_looked_at_is_told():
+    solution, looks = resting(lambda t: 5.0 - 4.9 * np.sin(3e7 * t), 6.0)
+    assert sum(looks) < 1.1 * MOST_STATES
+    assert solution.unresolved[-1][1] == 6.0
+    assert solution.unresolved[0][0] < 0.1

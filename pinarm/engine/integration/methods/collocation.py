@@ -74,6 +74,7 @@ class Collocation:
     nodes: int = 16
     name = "Gauss-Legendre collocation"
     remedy = "a wider tolerance"
+    tangent = False
     pair = None
 
     @property

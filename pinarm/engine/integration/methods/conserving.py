@@ -54,6 +54,7 @@ class Conserving:
 
     tolerance: float
     subdivisions = 4
+    tangent = True
     pair = None
 
     @property

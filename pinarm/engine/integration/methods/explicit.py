@@ -63,6 +63,7 @@ class Adaptive(ValueRecord, frozen=True):
     tolerance: float
     tableau: Tableau = DOP853
     subdivisions = 4
+    tangent = True
     remedy = "a wider tolerance"
 
     @property
@@ -154,6 +155,7 @@ class FixedStep(ValueRecord, frozen=True):
     step: float
     tableau: Tableau = RK4
     subdivisions = 4
+    tangent = True
     tolerance = 0.0
     remedy = "a shorter accuracy.step, or an adaptive method"
     pair = None

@@ -59,6 +59,7 @@ class Radau:
     tolerance: float
     stages: int
     subdivisions = 4
+    tangent = False
     remedy = "a wider tolerance"
     pair = None
 

@@ -10,7 +10,8 @@ faster than that, or lets go.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Protocol
+from functools import partial
+from typing import Protocol
 
 import numpy as np
 
@@ -20,21 +21,18 @@ from pinarm.engine.constraints.nullspaces.nullspace import split_rows
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.records import Record, ValueRecord
-
-if TYPE_CHECKING:
-    from pinarm.mechanics.friction.contact import FrictionContact
 
 REST = 1e-12
 """Velocity of what touches a stop that is rest, over the largest one in SI: rounding of a velocity that vanishes."""
 
 CONTRADICTING = 1e-9
-"""Velocity after an impact beyond the one that a stop asks for, over the largest before, that is none of rounding."""
+"""Difference of a velocity after an impact from the one that a stop asks for, over the largest before, that is none of
+rounding."""
 
-WORKLESS = 1e-9
-"""Work of drives in impacts, relative to the energy that these take, that rounding leaves."""
+TIED = 1e-9
+"""Part of a stop's row that is rounding: with no more beside those of others its coordinate moves only with theirs."""
 
 SLACK = 1e-13
 """Gap that counts as contact, relative to ``1 + |limit|``: where loops are closed, positions are right to 1e-14."""
@@ -44,27 +42,40 @@ Held = frozenset[int]
 """Numbers of the stops on which joints rest, and of the one-sided constraints that hold."""
 
 
-def pressed(touched: Iterable[int], away: Callable[[Held], Mapping[int, float]]) -> Held:
+def pressed(
+    touched: Iterable[int], away: Callable[[Held], Mapping[int, float]],
+    ties: Callable[[Held, int], Mapping[int, float]], slight: Callable[[], float],
+) -> Held:  # fmt: skip
     """Return which of several stops that are touched push: none that does pulls, and none that does not is entered.
 
-    The solution of a linear complementarity problem, of which there is one where the masses tell the motion of every
-    stop from those of the others: found by exchanging the first stop that contradicts itself (Murty, Note on a
-    Bard-type scheme for solving the complementarity problem, 1974). Where rounding or friction let sets come again,
-    stops that pull are let go one by one.
+    The solution of a linear complementarity problem, found by exchanging the first stop that contradicts itself (Murty,
+    Note on a Bard-type scheme for solving the complementarity problem, 1974). One that moves only with those that push
+    takes the place of the first of these that it would relieve (the criss-cross method of den Hertog, Roos and Terlaky,
+    The linear complementarity problem, sufficient matrices, and the criss-cross method, 1993): what those that push do
+    is determined. Where rounding or friction let sets come again, stops that pull are let go one by one.
 
     Args:
         touched: The stops.
         away: Stops that push -> of these what they push, of the others how fast the motion leaves them.
+        ties: Stops that push, and another one -> by how much its coordinate changes with theirs, each counted away from
+            the stop, where it moves only with them; nothing where it moves by itself as well.
+        slight: How fast one that moves only with others may seem to be entered by rounding.
     """
-    held, known, seen = frozenset(touched), sorted(touched), set[Held]()
+    known, seen, first = sorted(touched), set[Held](), frozenset[int]()
+    for k in known:
+        first |= frozenset() if ties(first, k) else {k}
+    held = first
     while held not in seen:
         seen.add(held)
         found = away(held)
-        wrong = [k for k in known if (found[k] <= 0.0 if k in held else found[k] < 0.0)]
+        moving = {k: ties(held, k) for k in known if k not in held and found[k] < 0.0}
+        wrong = [k for k in known if (k in held and found[k] <= 0.0) or (k in moving
+                 and (not moving[k] or found[k] < -slight()))]  # fmt: skip
         if not wrong:
             return held
-        held ^= {wrong[0]}
-    held = frozenset(known)
+        relieved = [k for k, with_it in sorted(moving.get(wrong[0], {}).items()) if with_it > TIED]
+        held ^= {wrong[0], *relieved[:1]}
+    held = first
     while held and min((found := away(held))[k] for k in held) <= 0.0:
         held -= {min(held, key=found.__getitem__)}
     return held
@@ -220,42 +231,37 @@ class Contacts(Record, frozen=True):
             back[k] = rebound if abs(rebound) > least else 0.0
         return self._nearest(t, q, v, back)
 
-    def energies(self, hits: Iterable[EventRecord]) -> tuple[float, float]:
-        """Return the energy that impacts took, and the work that drives of coordinates on laws did in them [J].
-
-        An impulse L of a stop takes its product with the mean of the velocities before and after, ``-L n (v- + v+)/2``.
-        It calls for impulses p of the laws' rows, whose velocities w' stay: they do the work ``p . w'``.
-        """
-        taken = given = 0.0
-        for hit in hits:
-            assert hit.before is not None
-            rows = self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
-            mass, own = mass_matrix(rows.model, hit.q), rows.rows(rows.state(hit.q))
-            touched = [stop for k, stop in enumerate(self.bounds) if stop.name == hit.name or k in self.near(hit.q)]
-            normals = np.array([stop.row(hit.q) for stop in touched])
-            split = split_rows(np.vstack([own, normals]), np.append(rows.reach, [stop.reach for stop in touched]))
-            place = [stop.name for stop in touched].index(hit.name)
-            impulse = normals[place] * split.multipliers(mass @ (hit.v - hit.before))[len(own) + place]
-            taken -= float(impulse @ (hit.before + hit.v)) / 2.0
-            held = split_rows(own, rows.reach)
-            change = solve(held, mass, impulse, np.zeros(len(own)))
-            reactions = held.multipliers(mass @ change - impulse)[self.closure.size :]
-            given += float(reactions @ self.prescribed.on(hit.t, hit.t)(hit.t)[1])
-        return taken, given
+    def ties(self, q: Array, held: Held, k: int) -> dict[int, float]:
+        """Return by how much the coordinate of stop k changes with those of others; see ``pressed``."""
+        if not held:
+            return {}
+        rows, others = self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates), sorted(held)
+        normals = np.array([self.bounds[k].side * self.bounds[k].row(q) for k in [k, *others]])
+        reach = np.append(rows.reach, [self.bounds[k].reach for k in others])
+        every = np.vstack([rows.rows(rows.state(q)), normals[1:]])
+        parts = split_rows(every, reach).multipliers(normals[0])
+        if np.abs(normals[0] - parts @ every).max() > TIED * np.abs(normals[0]).max():
+            return {}
+        return dict(zip(others, parts[rows.size :].tolist(), strict=True))
 
     def _nearest(self, t: float, q: Array, v: Array, back: Mapping[int, float]) -> Array:
-        """Return the velocity nearest to v that is at least the given one away from stops, which push only."""
-        found: dict[Held, Array] = {}
+        """Return the velocity nearest to v that is at least the given one away from stops, which push only.
+
+        Between stops that leave no way for a rebound there is none.
+        """
+        found, size = dict[Held, Array](), float(np.abs(v).max(initial=0.0))
 
         def away(pushing: Held) -> dict[int, float]:
             after, impulses = self._given(t, q, v, {k: back[k] for k in sorted(pushing)})
             found[pushing] = after
             left = {k: self.bounds[k].side * (self.rate(k, q, after) - back[k]) for k in back}
-            faster = CONTRADICTING * float(np.abs(v).max(initial=0.0))  # than asked for: others that are tied to it are
-            pushes = {k: -1.0 if left[k] > faster else self.bounds[k].side * impulse for k, impulse in impulses.items()}
-            return left | pushes
+            return left | {k: self.bounds[k].side * impulse for k, impulse in impulses.items()}
 
-        return found[pressed(back, away)]
+        held = pressed(back, away, partial(self.ties, q), lambda: CONTRADICTING * size)
+        left = away(held)
+        if any(back.values()) and any(left[k] < -CONTRADICTING * size for k in back if k not in held):
+            return self._nearest(t, q, v, dict.fromkeys(back, 0.0))
+        return found[held]
 
     def rest(self, t: float, q: Array, v: Array, held: Held) -> Array:
         """Return the velocity nearest to v with which stops are rested on, shape (nv,)."""
@@ -271,38 +277,3 @@ class Contacts(Record, frozen=True):
         target = [np.zeros(self.closure.size), self.prescribed.on(t, t)(t)[1], np.array([*back.values()])]
         after = solve(split, mass, mass @ v, np.concatenate(target))
         return after, dict(zip(back, split.multipliers(mass @ (after - v))[len(own) :].tolist(), strict=True))
-
-
-def impact_remarks(contacts: Contacts, events: Iterable[EventRecord]) -> list[str]:
-    """Return for each stop how often it was hit, when first, and the energy that its impacts took.
-
-    Impacts are impulses, without a duration: no force of theirs is among the reactions, which has to be said. What
-    keeps a coordinate on its law does work in them where it moves.
-    """
-    impacts, titles = dict[str, list[EventRecord]](), {stop.name: stop.title for stop in contacts.bounds}
-    for event in events:
-        if event.before is not None:
-            impacts.setdefault(event.name, []).append(event)
-    return [_impact_remark(titles[name], hits, *contacts.energies(hits)) for name, hits in impacts.items()]
-
-
-def frictionless_remarks(frictions: Sequence[FrictionContact], events: Iterable[EventRecord]) -> list[str]:
-    """Return that impacts have no impulse of friction, where there are any and friction depends on loads.
-
-    In an impact mu times the impulses of reactions would be of its size. Where a slip reverses meanwhile it depends on
-    the course of the impact, of which a restitution tells nothing.
-    """
-    names = dict.fromkeys(friction.name for friction in frictions if friction.law.loaded)
-    if not names or all(event.before is None for event in events):
-        return []
-    return [f"impacts are without the impulses of friction that their reactions would cause in {', '.join(names)}"]
-
-
-def _impact_remark(title: str, hits: Sequence[EventRecord], taken: float, given: float) -> str:
-    several = len(hits) > 1
-    done = abs(given) > WORKLESS * taken
-    work = f"; the drives of coordinates that follow laws do {given:.3g} J of work in them" if done else ""
-    return (
-        f"{title}: {len(hits)} impact{'s' if several else ''}, the first at t = {hits[0].t:.6g} s, "
-        f"take{'' if several else 's'} {taken:.3g} J{work}; they are impulses, whose forces are in no reaction"
-    )

@@ -95,7 +95,7 @@ class HybridIntegration(Record, frozen=True):
         v = transitions.begun(t, q, v)
         v, mode = transitions.settled(motion, t, q, v, transitions.mode(t, q, v), frozenset())
         while (end := self._segment(mode, t, q, v, first)) is not None:
-            motion.require_progress()
+            motion.require_progress(hybrid.cuts[-1])
             t, q, v, first = self._on_cut(end.t), end.q, end.v, None
             if end.stops:
                 break
@@ -130,12 +130,15 @@ class HybridIntegration(Record, frozen=True):
         Where something is held a segment ends with its interval: a load that jumps may set it in motion.
         """
         hybrid, controls = self.hybrid, self.hybrid.controls
-        system, spans = hybrid.stretch(mode, t, q, v), self._spans(mode, t)
-        ends, acting = watched(hybrid, mode, system, self.transitions.at_rest(t, q, v)), hybrid.acting(system)
+        touched, spans = self.transitions.at_rest(t, q, v), self._spans(mode, t)
+        tied = hybrid.tied(mode.held, touched, q)
+        shares = hybrid.sharing(mode.held | tied, q)
+        system = hybrid.loaded(hybrid.stretch(mode, t, q, v), shares, t, q)
+        ends, acting = watched(hybrid, mode, system, touched, tied), hybrid.acting(system)
         if controls:
             ends += [(("control", index), watch) for index, watch in controls.watches(spans[0])]
             system = controls.around(system)
-        segment = partial(MotionSegment, system, dynamics=acting, holding=hybrid.holding(mode.held))
+        segment = partial(MotionSegment, system, dynamics=acting, holding=hybrid.holding(mode.held), shares=shares)
         watches = [of_mechanism(watch, system) for _, watch in ends]
         try:
             solution = first() if first else self._solution(system, spans, watches, q, v)

@@ -15,6 +15,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.nullspaces.nullspace import split_rows
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.friction.slip import Slip
@@ -23,8 +24,9 @@ from pinarm.engine.integration.integrator import Interval, Method
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.segmented.end_stops import REST, Bound, Contacts, Held
 from pinarm.engine.motion.segmented.separations import Separation
+from pinarm.engine.motion.segmented.stop_shares import StopShares
 from pinarm.engine.motion.systems import Initial, System, system_of
-from pinarm.errors import InputError
+from pinarm.errors import DynamicsError, InputError
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid, MotionLaw
@@ -80,6 +82,7 @@ class HybridSystem(Record, frozen=True):
     frictions: tuple[FrictionContact, ...] = ()
     controls: Controls | None = None
     _systems: dict[Held, System] = {}
+    _shares: dict[Held, StopShares] = {}
 
     def system(self, held: Held = frozenset()) -> System:
         """Return what is integrated while joints rest on the given stops.
@@ -303,12 +306,55 @@ class HybridSystem(Record, frozen=True):
         found: CompletedStates = complete(self.dynamics, Grid(t, span, (0, len(t))), *system.part(q, v))
         return found
 
-    def push(self, system: System, k: int, t: Array, q: Array, v: Array) -> Array:
-        """Return the push of a stop that is rested on, at states of one interval [N*m or N], shape (n,)."""
-        motion, bound = self.completed(system, t, q, v), self.bounds[k]
-        if isinstance(bound, Bound):
-            return np.asarray(bound.side * motion.tau[:, bound.joint])
-        return np.asarray(bound.side * np.asarray(motion.lam)[:, system.closure.slices[bound.name].start])
+    def shares(self, held: Held) -> StopShares:
+        """Return what shares loads while joints rest on the given stops."""
+        if held not in self._shares:
+            closure, separations = self.closure_of(held), [self.bounds[k] for k in sorted(held & self.separations)]
+            stops = self._stops(held)
+            self._shares[held] = StopShares.of(closure, self.with_stops(held), stops, separations)
+        return self._shares[held]
+
+    def tied(self, held: Held, touched: Held, q: Array) -> Held:
+        """Return the stops that a configuration touches and that move only with those that hold, shape (nq,)."""
+        others = sorted(touched - held - self.separations) if held else []
+        return frozenset(k for k in others if self.contacts.ties(q, held, k))
+
+    def sharing(self, held: Held, q: Array) -> StopShares | None:
+        """Return what shares loads while stops are rested on; ``None`` where what each pushes is determined."""
+        if held <= self.separations:
+            return None
+        found = self.shares(held)
+        return found if found.are_open(q) else None
+
+    def loaded(self, system: System, shares: StopShares | None, t: float, q: Array) -> System:
+        """Return what is integrated while several stops share what loads joints with friction.
+
+        Raises:
+            DynamicsError: The friction that moves or holds a joint depends on how they share it.
+        """
+        if not (shares and any(one.law.loaded for one in self.frictions)):
+            return system
+        from pinarm.engine.friction.response import BearingReactions
+
+        rows = shares.rows
+        reactions = BearingReactions(self.frictions, rows, self.dynamics.on(*self.span(t)))
+        some = [one.name for one in reactions.undetermined(split_rows(rows.rows(rows.state(q))), q)]
+        unknown = frozenset(k for k, one in enumerate(self.frictions) if one.name in some)
+        try:
+            return system.knowing(unknown)  # type: ignore[attr-defined, no-any-return]
+        except DynamicsError as error:
+            error.message = f"at t = {t:.9g} s: {error.message}"
+            raise
+
+    def pushes(self, held: Held, system: System, t: Array, q: Array, v: Array) -> dict[int, Array]:
+        """Return the pushes of what is held, at states of one interval [N*m or N], shape (n,) each."""
+        shares, stops = self.shares(held), sorted(held - self.separations)
+        found = shares.least(self.completed(system, t, q, v))
+        return dict(zip([*stops, *sorted(held & self.separations)], found.T, strict=True))
+
+    def push(self, held: Held, system: System, k: int, t: Array, q: Array, v: Array) -> Array:
+        """Return the push of one that is held; see ``pushes``."""
+        return self.pushes(held, system, t, q, v)[k]
 
     @cached_property
     def profiled(self) -> list[JointRelation]:

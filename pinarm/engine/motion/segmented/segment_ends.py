@@ -7,7 +7,7 @@ from functools import partial
 from pinarm.arrays import Array
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.integrator import StepsOver
-from pinarm.engine.motion.segmented.end_stops import Held, Stop
+from pinarm.engine.motion.segmented.end_stops import Bound, Held, Stop
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
 from pinarm.engine.motion.systems import System
 from pinarm.mechanics.couplings.coupling import JointRelation
@@ -16,6 +16,9 @@ from pinarm.records import Record, replace
 
 Key = str | tuple[str, int]
 """Name of an event of the user, or what ends a segment: one of ``CAUSES``, or an ``edge``, and which one it is."""
+
+APART = 10.0
+"""Errors of steps within which a stop that moves only with others is not met."""
 
 CAUSES = ("hit", "released", "slip", "control")
 """Fields of ``SegmentEnd`` that tell why a segment ended."""
@@ -45,7 +48,9 @@ class SegmentEnd(Record, frozen=True):
     stops: bool = False
 
 
-def watched(hybrid: HybridSystem, mode: Mode, system: System, resting: Held) -> list[tuple[Key, Watch]]:
+def watched(
+    hybrid: HybridSystem, mode: Mode, system: System, resting: Held, tied: Held = frozenset()
+) -> list[tuple[Key, Watch]]:
     """Return the events, and what ends a segment: stops that are hit or let go, edges of loads, joints that stick.
 
     Args:
@@ -54,12 +59,17 @@ def watched(hybrid: HybridSystem, mode: Mode, system: System, resting: Held) -> 
         system: The same as equations; see ``HybridSystem.stretch``.
         resting: Stops that are touched at rest. A joint that leaves its stop from rest does so slower than rounding at
             first: it is given some slack.
+        tied: Those of them that move only with stops that hold, within the errors of steps.
     """
     found: list[tuple[Key, Watch]] = list(hybrid.watches.items())
     for k, bound in enumerate(hybrid.bounds):
         slack = 2.0 * bound.slack if k in resting else 0.0
+        if k in tied and isinstance(bound, Bound):
+            slack = APART * hybrid.method.tolerance * (hybrid.size + abs(bound.limit))
         if k in mode.held:
-            found.append((("released", k), Watch(partial(hybrid.push, system, k), -1, stops=True, loaded=True)))
+            found.append(
+                (("released", k), Watch(partial(hybrid.push, mode.held, system, k), -1, stops=True, loaded=True))
+            )
         else:
             found.append((("hit", k), Watch(partial(_gap, bound, slack), -1, stops=True)))
     edges = [edge for force in hybrid.dynamics.forces.values() for edge in force.edges()]

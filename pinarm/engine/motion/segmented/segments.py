@@ -21,10 +21,14 @@ from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Solution
+    from pinarm.engine.motion.segmented.stop_shares import StopShares
 
 
 CROWDED = 200
 """Number of segments that together take longer than rounding: a machine has far fewer events at one instant."""
+
+ENDLESS = 1e-10
+"""Part of the time that is left which as many segments have to take: with less a run would not come to its end."""
 
 
 SMALL = 0.1
@@ -50,12 +54,14 @@ class MotionSegment(Record, frozen=True):
         solution: The integrated states.
         dynamics: The equation of motion, with the friction of what slips.
         holding: Which rows of the mechanism's constraints hold, shape (m,) as flags.
+        shares: Stops that are rested on, of which several hold one motion; ``None`` where none do.
     """
 
     system: System
     solution: Solution
     dynamics: Dynamics
     holding: Flags
+    shares: StopShares | None = None
 
     @cached_property
     def size(self) -> float:
@@ -66,6 +72,12 @@ class MotionSegment(Record, frozen=True):
     def displacement(self) -> float:
         """Largest change of a coordinate, or velocity, that was integrated, in SI."""
         return self.solution.displacement
+
+    def complete(self, dynamics: Dynamics, grid: Grid) -> CompletedStates:
+        """Return the motion at the rows of a grid within the segment."""
+        found = self.system.complete(dynamics, grid, *_states(self, grid.t))
+        found = self.shares.shared(found) if self.shares else found
+        return found if self.holding.all() else _opened(found, self.holding)
 
 
 class SegmentedMotion(Record, frozen=True):
@@ -117,8 +129,11 @@ class SegmentedMotion(Record, frozen=True):
         """Return the largest change of a coordinate in a segment, or velocity, that was integrated, in SI."""
         return max(segment.displacement for segment in self.segments)
 
-    def require_progress(self) -> None:
-        """Raise where events follow one another without end, at one instant but for rounding.
+    def require_progress(self, until: float = 0.0) -> None:
+        """Raise where events follow one another without end, at one instant or so fast that the run has none.
+
+        Args:
+            until: Last instant of the run [s].
 
         Raises:
             IntegrationError: The last ``CROWDED`` segments take no time.
@@ -126,7 +141,7 @@ class SegmentedMotion(Record, frozen=True):
         if len(self.segments) <= CROWDED:
             return
         before, end = self.segments[-1 - CROWDED].solution.end, self.end
-        if end - before <= CROWDED * math.ulp(max(abs(before), abs(end))):
+        if end - before <= max(CROWDED * math.ulp(max(abs(before), abs(end))), ENDLESS * (until - end)):
             raise IntegrationError(
                 f"the integration cannot go on at t = {end:.12g} s: {CROWDED} events follow one another there",
                 hint="look for a controller, a stop or friction that switches back as soon as it has switched",
@@ -140,9 +155,8 @@ class SegmentedMotion(Record, frozen=True):
         owners, filled = bounds.searchsorted(middles), np.diff(grid.rows) > 0
         motions = []
         for number in sorted(set(owners[filled].tolist())):
-            segment, local = self.segments[number], grid.part(*(owners == number).nonzero()[0][[0, -1]])
-            found = segment.system.complete(self.dynamics, local, *_states(segment, local.t))
-            motions.append(found if segment.holding.all() else _opened(found, segment.holding))
+            local = grid.part(*(owners == number).nonzero()[0][[0, -1]])
+            motions.append(self.segments[number].complete(self.dynamics, local))
         return CompletedStates.joined(motions)
 
     def positions(self, t: Array) -> Array:
@@ -168,7 +182,20 @@ class SegmentedMotion(Record, frozen=True):
     def remarks(self) -> list[str]:
         """Return what is to be said of how the motion was computed; mostly nothing."""
         remarks = (interval.remark for segment in self.segments for interval in segment.solution.intervals)
-        return list(dict.fromkeys(filter(None, remarks)))
+        return list(dict.fromkeys(filter(None, [*remarks, self._unseen])))
+
+    @property
+    def _unseen(self) -> str:
+        """What is to be said of loads that vary faster than what they may set in motion is looked at."""
+        parts = [part for segment in self.segments for part in segment.solution.unresolved]
+        if not parts:
+            return ""
+        longest = max(high - low for low, high in parts)
+        return (
+            "what rests on a stop, or is held by friction, a cable or a cam, is looked at on parts of up to "
+            f"{longest:.2g} s from t = {parts[0][0]:.6g} to {parts[-1][1]:.6g} s, where its loads vary faster: it may "
+            "let go unseen"
+        )
 
     def diagnose(self) -> list[str]:
         """Return what says that the integrator was a poor choice: stiff, where a good part of all steps is."""

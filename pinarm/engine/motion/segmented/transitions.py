@@ -6,6 +6,7 @@ At an impact the impulse changes the velocities; at a contact that closes or ope
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -140,7 +141,8 @@ class Transitions(Record, frozen=True):
         """Return the velocity and the mode after the end of a segment that does not end the run."""
         hybrid, t, q, v, index = self.hybrid, end.t, end.q, end.v, end.slip
         if end.released is not None:
-            return v, self._pressing(mode.held - {end.released}, t, q, v)
+            tied = hybrid.tied(mode.held, self.at_rest(t, q, v), q)  # any of them may take over what it held
+            return v, self._pressing((mode.held | tied) - {end.released}, t, q, v)
         if index is None:
             return v, self.mode(t, q, v, mode.held & hybrid.separations)
         v, slip = hybrid.friction(mode.held).switched(hybrid.span(t), q, v, mode.slip, index)
@@ -148,14 +150,16 @@ class Transitions(Record, frozen=True):
         if touched and index >= 0:  # a rebound so small that it ends where the stop is, but for rounding
             return v, self.mode(t, q, v, mode.held & hybrid.separations)
         if entered := self._entered(after, touched, t, q, v):
-            held = mode.held | entered
+            held = mode.held
+            for k in sorted(entered):
+                held |= hybrid.tied(held, frozenset({k}), q) ^ {k}
             return v, Mode(held, hybrid.slip(held, t, q, v))
 
         def slips(held: Held) -> Slip:
             return hybrid.friction(held).switched(hybrid.span(t), q, v, mode.slip, index)[1]
 
         system, state = hybrid.stretch(after, t, q, v), (np.array([t]), q[None], v[None])
-        pulls = any(hybrid.push(system, k, *state)[0] <= 0.0 for k in mode.held)
+        pulls = any(push[0] <= 0.0 for push in hybrid.pushes(mode.held, system, *state).values())
         return v, self._pressing(mode.held | touched, t, q, v, slips) if pulls else after
 
     def _entered(self, mode: Mode, touched: Held, t: float, q: Array, v: Array) -> Held:
@@ -214,10 +218,13 @@ class Transitions(Record, frozen=True):
         def away(held: Held) -> dict[int, float]:
             mode = modes[held] = Mode(held, slips(held) if slips else hybrid.slip(held, t, q, v))
             system, state = hybrid.stretch(mode, t, q, v), (np.array([t]), q[None], v[None])
-            pushes = {k: float(hybrid.push(system, k, *state)[0]) for k in held}
+            pushes = {k: float(push[0]) for k, push in hybrid.pushes(held, system, *state).items()}
             return pushes | self._leaving(system, touched - held, *state)
 
-        held = pressed(touched, away) if touched else touched
+        def slight() -> float:
+            return SLIGHT * float(np.abs(hybrid.acceleration_without_friction(frozenset(), t, q, v)).max(initial=0.0))
+
+        held = pressed(touched, away, partial(hybrid.contacts.ties, q), slight) if touched else touched
         return modes[held] if held in modes else Mode(held, hybrid.slip(held, t, q, v))
 
     def _leaving(self, system: System, stops: Held, t: Array, q: Array, v: Array) -> dict[int, float]:

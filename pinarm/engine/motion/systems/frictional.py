@@ -22,7 +22,7 @@ from pinarm.engine.friction.extremes import Extremes, filled, held_part, pushing
 from pinarm.engine.friction.sliding import SlidingFriction
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
-from pinarm.errors import IntegrationError
+from pinarm.errors import DynamicsError, IntegrationError
 from pinarm.mechanics.coordinates import LinearCoordinate, driven_along
 from pinarm.mechanics.friction.contact import slip_rows
 from pinarm.mechanics.friction.slip_vectors import sizes
@@ -70,12 +70,14 @@ class FrictionalSystem:
         slip: What they do.
         inner: What is integrated, the stuck joints following constant laws.
         cuts: Bounds of the intervals on which no law jumps [s].
+        unknown: Joints at rest whose loads depend on what several stops share.
     """
 
     friction: StickSlip
     slip: Slip
     inner: System
     cuts: Sequence[float] = field(repr=False)
+    unknown: frozenset[int] = frozenset()
 
     @property
     def manifold(self) -> Manifold:
@@ -134,7 +136,7 @@ class FrictionalSystem:
         for rows, local, solutions in solved:
             for solution, t in zip(solutions, grid.t[rows].tolist(), strict=True):
                 self._require_within_bounds(solution, t)
-            extremes += local.extremes(grid.t[rows], inner.q[rows], inner.v[rows], solutions) if self._open else []
+            extremes += self._extremes(grid.t[rows], inner.q[rows], inner.v[rows], local, solutions)
         demand = _demand(dynamics, grid, inner)
         states, others = self._under(inner, grid.t, demand, self._friction(solved)), []
         for friction, endless in filled(states.friction, extremes):
@@ -191,6 +193,29 @@ class FrictionalSystem:
         """Which joints follow laws or rest on stops, alone or with others, shape (nv,)."""
         return driven_along(self.friction.prescribed.coordinates, self.friction.closure.model.nv)
 
+    def _extremes(
+        self, t: Array, q: Array, v: Array, sliding: SlidingFriction, solutions: Sequence[FrictionSolution]
+    ) -> list[Extremes]:
+        """Return other frictions that hold as well, row by row; none where nothing is open."""
+        return sliding.extremes(t, q, v, solutions, self.unknown) if self._open else []
+
+    def knowing(self, unknown: frozenset[int]) -> FrictionalSystem:
+        """Return the system in which the loads of some joints depend on what several stops share.
+
+        Raises:
+            DynamicsError: One of these joints slips, or friction holds it: its friction is not determined.
+        """
+        contacts, grouped = self.friction.contacts, {i for group in self.slip.stuck for i in group.members}
+        moving = sizes(contacts, np.array(self.slip.direction, float)) > 0.0
+        for i in sorted(unknown):
+            if (moving[i] or i in grouped) and not contacts[i].shared:
+                raise DynamicsError(
+                    f"the friction of {contacts[i].name} depends on a reaction that rigid bodies do not determine: "
+                    "several stops hold one motion, and how they share it loads this joint",
+                    expected="one stop for each motion, or friction without a load: constant",
+                )
+        return replace(self, unknown=unknown)
+
     def _require_within_bounds(self, solution: FrictionSolution, t: float) -> None:
         """Raise where a step has gone past the switch of a joint.
 
@@ -216,12 +241,11 @@ class FrictionalSystem:
             none = np.zeros((len(q), 0))
             lam = Multipliers.least(own, q, demand, none) if own.size else Multipliers.zero(len(q), 0)
             return np.zeros_like(demand), lam
-        from pinarm.engine.statics.selected_drives import SelectedDrives
-
-        named = dict(zip(prescribed.names, prescribed.coordinates, strict=True))
-        linear = {name: one for name, one in named.items() if isinstance(one, LinearCoordinate)}
-        others = {name: one for name, one in named.items() if name not in linear}
-        return SelectedDrives(linear, others, own, self.closure).efforts(t, q, demand)
+        first, count = prescribed.linear_last()
+        efforts = own.with_guides(first.names, first.coordinates).splits(q).multipliers(demand)[:, own.size :]
+        weights = [one.weights for one in first.coordinates if isinstance(one, LinearCoordinate)]
+        tau = efforts[:, count:] @ np.reshape(weights, (-1, demand.shape[-1]))
+        return tau, Multipliers.least(self.closure, q, demand - tau, efforts[:, :count])
 
 
 def _demand(dynamics: Dynamics, grid: Grid, states: CompletedStates) -> Array:

@@ -32,7 +32,7 @@ from pinarm.use.result.section import SectionTable
 
 METRE, NEWTON, NEWTON_METRE = unit("m"), unit("N"), unit("N*m")
 
-SHARED = "several frictions hold one motion: rigid bodies do not determine which of them holds how much"
+SHARED = "several frictions or stops hold one motion: rigid bodies do not determine which of them holds how much"
 
 SetRow = tuple[str, float, str, str, float, float, float, float, float, float, float, float, float]
 """Set, instant, body, what acts, the point where, force and moment."""

@@ -21,6 +21,8 @@ def test_events_at_one_instant_end_the_integration():
         with pytest.raises(IntegrationError, match=f"{CROWDED} events follow one another there") as caught:
             motion_of(ends).require_progress()
         assert caught.value.partial.end == ends[-1]
+    with pytest.raises(IntegrationError, match=f"{CROWDED} events follow one another there"):
+        motion_of([0.3 + 1e-14 * k for k in range(2 * CROWDED)]).require_progress(1.0)
 
 
 @pytest.mark.parametrize(("few", "many", "told"), [(2, 120, False), (60, 60, True)])
