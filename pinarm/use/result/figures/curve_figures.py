@@ -22,14 +22,14 @@ from itertools import pairwise
 import numpy as np
 from msgspec import Struct
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, distinct
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.records import ValueRecord
 from pinarm.use.result.figures.percentile import percentile
-from pinarm.use.result.figures.quadrature import NODES, Panels, Samples, integrate
+from pinarm.use.result.figures.quadrature import NODES, Panels, KnownValues, integrate
 from pinarm.use.result.row_lookup import MOST_INTERVALS, PARTS, Lookup
 
 RELATIVE, ABSOLUTE = 1e-10, 1e-13
@@ -143,9 +143,9 @@ def integrals(run: Lookup, integrand: Callable[[Quantities], Array]) -> tuple[Ar
         if low < high:
             curve = _Counted(partial(_evaluated, run, integrand, interval), left // (len(run.intervals) - interval))
             allowed = curve.left
-            bounds = np.union1d(np.linspace(low, high, 1 + parts_of_each), run.bounds(interval))
+            bounds = distinct(np.append(np.linspace(low, high, 1 + parts_of_each), run.bounds(interval)))
             order = 1 if start < end else -1
-            known = Samples(run.run.grid.t[own][::order], rows[own][::order])
+            known = KnownValues(run.run.grid.t[own][::order], rows[own][::order])
             parts += _integrals_between(curve, [low, high], bounds, known)
             left -= allowed - curve.left
     total, error = (np.sum(of, axis=0) for of in zip(*parts, strict=True))
@@ -188,7 +188,7 @@ def _evaluated(run: Lookup, integrand: Callable[[Quantities], Array], interval: 
     return values
 
 
-def _integrals_between(at: _Counted, cuts: list[float], bounds: Array, known: Samples) -> list[tuple[Array, Array]]:
+def _integrals_between(at: _Counted, cuts: list[float], bounds: Array, known: KnownValues) -> list[tuple[Array, Array]]:
     """Return the integrals of functions of size 1 between cuts, and their errors; where one is infinite, it is cut.
 
     Args:
@@ -217,7 +217,7 @@ def _integrals_between(at: _Counted, cuts: list[float], bounds: Array, known: Sa
         return _integrals_between(at, sorted([*cuts, found.place]), bounds, known)
 
 
-def _integral_between(at: _Counted, bounds: Array, parts: int, known: Samples) -> tuple[Array, Array]:
+def _integral_between(at: _Counted, bounds: Array, parts: int, known: KnownValues) -> tuple[Array, Array]:
     """Return the integrals of functions of size 1, and their errors, both of shape (k,).
 
     A function is not integrated to less than its own rounding.

@@ -70,7 +70,7 @@ CLOSE = 0.25
 """Width of panels over the distance of known points from which on they are no wider than what the points tell."""
 
 
-class Samples(Record, frozen=True):
+class KnownValues(Record, frozen=True):
     """Values of k functions that are known beforehand, at n points.
 
     Attributes:
@@ -81,11 +81,11 @@ class Samples(Record, frozen=True):
     t: Array
     f: Array
 
-    def between(self, bounds: Array) -> Samples:
+    def between(self, bounds: Array) -> KnownValues:
         """Return those strictly between bounds, shape (m,), at which functions may jump, and finite."""
         places = np.searchsorted(bounds, self.t)
         inside = (places > 0) & (places < len(bounds)) & ~np.isin(self.t, bounds) & np.isfinite(self.f).all(axis=1)
-        return Samples(self.t[inside], self.f[inside])
+        return KnownValues(self.t[inside], self.f[inside])
 
 
 class Panels(Record, frozen=True):
@@ -130,7 +130,7 @@ class Panels(Record, frozen=True):
                                    (self.errors, parts.errors), (self.f, parts.f)))  # fmt: skip
         return Panels(*merged)
 
-    def unseen(self, known: Samples) -> tuple[Indices, Array]:
+    def unseen(self, known: KnownValues) -> tuple[Indices, Array]:
         """Return the panels with known values off the polynomials through their points, and by how much at most.
 
         Numbers of panels, ascending, shape (p,), and distances, shape (p, k). Those that are narrower than what the
@@ -213,7 +213,7 @@ def _interpolated(x: Array, f: Array) -> Array:
 
 
 def integrate(
-    at: Callable[[Array], Array], first: Panels, relative: float, absolute: Array, most: int, known: Samples
+    at: Callable[[Array], Array], first: Panels, relative: float, absolute: Array, most: int, known: KnownValues
 ) -> tuple[Array, Array]:
     """Return the integrals of k functions of size 1 over an interval, and bounds of their errors, both of shape (k,).
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cubature
 
-from pinarm.use.result.figures.quadrature import GAUSS, KRONROD, NODES, PATIENCE, Panels, Samples, integrate
+from pinarm.use.result.figures.quadrature import GAUSS, KRONROD, NODES, PATIENCE, Panels, KnownValues, integrate
 
 ROUNDING = 1e-14
 """Of sums of some hundred terms of size 1."""
@@ -29,7 +29,7 @@ def integrals(f, low, high, relative=1e-10, absolute=1e-13, most=2000, known=())
     first = Panels.of(*bounds, f(Panels.points(*bounds)))
     width = first.values.shape[1]
     value, error = integrate(at, first, relative, np.full(width, absolute * (high - low)), most,
-                             Samples(known, f(known).reshape(len(known), width)))  # fmt: skip
+                             KnownValues(known, f(known).reshape(len(known), width)))  # fmt: skip
     return value, error, asked
 
 
