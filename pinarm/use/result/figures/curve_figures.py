@@ -29,7 +29,7 @@ from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.records import ValueRecord
 from pinarm.use.result.figures.percentile import percentile
-from pinarm.use.result.figures.quadrature import NODES, Panels, KnownValues, integrate
+from pinarm.use.result.figures.quadrature import NODES, KnownValues, Panels, integrate
 from pinarm.use.result.row_lookup import MOST_INTERVALS, PARTS, Lookup
 
 RELATIVE, ABSOLUTE = 1e-10, 1e-13

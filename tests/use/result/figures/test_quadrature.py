@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cubature
 
-from pinarm.use.result.figures.quadrature import GAUSS, KRONROD, NODES, PATIENCE, Panels, KnownValues, integrate
+from pinarm.use.result.figures.quadrature import GAUSS, KRONROD, NODES, PATIENCE, KnownValues, Panels, integrate
 
 ROUNDING = 1e-14
 """Of sums of some hundred terms of size 1."""
