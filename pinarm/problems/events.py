@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import msgspec
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.mechanism import Mechanism
@@ -16,7 +16,10 @@ from pinarm.engine.motion.segmented.end_stops import Bound
 from pinarm.errors import InputError, Key, Place
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, check_unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
-from pinarm.mechanics.joints import joint_of
+from pinarm.mechanics.joints import RADIAN, joint_of
+
+REACHED = 1e-6
+"""Distance of an angle to a value at an instant that is known to rounding where it reaches it [rad]."""
 
 DIRECTIONS = {"rising": 1, "falling": -1, "any": 0}
 
@@ -79,9 +82,27 @@ def watches_of(mechanism: Mechanism, events: Mapping[str, Event], place: Place) 
             coordinate = mechanism.coordinate(event.when)
         with place("events", name, "reaches"):
             check_unit(event.reaches, coordinate.unit)
-        value = _distance(mechanism.closure, coordinate, float(event.reaches))
-        found[name] = Watch(value, DIRECTIONS[event.direction], event.then == "stop")
+        found[name] = _watched(mechanism.closure, coordinate, event)
     return found
+
+
+def _watched(closure: Closure, coordinate: Coordinate, event: Event) -> Watch:
+    """Return what is watched of a coordinate.
+
+    Of an angle that may be told between -180 and 180 deg it is the sine of the difference to the value, which does not
+    jump there; that it is 0 at other values, too, does not count, but for -180 deg in place of 180.
+    """
+    half = abs(abs(float(event.reaches)) - np.pi) < REACHED
+    distance = _distance(closure, coordinate, float(event.reaches))
+    direction, stops = DIRECTIONS[event.direction], event.then == "stop"
+    if isinstance(coordinate, LinearCoordinate) or coordinate.unit != RADIAN:
+        return Watch(distance, direction, stops)
+
+    def counts(*states: Array) -> Flags:
+        apart = np.abs(distance(*states))
+        return np.asarray(np.minimum(apart, np.abs(apart - 2.0 * np.pi) if half else apart) < REACHED)
+
+    return Watch(lambda *states: np.sin(distance(*states)), direction, stops, counts=counts)
 
 
 def bounds_of(mechanism: Mechanism, stops: Mapping[str, EndStop], place: Place) -> tuple[Bound, ...]:

@@ -45,12 +45,14 @@ class Watch(ValueRecord, frozen=True):
         stops: Whether the integration ends at the first crossing.
         loaded: Whether it depends on loads, which steps may be much longer than, and is not negative as long as the
             motion lasts: where loads jump at a sample and it is negative then, the integration ends there.
+        counts: ``(t, q, v) -> whether`` a crossing at these states counts, shape (n,); all do where it is ``None``.
     """
 
     value: Callable[[Array, Array, Array], Array]
     direction: int
     stops: bool
     loaded: bool = False
+    counts: Callable[[Array, Array, Array], Flags] | None = None
 
 
 def possible_crossings(solution: Solution, watches: Sequence[Watch], first: int, y: Array) -> Indices:
@@ -112,7 +114,7 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
             for low, high, above in _brackets(part.values, watch.direction):
                 bracket = start + length * low, start + length * high
                 instant = _refined(solution, index, watch, bracket, above=above)
-                if instant is None:
+                if instant is None or not _counts(solution, index, watch, instant):
                     continue
                 crossings.append((instant, number))
                 latest = min(latest, instant) if watch.stops else latest
@@ -303,6 +305,12 @@ def _refined(
     if (at_low > 0.0) == (at_high > 0.0):
         return high if high >= float(solution.steps.until[index]) else None
     return _sign_change(lambda t: value(t)[0], (low, high), (at_low, at_high))
+
+
+def _counts(solution: Solution, index: int, watch: Watch, instant: float) -> bool:
+    """Tell whether a crossing of a watched value in a step counts."""
+    t = np.array([instant])
+    return watch.counts is None or bool(watch.counts(t, *solution.states_in(np.array([index]), t))[0])
 
 
 def _sign_change(value: Callable[[float], float], bracket: tuple[float, float], at_ends: tuple[float, float]) -> float:

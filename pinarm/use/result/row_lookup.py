@@ -231,17 +231,30 @@ class Lookup(Record, frozen=True):
         return spots
 
     def _crossings(self, along: str, value: float) -> list[Spot]:
-        """Return where a quantity takes a value, in order; intervals are looked into between the rows."""
+        """Return where a quantity takes a value, in order; intervals are looked into between the rows.
+
+        Of an angle that is told between -180 and 180 deg the sine of the difference has no jumps, and is 0 at the
+        opposite value, too.
+        """
         wide = set(self._wide)
-        spots = []
+        around = self._goes_around(along) and abs(value) <= np.pi
+        spots = list[Spot]()
         for interval, (start, end, rows) in enumerate(self.intervals):
             t = self.run.grid.t[rows]
             t = np.concatenate(
                 [t[:0] if len(t) and t[0] == start else [start], t, [] if len(t) and t[-1] == end else [end]]
             )
-            curve = partial(self._difference, along, value, interval)
-            spots += [(interval, place) for place in crossings(curve, t, PARTS if interval in wide else 0)]
+            difference = partial(self._difference, along, value, interval)
+            curve = (lambda t, d=difference: np.sin(d(t))) if around else difference
+            found = crossings(curve, t, PARTS if interval in wide else 0)
+            spots += [(interval, t) for t in found if not around or np.cos(difference(np.array([t]))[0]) > 0.0]
         return spots
+
+    def _goes_around(self, name: str) -> bool:
+        """Whether a quantity is an angle that jumps by a turn, from 180 to -180 deg or back, between two rows."""
+        series = self.quantities[name]
+        turned = series.unit is not None and series.unit.text == "rad"
+        return turned and bool((np.abs(np.diff(series.values)) > np.pi).any())
 
     def _difference(self, along: str, value: float, interval: int, t: Array) -> Array:
         return np.asarray(self.quantities_at(interval, t)[along].values - value)

@@ -313,3 +313,36 @@ def test_numbers_of_efforts_that_are_held_between_samples_are_those_of_all_sampl
     power = few.number("control.x.effort * joint.x.velocity @ max")[0]
     assert power == pytest.approx((effort[:-1] * velocity[1:]).max(), rel=1e-9)
     assert few.number("control.x.effort @ max")[0] == pytest.approx(effort.max(), rel=1e-12)
+
+
+@pytest.fixture(scope="module")
+def spinning() -> pinarm.Result:
+    """A brick that turns about its vertical axis at 100 deg/s from 90 deg on: through 180 deg at 0.9 s, 0 at 2.7 s."""
+    events = {name: {"when": "root.yaw", "reaches": f"{value} deg", "direction": direction}
+              for name, value, direction in (("zero", 0, "any"), ("back", 90, "falling"), ("half", 180, "rising"),
+                                             ("late", 179.9, "any"), ("never", 200, "any"))}  # fmt: skip
+    return pinarm.run({
+        "pinarm": 1, "mechanism": str(SCENARIOS.parent / "models/brick/mechanism.yaml"), "outputs": ["joint.root.yaw"],
+        "gravity": "none",
+        "problem": {"kind": "forward", "time": {"end": "3 s", "samples": 31}, "events": events,
+                    "initial": {"position": {"root.yaw": "90 deg"},
+                                "velocity": {"root.angular_velocity.z": "100 deg/s"}}},
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("degrees", "instants"), [(0, [2.7]), (90, [0.0]), (179.9, [0.899]), (-179.9, [0.901]), (100, [0.1]), (200, [])]
+)
+def test_an_angle_that_goes_around_is_where_it_is_only(
+    spinning: pinarm.Result, degrees: float, instants: list[float]
+) -> None:
+    """From 180 to -180 deg it passes no value between."""
+    found = [spinning.number(f"t @ joint.root.yaw={degrees} deg, occurrence={k + 1}")[0] for k in range(len(instants))]
+    assert found == pytest.approx(instants, abs=1e-7)  # as the motion is integrated
+    with pytest.raises(InputError, match="reached"):
+        spinning.number(f"t @ joint.root.yaw={degrees} deg, occurrence={len(instants) + 1}")
+
+
+def test_events_of_an_angle_that_goes_around_are_where_it_is_only(spinning: pinarm.Result) -> None:
+    found = {event.name: event.t for event in spinning.events}
+    assert found == pytest.approx({"zero": 2.7, "half": 0.9, "late": 0.899}, abs=1e-7)

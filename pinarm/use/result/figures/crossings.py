@@ -22,9 +22,17 @@ CORRECTIONS = 2
 TOUCHES = 1e-12
 """Height of an extreme, relative to the largest value, below which the curve touches zero there: it is one place."""
 
+CONTINUOUS = 1e-4
+"""Value at a change of sign, relative to those at the ends of its bracket, below which the curve is 0 there: it may be
+steep, as a root is, but does not jump over 0, as an angle does from 180 to -180 deg, and a tangent at its pole."""
+
+ONE = 1e-4
+"""Part of the whole within which places are one where the curve between them is 0 but for rounding: a motion that comes
+to rest at a value is there within rounding for that long."""
+
 
 def crossings(curve: Curve, t: Array, parts: int = 0) -> list[float]:
-    """Return where a curve is zero, in the order of the places t, shape (n,).
+    """Return where a curve is zero, in the order of the places t, shape (n,); not where it jumps over zero.
 
     Args:
         curve: The curve.
@@ -39,8 +47,22 @@ def crossings(curve: Curve, t: Array, parts: int = 0) -> list[float]:
         if values[k] == 0.0:
             found.append(float(t[k]))
         elif values[k] * values[k + 1] < 0.0:
-            found.append(root(curve, (float(t[k]), float(t[k + 1]))))
-    return [*found, float(t[-1])] if values[-1] == 0.0 else found
+            place = root(curve, (float(t[k]), float(t[k + 1])))
+            if np.abs(curve(np.array([place]))[0]) <= CONTINUOUS * np.abs(values[k : k + 2]).max():
+                found.append(place)
+    found += [float(t[-1])] if values[-1] == 0.0 else []
+    return _once(curve, found, set(t[values == 0.0].tolist()), t, TOUCHES * float(np.abs(values).max(initial=0.0)))
+
+
+def _once(curve: Curve, found: list[float], known: set[float], t: Array, slack: float) -> list[float]:
+    """Return zeros, of which those that are one are told once: by one of the known ones, else by the first."""
+    near, left = ONE * abs(float(t[-1] - t[0])), list[float]()
+    for place in found:
+        if left and abs(place - left[-1]) <= near and abs(curve(np.array([0.5 * (place + left[-1])]))[0]) <= slack:
+            left[-1] = place if place in known and left[-1] not in known else left[-1]
+        else:
+            left.append(place)
+    return left
 
 
 def _with_extremes(curve: Curve, t: Array, values: Array, parts: int) -> tuple[Array, Array]:

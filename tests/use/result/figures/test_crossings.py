@@ -34,3 +34,26 @@ def test_places_that_descend_give_zeros_that_do():
 def test_a_kink_is_bisected_and_a_rest_is_two_places():
     assert crossings(lambda t: np.abs(t - 0.4) - 0.1, ENDS, 4) == pytest.approx([0.3, 0.5], abs=1e-14)
     assert crossings(lambda t: 0.0 * t, ENDS, 4) == [0.0, 1.0]
+
+
+@pytest.mark.parametrize("curve", [
+    lambda t: np.angle(np.exp(1j * (2.0 + 3.0 * t))), lambda t: np.tan(1.0 + t),
+    lambda t: np.where(t < 0.3, -1.0, 2.0),
+])  # fmt: skip
+@pytest.mark.parametrize("parts", [0, 4])
+def test_a_jump_over_zero_is_no_zero(curve, parts):
+    """From 180 to -180 deg, at poles, and at a step."""
+    assert crossings(curve, np.linspace(0.0, 1.0, 8), parts) == []
+
+
+def test_a_steep_zero_is_one():
+    """A cube root, whose slope is infinite."""
+    assert crossings(lambda t: np.cbrt(t - 0.3), ENDS, 4) == pytest.approx([0.3], abs=1e-14)
+
+
+def test_an_end_that_is_reached_within_rounding_before_is_reached_once():
+    """``x = 1 - (1 - t)^3`` is 1 but for rounding from 5e-6 before its end on, with its signs of the rounding."""
+    noise = np.random.default_rng(1)
+    found = crossings(lambda t: -((1.0 - t) ** 3) + np.where(t < 1.0, 1e-16 * noise.normal(size=len(t)), 0.0),
+                      np.append(np.linspace(0.0, 0.9999, 20), [1.0 - 1e-6, 1.0]))  # fmt: skip
+    assert found == [1.0]
