@@ -345,7 +345,8 @@ def in_si(text: str | float | None, measured: Unit | None) -> float:
     value = Measured(number)
     value.unit = written
     if measured is not None:
-        if written is None and number and measured.dimension != DIMENSIONLESS.dimension:
+        turned = measured.text == "rad"  # 60 would be 60 rad
+        if written is None and number and (turned or measured.dimension != DIMENSIONLESS.dimension):
             raise InputError(f"'{text}' has no unit", expected=f"a value such as {text} {measured}")
         value.check(measured)
     return number

@@ -26,6 +26,9 @@ FIRST, ROUNDS, MOST = 3, 40, 512
 ENOUGH = 1e-10
 """Error of a piece, relative to the range of the curve, at which it is not halved."""
 
+ROUNDING = 1e-13
+"""Error of a piece, relative to the largest value, below which it is rounding of the curve."""
+
 HALVINGS = 60
 """Of the range of values: then a value is known to rounding."""
 
@@ -73,7 +76,7 @@ def percentile(intervals: Sequence[tuple[float, float, Callable[[Array], Array]]
     pieces = [piece for start, end, curve in intervals
               for piece in _pieces(min(start, end), max(start, end), curve)]  # fmt: skip
     value, rough = _value(pieces, share), max(piece.fit.error for piece in pieces)
-    level = ENOUGH * float(np.ptp(np.concatenate([piece.fit.values for piece in pieces])))
+    level = _level(pieces)
     unknown = sum(piece.length for piece in pieces if piece.fit.error > level) / sum(piece.length for piece in pieces)
     ends = (_value(pieces, min(share + unknown, 1.0)), _value(pieces, max(share - unknown, 0.0)))
     return value, min(rough, level + ends[0] - ends[1])
@@ -84,7 +87,7 @@ def _pieces(low: float, high: float, curve: Callable[[Array], Array]) -> list[Cu
     cuts = np.linspace(low, high, FIRST + 1)
     done, pending, halved = list[CurvePiece](), _fitted(cuts[:-1], cuts[1:], curve), 0
     for _ in range(ROUNDS):
-        level = ENOUGH * float(np.ptp(np.concatenate([piece.fit.values for piece in (*done, *pending)])))
+        level = _level([*done, *pending])
         rough = [piece for piece in pending if piece.fit.error > level]
         done += [piece for piece in pending if piece.fit.error <= level]
         halved += len(rough)
@@ -95,6 +98,12 @@ def _pieces(low: float, high: float, curve: Callable[[Array], Array]) -> list[Cu
         lows, highs = np.sort([[*ends[:, 0], *middle], [*middle, *ends[:, 1]]], axis=1)
         pending = _fitted(lows, highs, curve)
     return [*done, *pending]
+
+
+def _level(pieces: Sequence[CurvePiece]) -> float:
+    """Return the error of a piece at which it is not halved: ``ENOUGH``, or rounding where the curve is constant."""
+    values = np.concatenate([piece.fit.values for piece in pieces])
+    return max(ENOUGH * float(np.ptp(values)), ROUNDING * float(np.abs(values).max()))
 
 
 def _fitted(lows: Array, highs: Array, curve: Callable[[Array], Array]) -> list[CurvePiece]:

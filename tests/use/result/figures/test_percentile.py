@@ -63,3 +63,14 @@ def test_a_sine_over_a_share_of_its_turn() -> None:
     """Below v it is for (asin(v) + pi/2)/pi of its length, which is asked of the value that is found."""
     value, _ = percentile([(-pi / 2, pi / 2, np.sin)], 0.3)
     assert (asin(value) + pi / 2) / pi == pytest.approx(0.3, abs=1e-12)
+
+
+def test_a_constant_is_not_halved_for_its_rounding() -> None:
+    noise, states = np.random.default_rng(2), list[int]()
+
+    def curve(t: Array) -> Array:
+        states.append(len(t))
+        return 1.0 + 2e-16 * noise.integers(0, 2, len(t))
+
+    assert percentile([(0.0, 1.0, curve)], 0.95)[0] == pytest.approx(1.0, abs=1e-15)
+    assert sum(states) <= 51
