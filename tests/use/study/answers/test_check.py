@@ -154,7 +154,8 @@ def test_what_is_known_worse_than_asked_does_not_agree() -> None:
         ({"formula": "alpha"}, "the same dimension"), ({"formula": "nothing"}, "no quantity 'nothing'"),
         ({"quantity": "joint.pivto.effort", "value": "1 N*m"}, "joint.pivot.effort"),
         ({"value": "1e999 N*m"}, ""), ({"published": "1e999 N*m"}, ""), ({"value": "20 N*m", "atol": "1e999 N*m"}, ""),
-        ({"quantity": "alpha", "value": "180"}, "no unit"), ({"quantity": "alpha", "value": "180 deg", "atol": "1"}, "no unit"),
+        ({"quantity": "alpha", "value": "180"}, "no unit"),
+        ({"quantity": "alpha", "value": "180 deg", "atol": "1"}, "no unit"),
         ({"value": "20 N*m", "atol": "-1 N*m"}, ""), ({"value": "true"}, ""), ({"value": "20 h^99"}, ""),
     ],
 )  # fmt: skip
