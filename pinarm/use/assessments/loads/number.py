@@ -56,9 +56,8 @@ def worst_row(run: Lookup, size: Callable[[Quantities], Array]) -> Quantities:
         run: The run.
         size: Quantities of n rows -> values that are not negative, shape (n,).
     """
-    values = size(run.quantities)
-    constant = float(np.ptp(values)) <= CONSTANT * float(values.max())
-    return run.at("start", run.run.parameter) if constant else run.highest(size, "the load")
+    start, worst = run.at("start", run.run.parameter), run.highest(size, "the load")
+    return start if float(size(worst)[0]) <= (1.0 + CONSTANT) * float(size(start)[0]) else worst
 
 
 def peak(run: Lookup, measured: Unit, size: Callable[[Quantities], Array]) -> LoadNumber:
