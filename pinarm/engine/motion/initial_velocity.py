@@ -8,6 +8,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.coupled_joints import coupled_joints
 from pinarm.engine.constraints.nullspaces.nullspace import split_rows
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
@@ -24,6 +25,8 @@ def velocity_with_rates(
 ) -> Array:
     """Return the velocity nearest to the given one, by the masses, that has all given rates, shape (nv,).
 
+    Joints that are not coupled to any that moves are at rest.
+
     Args:
         initial: The given velocities of joints, and the rates of other coordinates.
         closure: Constraints of the mechanism.
@@ -35,11 +38,14 @@ def velocity_with_rates(
         InputError: Laws, loops and given velocities do not allow a rate.
     """
     rows, model = closure.with_guides(prescribed.names, prescribed.coordinates), closure.model
-    state, mass, joints = rows.state(q), mass_matrix(model, q), list(initial.velocities)
+    state, mass = rows.state(q), mass_matrix(model, q)
     rates, along = np.array([rate for _, rate in initial.rates]), np.array([one.row(state) for one, _ in initial.rates])
-    split = split_rows(np.vstack([rows.rows(state), np.eye(model.nv)[joints], along]))
     laws = prescribed.on(span[0], span[1])(span[0])[1]
-    v = solve(split, mass, mass @ initial.v, np.concatenate([np.zeros(closure.size), laws, initial.v[joints], rates]))
+    asked, right = np.vstack([rows.rows(state), along]), np.concatenate([np.zeros(closure.size), laws, rates])
+    resting = np.flatnonzero(~coupled_joints(asked, right, initial.v)).tolist()
+    known = sorted({*initial.velocities, *resting})
+    split = split_rows(np.vstack([asked, np.eye(model.nv)[known]]))
+    v = solve(split, mass, mass @ initial.v, np.concatenate([right, initial.v[known]]))
     left = np.abs(along @ v - rates)
     if left.max() > UNMET * np.abs(rates).max():
         raise InputError(

@@ -17,6 +17,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.constraints.batch_jacobians import BLOCK
 from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.coupled_joints import coupled_joints
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspaces.nullspace import RANK, VANISHED, RowDecompositions, split_rows
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
@@ -151,17 +152,19 @@ class ConstrainedSystem(Record, frozen=True):
     def _velocity(self, q: Array, initial: Initial, dw: Array) -> Array:
         """Return the velocity of least kinetic energy that the constraints allow and that has what is given.
 
-        Where it cannot have that, it has what comes closest.
+        Where it cannot have that, it has what comes closest. Joints that are not coupled to any that moves are at rest.
         """
         model = self.rows.model
         nv, mass = model.nv, masses(model, q)
         rows, right = self.rows.rows(self.rows.state(q)), self.rates(dw)
-        given = np.eye(nv)[list(initial.velocities)]
+        moving = coupled_joints(rows, right, initial.v)
+        known = sorted({*initial.velocities, *np.flatnonzero(~moving).tolist()})
+        given = np.eye(nv)[known]
         split = self.rows.split(rows)
-        x, scale = split.particular(right), 1.0 / self.rows.scale[list(initial.velocities)]
-        left = initial.v[list(initial.velocities)] - given @ x
-        ways = np.linalg.lstsq(scale[:, None] * (given @ split.free), scale * left, rcond=RANK)[0]
-        values = given @ (x + split.free @ ways)
+        x, scale = split.particular(right), 1.0 / self.rows.scale[known]
+        left = initial.v[known] - x[known]
+        ways = np.linalg.lstsq(scale[:, None] * split.free[known], scale * left, rcond=RANK)[0]
+        values = x[known] + split.free[known] @ ways
         whole = split_rows(np.vstack([rows, given]), np.append(self.rows.reach, np.ones(len(given))))
         return solve(whole, mass, np.zeros(nv), np.concatenate([right, values]))
 
