@@ -107,6 +107,9 @@ def grade(quality: float) -> str:
     return f"G {met:g} of ISO 21940-11" if met else f"beyond G {GRADES[-1]:g}, the coarsest grade of ISO 21940-11"
 
 
+LEAST_SHARE = 0.3
+"""Of the permitted unbalance that a plane has, however far from the centre of mass it is."""
+
 ROUNDING = 1e-9
 """By which a quality may be above its grade: the digits of a rotor that was balanced to it."""
 
@@ -131,6 +134,9 @@ def _in_planes(static: Array, couple: Array, first: float, second: float) -> tup
 def _shares(centre: float, first: float, second: float) -> tuple[float, float]:
     """Return the shares of the permitted unbalance of planes at places [m].
 
+    By the lever rule, ``L_2 / L`` and ``L_1 / L`` with L_k the distance of the centre of mass to plane k, but no less
+    than 0.3 and no more than 0.7: ISO 21940-11:2016, section 7, on rotors whose centre of mass is between the planes.
+
     Raises:
         InputError: The centre of mass is not between them.
     """
@@ -139,4 +145,5 @@ def _shares(centre: float, first: float, second: float) -> tuple[float, float]:
         with within("planes"):
             raise InputError(f"the centre of mass at {centre:.4g} m is not between the planes",
                              expected="a plane on each side of it")  # fmt: skip
+    share = min(max(share, LEAST_SHARE), 1.0 - LEAST_SHARE)
     return share, 1.0 - share
