@@ -36,7 +36,7 @@ def test_unbalance_in_the_planes_of_the_bearings_is_what_these_feel() -> None:
 
 @pytest.mark.parametrize(("second", "share"), [("0.3 m", 0.6), ("0.45 m", 9 / 13), ("1.8 m", 0.7)])
 def test_the_lever_rule_ends_at_seven_to_three(second: str, share: float) -> None:
-    """The plane at -0.2 m has the share L_2/L of what is permitted, but at most 0.7 of it, and the other at least 0.3."""
+    """The plane at -0.2 m has the share L_2/L of what is permitted, but at most 0.7 of it, the other at least 0.3."""
     found, _ = balance("rotor_vertical", {"planes": ["-0.2 m", second]})
     each = found["phi.unbalance.1"] / share, found["phi.unbalance.2"] / (1.0 - share)
     assert found["phi.quality"] == pytest.approx(max(M * E, *each) / M * OMEGA, rel=ROUNDING)
