@@ -30,6 +30,7 @@ from pinarm.engine.motion.segmented.stop_shares import shares_remarks
 from pinarm.engine.motion.small_motions import integrate_to_size
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.motion.turned_over import turned_over_remarks
 from pinarm.engine.statics.actuation import along
 from pinarm.errors import InputError, IntegrationError, Interrupted, Key, Place, nowhere
 from pinarm.input.units import unit
@@ -209,7 +210,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         accounts = [] if self.motion else EnergyAccount.each(motion)
         t, end = self.time.instants(), motion.end
         grid = hybrid.grid(t if end == t[-1] else np.array([*t[t < end], end]), motion.seams)
-        whole = IntegratedMotion(mechanism, hybrid, motion).outcome(grid)
+        integrated = IntegratedMotion(mechanism, hybrid, motion)
+        whole = integrated.outcome(grid)
         energy = energy_balance(*accounts)
         notes = motion.diagnose() or _lost(energy.get("energy", 0.0))
         remarks = [
@@ -222,6 +224,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             *opening_remarks(hybrid.bounds, motion.events),
             *_rest(hybrid, motion),
             *profile_remarks(mechanism, self.motion),
+            *turned_over_remarks(integrated),
         ]
         return replace(whole, figures={**motion.cost(), **energy, **motion.rounding}, notes=(*remarks, *notes))
 
