@@ -37,18 +37,6 @@ OPEN = 1e-9
 """What a self-stress of length 1 may add to a load: rounding leaves 1e-13."""
 
 
-SMALL = 2.0**-12
-"""Of the other efforts: a friction this small seldom turns the force of teeth, and differences lose four digits."""
-
-
-def may_bend(closure: Closure) -> bool:
-    """Return whether what couplings do to bodies may not be linear in their multipliers.
-
-    Teeth press their members apart on either flank, and a slack strand carries nothing.
-    """
-    return any(getattr(one, "transmission", None) is not None for one in closure.constraints)
-
-
 @dataclass(frozen=True, eq=False)
 class SlipResponse:
     """Accelerations of k slips, and loads of their bearings, as functions of the friction.
@@ -347,11 +335,7 @@ class _Solved:
         return CarriedLoads(wrenches[0], ((wrenches[1:] - wrenches[0]) / size[:, None]).swapaxes(0, 1))
 
     def _sizes(self) -> Array:
-        """Return frictions as large as the other efforts [N*m or N], powers of 2: differences lose no digits; (k,).
-
-        A small part of these where loads may be bent: what they are beyond the bend would be taken for what they are.
-        """
-        part = SMALL if may_bend(self.equation.closure) else 1.0
+        """Return frictions as large as the other efforts [N*m or N], powers of 2: differences lose no digits; (k,)."""
         along = np.abs(self.slips)
         sizes = along @ self.terms / np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
-        return part * np.exp2(np.round(np.log2(np.where(sizes > 0.0, sizes, 1.0))))
+        return np.exp2(np.round(np.log2(np.where(sizes > 0.0, sizes, 1.0))))

@@ -9,7 +9,7 @@ motion, and the band is that of both: of the motion, and of joints that stay at 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import product
@@ -22,7 +22,7 @@ from pinarm.engine.constraints.batch_jacobians import rows_of
 from pinarm.engine.constraints.nullspaces.nullspace import split_rows
 from pinarm.engine.friction.columns import BANDS, EffortBand, bands_of, friction_columns
 from pinarm.engine.friction.locking import ROUNDED, locks
-from pinarm.engine.friction.response import SMALL, BearingReactions, may_bend
+from pinarm.engine.friction.response import BearingReactions
 from pinarm.engine.friction.slipping import CarriedLoads, Slipping
 from pinarm.engine.motion.standstill import STANDSTILL, at_rest, leading
 from pinarm.engine.motion.trajectory import Trajectory
@@ -42,9 +42,6 @@ MOVES = 1e-9
 LOADED = 1e-9
 """Effort without friction, relative to the width of the band, below which there is nothing to hold."""
 
-ROUNDS, AGREED = 20, 1e-9
-"""How often loads that are not linear in friction are taken again; difference to those taken that is rounding."""
-
 FEW, MANY = 1e-9, 6
 """Load per friction of a joint at rest that is rounding; and most such joints whose 2^n directions are tried."""
 
@@ -60,7 +57,6 @@ class KnownFriction:
         pace: What rounding of velocities and accelerations is judged against, shape (2, nv) of one motion, (n, 2, nv)
             of separate states; see ``standstill``.
         inside: Velocities a little inside the interval, looked at where a row stands still, shape (n, nv).
-        about: Friction about which loads are linear, shape (n, k); none where it is left out.
     """
 
     run: Trajectory
@@ -68,7 +64,6 @@ class KnownFriction:
     demand: Array
     pace: Array
     inside: Array
-    about: Array | None = None
 
     @cached_property
     def rows(self) -> Array:
@@ -116,64 +111,12 @@ class KnownFriction:
         if not any(contact.law.loaded for contact in contacts):
             return [CarriedLoads(np.zeros((k, 6)), np.zeros((k, k, 6)))] * n
         self._require_determined()
-        about = np.zeros((n, k)) if self.about is None else self.about
-        carried, response = self._carried(self.under(about)), np.zeros((n, k, k, 6))
-        for j in range(k) if self.run.closure.size else ():
-            step = self._steps[:, j]
-            stepped = self._carried(self.under(about + step[:, None] * np.eye(k)[j]))
-            response[:, :, j] = (stepped - carried) / step[:, None, None]
-        none = carried - np.einsum("nj,nkjc->nkc", about, response)
+        none = self._carried(self.under(np.zeros((n, k))))
+        response = np.zeros((n, k, k, 6))
+        if self.run.closure.size:
+            for j in range(k):
+                response[:, :, j] = self._carried(self.under(np.tile(np.eye(k)[j], (n, 1)))) - none
         return [CarriedLoads(*row) for row in zip(none, response, strict=True)]
-
-    @cached_property
-    def _bent(self) -> bool:
-        """Whether loads of bearings may not be linear in friction."""
-        contacts, closure = self.run.mechanism.frictions, self.run.mechanism.closure
-        return any(contact.law.loaded for contact in contacts) and may_bend(closure)
-
-    @cached_property
-    def _steps(self) -> Array:
-        """Friction of the size of 1, or of a small part of the other efforts where loads may be bent, shape (n, k)."""
-        along = np.abs(self.rows)
-        if not self._bent:
-            return np.ones(along.shape[:2])
-        sizes = np.matvec(along, np.abs(self.demand)) / np.maximum((along**2).sum(axis=2), np.finfo(float).tiny)
-        return np.asarray(SMALL * np.exp2(np.round(np.log2(np.where(sizes > 0.0, sizes, 1.0)))))
-
-    def _agreeing(self, solve: Callable[[KnownFriction], tuple[Array, Array]]) -> tuple[Array, Array]:
-        """Return what is solved for with the loads that bearings have under the friction that is found.
-
-        Args:
-            solve: Gives something of every row, shape (n, ..), and the friction, shape (n, k), NaN where none matters.
-
-        Raises:
-            DynamicsError: Loads and friction do not come to agree.
-        """
-        known = self
-        for _ in range(ROUNDS):
-            found, friction = solve(known)
-            off: Flags = known._missed(friction)
-            if not off.any():
-                return found, friction
-            about = np.zeros_like(friction) if known.about is None else known.about
-            known = replace(known, about=np.where(off[:, None], friction, about))
-        row = int(np.argmax(off))
-        raise DynamicsError(
-            f"at {self.run.parameter} = {self.run.grid.t[row]:.9g} {self.run.unit} the friction of bearings and what "
-            "teeth or strands load them with do not come to agree: either flank, or strand, asks for the other one",
-            expected="friction without a load: constant",
-        )
-
-    def _missed(self, friction: Array) -> Flags:
-        """Return in which rows bearings carry something else under a friction than was taken, shape (n,)."""
-        known: Flags = np.asarray(~np.isnan(friction).any(axis=1))
-        if not self._bent or not known.any():
-            return np.zeros(len(friction), dtype=bool)
-        friction = np.where(known[:, None], friction, 0.0)
-        taken = np.array([loads.at(f) for loads, f in zip(self.loads, friction, strict=True)])
-        carried = self._carried(self.under(friction))
-        off = np.abs(carried - taken).max(axis=(1, 2)) > AGREED * np.abs(carried).max(axis=(1, 2))
-        return np.asarray(off & known)
 
     def _carried(self, run: Trajectory) -> Array:
         """Return the wrenches that the bearings carry, shape (n, k, 6)."""
@@ -236,8 +179,7 @@ class KnownFriction:
 
     def solved(self) -> Trajectory:
         """Return the motion with its friction and efforts, and the columns ``joint.J.effort.lower`` and ``.upper``."""
-        _, friction = self._agreeing(lambda known: (self.slips, known.friction(self.directions, at_rest=False)))
-        run = self.under(friction)
+        run = self.under(self.friction(self.directions, at_rest=False))
         return replace(run, columns={**run.columns, **self._bands(self.drives.coordinates(run.mechanism))})
 
     def _bands(self, coordinates: Mapping[str, Coordinate]) -> dict[str, Series]:
@@ -300,11 +242,7 @@ class KnownFriction:
         return found
 
     def _effort(self, way: Array, sign: float) -> Array:
-        """Return the effort that begins to move a drive's coordinate up or down, shape (n,)."""
-        return self._agreeing(lambda known: known._beginning(way, sign))[0]
-
-    def _beginning(self, way: Array, sign: float) -> tuple[Array, Array]:
-        """Return the same with the loads as they are taken, and the friction, shape (n, k).
+        """Return the effort that begins to move a drive's coordinate up or down, shape (n,).
 
         Joints that do not move with it, as a piston at its dead centre, may rub either way: that counts which holds
         best. It is infinite where friction holds any effort; see ``locking``.
@@ -313,18 +251,15 @@ class KnownFriction:
         largest = np.abs(slips).max(axis=1, keepdims=True, initial=0.0)
         begun = sign * unit_vectors(contacts, np.where(np.abs(slips) > MOVES * largest, slips, 0.0))
         directions = np.where(self.resting, begun, self.directions)
-        terms, found, friction = way * self.demand, np.empty(len(way)), np.empty_like(directions)
+        terms, found = way * self.demand, np.empty(len(way))
         for i, direction in enumerate(directions):
             size = float(np.abs(terms[i]).sum())
-            every = [self._held(i, one, sign * slips[i], size) for one in self._possible(i, direction)]
-            held, friction[i] = max(every, key=lambda each: each[0])
+            held = max(self._held(i, one, sign * slips[i], size) for one in self._possible(i, direction))
             found[i] = terms[i].sum() + sign * held
-        return found, friction
+        return found
 
-    def _held(self, row: int, direction: Array, slips: Array, size: float) -> tuple[float, Array]:
-        """Return by how much friction raises the effort that begins to move a coordinate, and the friction.
-
-        Infinite where it locks, with no friction that would matter.
+    def _held(self, row: int, direction: Array, slips: Array, size: float) -> float:
+        """Return by how much friction raises the effort that begins to move a coordinate; infinite where it locks.
 
         Args:
             row: Of the motion.
@@ -333,9 +268,8 @@ class KnownFriction:
             size: Of the terms of its effort without friction [N*m or N].
         """
         if self.resting[row].all() and locks(self._equation(row, direction, at_rest=True), slips, size):
-            return np.inf, np.full(len(direction), np.nan)
-        friction = self._friction(row, direction, at_rest=True)
-        return float(-slips @ friction), friction
+            return np.inf
+        return float(-slips @ self._friction(row, direction, at_rest=True))
 
     def _possible(self, row: int, direction: Array) -> list[Array]:
         """Return directions of friction: given ones, and both of joints that do not move but load those that do."""
