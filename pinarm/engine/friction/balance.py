@@ -173,7 +173,7 @@ class FrictionBalance:
         from pinarm.engine.friction.sharing import SharedFriction
 
         members = [i for group in stuck if len(group.members) > 1 for i in group.members]
-        if not self.response.loads.response.any():
+        if self.response.loads.constant:
             return self.limits(np.zeros(len(mu)))
         mu, constant = mu.copy(), constant.copy()
         mu[members], constant[members] = np.array([self.contacts[i].law.resting for i in members]).T

@@ -1,15 +1,15 @@
 """Friction that locks: joints at rest that hold any effort, however large, as a worm does that is driven at its wheel.
 
 The effort T of a drive and the friction f of the joints at rest are in balance for ``T = T0 - J f``, with the slips J
-per unit of the drive's coordinate, and they stay at rest as long as ``|f_i| <= mu_i N_i(w0 + W f) + c_i``. For
+per unit of the drive's coordinate, and they stay at rest as long as ``|f_i| <= mu_i N_i(w(f)) + c_i``. For
 frictions ``f_i = -s_i r_i x`` along a ray r, with the slips' directions s, the reserve
 
-    h_i(x) = mu_i N_i(w0 - x W s r) + c_i - r_i x
+    h_i(x) = mu_i N_i(w(- x s r)) + c_i - r_i x
 
-is convex in x. Where it is nowhere negative, of all joints in the ray, friction holds every effort from T0 on. Joints
-whose friction is constant have it throughout: with the others at 0 they hold any part of it before. Rays are
-those of each joint alone and, for joints that lock together only, the one in which their friction raises their loads
-most, the eigenvector of C; see ``slipping``.
+is convex in x between kinks of the loads (``carried_loads``). Where it is nowhere negative, of all joints in the ray,
+friction holds every effort from T0 on. Joints whose friction is constant have it throughout: with the others at 0 they
+hold any part of it before. Rays are those of each joint alone and, for joints that lock together only, the one in which
+their friction raises their loads most, the eigenvector of C; see ``slipping``.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def _rays(equation: Slipping, slips: Array) -> Iterator[Array]:
         yield np.array([part if one.name == name else 0.0 for one, part in zip(equation.contacts, size, strict=True)])
     some = np.flatnonzero(size)
     if len(some) > 1:
-        most = [size[i] * equation.mu[i] * equation.contacts[i].bearing.most(equation.loads.response[i, some])
+        most = [size[i] * equation.mu[i] * equation.loads.most(i, equation.contacts[i].bearing)[some]
                 for i in some.tolist()]  # fmt: skip
         values, vectors = np.linalg.eig(np.array(most))
         ray = np.zeros(len(size))
@@ -57,7 +57,7 @@ def _is_held(equation: Slipping, ray: Array, slips: Array, slack: float) -> bool
     """Return whether no reserve along a ray is negative, beyond what an effort of the size of ``slack`` does."""
     friction, size = -np.sign(equation.direction) * ray, np.abs(equation.direction)
     constant = -equation.direction * equation.constant * (equation.mu == 0.0)
-    added = np.vecmat(friction, equation.loads.response)
+    added, kinks = equation.loads.far(friction), equation.loads.crossings(constant, friction)
     for i in np.flatnonzero(ray).tolist():
         mu, bearing = size[i] * equation.mu[i], equation.contacts[i].bearing
         if mu * bearing.most(added[i]) * CONTRACTING <= ray[i]:
@@ -66,6 +66,6 @@ def _is_held(equation: Slipping, ray: Array, slips: Array, slack: float) -> bool
         def reserve(x: float, i: int = i) -> float:
             return float(size[i] * equation.resistance(constant + x * friction)[i] - ray[i] * x)
 
-        if least_of(reserve) * abs(slips[i]) < -slack:
+        if least_of(reserve, kinks) * abs(slips[i]) < -slack:
             return False
     return True

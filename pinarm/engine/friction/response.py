@@ -1,7 +1,8 @@
 """What friction does to the motion of a mechanism in one state: linear, as forces are in Newton's equations.
 
 With the rows J of the slips, the friction f adds ``J^T f`` to the loads; the slips' accelerations are
-``alpha = J a + J' v = alpha0 + A f``, and the wrenches that bearings carry ``w0 + W f``. With T a basis of the motions
+``alpha = J a + J' v = alpha0 + A f``, and multipliers are linear in f, too. So are the wrenches that bearings carry,
+``w(f)``, but for kinks of multipliers: see ``carried_loads``. With T a basis of the motions
 that the constraints and laws allow, ``A = J T (T^T M T)^-1 T^T J^T``.
 """
 
@@ -22,7 +23,7 @@ from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
-from pinarm.engine.friction.slipping import CarriedLoads
+from pinarm.engine.friction.carried_loads import CarriedLoads
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import left_open
@@ -44,7 +45,7 @@ class SlipResponse:
     Attributes:
         acceleration: alpha0 [rad/s^2 or m/s^2], shape (k,).
         mobility: A, shape (k, k).
-        loads: ``w0 + W f``.
+        loads: ``w(f)``.
         driven: Which slips the constraints and laws determine, shape (k,).
     """
 
@@ -85,7 +86,7 @@ class SlipEquation:
         """Return how slips and loads respond to friction in a state, shapes (nq,) and (nv,)."""
         solved = _Solved.of(self, t, q, v)
         k = len(self.contacts)
-        loads = CarriedLoads(np.zeros((k, 6)), np.zeros((k, k, 6)))
+        loads = CarriedLoads.linear(np.zeros((k, 6)), np.zeros((k, k, 6)))
         if self.loaded:
             loads = solved.loads()
         return SlipResponse(solved.alpha, solved.mobility, loads, solved.driven)
@@ -201,6 +202,39 @@ class BearingReactions:
             inner[k] = [wrench.vector for wrench in data.f.tolist()]
         joints = links.outwards(inner)
         return np.array([contact.transmitted(links, joints, named) for contact in self.contacts]).swapaxes(0, 1)
+
+    def loads(self, t: float, q: Array, v: Array, a: Array, lam: Array, sizes: Array) -> CarriedLoads:
+        """Return the wrenches as functions of the friction in one state.
+
+        Args:
+            t: Instant [s].
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+            a: Accelerations without friction, then with that of each joint alone, shape (1 + k, nv).
+            lam: Multipliers likewise, shape (1 + k, m).
+            sizes: These frictions [N*m or N], shape (k,).
+        """
+        f = np.vstack([np.zeros(len(sizes)), np.diag(sizes)])
+        distances, fold = self._kinks(q, lam, f)
+        smooth = self.wrenches(t, q, v, a, lam, f) - np.vecmat(np.abs(distances)[:, None], fold)
+        rate, response = ((x[1:] - x[0]) / sizes.reshape(-1, *(1,) * (x.ndim - 1)) for x in (distances, smooth))
+        return CarriedLoads(smooth[0], response.swapaxes(0, 1), distances[0], rate.T, fold)
+
+    def _kinks(self, q: Array, lam: Array, f: Array) -> tuple[Array, Array]:
+        """Return how far multipliers and frictions are from their kinks, shape (n, p), and K, shape (k, p, 6)."""
+        model, slices, links = self.closure.model, self.closure.slices, LinkPlacements.at(self.closure.model, q[None])
+        own = [(lam[:, slices[each.name].start], kink) for each in self.closure.constraints
+               if isinstance(each, JointRelation) for kink in each.kinks(links)]  # fmt: skip
+        own += [(x, kink) for contact, x in zip(self.contacts, f.T, strict=True) for kink in contact.kinks(links)]
+        acting = np.zeros((len(own), model.njoints, 6))
+        for each, (_, kink) in zip(acting, own, strict=True):
+            for joint, wrench in kink.wrenches.items():
+                each[joint] += wrench
+        joints = links.at_joints(-np.stack([acting[:, list(each)].sum(axis=1) for each in model.subtrees], axis=1))
+        none = {name: np.zeros((len(own), rows.stop - rows.start)) for name, rows in slices.items()}
+        all_alike = links.some(np.zeros(len(own), dtype=np.intp))
+        fold = np.array([contact.transmitted(all_alike, joints, none) for contact in self.contacts])
+        return np.array([x - kink.at for x, kink in own]).reshape(len(own), len(lam)).T, fold
 
     def _acting(self, links: LinkPlacements, t: Array | float, q: Array, v: Array, lam: Array, f: Array) -> Array:
         """Return what loads, constraints and friction do to links, [f; m] at the world's origin, (n, njoints, 6)."""
@@ -327,12 +361,11 @@ class _Solved:
 
     def loads(self) -> CarriedLoads:
         """Return the wrenches that bearings carry."""
-        none, size = np.zeros(len(self.slips)), self._sizes()[:, None]
-        wrenches = self.equation.transmission.wrenches(
-            self.t, self.q, self.v, np.vstack([self.a, self.a + size * self.accelerations.T]),
-            np.vstack([self.lam, self.lam + size * self.multipliers]), np.vstack([none, np.diag(size[:, 0])]),
+        sizes = self._sizes()
+        return self.equation.transmission.loads(
+            self.t, self.q, self.v, np.vstack([self.a, self.a + sizes[:, None] * self.accelerations.T]),
+            np.vstack([self.lam, self.lam + sizes[:, None] * self.multipliers]), sizes,
         )  # fmt: skip
-        return CarriedLoads(wrenches[0], ((wrenches[1:] - wrenches[0]) / size[:, None]).swapaxes(0, 1))
 
     def _sizes(self) -> Array:
         """Return frictions as large as the other efforts [N*m or N], powers of 2: differences lose no digits; (k,)."""

@@ -80,7 +80,7 @@ class SharedFriction:
     def _linearised(self, f: Array, sigma: Array) -> tuple[Array, Array]:
         """Return the derivative of (1), shape (k + g, k + g), and what it leaves, shape (k + g,)."""
         k, loads = len(f), self.response.loads
-        wrench, factor = loads.at(f), -self.direction
+        wrench, response, factor = loads.at(f), loads.slope(f), -self.direction
         limit = self.constant.copy()
         matrix = np.eye(k + len(sigma))
         for group, share in zip(self.groups, sigma, strict=True):
@@ -88,7 +88,7 @@ class SharedFriction:
         for i in np.flatnonzero(self.mu).tolist():
             bearing = self.contacts[i].bearing
             limit[i] += self.mu[i] * bearing.load(wrench[i])
-            matrix[i, :k] -= factor[i] * self.mu[i] * loads.response[i] @ bearing.slope(wrench[i])
+            matrix[i, :k] -= factor[i] * self.mu[i] * response[i] @ bearing.slope(wrench[i])
         rest = np.concatenate([f - factor * limit, sigma])
         for g, group in enumerate(self.groups):
             self._add_group(k + g, group, f, sigma[g], limit, matrix, rest)

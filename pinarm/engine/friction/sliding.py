@@ -111,13 +111,15 @@ class SlidingFriction(ForceElement):
         """Return what holds a stuck group in states of one interval, and the most that can [N*m or N], shape (n,) each.
 
         Where nothing moves, friction follows the accelerations that loads would give; but where it depends on loads and
-        some joints slip, or several hold one motion, states are solved one by one.
+        some joints slip, several hold one motion, or loads have kinks, states are solved one by one.
         """
         stuck, loaded, same = self.slip.stuck, self.equation.loaded, bool((q == q[0]).all() and (v == v[0]).all())
-        if not same or (loaded and (self.direction.any() or any(len(each.members) > 1 for each in stuck))):
+        shared = loaded and (self.direction.any() or any(len(each.members) > 1 for each in stuck))
+        balance = self.balance(float(t[0]), q[0], v[0])
+        if not same or shared or (loaded and balance.response.loads.bent):
             solutions = self.solutions(t, q, v)
             return np.array([x.held[group] for x in solutions]), np.array([x.bounds[group] for x in solutions])
-        balance, alpha = self.balance(float(t[0]), q[0], v[0]), self.equation.accelerations(t, q[0], v[0])
+        alpha = self.equation.accelerations(t, q[0], v[0])
         if loaded:
             held, bounds = balance.stuck_alone(stuck, alpha, self.equation.carried(t, q[0], v[0]))
             return held[:, group], bounds[:, group]

@@ -1,15 +1,17 @@
 """Friction of joints that slip, where it depends on reactions that depend on friction.
 
 With directions s of the slips, coefficients mu and constants c of the laws, and the wrenches w that the bearings carry,
-which are linear in the friction f, ``w = w0 + W f``, friction is a root of
+which are linear in the friction f but for kinks, as of teeth that change flanks (``carried_loads``), friction is a root
+of
 
-    f_i + s_i (mu_i N_i(w0 + W f) + c_i) = 0        (1)
+    f_i + s_i (mu_i N_i(w(f)) + c_i) = 0        (1)
 
-N is a sum of lengths, so ``N(w + x) - N(w) <= most(x)``: where the matrix ``C_ij = mu_i most_i(W_ij)`` has a spectral
-radius below 1 the map ``f -> -s (mu N + c)`` contracts in a suitable norm and (1) has exactly one root. Where it has
-not, (1) may have none, as of a drawer that jams, or several; of one joint, N being convex, it then has none or two.
+N is a sum of lengths, so ``N(w + x) - N(w) <= most(x)``: where the matrix C of ``mu_i`` times the most by which
+friction j can change N_i has a spectral radius below 1 the map ``f -> -s (mu N + c)`` contracts in a suitable norm and
+(1) has exactly one root, on any sides of the kinks. Where it has not, (1) may have none, as of a drawer that jams, or
+several; of one joint, N being convex between kinks, it has none where it is nowhere below the friction.
 Where normal forces are along lines, as in a plane, N is a sum of absolute values and (1) is linear for each choice of
-their signs: all roots are those that have the signs that they are computed with.
+their signs and of sides of the kinks: all roots are those that have the signs that they are computed with.
 Source: Banach's theorem; the paradox is Painleve's (Lecons sur le frottement, 1895).
 """
 
@@ -18,12 +20,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
+from itertools import pairwise, product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.friction.carried_loads import CarriedLoads
 from pinarm.errors import DynamicsError
 
 if TYPE_CHECKING:
@@ -33,34 +36,13 @@ CONTRACTING = 1.0 - 1e-9
 """Spectral radius of C from which on (1) is not known to have one root."""
 
 SIGNS = 10
-"""Number of normal forces up to which all their signs are tried."""
+"""Number of normal forces and kinks up to which all their signs are tried."""
 
 CONSISTENT, SAME = 1e-12, 1e-9
 """Part of its terms by which a normal force may miss its sign, and part by which two roots of (1) are one."""
 
 SOLVED, ITERATIONS = 4e-16, 200
 """Residual of (1), relative to its terms, at which Newton's method ends, and its steps at most."""
-
-
-@dataclass(frozen=True, eq=False)
-class CarriedLoads:
-    """The wrenches that bearings carry, as functions of the friction f: ``w0 + W f``.
-
-    Attributes:
-        wrench: w0 [N, N*m], shape (k, 6).
-        response: W, wrench i per friction j, shape (k, k, 6).
-    """
-
-    wrench: Array
-    response: Array
-
-    def at(self, f: Array) -> Array:
-        """Return the wrenches under friction f, shape (k, 6)."""
-        return np.asarray(self.wrench + np.vecmat(f, self.response))
-
-    def reduced(self, fixed: Array, response: Array) -> CarriedLoads:
-        """Return the wrenches as functions of x for ``f = fixed + ways x``, shapes (k,) and (k, m)."""
-        return CarriedLoads(self.at(fixed), response.T @ self.response)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +72,7 @@ class Slipping:
     def _most(self) -> Array:
         """C of the joints that rub, its rows times |s|, shape (r, r)."""
         some, size = self._rubbing, self.mu * np.abs(self.direction)
-        rows = [size[i] * self.contacts[i].bearing.most(self.loads.response[i, some]) for i in some]
+        rows = [size[i] * self.loads.most(i, self.contacts[i].bearing)[some] for i in some]
         return np.array(rows).reshape(len(some), len(some))
 
     def contraction(self) -> float:
@@ -106,9 +88,25 @@ class Slipping:
     @cached_property
     def roots(self) -> list[Array] | None:
         """All roots f, shape (k,), where normal forces are along lines; ``None`` where they are not known."""
-        terms = [self.contacts[i].bearing.along_lines(np.vstack([self.loads.wrench[i], self.loads.response[i]]))
+        kinks, found = len(self.loads.distance), list[Array]()
+        if kinks > SIGNS:
+            return None
+        for side, loads in self.loads.pieces():
+            if (some := self._roots_under(loads, SIGNS - kinks)) is None:
+                return None
+            found += [f for f in some if self.loads.on_side(side, f) and not _known(f, found)]
+        return found
+
+    def _roots_under(self, loads: CarriedLoads, most: int) -> list[Array] | None:
+        """Return the roots under loads without kinks; ``None`` where they are not known.
+
+        Args:
+            loads: What the bearings carry.
+            most: Number of normal forces whose signs are tried.
+        """
+        terms = [self.contacts[i].bearing.along_lines(np.vstack([loads.wrench[i], loads.response[i]]))
                  for i in self._rubbing]  # fmt: skip
-        if any(term is None for term in terms) or sum(len(term) for term in terms if term is not None) > SIGNS:
+        if any(term is None for term in terms) or sum(len(term) for term in terms if term is not None) > most:
             return None
         levers = np.zeros((len(self.mu), 0))
         for i in self._rubbing:
@@ -133,8 +131,7 @@ class Slipping:
                 return None
             f = np.linalg.solve(matrix, -signed @ loads - self.direction * constant)
             slack = CONSISTENT * (np.abs(loads) + np.abs(response) @ np.abs(f))
-            known = any(np.abs(f - one).max() <= SAME * np.abs(one).max() for one in found)
-            if (signs * (loads + response @ f) >= -slack).all() and not known:
+            if (signs * (loads + response @ f) >= -slack).all() and not _known(f, found):
                 found.append(f)
         return found
 
@@ -157,7 +154,7 @@ class Slipping:
         if self.contracts:
             return True
         some = self._rubbing
-        coupled = [i for i in some if self.contacts[i].bearing.most(self.loads.response[i, some]).any()]
+        coupled = [i for i in some if self.loads.most(i, self.contacts[i].bearing)[some].any()]
         if len(coupled) == 1 and not self._dips(coupled[0]):
             return False
         names = " and ".join(dict.fromkeys(self.contacts[i].name for i in coupled))
@@ -170,17 +167,19 @@ class Slipping:
         )  # fmt: skip
 
     def _dips(self, i: int) -> bool:
-        """Return whether ``h(x) = mu N(w0 - s W_ii x) + c - x``, which is convex, falls to 0 for a friction x > 0."""
+        """Return whether ``h(x) = mu N(w) + c - x`` falls to 0 for a friction x > 0 of joint i, others constant."""
+        others, way = -self.direction * self.constant, np.zeros(len(self.mu))
+        others[i], way[i] = 0.0, -self.direction[i]
+        if self.mu[i] * self.contacts[i].bearing.most(self.loads.far(way)[i]) < CONTRACTING:
+            return True
 
         def h(x: float) -> float:
-            f = -self.direction * self.constant
-            f[i] = -self.direction[i] * x
-            return float(self.resistance(f)[i] - x)
+            return float(self.resistance(others + x * way)[i] - x)
 
-        return least_of(h) <= 0.0
+        return least_of(h, self.loads.crossings(others, way)) <= 0.0
 
     def resistance(self, f: Array) -> Array:
-        """Return ``mu N(w0 + W f) + c`` [N*m or N], shape (k,)."""
+        """Return ``mu N(w(f)) + c`` [N*m or N], shape (k,)."""
         wrench, resistance = self.loads.at(f), self.constant.copy()
         for i in np.flatnonzero(self.mu).tolist():
             resistance[i] += self.mu[i] * self.contacts[i].bearing.load(wrench[i])
@@ -211,19 +210,29 @@ class Slipping:
 
     def _slope(self, f: Array) -> Array:
         """Return the derivative of (1), shape (k, k)."""
-        wrench, slope = self.loads.at(f), np.eye(len(f))
+        wrench, response, slope = self.loads.at(f), self.loads.slope(f), np.eye(len(f))
         for i, contact in enumerate(self.contacts):
             if self.mu[i] and self.direction[i]:
-                slope[i] += self.direction[i] * self.mu[i] * self.loads.response[i] @ contact.bearing.slope(wrench[i])
+                slope[i] += self.direction[i] * self.mu[i] * response[i] @ contact.bearing.slope(wrench[i])
         return slope
 
 
-def least_of(h: Callable[[float], float]) -> float:
-    """Return the least value of a convex function of ``x >= 0`` that grows at last, by bisection in three parts."""
-    high = h(0.0) + 1.0
-    while h(2.0 * high) < h(high):
-        high *= 2.0
-    low, high = 0.0, 2.0 * high
+def _known(f: Array, found: Sequence[Array]) -> bool:
+    """Return whether a root is among those that are found."""
+    return any(np.abs(f - one).max() <= SAME * np.abs(one).max() for one in found)
+
+
+def least_of(h: Callable[[float], float], kinks: Array) -> float:
+    """Return the least value of a function of ``x >= 0`` that is convex between kinks and grows at last."""
+    ends = [0.0, *sorted(kinks[kinks > 0.0].tolist())]
+    last, step = ends[-1], abs(h(ends[-1])) + 1.0
+    while h(last + 2.0 * step) < h(last + step):
+        step *= 2.0
+    return min(_least_between(h, low, high) for low, high in pairwise([*ends, last + 2.0 * step]))
+
+
+def _least_between(h: Callable[[float], float], low: float, high: float) -> float:
+    """Return the least value of a convex function between two places, by bisection in three parts."""
     for _ in range(ITERATIONS):
         one, two = low + (high - low) / 3.0, high - (high - low) / 3.0
         low, high = (low, two) if h(one) < h(two) else (one, high)

@@ -159,9 +159,7 @@ class _Decision:
             DynamicsError: Some do, or there are too many to be tried.
         """
         loads, contacts = self.balance.response.loads, self.balance.contacts
-        if not any(
-            contact.law.loaded and contact.bearing.most(loads.response[i]).any() for i, contact in enumerate(contacts)
-        ):
+        if not any(contact.law.loaded and loads.most(i, contact.bearing).any() for i, contact in enumerate(contacts)):
             return
         if len(self.groups) > MANY:
             raise self._refusal(

@@ -20,10 +20,11 @@ import numpy as np
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.batch_jacobians import rows_of
 from pinarm.engine.constraints.nullspaces.nullspace import split_rows
+from pinarm.engine.friction.carried_loads import CarriedLoads
 from pinarm.engine.friction.columns import BANDS, EffortBand, bands_of, friction_columns
 from pinarm.engine.friction.locking import ROUNDED, locks
 from pinarm.engine.friction.response import BearingReactions
-from pinarm.engine.friction.slipping import CarriedLoads, Slipping
+from pinarm.engine.friction.slipping import Slipping
 from pinarm.engine.motion.standstill import STANDSTILL, at_rest, leading
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
@@ -109,23 +110,16 @@ class KnownFriction:
         contacts, n = self.run.mechanism.frictions, len(self.run)
         k = len(contacts)
         if not any(contact.law.loaded for contact in contacts):
-            return [CarriedLoads(np.zeros((k, 6)), np.zeros((k, k, 6)))] * n
+            return [CarriedLoads.linear(np.zeros((k, 6)), np.zeros((k, k, 6)))] * n
         self._require_determined()
-        none = self._carried(self.under(np.zeros((n, k))))
-        response = np.zeros((n, k, k, 6))
-        if self.run.closure.size:
-            for j in range(k):
-                response[:, :, j] = self._carried(self.under(np.tile(np.eye(k)[j], (n, 1)))) - none
-        return [CarriedLoads(*row) for row in zip(none, response, strict=True)]
-
-    def _carried(self, run: Trajectory) -> Array:
-        """Return the wrenches that the bearings carry, shape (n, k, 6)."""
-        found, lam = np.empty((len(run), len(run.mechanism.frictions), 6)), np.asarray(run.lam)
-        for part, dynamics in run.intervals():
-            transmission = BearingReactions(run.mechanism.frictions, run.closure, dynamics)
+        frictions = np.vstack([np.zeros(k), np.eye(k)])
+        lam = np.stack([np.asarray(self.under(np.tile(f, (n, 1))).lam) for f in frictions], axis=1)
+        a, found = np.broadcast_to(self.run.a[:, None], (n, 1 + k, self.run.a.shape[1])), list[CarriedLoads]()
+        for part, dynamics in self.run.intervals():
+            transmission = BearingReactions(contacts, self.run.closure, dynamics)
             for i in range(part.start, part.stop):
-                state = float(run.grid.t[i]), run.q[i], run.v[i]
-                found[i] = transmission.wrenches(*state, *(x[None, i] for x in (run.a, lam, run.friction)))[0]
+                state = float(self.run.grid.t[i]), self.run.q[i], self.run.v[i]
+                found.append(transmission.loads(*state, a[i], lam[i], np.ones(k)))
         return found
 
     def _require_determined(self) -> None:
@@ -273,10 +267,10 @@ class KnownFriction:
 
     def _possible(self, row: int, direction: Array) -> list[Array]:
         """Return directions of friction: given ones, and both of joints that do not move but load those that do."""
-        contacts, response = self.run.mechanism.frictions, self.loads[row].response
+        contacts, loads = self.run.mechanism.frictions, self.loads[row]
         moving = [j for j in np.flatnonzero(direction).tolist() if contacts[j].law.loaded]
         idle = [i for i in np.flatnonzero(sizes(contacts, direction) == 0.0).tolist()
-                if any(contacts[j].bearing.most(response[j, i]) > FEW for j in moving)]  # fmt: skip
+                if any(loads.most(j, contacts[j].bearing)[i] > FEW for j in moving)]  # fmt: skip
         for i in (i for i in idle if several(contacts)[i]):
             raise DynamicsError(
                 f"{contacts[i].name} stands still, with friction in any direction, and loads joints that begin to "

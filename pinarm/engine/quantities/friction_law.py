@@ -101,7 +101,7 @@ def friction_figures(run: Trajectory) -> dict[str, float]:
     if left > CONTRADICTED:
         raise DynamicsError(
             f"friction and the reactions that it depends on contradict each other by {left:.2g} of the friction",
-            expected="loads of bearings in proportion to friction, unlike those of teeth that change flanks",
+            expected="loads of bearings that follow from the motion and the friction",
             hint="friction without a load: constant",
         )
     return {"friction": left}

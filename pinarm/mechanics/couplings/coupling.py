@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -24,6 +24,18 @@ if TYPE_CHECKING:
     from pinarm.mechanics.forces.force_element import Edge
     from pinarm.mechanics.laws.motion_law import MotionLaw
     from pinarm.mechanics.loading.model_tree import Mimic
+
+
+class Kink(NamedTuple):
+    """Where wrenches that depend on a size, as a multiplier, change their slope: ``|size - at| wrench`` is among them.
+
+    Attributes:
+        at: The size there [N*m or N].
+        wrenches: Joint index -> [f; m] at the world's origin, per size, shape (6,).
+    """
+
+    at: float
+    wrenches: dict[int, Array]
 
 
 class JointRelation(ABC):
@@ -123,6 +135,14 @@ class JointRelation(ABC):
         the coupled joints only.
         """
 
+    def kinks(self, links: LinkPlacements) -> list[Kink]:
+        """Return where its wrenches, which are linear in its multiplier between, change their slope.
+
+        Args:
+            links: Where the links are, at one configuration.
+        """
+        return []
+
     @abstractmethod
     def transmitted(self, links: LinkPlacements, lam: Array) -> tuple[Array, Array]:
         """Return where the second member is acted on [m], (n, 3), and [f; m] on it there, world axes, (n, 6).
@@ -205,6 +225,14 @@ class Coupling(AbstractRecord, JointRelation, frozen=True):
         if known is None:
             return {}
         return {body: outwards(links, known.carrier, wrench) for body, wrench in known.wrenches(lam[:, 0]).items()}
+
+    def kinks(self, links: LinkPlacements) -> list[Kink]:
+        """Return those of the transmission."""
+        known = self.transmission
+        if known is None:
+            return []
+        own = [(at, outwards(links, known.carrier, wrench[None])[0]) for at, wrench in known.kinks]
+        return [Kink(at, {known.second: wrench, known.first: -wrench}) for at, wrench in own]
 
     def transmitted(self, links: LinkPlacements, lam: Array) -> tuple[Array, Array]:
         """Return where and how the second member is acted on; see ``JointRelation``."""

@@ -34,12 +34,25 @@ class Transmission(Protocol):
         ...
 
     @property
+    def first(self) -> int:
+        """Index of the joint that moves the first member."""
+        ...
+
+    @property
     def point(self) -> Array:
         """Where the force on the second member is said to act, in the carrier [m], shape (3,)."""
         ...
 
     def wrenches(self, lam: Array) -> dict[int, Array]:
         """Return what multipliers, shape (n,), do to bodies: joint index -> [f; m] at the carrier's origin, (n, 6)."""
+        ...
+
+    @property
+    def kinks(self) -> list[tuple[float, Array]]:
+        """Multipliers at which the wrenches, linear between, change their slope, and K, shape (6,), of each.
+
+        ``|lam - at| K`` is a part of the wrench on the second member, its opposite of that on the first.
+        """
         ...
 
     def parts(self) -> dict[str, Unit]:
@@ -114,6 +127,11 @@ class ToothContact(Record, frozen=True):
         wrench = _at_origin(self.point, force)
         return {self.second: wrench, self.first: -wrench}
 
+    @property
+    def kinks(self) -> list[tuple[float, Array]]:
+        """Where the flanks change."""
+        return [(0.0, _at_origin(self.point, self.apart))]
+
     def parts(self) -> dict[str, Unit]:
         """Return the names of its forces."""
         return dict.fromkeys(self.components, NEWTON)
@@ -155,6 +173,11 @@ class ThreadContact(Record, frozen=True):
         unit_wrench[3:] += self.about
         wrench = np.multiply.outer(lam, unit_wrench)
         return {self.second: wrench, self.first: -wrench}
+
+    @property
+    def kinks(self) -> list[tuple[float, Array]]:
+        """Nothing: its wrenches are linear."""
+        return []
 
     def parts(self) -> dict[str, Unit]:
         """Return the axial force, and the moment of the thread."""
@@ -205,6 +228,12 @@ class Strands(Record, frozen=True):
         wrench = self.tensions(lam) @ self.pulls
         return {self.second: wrench, self.first: -wrench}
 
+    @property
+    def kinks(self) -> list[tuple[float, Array]]:
+        """Where a strand becomes slack: the sum of the tensions is ``|D - 2 F0| / 2 + |D + 2 F0| / 2``."""
+        slack, share = 2.0 * self.pretension / abs(self.difference), abs(self.difference) / 4.0
+        return [(sign * slack, share * self.pulls.sum(axis=0)) for sign in (1.0, -1.0)]
+
     def parts(self) -> dict[str, Unit]:
         """Return the larger tension and the smaller one."""
         return {"tight": NEWTON, "slack": NEWTON}
@@ -243,6 +272,11 @@ class PureMoments(Record, frozen=True):
         bodies, couples = (self.second, self.first, self.carrier), np.zeros((3, 6))
         couples[:, 3:] = self.moments
         return {body: np.multiply.outer(lam, couple) for body, couple in zip(bodies, couples, strict=True)}
+
+    @property
+    def kinks(self) -> list[tuple[float, Array]]:
+        """Nothing: its wrenches are linear."""
+        return []
 
     def parts(self) -> dict[str, Unit]:
         """Return nothing: the moment is the effort."""

@@ -17,7 +17,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.input.units import unit
-from pinarm.mechanics.couplings.coupling import Coupling, outwards
+from pinarm.mechanics.couplings.coupling import Coupling, Kink, outwards
 from pinarm.mechanics.couplings.transmissions import Strands
 from pinarm.mechanics.friction.bearing import Bearing
 from pinarm.mechanics.friction.coupling_contact import ConstantSlip
@@ -42,6 +42,11 @@ class BeltFriction(ConstantSlip):
         assert isinstance(known, Strands)
         lam = self.radius * f
         return {body: outwards(links, known.carrier, wrench) for body, wrench in known.wrenches(lam).items()}
+
+    def kinks(self, links: LinkPlacements) -> list[Kink]:
+        """Return those of the strands, per difference of the tensions."""
+        return [Kink(kink.at / self.radius, {joint: self.radius * wrench for joint, wrench in kink.wrenches.items()})
+                for kink in self.coupling.kinks(links)]  # fmt: skip
 
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
         """Return nothing: the friction depends on the pretension only."""

@@ -16,6 +16,7 @@ from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 if TYPE_CHECKING:
+    from pinarm.mechanics.couplings.coupling import Kink
     from pinarm.mechanics.friction.bearing import Bearing
     from pinarm.mechanics.friction.law import FrictionLaw
     from pinarm.mechanics.loops.loop_joints import LoopJoint
@@ -72,6 +73,10 @@ class FrictionContact(Protocol):
 
         Joint index -> [f; m] at the world's origin, world axes, shape (n, 6).
         """
+        ...
+
+    def kinks(self, links: LinkPlacements) -> list[Kink]:
+        """Return where these wrenches, linear in the friction between, change their slope; see ``JointRelation``."""
         ...
 
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
@@ -138,6 +143,10 @@ class JointContact:
         """Return nothing: it acts within the joint."""
         return {}
 
+    def kinks(self, links: LinkPlacements) -> list[Kink]:
+        """Return nothing."""
+        return []
+
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
         """Return the wrench of the parent on the child, in the child's axes."""
         turn = links.turns[:, self.index]
@@ -191,6 +200,10 @@ class LoopContact:
     def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
         """Return what it does to the two links."""
         return self.slip.wrenches(links, f[:, None])
+
+    def kinks(self, links: LinkPlacements) -> list[Kink]:
+        """Return nothing: they are linear."""
+        return []
 
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
         """Return the wrench of the first link on the second, at frame 2, in the axes of frame 1."""

@@ -10,7 +10,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.couplings.coupling import Coupling, JointRelation
+from pinarm.mechanics.couplings.coupling import Coupling, JointRelation, Kink
 from pinarm.mechanics.friction.bearing import Bearing
 from pinarm.mechanics.friction.contact import quantity_of
 from pinarm.mechanics.friction.law import FrictionLaw
@@ -60,6 +60,10 @@ class CouplingContact(ABC):
     @abstractmethod
     def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
         """Return what the friction, shape (n,), does to the members; see ``FrictionContact``."""
+
+    def kinks(self, links: LinkPlacements) -> list[Kink]:
+        """Return where these wrenches change their slope; see ``FrictionContact``."""
+        return []
 
     def part(self, name: str, f: Array) -> Array:
         """Return what friction adds to a single force or moment of the coupling [N or N*m], shape (n,): nothing."""

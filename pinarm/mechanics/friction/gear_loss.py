@@ -19,6 +19,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.input.units import Unit, unit
+from pinarm.mechanics.couplings.coupling import Kink
 from pinarm.mechanics.friction.bearing import Bearing
 from pinarm.mechanics.friction.contact import quantity_of
 from pinarm.mechanics.friction.law import FrictionLaw
@@ -81,6 +82,10 @@ class GearLoss:
     def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
         """Return what the friction, shape (n,), does to the driven links; nothing where it acts as joint efforts."""
         return self.gear.coordinate.wrenches(links, 0.5 * f)
+
+    def kinks(self, links: LinkPlacements) -> list[Kink]:
+        """Return nothing: they are linear."""
+        return []
 
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
         """Return the multiplier as the first component of a wrench, shape (n, 6)."""

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pinarm.engine.friction.balance import FrictionBalance, groups_of
+from pinarm.engine.friction.carried_loads import CarriedLoads
 from pinarm.engine.friction.extremes import extreme_frictions
 from pinarm.engine.friction.response import SlipResponse
-from pinarm.engine.friction.slipping import CarriedLoads
 from pinarm.mechanics.friction.bearing import Bearing
 from pinarm.mechanics.friction.law import FrictionLaw
 
@@ -24,7 +24,7 @@ def held(slips, pull, limits, mu=None, weight=0.0, coupling=0.0):
         wrench[-1, 0], response[-1, 0, 0] = weight, coupling
     contacts = [SimpleNamespace(name=f"joint.{i}", law=law, bearing=bearing)
                 for i, (law, bearing) in enumerate(zip(laws, bearings, strict=True))]  # fmt: skip
-    state = SlipResponse(pull * slips[:, 0], slips @ slips.T, CarriedLoads(wrench, response),
+    state = SlipResponse(pull * slips[:, 0], slips @ slips.T, CarriedLoads.linear(wrench, response),
                          np.zeros(k, dtype=bool))  # fmt: skip
     balance = FrictionBalance(contacts, state, np.zeros(k))
     groups = groups_of(contacts, state, list(range(k)))

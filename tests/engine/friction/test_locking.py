@@ -5,8 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pinarm.engine.friction.carried_loads import CarriedLoads
 from pinarm.engine.friction.locking import locks
-from pinarm.engine.friction.slipping import CarriedLoads, Slipping
+from pinarm.engine.friction.slipping import Slipping
 from pinarm.mechanics.friction.bearing import Bearing
 
 
@@ -17,7 +18,7 @@ def flanks(first, response, mu, constant=None):
     wrench, per = np.zeros((k, 6)), np.zeros((k, k, 6))
     wrench[:, 0], per[:, :, 0] = first, response
     constant = np.zeros(k) if constant is None else np.array(constant)
-    return Slipping(contacts, np.ones(k), np.array(mu), constant, CarriedLoads(wrench, per))
+    return Slipping(contacts, np.ones(k), np.array(mu), constant, CarriedLoads.linear(wrench, per))
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import brentq
 
 from pinarm.engine.friction.balance import SlipGroup
+from pinarm.engine.friction.carried_loads import CarriedLoads
 from pinarm.engine.friction.response import SlipResponse
 from pinarm.engine.friction.sharing import SharedFriction
-from pinarm.engine.friction.slipping import CarriedLoads
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.bearing import Bearing
 
@@ -27,7 +27,9 @@ def shared(pull, mu, coupling):
     wrench, response = np.zeros((2, 6)), np.zeros((2, 2, 6))
     wrench[1, 0], response[1, 0, 0] = WEIGHT, coupling
     slips = np.array([[1.0], [RATIO]])
-    state = SlipResponse(pull * slips[:, 0], slips @ slips.T, CarriedLoads(wrench, response), np.zeros(2, dtype=bool))
+    state = SlipResponse(
+        pull * slips[:, 0], slips @ slips.T, CarriedLoads.linear(wrench, response), np.zeros(2, dtype=bool)
+    )
     group = SlipGroup((0, 1), np.array([1.0, RATIO]), np.ones(2))
     mu, constant = np.array([0.0, mu]), np.array([CONSTANT, 0.0])
     return SharedFriction([guide, gear], state, [group], np.zeros(2), mu, constant)

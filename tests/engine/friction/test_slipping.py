@@ -1,11 +1,14 @@
 """Friction that depends on reactions that depend on it: roots by hand, and where there are none or two."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
-from pinarm.engine.friction.slipping import CarriedLoads, Slipping
+from pinarm.engine.friction.carried_loads import CarriedLoads
+from pinarm.engine.friction.slipping import Slipping
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.bearing import Bearing
 
@@ -15,7 +18,9 @@ def slipping(coupling, first=10.0, mu=0.3, sign=1.0, constant=0.0):
     contact = SimpleNamespace(name="joint.slide", bearing=Bearing.guide(np.array([1.0, 0.0, 0.0])))
     wrench, response = np.zeros((1, 6)), np.zeros((1, 1, 6))
     wrench[0, 1], response[0, 0, 1] = first, coupling
-    return Slipping([contact], np.array([sign]), np.array([mu]), np.array([constant]), CarriedLoads(wrench, response))
+    return Slipping(
+        [contact], np.array([sign]), np.array([mu]), np.array([constant]), CarriedLoads.linear(wrench, response)
+    )
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -42,9 +47,48 @@ def test_many_joints_solve_their_equation():
     rng = np.random.default_rng(5)
     contacts = [SimpleNamespace(name=f"joint.{i}", bearing=Bearing.guide(np.eye(3)[i % 3], 0.5, 0.2)) for i in range(5)]
     for _ in range(50):
-        loads = CarriedLoads(10.0 * rng.normal(size=(5, 6)), 0.05 * rng.normal(size=(5, 5, 6)))
+        loads = CarriedLoads.linear(10.0 * rng.normal(size=(5, 6)), 0.05 * rng.normal(size=(5, 5, 6)))
         direction, mu = rng.choice([-1.0, 0.0, 1.0], size=5), rng.uniform(0.0, 0.3, size=5)
         equation = Slipping(contacts, direction, mu, np.full(5, 0.1) * np.abs(direction), loads)
         assert equation.contraction() < 1.0
         f = equation.friction()
         assert f == pytest.approx(-direction * equation.resistance(f), rel=1e-13, abs=1e-13)
+
+
+def slide_on_teeth(first, coupling, press, distance, rate, *, mu=0.3, sign=1.0):
+    """One slide whose guide carries ``first + coupling f + press |distance + rate f|``."""
+    plain = slipping(coupling, first, mu, sign)
+    fold = np.zeros((1, 1, 6))
+    fold[0, 0, 1] = press
+    loads = replace(plain.loads, distance=np.array([distance]), rate=np.array([[rate]]), fold=fold)
+    return replace(plain, loads=loads)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("distance", [-2.0, -0.5, 0.0, 0.5, 2.0])
+def test_the_root_is_on_the_side_of_a_kink_that_the_friction_leads_to(distance, sign):
+    """``f = -s mu |10 + f / 2 + |d + f||``, whose root a bisection brackets: the right side grows less than f."""
+    equation = slide_on_teeth(10.0, 0.5, 1.0, distance, 1.0, sign=sign)
+    root = brentq(lambda f: f + sign * 0.3 * abs(10.0 + 0.5 * f + abs(distance + f)), -100.0, 100.0, xtol=1e-14)
+    assert equation.contraction() == pytest.approx(0.45)
+    assert equation.require_one_root()
+    assert equation.friction() == pytest.approx(root, rel=1e-13)
+    assert equation.roots == [pytest.approx(root, rel=1e-12)]
+
+
+@pytest.mark.parametrize("distance", [-12.0, -4.0, 1.0])
+def test_roots_beyond_contraction_are_those_of_all_sides(distance):
+    """``f = -0.6 |10 - 2 |d + f||``, as a walk in small steps finds them."""
+    equation = slide_on_teeth(10.0, 0.0, -2.0, distance, 1.0, mu=0.6)
+    steps = np.linspace(-100.0, 100.0, 2_000_002)
+    left = steps + 0.6 * np.abs(10.0 - 2.0 * np.abs(distance + steps))
+    passed = steps[:-1][left[:-1] * left[1:] < 0.0]
+    assert not equation.contracts
+    assert sorted(float(f[0]) for f in equation.roots) == pytest.approx(passed, abs=2e-4)
+
+
+def test_a_load_that_grows_beyond_a_kink_only_jams_there():
+    """``0.3 |6 + 4 |x - 1||`` falls to 1.8 at x = 1 and grows faster than x beyond: it is nowhere x."""
+    assert not slide_on_teeth(6.0, 0.0, 4.0, 1.0, 1.0).require_one_root()
+    with pytest.raises(DynamicsError, match="do not determine each other"):
+        slide_on_teeth(-6.0, 0.0, 4.0, 1.0, 1.0).require_one_root()  # x = 0.3 |4 |x - 1| - 6| has two

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pinarm.engine.friction.balance import FrictionBalance, groups_of
+from pinarm.engine.friction.carried_loads import CarriedLoads
 from pinarm.engine.friction.response import SlipResponse
-from pinarm.engine.friction.slipping import CarriedLoads
 from pinarm.engine.friction.switching import decided
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.bearing import Bearing
@@ -20,7 +20,7 @@ def balance(rows, pull, limits, static=None):
     rows, k = np.atleast_2d(rows), len(limits)
     laws = [FrictionLaw(0.0, 0.0, kinetic, rest) for kinetic, rest in zip(limits, static or limits, strict=True)]
     contacts = [SimpleNamespace(name=f"joint.{i}", law=law, bearing=Bearing.none()) for i, law in enumerate(laws)]
-    loads = CarriedLoads(np.zeros((k, 6)), np.zeros((k, k, 6)))
+    loads = CarriedLoads.linear(np.zeros((k, 6)), np.zeros((k, k, 6)))
     size = np.linalg.norm(rows, axis=1)
     response = SlipResponse(rows @ pull, rows @ rows.T, loads, size == 0.0)
     return FrictionBalance(contacts, response, np.zeros(k))
@@ -84,7 +84,7 @@ def loaded(weight, coupling, pull, mu):
     contact = SimpleNamespace(name="joint.rod", law=FrictionLaw(mu, mu, 0.0, 0.0), bearing=Bearing.guide(np.eye(3)[0]))
     wrench, response = np.zeros((1, 6)), np.zeros((1, 1, 6))
     wrench[0, 1], response[0, 0, 1] = weight, coupling
-    loads = CarriedLoads(wrench, response)
+    loads = CarriedLoads.linear(wrench, response)
     slips = SlipResponse(np.array([pull]), np.eye(1), loads, np.zeros(1, dtype=bool))
     return FrictionBalance([contact], slips, np.zeros(1))
 
