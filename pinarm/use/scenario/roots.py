@@ -22,6 +22,9 @@ DIFFERENCE = 1e-3
 ITERATIONS, SETTLED, SHRINK = 40, 1e-13, 0.25
 """Steps at most; relative change of the values at which they have settled; factor of a step that was too long."""
 
+MET = 1e-6
+"""What may be left of what is wanted, relative to what the values, or their units where these are larger, change."""
+
 INDEPENDENT = 1e-9
 """Smallest singular value of the scaled Jacobian, relative to the largest, with which the values are determined."""
 
@@ -35,16 +38,25 @@ class FoundValues:
         residuals: Quantity -> what is left of it at the worst row, in SI.
         before: The same for the starts.
         steps: Number of Gauss-Newton steps.
+        met: Whether nothing is left of what is wanted, but for a small part of what the values bring about.
     """
 
     values: Array
     residuals: Mapping[str, float]
     before: Mapping[str, float]
     steps: int
+    met: bool
 
     def left(self) -> dict[str, float]:
         """Return what is left of every wanted quantity, by a text that names it and what it was at the start."""
         return {f"left of {name} (started with {self.before[name]:.3g})": x for name, x in self.residuals.items()}
+
+    def remarks(self) -> list[str]:
+        """Return a remark where no values near the start bring about what is wanted."""
+        if self.met:
+            return []
+        left = ", ".join(f"{name} by {x:.3g}" for name, x in self.residuals.items())
+        return [f"so_that is not met: the values that come closest to it miss {left}, in SI"]
 
 
 Residuals = Callable[[Sequence[Mapping[str, str]]], Iterable[dict[str, Array]]]
@@ -79,7 +91,9 @@ def find_root(search: Find, residuals: Residuals) -> FoundValues:
         if small.all() or np.linalg.norm(moved) >= (1.0 - 1e-9) * np.linalg.norm(r):
             best = x + length * change if np.linalg.norm(moved) <= np.linalg.norm(r) else x
             (parts,) = residuals([search.text(best)])
-            return FoundValues(best, _worst(parts), before, step)
+            left, reach = np.concatenate([*parts.values()]), jacobian * widths / DIFFERENCE
+            met = bool(np.linalg.norm(left) <= MET * np.linalg.norm(reach))
+            return FoundValues(best, _worst(parts), before, step, met)
         x, r = x + length * change, moved
         widths = _widths(search, x)
     raise IntegrationError(

@@ -55,14 +55,14 @@ def solve_found(scenario: Scenario, search: Find) -> Result:
         search.check_names(bare.quantities(), bare.content.assessments)
         if search.wanted is not None:
             root = _root(bare, search)
-            values, left = root.values, root.left()
+            values, left, remarks = root.values, root.left(), root.remarks()
         else:
             best = _best(bare, search)
-            values, left = best.best.end, {}
+            values, left, remarks = best.best.end, {}, []
     result = bare.varied(search.text(values)).run() if search.objective else bare.varied(search.text(values)).solve()
     result = replace(result, figures={**result.figures, **search.figures(values), **left})
     if search.objective is None:
-        return result
+        return replace(result, outcome=replace(result.outcome, notes=(*result.outcome.notes, *remarks)))
     objective = search.objective.described(result.quantities, bare.content.assessments)
     return replace(result, known={"find": optimum_section(search, best, objective)})
 

@@ -52,6 +52,15 @@ def test_what_cannot_be_met_is_met_as_nearly_as_can_be_and_the_rest_is_told(tmp_
     result = found(tmp_path, "arguments.m_A: 100 g", "C_B: 2 N*m, C_B + 0: 3 N*m")
     left = [value for name, value in result.figures.items() if name.startswith("left of")]
     assert left == pytest.approx([0.5, 0.5], rel=1e-9)
+    [note] = [note for note in result.notes() if note.startswith("so_that is not met")]
+    assert note.startswith("so_that is not met: the values that come closest to it miss C_B by ")
+
+
+def test_what_is_met_needs_no_remark(tmp_path):
+    """From the solution, too, where all that is left is rounding."""
+    for start in ("100 g", f"{1e3 * (2.0 / (9.81 * 0.25) - 0.5)!r} g"):
+        result = found(tmp_path, f"arguments.m_A: {start}", "C_B: 2 N*m")
+        assert not [note for note in result.notes() if "so_that" in note]
 
 
 @pytest.mark.parametrize(
