@@ -34,6 +34,10 @@ from pinarm.mechanics.geometry.link_placements import LinkPlacements
 DRIVEN = 1e-9
 """Part of a slip that constraints and laws leave free, below which they determine it."""
 
+STILL = 1e-12
+"""Part of the accelerations that efforts could give below which one that constraints and laws determine is rounding:
+a joint that geometry holds still does not begin to slip by it."""
+
 OPEN = 1e-9
 """What a self-stress of length 1 may add to a load: rounding leaves 1e-13."""
 
@@ -350,9 +354,12 @@ class _Solved:
         """Return it in a state."""
         here = equation.in_state(q, v)
         force, a = equation.motions(t, q, v)
-        lam = here.split.multipliers(here.mass @ a - force)
-        return cls(equation, t, q, v, here.split, here.slips, a, lam, here.accelerations, here.multipliers,
-                   here.slips @ a + here.drift, here.driven, np.abs(force) + np.abs(here.mass @ a))  # fmt: skip
+        lam, terms = here.split.multipliers(here.mass @ a - force), np.abs(force) + np.abs(here.mass @ a)
+        masses, alpha = np.diag(here.mass), here.slips @ a + here.drift
+        rounding = STILL * np.abs(here.slips) @ np.where(masses > 0.0, terms / np.where(masses > 0.0, masses, 1.0), 0.0)
+        alpha = np.where(here.driven & (np.abs(alpha) <= rounding), 0.0, alpha)
+        return cls(equation, t, q, v, here.split, here.slips, a, lam, here.accelerations, here.multipliers, alpha,
+                   here.driven, terms)  # fmt: skip
 
     @property
     def mobility(self) -> Array:
