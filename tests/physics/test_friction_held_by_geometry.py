@@ -1,7 +1,7 @@
 """Friction of a joint that geometry holds still: anything up to its limit, whatever rounding says of its motion.
 
-A hinge is held by a rod that turns freely in two ball joints: the hinge cannot move, and only the rod spins. The hinge's
-acceleration is rounding, of either sign.
+A hinge is held by a rod that turns freely in two ball joints: the hinge cannot move, and only the rod spins. What the
+hinge has of accelerations is rounding, of either sign.
 """
 
 from pathlib import Path
@@ -15,7 +15,7 @@ INERTIA = '<inertia ixx="0.01" iyy="0.01" izz="0.02" ixy="0" ixz="0" iyz="0"/>'
 
 
 def held_hinge(folder: Path, seed: int) -> pinarm.Result:
-    """Return 0.1 s of a hinge of random places and axis: hinge a, the ball b, c, d of the rod, and the loop at its tip."""
+    """Return 0.1 s of a random hinge: its joint a, the ball b, c, d of the rod, and the loop at the rod's tip."""
     rng = np.random.default_rng(seed)
 
     def text(low: float) -> str:
@@ -28,7 +28,8 @@ def held_hinge(folder: Path, seed: int) -> pinarm.Result:
 
     body = '<link name="{}"><inertial><origin xyz="{}"/><mass value="1"/>' + INERTIA + "</inertial></link>"
     arms = [("j_a", "w", "a", text(0.5), text(1.0)), ("j_b", "a", "b", text(0.5), "1 0 0"),
-            ("j_c", "b", "c", "0 0 0", "0 1 0"), ("j_d", "c", "d", "0 0 0", "0 0 1"), ("fixed_tip", "d", "tip", text(0.4), "")]  # fmt: skip
+            ("j_c", "b", "c", "0 0 0", "0 1 0"), ("j_d", "c", "d", "0 0 0", "0 0 1"),
+            ("fixed_tip", "d", "tip", text(0.4), "")]  # fmt: skip
     links = body.format("a", text(0.3)) + body.format("d", text(0.3))
     links += "".join(f'<link name="{name}"/>' for name in ("w", "b", "c", "tip"))
     free = f'<robot name="hinge">{links}{"".join(joint(*each) for each in arms)}'
