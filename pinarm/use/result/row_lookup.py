@@ -18,7 +18,7 @@ from pinarm.errors import InputError, Key, PinarmError, within
 from pinarm.input.yaml.schema import in_si
 from pinarm.records import Record, replace
 from pinarm.use.result.figures.bracket_fit import BracketFit
-from pinarm.use.result.figures.crossings import crossings
+from pinarm.use.result.figures.crossings import crossings, crossings_of_angle
 from pinarm.use.result.figures.peak_search import (
     MOST_PIECES,
     CurvePart,
@@ -231,33 +231,26 @@ class Lookup(Record, frozen=True):
         return spots
 
     def _crossings(self, along: str, value: float) -> list[Spot]:
-        """Return where a quantity takes a value, in order; intervals are looked into between the rows.
-
-        Of an angle that is told between -180 and 180 deg the sine of the difference has no jumps, and is 0 at the
-        opposite value, too.
-        """
-        wide = set(self._wide)
-        around = self._goes_around(along) and abs(value) <= np.pi
+        """Return where a quantity takes a value, in order; intervals are looked into between the rows."""
+        wide, unit = set(self._wide), self.quantities[along].unit
+        turns = unit is not None and unit.text == "rad" and abs(value) <= np.pi
         spots = list[Spot]()
         for interval, (start, end, rows) in enumerate(self.intervals):
             t = self.run.grid.t[rows]
             t = np.concatenate(
                 [t[:0] if len(t) and t[0] == start else [start], t, [] if len(t) and t[-1] == end else [end]]
             )
-            difference = partial(self._difference, along, value, interval)
-            curve = (lambda t, d=difference: np.sin(d(t))) if around else difference
-            found = crossings(curve, t, PARTS if interval in wide else 0)
-            spots += [(interval, t) for t in found if not around or np.cos(difference(np.array([t]))[0]) > 0.0]
+            parts = PARTS if interval in wide else 0
+            curve = partial(self._values, along, interval)
+            found = (
+                crossings_of_angle(curve, value, t, parts) if turns
+                else crossings(lambda t, curve=curve: curve(t) - value, t, parts)
+            )  # fmt: skip
+            spots += [(interval, t) for t in found]
         return spots
 
-    def _goes_around(self, name: str) -> bool:
-        """Whether a quantity is an angle that jumps by a turn, from 180 to -180 deg or back, between two rows."""
-        series = self.quantities[name]
-        turned = series.unit is not None and series.unit.text == "rad"
-        return turned and bool((np.abs(np.diff(series.values)) > np.pi).any())
-
-    def _difference(self, along: str, value: float, interval: int, t: Array) -> Array:
-        return np.asarray(self.quantities_at(interval, t)[along].values - value)
+    def _values(self, name: str, interval: int, t: Array) -> Array:
+        return np.asarray(self.quantities_at(interval, t)[name].values)
 
     @cached_property
     def _wide(self) -> list[int]:

@@ -191,13 +191,18 @@ class LawTables:
         if not isinstance(data, dict):
             return data
         found = {key: self.beside(value, folder) for key, value in data.items()}
-        if data.get("law") == "table":
-            found["file"] = self._name((folder / data["file"]).resolve())
+        if data.get("law") == "table" and isinstance(data.get("file"), str):
+            found["file"] = self._name((folder / data["file"]).resolve(), root_of(folder))
         return found
 
-    def _name(self, file: Path) -> str:
-        """Return the name of a file beside the others; numbers keep equal names of several folders apart."""
-        if not file.is_file():  # it has been removed meanwhile
+    def _name(self, file: Path, root: Path) -> str:
+        """Return the name of a file beside the others; numbers keep equal names of several folders apart.
+
+        One that has been removed meanwhile, or lies outside of the root, which no law has read, stays where it is.
+        """
+        try:
+            contained_file(file, root)
+        except InputError:
             return str(file)
         known = {source: name for name, source in self.kept}
         if file not in known:

@@ -346,3 +346,17 @@ def test_an_angle_that_goes_around_is_where_it_is_only(
 def test_events_of_an_angle_that_goes_around_are_where_it_is_only(spinning: pinarm.Result) -> None:
     found = {event.name: event.t for event in spinning.events}
     assert found == pytest.approx({"zero": 2.7, "half": 0.9, "late": 0.899}, abs=1e-7)
+
+
+@pytest.mark.parametrize("rows", [2, 3, 31])
+def test_an_angle_of_several_turns_is_reached_once_however_few_rows(rows: int) -> None:
+    """A drive at 900 deg/s is at 90 deg once, after 0.1 s, and at 450 deg later; it never turns back to -90 deg."""
+    motion = {"x": {"law": "constant_speed", "speed": "900 deg/s"}}
+    result = pinarm.run({
+        "pinarm": 1, "mechanism": str(SCENARIOS.parent / "models/servo/mechanism.yaml"), "outputs": ["x"],
+        "problem": {"kind": "inverse", "time": {"end": "1 s", "samples": rows}, "motion": motion},
+    })  # fmt: skip
+    assert result.number("t @ x=90 deg")[0] == pytest.approx(0.1, rel=1e-12)
+    assert result.number("t @ x=450 deg")[0] == pytest.approx(0.5, rel=1e-12)
+    with pytest.raises(InputError, match="not reached"):
+        result.number("t @ x=-90 deg")

@@ -13,7 +13,7 @@ import pytest
 import pinarm
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
-from pinarm.use.store.save import csv
+from pinarm.use.store.save import LawTables, csv
 
 
 def text_of(columns: list[Series]) -> str:
@@ -256,3 +256,19 @@ def test_a_saved_scenario_finds_its_table_again(tmp_path: Path) -> None:
     again = pinarm.load(tmp_path / "out" / "scenario.yaml").run()
     assert again["joint.pin.effort"].values == pytest.approx(first["joint.pin.effort"].values, abs=1e-14)
     assert np.ptp(first["joint.pin.effort"].values) > 0.1
+
+
+def test_only_tables_that_laws_may_read_are_copied(tmp_path: Path) -> None:
+    """Arguments of a model that are called ``law`` and ``file`` name no table, and a table lies below the root."""
+    (tmp_path / "secret.csv").write_text("t [s],angle [deg]\n0,0\n1,30\n")
+    home = tmp_path / "project"
+    (home / "in").mkdir(parents=True)
+    (home / ".pinarm-root").touch()
+    (home / "t.csv").write_text("t [s],angle [deg]\n0,0\n1,30\n")
+    laws = LawTables()
+    outside = {"law": "table", "file": "../../secret.csv"}
+    assert laws.beside(outside, home / "in")["file"] == str(tmp_path / "secret.csv")
+    assert laws.beside({"law": "table"}, home / "in") == {"law": "table"}
+    assert not laws.kept
+    assert laws.beside({"law": "table", "file": "../t.csv"}, home / "in")["file"] == "law_1_t.csv"
+    assert laws.kept == [("law_1_t.csv", home / "t.csv")]

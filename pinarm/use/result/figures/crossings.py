@@ -30,6 +30,9 @@ ONE = 1e-4
 """Part of the whole within which places are one where the curve between them is 0 but for rounding: a motion that comes
 to rest at a value is there within rounding for that long."""
 
+BESIDE = 1e-9
+"""Part of the whole from a place to those on both sides of it: an angle has jumped between them, and changed little."""
+
 
 def crossings(curve: Curve, t: Array, parts: int = 0) -> list[float]:
     """Return where a curve is zero, in the order of the places t, shape (n,); not where it jumps over zero.
@@ -39,9 +42,17 @@ def crossings(curve: Curve, t: Array, parts: int = 0) -> list[float]:
         t: Places, ascending or descending: what takes place twice between two of them is not seen.
         parts: Into how many brackets the whole is cut besides, whose extremes are places as well; 0 for none.
     """
+    return _zeros(curve, *_looked_at(curve, t, parts))
+
+
+def _looked_at(curve: Curve, t: Array, parts: int) -> tuple[Array, Array]:
+    """Return places between which a curve is taken to cross zero once at most, and its values there."""
     values = curve(t)
-    if parts:
-        t, values = _with_extremes(curve, t, values, parts)
+    return _with_extremes(curve, t, values, parts) if parts else (t, values)
+
+
+def _zeros(curve: Curve, t: Array, values: Array) -> list[float]:
+    """Return where a curve is zero between places, shape (n,), at which it has the values, shape (n,)."""
     found = []
     for k in range(len(t) - 1):
         if values[k] == 0.0:
@@ -52,6 +63,40 @@ def crossings(curve: Curve, t: Array, parts: int = 0) -> list[float]:
                 found.append(place)
     found += [float(t[-1])] if values[-1] == 0.0 else []
     return _once(curve, found, set(t[values == 0.0].tolist()), t, TOUCHES * float(np.abs(values).max(initial=0.0)))
+
+
+def crossings_of_angle(angle: Curve, value: float, t: Array, parts: int = 0) -> list[float]:
+    """Return where an angle takes a value, also where it is told between -180 and 180 deg and jumps from one to the other.
+
+    Where it changes by more than half a turn between places that are looked at, it may have jumped there, and the sine
+    of the difference is looked at too, which does not jump. Of its zeros those count beside which the angle takes the
+    value: others are half a turn or whole turns away.
+
+    Args:
+        angle: The angle [rad].
+        value: The value [rad].
+        t: Places, as in ``crossings``.
+        parts: As there.
+    """
+
+    def difference(t: Array) -> Array:
+        return angle(t) - value
+
+    def sine(t: Array) -> Array:
+        return np.sin(difference(t))
+
+    places, values = _looked_at(difference, t, parts)
+    found = _zeros(difference, places, values)
+    if (np.abs(np.diff(values)) <= np.pi).all():
+        return found
+    near = BESIDE * abs(float(t[-1] - t[0]))
+    low, high = sorted((float(t[0]), float(t[-1])))
+    others = [
+        place for place in crossings(sine, t, parts)
+        if np.abs(difference(np.clip(place + near * np.array([-1.0, 0.0, 1.0]), low, high))).min() < 1.0
+    ]  # fmt: skip
+    merged = sorted({*found, *others}, reverse=bool(t[-1] < t[0]))
+    return _once(sine, merged, set(found), t, TOUCHES)
 
 
 def _once(curve: Curve, found: list[float], known: set[float], t: Array, slack: float) -> list[float]:

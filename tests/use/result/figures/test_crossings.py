@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pinarm.use.result.figures.crossings import crossings
+from pinarm.use.result.figures.crossings import crossings, crossings_of_angle
 
 ENDS = np.array([0.0, 1.0])
 
@@ -57,3 +57,26 @@ def test_an_end_that_is_reached_within_rounding_before_is_reached_once():
     found = crossings(lambda t: -((1.0 - t) ** 3) + np.where(t < 1.0, 1e-16 * noise.normal(size=len(t)), 0.0),
                       np.append(np.linspace(0.0, 0.9999, 20), [1.0 - 1e-6, 1.0]))  # fmt: skip
     assert found == [1.0]
+
+
+def wrapped(angle):
+    return np.angle(np.exp(1j * angle))
+
+
+@pytest.mark.parametrize("places", [2, 3, 5, 40])
+@pytest.mark.parametrize("value", [1.0, -np.pi, np.pi])
+def test_an_angle_of_several_turns_is_where_it_is_however_few_places(places, value):
+    """From -2 by 20 rad, counted and told between -180 and 180 deg, where half a turn is both of these."""
+    t, turns = np.linspace(0.0, 1.0, places), 2.0 * np.pi * np.arange(-1, 4)
+    counted = crossings_of_angle(lambda t: -2.0 + 20.0 * t, value, t, 4)
+    assert counted == pytest.approx([(value + 2.0) / 20.0] if value > -2.0 else [], abs=1e-14)
+    every = (value + turns + 2.0) / 20.0
+    around = crossings_of_angle(lambda t: wrapped(-2.0 + 20.0 * t), value, t, 4)
+    assert around == pytest.approx(every[(every >= 0.0) & (every <= 1.0)], abs=1e-9)
+    back = crossings_of_angle(lambda t: wrapped(-2.0 + 20.0 * t), value, t[::-1], 4)
+    assert back == pytest.approx(around[::-1], abs=1e-9)
+
+
+def test_a_whole_turn_from_half_a_turn_ends_at_half_a_turn():
+    """A counted angle from -180 to 180 deg is 180 deg at its end only."""
+    assert crossings_of_angle(lambda t: 2.0 * np.pi * t - np.pi, np.pi, ENDS, 4) == [1.0]
