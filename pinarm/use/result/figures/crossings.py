@@ -66,7 +66,7 @@ def _zeros(curve: Curve, t: Array, values: Array) -> list[float]:
 
 
 def crossings_of_angle(angle: Curve, value: float, t: Array, parts: int = 0) -> list[float]:
-    """Return where an angle takes a value, also where it is told between -180 and 180 deg and jumps from one to the other.
+    """Return where an angle takes a value, also one that is told between -180 and 180 deg, and jumps at these.
 
     Where it changes by more than half a turn between places that are looked at, it may have jumped there, and the sine
     of the difference is looked at too, which does not jump. Of its zeros those count beside which the angle takes the
