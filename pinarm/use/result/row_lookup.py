@@ -240,17 +240,13 @@ class Lookup(Record, frozen=True):
             t = np.concatenate(
                 [t[:0] if len(t) and t[0] == start else [start], t, [] if len(t) and t[-1] == end else [end]]
             )
-            parts = PARTS if interval in wide else 0
-            curve = partial(self._values, along, interval)
-            found = (
-                crossings_of_angle(curve, value, t, parts) if turns
-                else crossings(lambda t, curve=curve: curve(t) - value, t, parts)
-            )  # fmt: skip
+            difference = partial(self._difference, along, value, interval)
+            found = (crossings_of_angle if turns else crossings)(difference, t, PARTS if interval in wide else 0)
             spots += [(interval, t) for t in found]
         return spots
 
-    def _values(self, name: str, interval: int, t: Array) -> Array:
-        return np.asarray(self.quantities_at(interval, t)[name].values)
+    def _difference(self, along: str, value: float, interval: int, t: Array) -> Array:
+        return np.asarray(self.quantities_at(interval, t)[along].values - value)
 
     @cached_property
     def _wide(self) -> list[int]:

@@ -65,7 +65,7 @@ def _zeros(curve: Curve, t: Array, values: Array) -> list[float]:
     return _once(curve, found, set(t[values == 0.0].tolist()), t, TOUCHES * float(np.abs(values).max(initial=0.0)))
 
 
-def crossings_of_angle(angle: Curve, value: float, t: Array, parts: int = 0) -> list[float]:
+def crossings_of_angle(difference: Curve, t: Array, parts: int = 0) -> list[float]:
     """Return where an angle takes a value, also one that is told between -180 and 180 deg, and jumps at these.
 
     Where it changes by more than half a turn between places that are looked at, it may have jumped there, and the sine
@@ -73,14 +73,10 @@ def crossings_of_angle(angle: Curve, value: float, t: Array, parts: int = 0) -> 
     value: others are half a turn or whole turns away.
 
     Args:
-        angle: The angle [rad].
-        value: The value [rad].
+        difference: The angle less the value [rad].
         t: Places, as in ``crossings``.
         parts: As there.
     """
-
-    def difference(t: Array) -> Array:
-        return angle(t) - value
 
     def sine(t: Array) -> Array:
         return np.sin(difference(t))

@@ -157,7 +157,7 @@ def compare(result: Result, expectation: Expectation) -> Finding:
     printed, off, explained = _published(quantities, expectation, series.values, series.unit)
     verdict, reason = _verdict(expectation, wanted is not None, met, off, explained)
     if verdict == "MISS" and slack > tolerance.min():
-        reason = f"{reason}, and it is known to {slack:.1e} {series.unit} only"
+        reason = f"{reason}, and it is known to {slack:.1e} {series.unit or ''} only"
     if not np.isfinite(series.values).all():
         verdict, reason = "MISS", "the computed number is not finite"
     return Finding(

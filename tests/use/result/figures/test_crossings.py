@@ -68,15 +68,15 @@ def wrapped(angle):
 def test_an_angle_of_several_turns_is_where_it_is_however_few_places(places, value):
     """From -2 by 20 rad, counted and told between -180 and 180 deg, where half a turn is both of these."""
     t, turns = np.linspace(0.0, 1.0, places), 2.0 * np.pi * np.arange(-1, 4)
-    counted = crossings_of_angle(lambda t: -2.0 + 20.0 * t, value, t, 4)
+    counted = crossings_of_angle(lambda t: -2.0 + 20.0 * t - value, t, 4)
     assert counted == pytest.approx([(value + 2.0) / 20.0] if value > -2.0 else [], abs=1e-14)
     every = (value + turns + 2.0) / 20.0
-    around = crossings_of_angle(lambda t: wrapped(-2.0 + 20.0 * t), value, t, 4)
+    around = crossings_of_angle(lambda t: wrapped(-2.0 + 20.0 * t) - value, t, 4)
     assert around == pytest.approx(every[(every >= 0.0) & (every <= 1.0)], abs=1e-9)
-    back = crossings_of_angle(lambda t: wrapped(-2.0 + 20.0 * t), value, t[::-1], 4)
+    back = crossings_of_angle(lambda t: wrapped(-2.0 + 20.0 * t) - value, t[::-1], 4)
     assert back == pytest.approx(around[::-1], abs=1e-9)
 
 
 def test_a_whole_turn_from_half_a_turn_ends_at_half_a_turn():
     """A counted angle from -180 to 180 deg is 180 deg at its end only."""
-    assert crossings_of_angle(lambda t: 2.0 * np.pi * t - np.pi, np.pi, ENDS, 4) == [1.0]
+    assert crossings_of_angle(lambda t: 2.0 * np.pi * (t - 1.0), ENDS, 4) == [1.0]
