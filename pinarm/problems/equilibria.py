@@ -11,7 +11,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.kinematics.newton import start_configuration
+from pinarm.engine.kinematics.newton import start_near
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import ROW, Trajectory
@@ -98,7 +98,8 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
                 if name in held:
                     with place("starts", index, Key(name)):
                         raise InputError(f"'{name}' is held", expected="starting values of the other joints")
-        return balance, [start_configuration(mechanism, start) for start in self.starts]
+        grid = Grid.cover(np.zeros(1), [])
+        return balance, [start_near(mechanism, start, balance.held, grid) for start in self.starts]
 
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None

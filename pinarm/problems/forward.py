@@ -15,7 +15,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspaces.nullspace import VANISHED
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import friction_columns
-from pinarm.engine.kinematics.newton import start_configuration
+from pinarm.engine.kinematics.newton import start_near
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.bifurcation import undetermined_rest
@@ -38,6 +38,7 @@ from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import InputStruct, Level, Rate
 from pinarm.mechanics.ball_joints import coordinate_name, indices_of, velocity
 from pinarm.mechanics.laws import Motion
+from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
@@ -52,7 +53,6 @@ if TYPE_CHECKING:
     from pinarm.engine.motion.outcome import Outcome
     from pinarm.mechanics.control.kinds import Control
     from pinarm.mechanics.forces.kinds import Force
-    from pinarm.mechanics.laws.motion_law import MotionLaw
 else:  # imported where a file has loads or controllers, see Forward.deferred
     Control = Force = Any
 
@@ -140,7 +140,6 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, place))
         controls = self._controls(mechanism, dynamics, motion, place)
-        initial = self.initial_state(mechanism, place)
         bounds: tuple[Bound | Separation, ...] = bounds_of(mechanism, self.end_stops, place)
         bounds = (*bounds, *separations_of(mechanism.closure))
         watches = watches_of(mechanism, self.events, place)
@@ -150,6 +149,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
                     raise InputError(f"'{name}' follows a law", expected="end stops of free joints only")
         with place("motion"):
             prescribed = PrescribedCoordinates.some(mechanism, motion)
+        initial = self.initial_state(mechanism, prescribed, place)
+        with place("motion"):
             acting, span = controls.dynamics if controls else dynamics, (self.time.start, self.time.end)
             hybrid = HybridSystem(
                 mechanism.closure, acting, prescribed, initial, span, bounds, watches,
@@ -245,8 +246,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             partial=kept, t=rest.t,
         )  # fmt: skip
 
-    def initial_state(self, mechanism: Mechanism, place: Place) -> Initial:
-        """Return the initial state of the mechanism, as it is given; see ``HybridSystem.begin``.
+    def initial_state(self, mechanism: Mechanism, prescribed: PrescribedCoordinates, place: Place) -> Initial:
+        """Return the initial state of the mechanism, as it is given, near a closed one; see ``HybridSystem.begin``.
 
         Raises:
             InputError: A name or a unit in it is wrong.
@@ -260,7 +261,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
                     with place("initial", part, Key(name)):
                         raise InputError(f"'{name}' follows a law", expected="initial values of free joints only")
         with place("initial", "position"):
-            q = start_configuration(mechanism, {**self.start, **self.initial.position})
+            grid = Grid.cover(np.array([self.time.start, self.time.end]), prescribed.laws)
+            q = start_near(mechanism, {**self.start, **self.initial.position}, prescribed, grid)
         joints, balls = mechanism.joints, mechanism.balls
         others = rates_of_coordinates(mechanism, self.initial.velocity)
         own = {name: rate for name, rate in self.initial.velocity.items() if name not in others}

@@ -188,9 +188,8 @@ def joint_rates(
 
 def prescribed_at_start(mechanism: Mechanism, prescribed: PrescribedCoordinates, grid: Grid, start: Array) -> Array:
     """Return the start with the first values of laws that joints follow: from elsewhere the branch may be another."""
-    begin, end, _ = grid.intervals()[0]
-    q, values = start.copy(), prescribed.on(begin, end)(float(grid.t[0]))[0]
-    for name, w in zip(prescribed.names, values, strict=True):
+    q = start.copy()
+    for name, w in zip(prescribed.names, prescribed.first(grid), strict=True):
         if name in mechanism.joints:
             q[mechanism.joints[name].q] = w
     return q

@@ -91,9 +91,9 @@ def start_configuration(mechanism: Mechanism, start: Mapping[str, float]) -> Arr
 def start_near(
     mechanism: Mechanism, start: Mapping[str, float], prescribed: PrescribedCoordinates, grid: Grid
 ) -> Array:
-    """Return the start configuration as close to a solution as the given coordinates allow, shape (nq,).
+    """Return the start configuration with the joints that are not given near a solution, shape (nq,).
 
-    Loops, first values of laws and given coordinates share what is left open; from where the others are 0 the
+    They are where loops, first values of laws and given coordinates share what is left open; from where they are 0 the
     positions that are found may be on another branch than those given.
 
     Args:
@@ -111,9 +111,11 @@ def start_near(
         return q
     coordinates = *prescribed.coordinates, *(mechanism.coordinate(name) for name in given)
     solver = NewtonSolver(mechanism.closure, PrescribedCoordinates((*prescribed.names, *given), coordinates, ()))
-    begin, end, _ = grid.intervals()[0]
-    first = np.append(prescribed.on(begin, end)(float(grid.t[0]))[0], [start[name] for name in given])
-    return solver.closest(q, first, solver.sliding)[0]
+    wanted = np.append(prescribed.first(grid), [start[name] for name in given])
+    near = solver.closest(q, wanted, solver.sliding)[0]
+    for name in given:
+        near[mechanism.joints[name].q] = start[name]
+    return near
 
 
 class NewtonSolver:

@@ -11,7 +11,7 @@ from pinarm.arrays import Array
 from pinarm.errors import LISTED, InputError, several
 from pinarm.mechanics.ball_joints import ball_coordinates
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
-from pinarm.mechanics.laws.motion_law import MotionLaw
+from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
@@ -116,6 +116,11 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
             return w, dw, ddw
 
         return target
+
+    def first(self, grid: Grid) -> Array:
+        """Return the values of all coordinates at the first of some rows, shape (k,)."""
+        begin, end, _ = grid.intervals()[0]
+        return self.on(begin, end)(float(grid.t[0]))[0]
 
     def along(self, start: float, end: float) -> Callable[[Array], tuple[Array, Array, Array]]:
         """Return the same at many instants: ``t -> w, w', w''``, shape (n,) to (n, k)."""

@@ -258,6 +258,17 @@ def rocker_angle(crank, points):
     return np.angle(np.exp(1j * (turned(crank) - turned(0.0))))
 
 
+def drawn(points):
+    """A four-bar with its crank from O to A, its coupler from A to B and its rocker from B to C, without gravity."""
+    links = {"crank": ["O", "A"], "coupler": ["A", "B"], "rocker": ["B", "C"]}
+    planar = {
+        "points": {name: [f"{float(x)!r} m" for x in point] for name, point in points.items()},
+        "links": {name: {"points": of, "mass": "1 kg"} for name, of in links.items()},
+        "ground": ["O", "C"],
+    }
+    return {"pinarm": 1, "planar": planar, "gravity": "none"}
+
+
 @pytest.mark.parametrize(
     ("a", "b", "c", "crank"),
     [
@@ -270,13 +281,35 @@ def rocker_angle(crank, points):
 def test_a_start_that_is_a_solution_is_taken(a, b, c, crank, off):
     """With the rocker held there are two positions of the crank; the one that is given is taken, rounded digits too."""
     points = {"O": (0.0, 0.0), "A": a, "B": b, "C": (c, 0.0)}
-    links = {"crank": ["O", "A"], "coupler": ["A", "B"], "rocker": ["B", "C"]}
-    planar = {"points": {name: [f"{x!r} m" for x in point] for name, point in points.items()}, "ground": ["O", "C"],
-              "links": {name: {"points": of, "mass": "1 kg"} for name, of in links.items()}}  # fmt: skip
     held = {"kind": "statics", "hold": {"C": f"{float(rocker_angle(crank, points))!r} rad"},
             "start": {"O": f"{crank + off!r} rad"}}  # fmt: skip
-    result = pinarm.run({"pinarm": 1, "mechanism": {"pinarm": 1, "planar": planar}, "problem": held, "outputs": ["O"]})
+    result = pinarm.run({"pinarm": 1, "mechanism": drawn(points), "problem": held, "outputs": ["O"]})
     assert result["O"].values == pytest.approx(crank, abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["forward", "equilibria"])
+def test_a_start_that_is_a_solution_is_where_a_motion_and_an_equilibrium_are_looked_for(kind):
+    """The angle of the coupler is not given; a spring holds the crank where it is in both positions of the rocker."""
+    generator = np.random.default_rng(5)
+    for _ in range(30):
+        a, b = generator.uniform(-0.15, 0.15, 2), generator.uniform(-0.4, 0.4, 2)
+        c, crank = generator.uniform(0.1, 0.5), generator.uniform(-1.5, 1.5)
+        points = {"O": (0.0, 0.0), "A": tuple(a), "B": tuple(b), "C": (c, 0.0)}
+        with np.errstate(invalid="ignore"):
+            rocker = rocker_angle(crank, points)
+        if np.isnan(rocker):
+            continue
+        both = {"O": f"{crank!r} rad", "C": f"{float(rocker)!r} rad"}
+        spring = {"kind": "joint_spring", "joint": "O", "stiffness": "1 N*m/rad", "rest": both["O"]}
+        problem = {
+            "forward": {"time": {"end": "1e-6 s", "samples": 2}, "start": {"O": both["O"]},
+                        "initial": {"position": {"C": both["C"]}}},
+            "equilibria": {"loads": {"spring": spring}, "starts": [both]},
+        }[kind]  # fmt: skip
+        found = pinarm.run({"pinarm": 1, "mechanism": drawn(points), "problem": {"kind": kind, **problem},
+                            "outputs": ["O", "C"]})  # fmt: skip
+        off = np.array([found["O"].values[0] - crank, found["C"].values[0] - rocker])
+        assert np.angle(np.exp(1j * off)) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(("angle", "refused"), [(90.0, True), (89.0, False)])
