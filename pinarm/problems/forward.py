@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgspec
@@ -15,7 +15,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspaces.nullspace import VANISHED
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import friction_columns
-from pinarm.engine.kinematics.newton import start_near
+from pinarm.engine.kinematics.newton import near_given, start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.bifurcation import undetermined_rest
@@ -36,7 +36,8 @@ from pinarm.errors import InputError, IntegrationError, Interrupted, Key, Place,
 from pinarm.input.units import unit
 from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import InputStruct, Level, Rate
-from pinarm.mechanics.ball_joints import coordinate_name, indices_of, velocity
+from pinarm.mechanics.ball_joints import coordinate_name, indices_of
+from pinarm.mechanics.ball_joints import velocity as velocity_of
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.problems.accuracy import Accuracy
@@ -247,7 +248,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         )  # fmt: skip
 
     def initial_state(self, mechanism: Mechanism, prescribed: PrescribedCoordinates, place: Place) -> Initial:
-        """Return the initial state of the mechanism, as it is given, near a closed one; see ``HybridSystem.begin``.
+        """Return the initial state of the mechanism, as it is given; see ``HybridSystem.begin``.
 
         Raises:
             InputError: A name or a unit in it is wrong.
@@ -260,20 +261,42 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
                 if name in self.motion:
                     with place("initial", part, Key(name)):
                         raise InputError(f"'{name}' follows a law", expected="initial values of free joints only")
-        with place("initial", "position"):
-            grid = Grid.cover(np.array([self.time.start, self.time.end]), prescribed.laws)
-            q = start_near(mechanism, {**self.start, **self.initial.position}, prescribed, grid)
-        joints, balls = mechanism.joints, mechanism.balls
+        with place("initial"):
+            [initial] = self.initial_states(mechanism, prescribed, {}, {}, 1)
+        return initial
+
+    def initial_states(
+        self, mechanism: Mechanism, prescribed: PrescribedCoordinates, position: Mapping[str, Array],
+        velocity: Mapping[str, Array], count: int,
+    ) -> Iterator[Initial]:  # fmt: skip
+        """Yield the initial states of some motions, which are this one but for positions and velocities of their own.
+
+        Args:
+            mechanism: The mechanism.
+            prescribed: What follows laws.
+            position: Joint -> its coordinates [rad or m], shape (count,).
+            velocity: Joint -> its velocities [rad/s or m/s], shape (count,).
+            count: How many motions there are.
+        """
+        start, joints, balls = {**self.start, **self.initial.position}, mechanism.joints, mechanism.balls
         others = rates_of_coordinates(mechanism, self.initial.velocity)
         own = {name: rate for name, rate in self.initial.velocity.items() if name not in others}
-        v = velocity(mechanism.model, joints, balls, own)
+        q = np.tile(start_configuration(mechanism, start), (count, 1))
+        v = np.tile(velocity_of(mechanism.model, joints, balls, own), (count, 1))
+        for name, values in position.items():
+            q[:, joints[name].q] = values
+        for name, values in velocity.items():
+            v[:, joints[name].v] = values
         positions, velocities = (
             tuple(dict.fromkeys(index for name in given for index in indices_of(name, joints, balls)))
-            for given in (self.initial.position, own)
+            for given in ((*self.initial.position, *position), (*own, *velocity))
         )
         rates = tuple((mechanism.coordinate(name), float(rate)) for name, rate in others.items())
-        followers = followers_of(mechanism, {*self.start, *self.initial.position}, self.initial.velocity)
-        return Initial(q, v, positions, velocities, rates, followers)
+        followers = followers_of(mechanism, {*start, *position}, {*self.initial.velocity, *velocity})
+        grid = Grid.cover(np.array([self.time.start, self.time.end]), prescribed.laws)
+        for rough, speeds in zip(q, v, strict=True):
+            near = near_given(mechanism, rough, [*start, *position], prescribed, grid)
+            yield Initial(near, speeds, positions, velocities, rates, followers)
 
 
 def _rest(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:

@@ -8,7 +8,7 @@ loops (``Closure.measure``), so that they are solved alike at any size.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -93,9 +93,6 @@ def start_near(
 ) -> Array:
     """Return the start configuration with the joints that are not given near a solution, shape (nq,).
 
-    They are where loops, first values of laws and given coordinates share what is left open; from where they are 0 the
-    positions that are found may be on another branch than those given.
-
     Args:
         mechanism: The mechanism.
         start: Joint coordinates; see ``start_configuration``.
@@ -105,16 +102,32 @@ def start_near(
     Raises:
         InputError: A joint does not exist.
     """
-    q = start_configuration(mechanism, start)
-    given = [name for name in start if name in mechanism.joints and name not in prescribed.names]
-    if not given or not mechanism.closure.size:
+    return near_given(mechanism, start_configuration(mechanism, start), start, prescribed, grid)
+
+
+def near_given(
+    mechanism: Mechanism, q: Array, given: Collection[str], prescribed: PrescribedCoordinates, grid: Grid
+) -> Array:
+    """Return a configuration with the joints that are not given near a solution, shape (nq,).
+
+    They are where loops, first values of laws and given coordinates share what is left open; from where they are 0 the
+    positions that are found may be on another branch than those given.
+
+    Args:
+        mechanism: The mechanism.
+        q: The configuration, shape (nq,).
+        given: Names of coordinates of joints that are given in it.
+        prescribed: What follows laws.
+        grid: Instants of the laws.
+    """
+    own = [name for name in given if name in mechanism.joints and name not in prescribed.names]
+    if not own or not mechanism.closure.size:
         return q
-    coordinates = *prescribed.coordinates, *(mechanism.coordinate(name) for name in given)
-    solver = NewtonSolver(mechanism.closure, PrescribedCoordinates((*prescribed.names, *given), coordinates, ()))
-    wanted = np.append(prescribed.first(grid), [start[name] for name in given])
-    near = solver.closest(q, wanted, solver.sliding)[0]
-    for name in given:
-        near[mechanism.joints[name].q] = start[name]
+    places = [mechanism.joints[name].q for name in own]
+    coordinates = *prescribed.coordinates, *(mechanism.coordinate(name) for name in own)
+    solver = NewtonSolver(mechanism.closure, PrescribedCoordinates((*prescribed.names, *own), coordinates, ()))
+    near = solver.closest(q, np.append(prescribed.first(grid), q[places]), solver.sliding)[0]
+    near[places] = q[places]
     return near
 
 

@@ -290,4 +290,4 @@ def batch(
     check_number(workers)
     question = Question.of(load(scenario, values))
     starts = Starts.of(question.scenario.simplification.solved, question.hybrid, position or {}, velocity or {})
-    return Batch(question, starts, *question.begin(starts.initial(question.hybrid)), workers, executor)
+    return Batch(question, starts, *question.begin(starts), workers, executor)

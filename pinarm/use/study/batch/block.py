@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -17,7 +17,6 @@ from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.segmented.ensembles import integrate_together
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 from pinarm.engine.motion.small_motions import is_offset, is_small
-from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.one_run import one_at_a_time
 from pinarm.engine.quantities.names import Quantities
@@ -27,6 +26,7 @@ from pinarm.problems.batch_table import BatchTable
 from pinarm.problems.forward import Forward
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.study.batch.initial_states import Starts
 
 AnswerT = TypeVar("AnswerT")
 
@@ -63,14 +63,17 @@ class Question:
         place = partial(scenario.document.locating, "problem")
         return cls(scenario, problem, problem.prepare(scenario.simplification.solved, content.accuracy, place))
 
-    def begin(self, starts: Iterable[Initial]) -> tuple[Array, Array]:
+    def begin(self, starts: Starts) -> tuple[Array, Array]:
         """Return initial states, assembled, of shapes (b, nq) and (b, nv).
 
         Raises:
             InputError: One contradicts itself, the laws, or a stop.
             DynamicsError: Masses do not determine the accelerations there.
         """
-        q, v = (np.array(x) for x in zip(*(self.hybrid.begin(start) for start in starts), strict=True))
+        given = self.problem.initial_states(
+            starts.mechanism, self.hybrid.prescribed, starts.position, starts.velocity, starts.size
+        )
+        q, v = (np.array(x) for x in zip(*(self.hybrid.begin(initial) for initial in given), strict=True))
         self.hybrid.require_masses(q)
         return q, v
 
@@ -115,6 +118,8 @@ class Block:
         hybrid, ensemble = self.question.hybrid, self.ensemble
         if hybrid.bounds or ensemble is None:
             return None
+        if any(one.watch >= len(hybrid.watches) for crossings in ensemble.crossings for one in crossings):
+            return None  # one has come to an edge of a load, where another segment begins
         reached = zip(ensemble.sizes.tolist(), ensemble.displacements.tolist(), strict=True)
         finer = any(is_small(hybrid, size) or is_offset(hybrid, moved, hybrid.size + size) for size, moved in reached)
         return None if finer else ensemble

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,13 +11,11 @@ from numpy.typing import ArrayLike
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
-from pinarm.engine.motion.systems import Initial
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.quantities.states import columns_of
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices
 from pinarm.input.units import unit
-from pinarm.mechanics.joints import Joint
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,13 +23,13 @@ class Starts:
     """Initial values of b motions.
 
     Attributes:
-        joints: The joints of what is solved, by name.
+        mechanism: What is solved.
         position: Joint -> initial coordinates [rad or m], shape (b,).
         velocity: Joint -> initial velocities [rad/s or m/s], shape (b,).
         size: b.
     """
 
-    joints: Mapping[str, Joint]
+    mechanism: Mechanism
     position: Mapping[str, Array]
     velocity: Mapping[str, Array]
     size: int
@@ -67,27 +65,14 @@ class Starts:
         if shape == (0,):
             raise InputError("there are no initial values", expected="one motion or more")
         found = [np.array(x, ndmin=1) for x in columns.values()]
-        return cls(mechanism.joints, dict(zip(position, found, strict=False)),
+        return cls(mechanism, dict(zip(position, found, strict=False)),
                    dict(zip(velocity, found[len(position) :], strict=True)), *(shape or (1,)))  # fmt: skip
-
-    def initial(self, hybrid: HybridSystem) -> Iterator[Initial]:
-        """Yield the initial states, not yet assembled."""
-        base, joints = hybrid.initial, self.joints
-        positions = tuple(dict.fromkeys((*base.positions, *(joints[name].v for name in self.position))))
-        velocities = tuple(dict.fromkeys((*base.velocities, *(joints[name].v for name in self.velocity))))
-        q, v = np.tile(base.q, (self.size, 1)), np.tile(base.v, (self.size, 1))
-        for name, values in self.position.items():
-            q[:, joints[name].q] = values
-        for name, values in self.velocity.items():
-            v[:, joints[name].v] = values
-        for state in zip(q, v, strict=True):
-            yield Initial(*state, positions, velocities)
 
     def of_one(self, number: int) -> dict[str, dict[str, str]]:
         """Return the initial values of one motion, as a scenario's ``initial`` has them."""
         given = {"position": (self.position, ""), "velocity": (self.velocity, "/s")}
         return {
-            what: {name: f"{float(x[number])!r} {self.joints[name].unit}{per}" for name, x in values.items()}
+            what: {name: f"{float(x[number])!r} {self.mechanism.joints[name].unit}{per}" for name, x in values.items()}
             for what, (values, per) in given.items()
         }
 

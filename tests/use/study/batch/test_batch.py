@@ -536,3 +536,44 @@ def test_steps_are_limited_over_all_stretches():
     most = len(both.steps) + both.count.rejected - 1
     assert len(first.steps) + first.count.rejected < 0.6 * most
     assert list(integrate_batch(halves, line, ones, ones, method, max_steps=most).failures) == [0, 1]
+
+
+def test_rates_of_coordinates_that_the_scenario_gives_are_those_of_all_motions():
+    """The coupler turns at 3 rad/s in every position of the crank, and the branch is that of a run of its own."""
+    given = {
+        "pinarm": 1, "mechanism": str(ROOT / "models" / "crank_rocker" / "mechanism.yaml"), "outputs": ["theta4"],
+        "problem": {"kind": "forward", "time": {"end": "0.1 s", "samples": 3},
+                    "initial": {"velocity": {"theta3": "3 rad/s"}}},
+    }  # fmt: skip
+    positions = np.linspace(-2.0, 2.0, 5)
+    found = pinarm.batch(given, {"theta2": positions})
+    assert found["omega3"].values[:, 0] == pytest.approx(3.0, abs=1e-12)
+    for position, ours in zip(positions.tolist(), found["theta4"].values, strict=True):
+        alone = pinarm.run(given, {"problem.initial.position.theta2": f"{position!r} rad"})
+        assert ours == pytest.approx(alone["theta4"].values, abs=1e-9)
+
+
+def test_rotors_behind_elastic_gears_begin_as_their_joints_do():
+    """A flywheel and its rotor turn at one speed: the spring between them is idle."""
+    given = {
+        "pinarm": 1, "mechanism": str(ROOT / "models" / "servo" / "backlash.yaml"), "outputs": ["x"],
+        "problem": {"kind": "forward", "time": {"end": "1 s", "samples": 3}},
+    }  # fmt: skip
+    found = pinarm.batch(given, {"x": [0.0, 1.0]}, {"x": [1.0, -2.0]})
+    expected = [[0.0, 0.5, 1.0], [1.0, 0.0, -1.0]]
+    assert found["x"].values == pytest.approx(np.array(expected), abs=1e-12)
+
+
+def test_motions_that_come_to_edges_of_a_load_are_the_motions_one_by_one():
+    """A rotor at rest is taken along, thrown ahead and caught again at both flanks of a backlash."""
+    given = {
+        "pinarm": 1, "mechanism": str(ROOT / "models" / "servo" / "backlash.yaml"), "outputs": ["x"],
+        "problem": {"kind": "forward", "time": {"end": "1 s", "samples": 3},
+                    "initial": {"velocity": {"servo.rotor": "0 rad/s"}}},
+    }  # fmt: skip
+    speeds = [1.0, -2.0]
+    found = pinarm.batch(given, velocity={"x": speeds})
+    for speed, ours in zip(speeds, found["x"].values, strict=True):
+        alone = pinarm.run(given, {"problem.initial.velocity.x": f"{speed} rad/s"})
+        at_rows = [alone.number(f"x @ t={t} s, side=left")[0] for t in (0.0, 0.5, 1.0)]
+        assert ours == pytest.approx(at_rows, abs=1e-9)
