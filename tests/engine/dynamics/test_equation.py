@@ -15,6 +15,7 @@ from pinarm import Mechanism
 from pinarm.engine.constraints.batch_jacobians import BatchJacobians
 from pinarm.engine.constraints.nullspaces.elimination import dense
 from pinarm.engine.constraints.nullspaces.nullspace import split_rows
+from pinarm.engine.constraints.nullspaces.elimination import Order
 from pinarm.engine.constraints.nullspaces.nullspace_batch import BatchNullspace, regular_order
 from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
 from pinarm.engine.dynamics.equation import accelerations, solve
@@ -90,6 +91,16 @@ class TestLoops:
         rows = closure.rows(closure.state(q))
         held = dynamics.inverse(0.0, q, v, a)[0] - tau
         assert rows.T @ split_rows(rows).multipliers(held) == pytest.approx(held, abs=1e-9 * np.abs(held).max())
+
+
+def test_where_the_order_of_elimination_does_not_serve_nothing_is_warned_of():
+    """The pivot of ``2 x + y = 5`` is 0 in the second system; the shortest x of the first is (2, 1)."""
+    reach, rows = np.ones(1), {0: {0: np.array([2.0, 0.0]), 1: np.array([1.0, 1.0])}}
+    order = Order.of(np.array([[2.0, 1.0]]), 1, reach)
+    found = BatchNullspace.of(rows, order, (2, 2), reach)
+    x = found.solve(np.tile(np.eye(2), (2, 1, 1)), np.zeros((2, 2)), {0: np.array([5.0, 5.0])})
+    assert found.served.tolist() == [True, False]
+    assert x[0] == pytest.approx([2.0, 1.0], abs=1e-15)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -124,8 +124,9 @@ class BatchNullspace(Record, frozen=True):
             right: Row -> right-hand side, shape (n,) or (1,); 0 where it is absent.
         """
         x = np.zeros_like(force)
-        for j, column in self.elimination.solve(right).items():
-            x[:, j] = column
+        with np.errstate(all="ignore"):  # where the order does not serve
+            for j, column in self.elimination.solve(right).items():
+                x[:, j] = column
         if not len(self.motions):
             return x
         moved = np.einsum("nij,fnj->fni", mass, self.motions)
