@@ -13,9 +13,8 @@ import pytest
 import pinarm
 from pinarm import Mechanism
 from pinarm.engine.constraints.batch_jacobians import BatchJacobians
-from pinarm.engine.constraints.nullspaces.elimination import dense
+from pinarm.engine.constraints.nullspaces.elimination import Order, dense
 from pinarm.engine.constraints.nullspaces.nullspace import split_rows
-from pinarm.engine.constraints.nullspaces.elimination import Order
 from pinarm.engine.constraints.nullspaces.nullspace_batch import BatchNullspace, regular_order
 from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
 from pinarm.engine.dynamics.equation import accelerations, solve
