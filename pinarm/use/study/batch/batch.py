@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from pinarm.arrays import Array
 from pinarm.engine.motion.segmented.ensembles import is_batchable
 from pinarm.engine.series import Series
-from pinarm.errors import NumericsError
+from pinarm.errors import InputError, NumericsError
 from pinarm.input.yaml.values import Values
 from pinarm.records import replace
 from pinarm.use.result.result import Result
@@ -157,23 +157,27 @@ class Batch:
         """Return numbers of every motion as its own run tells them: ``numbers("C_B @ rms", "limits.least_margin")``.
 
         Figures of a curve are integrated between the rows, and every section of the scenario has its numbers, which
-        takes some ten times as long as ``reduced``. Motions that could not be followed to their end have none.
+        takes some ten times as long as ``reduced``. Motions that could not be followed to their end have none, nor have
+        those that lack one of the numbers, as at a place that they do not come to.
 
         Args:
             texts: Numbers as in ``Result.number``.
 
         Raises:
-            InputError: A number cannot be read, or the runs have none.
+            InputError: A number cannot be read, or no run has it.
         """
         from pinarm.use.result.section_number import read_number
 
-        for text in texts:
-            read_number(text)
+        scenario = self.question.scenario
+        quantities, sections = scenario.quantities(), scenario.content.assessments
+        known = [read_number(text).described(quantities, sections) for text in texts]
         rows = [row for _, part in self._answers(partial(numbered, texts=texts)) for row in part]
-        units = next((row for row in rows if row), [Series(text, None, np.empty(0)) for text in texts])
-        values = np.array([[float(x.values[0]) for x in row] or [np.nan] * len(texts) for row in rows])
-        columns = [Series(text, x.unit, column) for text, x, column in zip(texts, units, values.T, strict=True)]
-        return self._table(columns, self.failures)
+        lacks = {number: row for number, row in enumerate(rows) if isinstance(row, InputError)}
+        if len(lacks) == len(rows):
+            raise lacks[0]
+        values = np.array([[np.nan] * len(texts) if isinstance(row, InputError) else row for row in rows])
+        columns = [Series(text, one.unit, column) for text, one, column in zip(texts, known, values.T, strict=True)]
+        return self._table(columns, self.failures | {number: error.message for number, error in lacks.items()})
 
     def save(self, folder: str | Path) -> Path:
         """Write every motion, block by block, and a table of all.

@@ -94,16 +94,20 @@ def reduced(block: Block, reductions: Sequence[ColumnReduction]) -> Array:
     return found
 
 
-def numbered(block: Block, texts: Sequence[str]) -> list[list[Series]]:
-    """Return numbers of every motion of a block as its run tells them, a list per motion; none where it failed."""
+def numbered(block: Block, texts: Sequence[str]) -> list[list[float] | InputError]:
+    """Return numbers of every motion of a block as its run tells them, or why it has not all of them.
+
+    A motion that was not followed to its end has none.
+    """
     from pinarm.use.result.section_number import measured, read_number
 
-    asked, found = [read_number(text) for text in texts], list[list[Series]]()
+    asked, found = [read_number(text) for text in texts], list[list[float] | InputError]()
     for number in range(len(block)):
         try:
             result = block.run(number)
+            found.append([float(measured(one, result)[0].values[0]) for one in asked])
         except NumericsError:
-            found.append([])
-        else:
-            found.append([measured(one, result)[0] for one in asked])
+            found.append([np.nan] * len(asked))
+        except InputError as error:
+            found.append(error)
     return found

@@ -412,7 +412,20 @@ class TestNumbers:
         batch = pinarm.batch(scenario(), STARTS, RATES)
         with pytest.raises(InputError, match="no number of a run"):
             batch.numbers("O @ rms", "O @ p195")
+        with pytest.raises(InputError, match="no quantity 'C'"):
+            batch.numbers("O @ rms", "C @ rms")
         assert not batch._looked
+
+    def test_a_motion_that_does_not_come_to_a_place_leaves_the_others_their_numbers(self, scenario):
+        """At 0.4 rad/s the arm does not come to 1 rad in 2 s."""
+        one = scenario().varied({"gravity": "none", "problem.loads": {}})
+        batch = pinarm.batch(one, {"O": 0.0, "B": 0.0}, {"O": 0.0, "B": [2.0, 0.4]})
+        table = batch.numbers("t @ B=1 rad")
+        assert np.isnan(table["t @ B=1 rad"].values).tolist() == [False, True]
+        assert list(table.errors) == [1]
+        assert "not reached" in table.errors[1]
+        with pytest.raises(InputError, match="not reached"):
+            batch.numbers("t @ B=50 rad")
 
 
 class TestSave:
