@@ -238,7 +238,12 @@ class VariantNumbers:
                 self._solve_alike(some[start : start + size], sound)
 
     def _solve_alike(self, places: Sequence[Place], sound: Flags) -> None:
-        """Solve states at as many instants of each case."""
+        """Solve states at as many instants of each case.
+
+        One place is solved beside itself: NumPy adds up the numbers of a single state in another order, and they would
+        have other last digits alone than beside others.
+        """
+        places = places if len(places) > 1 else [*places, *places]
         cases = np.array([place.case for place in places])
         grids = [_at(self.variants.grids[place.case], place) for place in places]
         mechanism = some_variants(self.variants.mechanism, cases)
