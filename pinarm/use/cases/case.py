@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, ClassVar, Protocol
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.checks.figures import plain
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError, InputError, Interrupted, Location, NumericsError, PinarmError
@@ -347,6 +348,7 @@ def solved_case(task: Task, values: Case) -> Solved:
                 target = result.content.accuracy.target
                 said = f"the global error is {result.error:.1e}, not below its target {target:g}"
                 return Solved(Row((), said, _names(files)))
+            result = replace(result, figures={**result.figures, **plain(result.quantities.figures())})
             figures = {**result.figures, QUADRATURE: max(quadrature, default=np.nan)}
             figures[GLOBAL_ERROR] = np.nan if result.error is None else result.error
             worth = (figures.get(name, np.nan) for name in WORTH)

@@ -15,6 +15,7 @@ from pinarm.records import replace
 from pinarm.use.cases.case import WORTH, Row, Task, Value, Wanted, solve_case
 from pinarm.use.cases.case_table import CaseTable, RowTable
 from pinarm.use.cases.stack import Stack
+from tests.use.cases.conftest import Chunk
 
 SCENARIOS = Path(__file__).parents[3] / "scenarios"
 TOGETHER = {
@@ -263,3 +264,11 @@ def test_other_questions_are_answered_one_by_one(name: str, results: Sequence[st
     if stack is not None:
         with pytest.raises(VariantsDiffer):
             rows_by(stack.together, [other])
+
+
+def test_forces_that_only_the_sweep_asks_for_are_judged_and_solved_together(chunk: Chunk) -> None:
+    """Residuals of the bodies' balances are told beside forces of joints, which are no outputs of the scenario."""
+    scenario = pinarm.load(SCENARIOS / "crank_rocker_turning.yaml", ["problem.time.samples=61", "outputs=[theta4]"])
+    cases = [{"arguments.m3": f"{mass} kg"} for mass in (0.8, 0.9, 1.0, 1.1)]
+    numbers = chunk(scenario, cases, ["F_A @ max"])
+    assert (numbers[:, 1 + WORTH.index("bodies")] < 1e-12).all()
