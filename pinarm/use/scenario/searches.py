@@ -21,6 +21,7 @@ from pinarm.use.result.measures import RESIDUALS
 from pinarm.use.result.result import Result
 from pinarm.use.result.run_number import RunNumber
 from pinarm.use.result.section_number import AnyNumber
+from pinarm.use.scenario.differences import Refused
 from pinarm.use.scenario.find import Find
 from pinarm.use.scenario.landscape import Landscape, Trial
 from pinarm.use.scenario.optimum import Optimum, optimum
@@ -36,6 +37,9 @@ in a regular position."""
 
 VANISHED = 1e-10
 """Size of a quantity, relative to its figure at the start, below which the figure is one of rounding."""
+
+AT_A_PLACE = ("", "start", "end")
+"""Figures that are the value of a quantity at one place."""
 
 SQUARED = ("rms", "peak")
 """Figures that are never negative and whose squares are smooth where they vanish."""
@@ -88,14 +92,23 @@ def _root(bare: Scenario, search: Find) -> FoundValues:
 
     with solving(task, bare.runners) as solve:
 
-        def residuals(cases: Sequence[Case]) -> Iterator[dict[str, Array]]:
+        def residuals(cases: Sequence[Case]) -> Iterator[dict[str, Array] | Refused]:
             for case, row in zip(cases, solve(cases), strict=True):
                 tell(f"find: run {next(runs)}")
-                if row.error:
-                    raise failure(task, case, row)
-                yield left(row)
+                yield partial(failure, task, case, row) if row.error else left(row)
 
-        return find_root(search, residuals)
+        return find_root(search, residuals, _angles(bare, numbers))
+
+
+def _angles(bare: Scenario, wanted: Mapping[str, AnyNumber | None]) -> list[str]:
+    """Return the wanted quantities, at all rows or at one place, that are angles."""
+    quantities, sections = bare.quantities(), bare.content.assessments
+    told = {
+        name: number.described(quantities, sections) if number else quantities[name]
+        for name, number in wanted.items()
+        if number is None or (isinstance(number, RunNumber) and number.figure in AT_A_PLACE)
+    }
+    return [name for name, series in told.items() if series.unit is not None and str(series.unit) == "rad"]
 
 
 def _best(bare: Scenario, search: Find) -> Optimum:

@@ -13,6 +13,7 @@ ROOT = Path(pinarm.__file__).parents[1]
 ARM = """
 pinarm: 1
 mechanism: {models}/gen411_arm/mechanism.yaml
+arguments: {arguments}
 problem: {{kind: statics, hold: {{O: 0 deg, phi: {phi}}}}}
 find:
   for: {{{unknown}}}
@@ -21,14 +22,14 @@ outputs: [C_B]
 """
 
 
-def found(folder: Path, unknown: str, wanted: str, phi: str = "0 deg"):
+def found(folder: Path, unknown: str, wanted: str, phi: str = "0 deg", arguments: str = "{}"):
     (folder / ".pinarm-root").touch()
     if not (folder / "models").exists():
         import shutil
 
         shutil.copytree(ROOT / "models" / "gen411_arm", folder / "models" / "gen411_arm")
     file = folder / "arm.yaml"
-    file.write_text(ARM.format(models="models", unknown=unknown, wanted=wanted, phi=phi))
+    file.write_text(ARM.format(models="models", unknown=unknown, wanted=wanted, phi=phi, arguments=arguments))
     return Scenario.load(file).run()
 
 
@@ -45,6 +46,34 @@ def test_an_angle_is_found_though_the_torque_bends_with_it(tmp_path):
     result = found(tmp_path, "problem.hold.phi: 20 deg", "C_B: 1 N*m")
     angle = math.degrees(math.acos(1.0 / (9.81 * 0.25 * 0.6)))
     assert result.figures["problem.hold.phi [deg]"] == pytest.approx(angle, rel=1e-11)
+
+
+@pytest.mark.parametrize("start", ["1e-6 kg", "0.0005 kg", "0 kg", "1 mg", "2 kg"])
+def test_masses_of_a_milligram_are_found_in_any_unit(tmp_path, start):
+    """C_B = g l2 (m_A + m_BA / 2) with rods of 2 g: m_A = 3 mg."""
+    torque = 9.81 * 0.25 * (3e-6 + 1e-3)
+    result = found(tmp_path, f"arguments.m_A: {start}", f"C_B: {torque!r} N*m", arguments="{m_BA: 2 g}")
+    (value,) = (value for name, value in result.figures.items() if name.startswith("arguments.m_A"))
+    assert value * {"mg": 1e-6}.get(start.split()[1], 1.0) == pytest.approx(3e-6, rel=1e-9)
+
+
+@pytest.mark.parametrize("start", ["0.0003 m", "0.3 mm", "1 um", "1 m"])
+def test_lengths_of_a_tenth_of_a_millimetre_are_found_in_any_unit(tmp_path, start):
+    """Height of A above the shoulder, l2 sin(30 deg) = 0.05 mm."""
+    result = found(tmp_path, f"arguments.l2: {start}", "A_height - l0 - l1: 0.05 mm", "30 deg", "{l1: 0 m}")
+    (value,) = (value for name, value in result.figures.items() if name.startswith("arguments.l2"))
+    factor = {"m": 1.0, "mm": 1e-3, "um": 1e-6}[start.split()[1]]
+    assert value * factor == pytest.approx(1e-4, rel=1e-9)
+
+
+@pytest.mark.parametrize(("start", "wanted"), [(170, -175), (-170, 175), (179.95, 150), (-179.95, -150), (179.9, 180)])
+def test_an_angle_is_found_across_180_degrees(tmp_path, start, wanted):
+    """The direction of (1/5 + cos(phi), sin(phi)): phi lies asin(sin(wanted)/5) beyond it."""
+    name = "atan2(sin(phi), 0.2 + cos(phi))"
+    result = found(tmp_path, f"problem.hold.phi: {start} deg", f'"{name}": {wanted} deg')
+    angle = math.radians(wanted) + math.asin(0.2 * math.sin(math.radians(wanted)))
+    assert math.cos(math.radians(result.figures["problem.hold.phi [deg]"]) - angle) == pytest.approx(1.0, abs=1e-15)
+    assert not [note for note in result.notes() if "not met" in note]
 
 
 def test_what_cannot_be_met_is_met_as_nearly_as_can_be_and_the_rest_is_told(tmp_path):

@@ -1,0 +1,92 @@
+"""Numbers that are found whatever their size, and angles across 180 degrees, against closed forms."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+import numpy as np
+import pytest
+
+from pinarm.errors import InputError, PinarmError
+from pinarm.input.units import read_quantity
+from pinarm.input.yaml.schema import AnyQuantity
+from pinarm.use.scenario.find import Find, Unknown
+from pinarm.use.scenario.roots import FoundValues, find_root
+
+
+def found(
+    starts: Mapping[str, str], left: Callable[..., float | Sequence[float]],
+    runs: Callable[[float], bool] = lambda x: True, angles: Sequence[str] = (),
+) -> FoundValues:  # fmt: skip
+    """Look for numbers for which a function of them in SI vanishes; not all of them can be run."""
+    search = Find({path: Unknown.read(text) for path, text in starts.items()}, {"q": AnyQuantity.read("0 N")})
+
+    def residuals(points: Sequence[Mapping[str, str]]) -> Iterator[dict[str, np.ndarray] | Callable[[], PinarmError]]:
+        for point in points:
+            x = [read_quantity(text)[0] for text in point.values()]
+            bad = [each for each in x if not runs(each)]
+            yield (lambda bad=bad: InputError(f"{bad} cannot be")) if bad else {"q": np.atleast_1d(left(*x))}
+
+    return find_root(search, residuals, angles)
+
+
+def positive(x: float) -> bool:
+    return x >= 0.0
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-6, 1e-4, 1.0, 1e5])
+@pytest.mark.parametrize("start", ["2 kg", "1 g", "0.0005 kg", "1e-6 kg", "0 kg", "0 g"])
+def test_masses_are_found_whatever_their_size_and_none_is_negative_on_the_way(size, start):
+    """m + m^2/size = 6 size for m = 2 size: an equation whose other root, -3 size, cannot be run."""
+    result = found({"m": start}, lambda m: m + m * m / size - 6.0 * size, runs=positive)
+    assert result.met
+    assert result.values == pytest.approx([2.0 * size], rel=1e-11)
+
+
+@pytest.mark.parametrize("text", ["0.0003 m", "0.3 mm", "300 um", "1 m", "0 m", "1e-8 m"])
+def test_lengths_of_a_tenth_of_a_millimetre(text):
+    """A spring of 100 N/m, stretched by l + 0.2 mm at the lever l: l (l + 0.2 mm) = 2e-8 m^2."""
+    result = found({"l": text}, lambda x: 100.0 * (x + 2e-4) * x - 2e-6, runs=positive)
+    assert result.values == pytest.approx([1e-4 * (math.sqrt(3.0) - 1.0)], rel=1e-11)
+
+
+def test_numbers_of_very_different_sizes_are_found_together():
+    """a b = 2e-6 and a/b = 8e6 and a start far away."""
+    result = found({"a": "1 kN", "b": "1e-8 m"}, lambda a, b: (a * b - 2e-6, (a - 8e6 * b) * 1e-6), runs=positive)
+    assert result.values == pytest.approx([4.0, 5e-7], rel=1e-9)
+
+
+def test_a_start_whose_effect_is_below_rounding_is_left():
+    """(1e6 + m) - 1e6 has steps of 1e-10: differences of a start of 1e-9 kg are rounding."""
+    result = found({"m": "1e-9 kg"}, lambda m: (1e6 + m) - (1e6 + 3.0), runs=positive)
+    assert result.met
+    assert result.values == pytest.approx([3.0], abs=1e-9)
+
+
+def test_what_is_less_than_nothing_is_refused_for_that():
+    """m = -1 kg is wanted."""
+    with pytest.raises(InputError, match="cannot be"):
+        found({"m": "1 kg"}, lambda m: m + 1.0, runs=positive)
+
+
+@pytest.mark.parametrize("start", [95.0, 140.0, 179.9, 179.99, 180.01, 200.0, 260.0])
+@pytest.mark.parametrize("wanted", [100.0, 150.0, 179.9, 180.0, 180.1, 210.0, 255.0])
+def test_an_angle_that_jumps_from_180_to_minus_180_degrees_is_found_on_either_side(start, wanted):
+    """The direction of (cos x, 2 sin x), told between -180 and 180 deg, x from 90 to 270 deg only, as of a rocker."""
+    target = math.atan2(2.0 * math.sin(math.radians(wanted)), math.cos(math.radians(wanted)))
+
+    def left(x):
+        return math.atan2(2.0 * math.sin(x), math.cos(x)) - target
+
+    result = found({"x": f"{start} deg"}, left, lambda x: 90.0 < math.degrees(x) < 270.0, angles=["q"])
+    assert result.met
+    assert math.degrees(result.values[0]) == pytest.approx(wanted, abs=1e-9)
+    assert not result.remarks() or wanted == 180.0
+
+
+def test_an_angle_that_counts_its_turns_is_met_where_it_is_wanted_or_it_is_said():
+    (two_turns,) = found({"x": "1 deg"}, lambda x: 0.5 * x - 4.0 * math.pi, angles=["q"]).values
+    assert two_turns == pytest.approx(8.0 * math.pi)
+    swings = found({"x": "20 deg"}, lambda x: math.sin(x) - 0.5 - 2.0 * math.pi, angles=["q"])
+    assert swings.remarks() == ["so_that is met but for whole turns of q"]
+    assert swings.residuals["q"] == pytest.approx(2.0 * math.pi)
+    assert math.sin(swings.values[0]) == pytest.approx(0.5)
