@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
-from pinarm.engine.constraints.constraint import one_sided
+from pinarm.arrays import Array
+from pinarm.engine.constraints.constraint import OneSidedConstraint, one_sided
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.mechanics.forces.joint_definitions import effort_unit
@@ -49,10 +51,12 @@ class Excess(ValueRecord, frozen=True):
 class Opening(Excess, frozen=True):
     """A cam or a cable that would have to pull, or push, where it cannot: ``joint`` is its name, the limit 0.
 
+    ``value`` is the largest pull between the rows, too; where no row pulls, ``at`` is where it does most.
+
     Attributes:
         kind: ``cam`` or ``cable``.
         opens: What happens there in truth, in words.
-        whereabouts: Where it is at the first row, in words; may be empty.
+        whereabouts: Where it is there, in words; may be empty.
     """
 
     kind: str
@@ -63,9 +67,11 @@ class Opening(Excess, frozen=True):
         """Return it as a sentence."""
         where = f"{run.parameter} = {self.at:.6g} {'' if str(run.unit) == '1' else run.unit}".rstrip()
         where += f", {self.whereabouts}" if self.whereabouts else ""
+        where = (
+            f"first at {where} ({self.rows} of {len(run)} rows)" if self.rows else f"between two rows, most at {where}"
+        )
         act = f"would have to {'push' if self.kind == 'cable' else 'pull'} with {-self.value:.6g} {self.unit}"
-        return (f"{self.kind} {self.joint} {act}: {self.opens}, first at {where} ({self.rows} of {len(run)} rows); "
-                "from there on it moves otherwise")  # fmt: skip
+        return f"{self.kind} {self.joint} {act}: {self.opens}, {where}; from there on it moves otherwise"
 
 
 class Slackness(Excess, frozen=True):
@@ -100,14 +106,27 @@ class Flaw(Excess, frozen=True):
         return f"{self.kind} {self.joint} {self.flaw}, first at {self.whereabouts} ({self.rows} of {len(run)} rows)"
 
 
-def excesses(run: Trajectory) -> list[Excess]:
+Highest = Callable[[Callable[[Trajectory], Array]], Trajectory]
+"""A function of rows, of shape (n,) for n of them -> the row of a run at which it is largest, between its rows too."""
+
+
+def highest_row(run: Trajectory, height: Callable[[Trajectory], Array]) -> Trajectory:
+    """Return the row at which a function of rows is largest."""
+    return run.some(np.array([height(run).argmax()]))
+
+
+def excesses(run: Trajectory, highest: Highest | None = None) -> list[Excess]:
     """Return the limits that a run goes beyond, joint by joint; efforts are those of drives, or of couplings.
 
     Then cams and cables that would have to act against their sense, belts with a slack strand, and cams that cannot be
     made.
+
+    Args:
+        run: The rows.
+        highest: Finds what is largest between the rows too, for cams and cables; the rows alone where it is left out.
     """
     found = [excess for joint in run.mechanism.joints.values() for excess in _of(run, joint)]
-    return [*found, *_openings(run), *_slackness(run), *_flaws(run)]
+    return [*found, *_openings(run, highest or partial(highest_row, run)), *_slackness(run), *_flaws(run)]
 
 
 def _flaws(run: Trajectory) -> Iterator[Flaw]:
@@ -119,19 +138,25 @@ def _flaws(run: Trajectory) -> Iterator[Flaw]:
                        one.kind, one.flaw, one.whereabouts(run.q[first]))  # fmt: skip
 
 
-def _openings(run: Trajectory) -> Iterator[Opening]:
+def _openings(run: Trajectory, highest: Highest) -> Iterator[Opening]:
     sided = one_sided(run.mechanism.constraints)
     if not sided or run.no_efforts:
         return
-    lam, places = np.asarray(run.lam), run.closure.slices
     for one in sided:
-        push = one.push(run.q, lam[:, places[one.name].start])
-        rows = np.flatnonzero(push < -ROUNDING * np.abs(push).max())
-        if len(rows):
+        pull = partial(_pull, one)
+        pulls, worst = pull(run), highest(pull)
+        rows, most = np.flatnonzero(pulls > ROUNDING * np.abs(pulls).max()), float(pull(worst)[0])
+        if most > ROUNDING * max(most, float(np.abs(pulls).max())):
+            first = run.some(rows[:1]) if len(rows) else worst
             yield Opening(
-                one.name, "contact", one.push_unit(), 0.0, float(push.min()), float(run.grid.t[rows[0]]), len(rows),
-                one.kind, one.opens, one.whereabouts(run.q[rows[0]]),
+                one.name, "contact", one.push_unit(), 0.0, -most, float(first.grid.t[0]), len(rows), one.kind,
+                one.opens, one.whereabouts(first.q[0]),
             )  # fmt: skip
+
+
+def _pull(one: OneSidedConstraint, run: Trajectory) -> Array:
+    """Return with what a one-sided constraint acts against its sense, shape (n,)."""
+    return -one.push(run.q, np.asarray(run.lam)[:, run.closure.slices[one.name].start])
 
 
 def _slackness(run: Trajectory) -> Iterator[Slackness]:

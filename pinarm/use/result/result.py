@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -16,11 +17,11 @@ from msgspec.structs import asdict
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import LOST
-from pinarm.engine.checks.limits import Excess, excesses
+from pinarm.engine.checks.limits import Excess, excesses, highest_row
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
-from pinarm.errors import DynamicsError
+from pinarm.errors import DynamicsError, PinarmError
 from pinarm.input.yaml.schema import plain
 from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
@@ -499,7 +500,21 @@ class Result(Record, frozen=True):
 
     def excesses(self) -> list[Excess]:
         """Return the limits of joints that the run goes beyond."""
-        return excesses(self.trajectory)
+        return list(self._excesses)
+
+    @cached_property
+    def _excesses(self) -> list[Excess]:
+        return excesses(self.trajectory, self._highest)
+
+    def _highest(self, height: Callable[[Trajectory], Array]) -> Trajectory:
+        """Return the row at which a function of rows is largest, between the rows too.
+
+        Of free motions the rows are enough: what would pull in these has let go.
+        """
+        if self.kind != "forward":
+            with suppress(PinarmError):  # it has no end, or a saved result cannot be solved any more
+                return self.lookup.highest(lambda rows: height(rows.trajectory), "the pull").trajectory
+        return highest_row(self.trajectory, height)
 
     def digest(self) -> str:
         """Return a hash of what determines the numbers: the scenario and the model's text."""

@@ -280,19 +280,21 @@ class Lookup(Record, frozen=True):
                 )
         return sides[0 if side == "left" else 1]
 
-    def extreme(self, which: str, name: str) -> tuple[Quantities, float]:
+    def extreme(self, which: str, name: str, slack: float = 0.0) -> tuple[Quantities, float]:
         """Return the row at which a quantity is largest, smallest, or largest in size, and by how much it may be more.
 
         Args:
             which: ``max``, ``min`` or ``largest``.
             name: The quantity.
+            slack: Difference of values that is rounding, where it is more than that of its terms: the first row is
+                the extreme that is not passed by more.
 
         Raises:
             InputError: It has no such value, as it passes through infinity.
         """
         places = self._rests if self._has_bands and not _plain(name) else []
         what = f"{name} has no {_EXTREMES[which]}"
-        slack = PLATEAU * float(np.max(self.quantities[name].terms, initial=0.0))
+        slack = max(slack, PLATEAU * float(np.max(self.quantities[name].terms, initial=0.0)))
         peak = self._highest(lambda rows: _HEIGHTS[which](rows[name].values), places, what, slack)
         return self._row(peak.interval, peak.place), peak.error
 
@@ -306,17 +308,18 @@ class Lookup(Record, frozen=True):
         """Intervals, and where in them joints with friction are at rest for an instant."""
         return [*enumerate(self.motion.rests())] if self.motion else []
 
-    def highest(self, height: Callable[[Quantities], Array], name: str) -> Quantities:
+    def highest(self, height: Callable[[Quantities], Array], name: str, slack: float = 0.0) -> Quantities:
         """Return the row at which a function of the quantities is largest, refined between the samples.
 
         Args:
             height: Quantities of n rows -> values, shape (n,).
             name: What it is, for the message.
+            slack: Difference of heights that is rounding: the first row is it that is not passed by more.
 
         Raises:
             InputError: It has no largest value, as it passes through infinity.
         """
-        peak = self._highest(height, [], f"{name} has no largest value")
+        peak = self._highest(height, [], f"{name} has no largest value", slack)
         return self._row(peak.interval, peak.place)
 
     def _highest(self, height: Callable[[Quantities], Array], places: Spots, lacks: str, slack: float = 0.0) -> Peak:

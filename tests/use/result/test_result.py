@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import pinarm
 from pinarm.errors import DynamicsError, ExpressionError, InputError, UnitError
 from pinarm.records import replace
 from pinarm.use.show.terminal import report
@@ -179,3 +180,41 @@ def test_what_there_is_to_doubt_is_told_and_kept(
     assert note.startswith(says)
     assert f"note: {note}" in report(result)
     assert restore(result.save(tmp_path / "out", plots=False)).notes() == [note]
+
+
+@pytest.mark.parametrize(("samples", "turns", "rows"), [(12, 1, 0), (13, 1, 1), (23, 2, 0), (721, 1, 33)])
+def test_a_cam_that_would_have_to_pull_between_rows_is_told(samples: int, turns: int, rows: int) -> None:
+    """``s = E (1 - cos(w t))`` under m and a spring: ``N = m g + F0 + k E + (m w^2 - k) E cos(w t)``, least at its top.
+
+    F0 is such that N is -1/100 of ``(m w^2 - k) E`` there: it pulls within ``acos(0.99) = 8.1 deg`` of the top.
+    """
+    m, k, e, w = 0.5, 200.0, 0.011, 40.0
+    swing = (m * w**2 - k) * e
+    preload = 0.99 * swing - m * 9.81 - k * e
+    links = {"shaft": {"points": ["O"], "mass": "1 kg", "inertia": "0.003 kg*m^2"},
+             "follower": {"points": ["T", "U"], "mass": f"{m} kg"}}  # fmt: skip
+    profile = {"law": "harmonic", "amplitude": f"{e} m", "mean": f"{e} m", "pulsation": "1 rad/rad", "phase": "-90 deg"}
+    cam = {"kind": "cam", "joints": ["O", "lift"], "period": "360 deg", "face": "T", "profile": profile}
+    spring = {"kind": "joint_spring", "joint": "lift", "stiffness": f"{k} N/m", "rest": f"{-preload / k!r} m"}
+    planar = {
+        "points": {"O": [0, 0], "T": [0, "30 mm"], "U": [0, "120 mm"]}, "ground": ["O"], "links": links,
+        "sliders": {"lift": {"link": "follower", "along": ["T", "U"]}},
+    }  # fmt: skip
+    machine = {"pinarm": 1, "planar": planar, "forces": {"s": spring}}
+
+    def limits(**closed: str) -> tuple[list[Any], Any]:
+        result = pinarm.run({
+            "pinarm": 1, "outputs": ["lift"],
+            "mechanism": {**machine, "couplings": {"C": {**cam, **closed}}},
+            "problem": {"kind": "inverse", "time": {"end": f"{turns * 2.0 * np.pi / w!r} s", "samples": samples},
+                        "drives": ["O"], "motion": {"O": {"law": "constant_speed", "speed": f"{w} rad/s"}}},
+        })  # fmt: skip
+        return [one for one in result.excesses() if one.of == "contact"], result.trajectory
+
+    ((limit,), run) = limits(closed_by="force")
+    assert limit.value == pytest.approx(-0.01 * swing, rel=1e-9)
+    assert limit.rows == rows
+    period = 2.0 * np.pi / w
+    assert (limit.at / period) % 1.0 == pytest.approx(0.5, abs=1e-9 if not rows else np.arccos(0.99) / (2.0 * np.pi))
+    assert ("between two rows, most at t = " in limit.words(run)) == (not rows)
+    assert not limits()[0]

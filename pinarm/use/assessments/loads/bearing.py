@@ -100,8 +100,9 @@ class RollingBearing(InputStruct, frozen=True):
             InputError: A load is not determined, or the bearing does not turn or carries nothing but rounding.
         """
         parts = {name: run.quantities.determined(f"{joint.prefix}.{name}") for name in self.carried}
-        loaded = any(np.abs(part.values).max() > rounding(run, name, part) for name, part in parts.items())
-        load = peak(run, NEWTON, lambda rows: self.equivalent(rows, joint))
+        least = max(rounding(run, name, part) for name, part in parts.items())
+        load = peak(run, NEWTON, lambda rows: self.equivalent(rows, joint), least)
+        loaded = load.value > least * max(self.X, self.Y)
         fastest = peak(run, SPIN, lambda rows: np.abs(joint.rates(rows)[0]))
         if not loaded or not fastest.value:
             lacking = "does not turn" if loaded else "carries no load"

@@ -43,11 +43,9 @@ def envelope(run: Lookup, joint: LoadedJoint) -> tuple[list[EnvelopeRow], list[s
     rows = list[EnvelopeRow]()
     for name, series in known.items():
         shown = name.replace(f".along.{joint.body}", "")
-        if np.ptp(series.values) <= rounding(run, name, series):
-            value, place = float(series.values[0]), float(run.run.grid.t[0])
-            low = high = value, place
-        else:
-            low, high = (_value(run.at(which, series.name), series.name) for which in ("min", "max"))
+        least = rounding(run, name, series)
+        slack = least if np.ptp(series.values) <= least else 0.0
+        low, high = (_value(run.extreme(which, series.name, slack)[0], series.name) for which in ("min", "max"))
         rows.append((joint.name, shown, str(series.unit), *low, *high))
     return rows, remarks
 
@@ -64,12 +62,13 @@ def peaks(run: Lookup, joint: LoadedJoint) -> Mapping[str, tuple[LoadNumber, Qua
     known, _ = _determined(run, joint, list(wanted.values()))
     found = {}
     for part, name in wanted.items():
-        if name in known and np.abs(known[name].values).max() > rounding(run, name, known[name]):
-            full, unit = known[name].name, known[name].unit
+        if name in known:
+            full, unit, least = known[name].name, known[name].unit, rounding(run, name, known[name])
             assert unit is not None
-            row = worst_row(run, partial(_size, name=full))
+            row = worst_row(run, partial(_size, name=full), least)
             value, place = _value(row, full)
-            found[part] = LoadNumber(abs(value), unit, place, doubt=row[full].doubt), row
+            if abs(value) > least:
+                found[part] = LoadNumber(abs(value), unit, place, doubt=row[full].doubt), row
     return found
 
 

@@ -49,20 +49,23 @@ CONSTANT = 1e-9
 """Relative change below which a curve is constant but for rounding, and its peak is at the start."""
 
 
-def worst_row(run: Lookup, size: Callable[[Quantities], Array]) -> Quantities:
+def worst_row(run: Lookup, size: Callable[[Quantities], Array], least: float = 0.0) -> Quantities:
     """Return the row of a run at which a size is largest; the first one where it is constant.
 
     Args:
         run: The run.
         size: Quantities of n rows -> values that are not negative, shape (n,).
+        least: Up to which size it is rounding.
     """
-    start, worst = run.at("start", run.run.parameter), run.highest(size, "the load")
-    return start if float(size(worst)[0]) <= (1.0 + CONSTANT) * float(size(start)[0]) else worst
+    start = run.at("start", run.run.parameter)
+    constant = max(least, (1.0 + CONSTANT) * float(size(start)[0]))
+    worst = run.highest(size, "the load", least if float(size(run.quantities).max()) <= least else 0.0)
+    return start if float(size(worst)[0]) <= constant else worst
 
 
-def peak(run: Lookup, measured: Unit, size: Callable[[Quantities], Array]) -> LoadNumber:
+def peak(run: Lookup, measured: Unit, size: Callable[[Quantities], Array], least: float = 0.0) -> LoadNumber:
     """Return the largest of a size, see ``worst_row``, and where it is."""
-    row = worst_row(run, size)
+    row = worst_row(run, size, least)
     return LoadNumber(float(size(row)[0]), measured, float(row.trajectory.grid.t[0]))
 
 

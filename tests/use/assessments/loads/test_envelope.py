@@ -1,6 +1,7 @@
 """Envelopes against the rows of the table and closed forms."""
 
 from math import pi
+from typing import Any
 
 import numpy as np
 import pytest
@@ -55,3 +56,54 @@ def test_it_holds_the_rows_of_the_table_and_names_what_is_open() -> None:
     assert ("A", "force.z") not in rows
     assert any(text.startswith("A: force.z, moment.x, moment.y,") for text in section.remarks)
     assert "A.axial.peak" not in section.numbers
+
+
+def short_lift(samples: int, **problem: Any) -> dict[str, Any]:
+    """Return one turn of a cam in 1 s that raises 0.5 kg by 1 mm in 6 degrees from 192 on, and lowers it in as many."""
+    lift = [{"duration": "192 deg", "motion": {"law": "constant", "value": "0 mm"}}]
+    for first, last in (("0 mm", "1 mm"), ("1 mm", "0 mm")):
+        rise = {"law": "cycloidal", "from": first, "to": last, "duration": "6 deg"}
+        lift.append({"duration": "6 deg", "motion": rise})
+    lift.append({"duration": "156 deg", "motion": {"law": "constant", "value": "0 mm"}})
+    cam = {"kind": "cam", "joints": ["O", "lift"], "period": "360 deg", "roller": "R",
+           "profile": {"law": "succession", "segments": lift}}  # fmt: skip
+    links = {"shaft": {"points": ["O"], "mass": "1 kg", "inertia": "0.002 kg*m^2"},
+             "follower": {"points": ["R", "T"], "mass": "0.5 kg"}}  # fmt: skip
+    planar = {
+        "points": {"O": [0, 0], "R": [0, "45 mm"], "T": [0, "140 mm"]}, "ground": ["O"], "links": links,
+        "sliders": {"lift": {"link": "follower", "along": ["R", "T"]}},
+    }  # fmt: skip
+    return {
+        "pinarm": 1, "outputs": ["lift"], "mechanism": {"pinarm": 1, "planar": planar, "couplings": {"C": cam}},
+        "problem": {"kind": "inverse", "time": {"end": "1 s", "samples": samples}, "drives": ["O"],
+                    "motion": {"O": {"law": "constant_speed", "speed": "60 rpm"}}, **problem},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("samples", [11, 31, 361])
+def test_a_component_that_is_alike_at_all_rows_is_looked_at_between_them(samples: int) -> None:
+    """A knife edge of 0.5 kg above the shaft: ``F = 1.5 g + 0.5 a_max``, ``a_max = 2 pi h/T^2``, T = 1/60 s, h = 1 mm.
+
+    Its force on the cam has ``tan(phi) = s'/s``, and across ``0.5 (g + a) tan(phi)``, which the guide holds and which
+    is 0 while it rests: by numpy on a fine grid.
+    """
+    result = pinarm.run({**short_lift(samples), "loads": {"joints": {"O": {"bearing": {"C": "5 kN"}}}, "sets": []}})
+    u = np.linspace(0.0, 1.0, 1_000_001)
+    slope = 1e-3 / np.radians(6.0) * (1.0 - np.cos(2.0 * pi * u))
+    height = 0.045 + 1e-3 * (u - np.sin(2.0 * pi * u) / (2.0 * pi))
+    carried = 0.5 * (9.81 + 2.0 * pi * 3.6 * np.sin(2.0 * pi * u))
+    radial, across = np.hypot(9.81 + carried, carried * slope / height), carried * slope / height
+    numbers = {name: float(one.values[0]) for name, one in result.sections["loads"].numbers.items()}
+    assert numbers["O.radial.peak"] == pytest.approx(radial.max(), rel=1e-9)
+    assert numbers["O.load.peak"] == numbers["O.radial.peak"] == result.number("joint.O.force.radial @ max")[0]
+    rows = {row[1]: row for row in result.sections["loads"].tables[1].rows}
+    assert rows["force.radial"][5] == pytest.approx(radial.max(), rel=1e-9)
+    guide = pinarm.run({**short_lift(samples), "loads": {"joints": {"lift": {}}, "sets": []}}).sections["loads"]
+    assert guide.numbers["lift.force.peak"].values[0] == pytest.approx(across.max(), rel=1e-9)
+
+
+def test_what_is_constant_has_its_peak_at_the_start() -> None:
+    """The same while it rests, for 0.5 s of 1 s."""
+    still = {**short_lift(11, time={"end": "0.5 s", "samples": 11}), "loads": {"joints": {"O": {}}, "sets": []}}
+    (row,) = (row for row in pinarm.run(still).sections["loads"].tables[1].rows if row[1] == "force.norm")
+    assert row[3:] == pytest.approx((1.5 * 9.81, 0.0, 1.5 * 9.81, 0.0), abs=1e-12)
