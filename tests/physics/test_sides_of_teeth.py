@@ -24,17 +24,23 @@ friction: {{jb: {{mu: 0.3, radius: 50 mm}}}}
 """
 
 
-def teeth(angle: float, speed: float, rate: float, turning: float) -> float:
-    """Return the effort at the first wheel, which turns so; ``turning`` is the sense in which the journal slips."""
+def unbalanced(
+    force: float, angle: float, speed: float, rate: float, turning: float, mu: float = MU, radius: float = RADIUS
+) -> float:
+    """Return what is left of the moments on the second wheel under a force of the teeth, the first one turning so.
+
+    ``turning`` is the sense in which the journal slips.
+    """
     angle, speed, rate = -0.5 * angle, -0.5 * speed, -0.5 * rate
     arm = ARM * np.array([np.cos(angle), np.sin(angle)])
     demand = MASS * (rate * np.array([-arm[1], arm[0]]) - speed**2 * arm + np.array([0.0, GRAVITY]))
+    carried = np.hypot(*(demand - np.array([abs(force) * PRESSED, force])))
+    return (J + MASS * ARM**2) * rate + R2 * force + arm[0] * MASS * GRAVITY + turning * mu * radius * carried
 
-    def left(force: float) -> float:
-        carried = np.hypot(*(demand - np.array([abs(force) * PRESSED, force])))
-        return (J + MASS * ARM**2) * rate + R2 * force + arm[0] * MASS * GRAVITY + turning * MU * RADIUS * carried
 
-    return J * -2.0 * rate + R1 * brentq(left, -500.0, 500.0, xtol=1e-13)
+def teeth(angle: float, speed: float, rate: float, turning: float) -> float:
+    """Return the effort at the first wheel; see ``unbalanced``."""
+    return J * rate + R1 * brentq(unbalanced, -500.0, 500.0, args=(angle, speed, rate, turning), xtol=1e-13)
 
 
 ANGLES = np.linspace(0.0, 12.0, 25)
@@ -90,6 +96,29 @@ def test_a_wheel_sticks_up_to_the_end_of_the_band_and_moves_beyond(angle, turnin
     effort = end + 1e-3 * turning
     rate = brentq(lambda x: teeth(angle, 0.0, x, -turning) - effort, -1e3, 1e3, xtol=1e-13)
     assert started(effort)[0] == pytest.approx(rate, rel=1e-8)
+
+
+@pytest.mark.parametrize("effort", [0.0, 1.0, -2.0])
+@pytest.mark.parametrize("angle", [0.0, 2.0, 4.5])
+@pytest.mark.parametrize("speed", [5.0, -5.0])
+def test_friction_beside_teeth_that_raises_its_load_less_than_once_is_followed(angle, speed, effort, write):
+    """A force F of the teeth is carried as ``F/cos(28 deg)``, which is less than ``F (1 + tan(28 deg))``.
+
+    With ``mu r/R2 = 7/8`` friction raises its load up to ``7/8/cos(28 deg) = 0.99`` times, and not 1.34.
+    """
+    problem = (
+        f"{{kind: forward, time: {{end: 1 us, samples: 2}}, initial: {{position: {{ja: {angle} rad}}, velocity: {{ja: "
+        f"{speed} rad/s}}}}, loads: {{M: {{kind: joint_effort, joint: ja, effort: {{law: constant, value: {effort} "
+        "N*m}}}}"
+    )
+    mesh = MESH.format(down="-y").replace("mu: 0.3, radius: 50 mm", "mu: 0.7, radius: 100 mm")
+    found = pinarm.run(write(GEAR, mesh, problem, "ja, joint.ja.acceleration"))["joint.ja.acceleration"].values[0]
+
+    def left(rate: float) -> float:
+        return unbalanced((effort - J * rate) / R1, angle, speed, rate, -np.sign(speed), 0.7, 0.1)
+
+    rate = brentq(left, -3e4, 3e4, xtol=1e-11)
+    assert found == pytest.approx(rate, rel=1e-9)
 
 
 S1, S2, DISTANCE, F0, HANGS = 0.05, 0.1, 0.3, 5.0, 0.1

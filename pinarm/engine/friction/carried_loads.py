@@ -84,8 +84,13 @@ class CarriedLoads:
         return np.asarray(-self.distances(f)[rates != 0.0] / rates[rates != 0.0])
 
     def most(self, i: int, bearing: Bearing) -> Array:
-        """Return the most by which each friction of size 1 can change the load N of bearing i, shape (m,)."""
-        return np.asarray(bearing.most(self.response[i]) + bearing.most(self.fold[i]) @ np.abs(self.rate))
+        """Return the most by which each friction of size 1 can change the load N of bearing i, shape (m,).
+
+        Between any two f that differ by x in friction j the mean slope of ``|g_p|`` is ``s_p G_pj`` with s_p from -1 to
+        1, and w changes by ``x (W_ij + sum_p s_p G_pj K_ip)``. Its lengths are convex in s: largest where all s_p are 1
+        or -1.
+        """
+        return bearing.most_with_either_sign(self.response[i], self.rate[..., None] * self.fold[i][:, None])
 
     def reduced(self, fixed: Array, ways: Array) -> CarriedLoads:
         """Return the wrenches as functions of x for ``f = fixed + ways x``, shapes (m,) and (m, n)."""
