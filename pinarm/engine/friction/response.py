@@ -186,15 +186,28 @@ class BearingReactions:
             lam: Multipliers, shape (n, m).
             f: Friction [N*m or N], shape (n, k).
         """
+        if self._by_multipliers:
+            return self._carried(lam)
+        return self._wrenches(LinkPlacements.at(self.closure.model, q[None]), t, q, v, a, lam, f)
+
+    @property
+    def _by_multipliers(self) -> bool:
+        """Whether all loads that count are multipliers."""
+        return all(isinstance(contact, ConstantSlip) or not contact.law.loaded for contact in self.contacts)
+
+    def _carried(self, lam: Array) -> Array:
+        """Return the multipliers as wrenches, shape (n, k, 6)."""
+        named = {name: lam[:, rows] for name, rows in self.closure.slices.items()}
+        carried = np.zeros((len(lam), len(self.contacts), 6))
+        for i, contact in enumerate(self.contacts):
+            if isinstance(contact, ConstantSlip):
+                carried[:, i] = contact.carried(named)
+        return carried
+
+    def _wrenches(self, here: LinkPlacements, t: float, q: Array, v: Array, a: Array, lam: Array, f: Array) -> Array:
         model, data, slices = self.closure.model, self.dynamics.data, self.closure.slices
         named = {name: lam[:, rows] for name, rows in slices.items()}
-        if all(isinstance(contact, ConstantSlip) or not contact.law.loaded for contact in self.contacts):
-            carried = np.zeros((len(a), len(self.contacts), 6))
-            for i, contact in enumerate(self.contacts):
-                if isinstance(contact, ConstantSlip):
-                    carried[:, i] = contact.carried(named)
-            return carried
-        links = LinkPlacements.at(model, q[None]).some(np.zeros(len(a), dtype=np.intp))
+        links = here.some(np.zeros(len(a), dtype=np.intp))
         acting, inner = links.inwards(self._acting(links, t, q, v, lam, f)), np.empty((len(a), model.njoints, 6))
         outside = pin.StdVec_Force()
         outside.extend([pin.Force.Zero() for _ in range(model.njoints)])
@@ -218,18 +231,25 @@ class BearingReactions:
             lam: Multipliers likewise, shape (1 + k, m).
             sizes: These frictions [N*m or N], shape (k,).
         """
-        f = np.vstack([np.zeros(len(sizes)), np.diag(sizes)])
-        distances, fold = self._kinks(q, lam, f)
-        smooth = self.wrenches(t, q, v, a, lam, f) - np.vecmat(np.abs(distances)[:, None], fold)
+        if self._by_multipliers:
+            wrenches = self._carried(lam)
+            return CarriedLoads.linear(
+                wrenches[0], ((wrenches[1:] - wrenches[0]) / sizes[:, None, None]).swapaxes(0, 1)
+            )
+        f, links = np.vstack([np.zeros(len(sizes)), np.diag(sizes)]), LinkPlacements.at(self.closure.model, q[None])
+        distances, fold = self._kinks(links, lam, f)
+        smooth = self._wrenches(links, t, q, v, a, lam, f) - np.vecmat(np.abs(distances)[:, None], fold)
         rate, response = ((x[1:] - x[0]) / sizes.reshape(-1, *(1,) * (x.ndim - 1)) for x in (distances, smooth))
         return CarriedLoads(smooth[0], response.swapaxes(0, 1), distances[0], rate.T, fold)
 
-    def _kinks(self, q: Array, lam: Array, f: Array) -> tuple[Array, Array]:
+    def _kinks(self, links: LinkPlacements, lam: Array, f: Array) -> tuple[Array, Array]:
         """Return how far multipliers and frictions are from their kinks, shape (n, p), and K, shape (k, p, 6)."""
-        model, slices, links = self.closure.model, self.closure.slices, LinkPlacements.at(self.closure.model, q[None])
+        model, slices = self.closure.model, self.closure.slices
         own = [(lam[:, slices[each.name].start], kink) for each in self.closure.constraints
                if isinstance(each, JointRelation) for kink in each.kinks(links)]  # fmt: skip
         own += [(x, kink) for contact, x in zip(self.contacts, f.T, strict=True) for kink in contact.kinks(links)]
+        if not own:
+            return np.zeros((len(lam), 0)), np.zeros((len(self.contacts), 0, 6))
         acting = np.zeros((len(own), model.njoints, 6))
         for each, (_, kink) in zip(acting, own, strict=True):
             for joint, wrench in kink.wrenches.items():
