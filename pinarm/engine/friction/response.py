@@ -204,7 +204,10 @@ class BearingReactions:
                 carried[:, i] = contact.carried(named)
         return carried
 
-    def _wrenches(self, here: LinkPlacements, t: float, q: Array, v: Array, a: Array, lam: Array, f: Array) -> Array:
+    def _wrenches(
+        self, here: LinkPlacements, t: Array | float, q: Array, v: Array, a: Array, lam: Array, f: Array
+    ) -> Array:
+        """Return the same as ``wrenches``, links being where they are in one state."""
         model, data, slices = self.closure.model, self.dynamics.data, self.closure.slices
         named = {name: lam[:, rows] for name, rows in slices.items()}
         links = here.some(np.zeros(len(a), dtype=np.intp))
