@@ -29,7 +29,7 @@ class Event(InputStruct, frozen=True):
 
     Attributes:
         when: The coordinate, or a joint.
-        reaches: The value.
+        reaches: The value; a motion that begins there reaches it when it comes back.
         direction: Whether it has to rise to the value, fall to it, or either.
         then: ``stop`` ends the run there, ``record`` lists time and state among what was found.
     """
@@ -69,8 +69,8 @@ class EndStop(InputStruct, frozen=True):
                              expected="an upper limit above the lower one")  # fmt: skip
 
 
-def watches_of(mechanism: Mechanism, events: Mapping[str, Event], place: Place) -> dict[str, Watch]:
-    """Return the events as what the integration watches, by name.
+def watches_of(mechanism: Mechanism, events: Mapping[str, Event], begins: float, place: Place) -> dict[str, Watch]:
+    """Return the events as what the integration watches, by name, of a motion that begins at an instant [s].
 
     Raises:
         InputError: A coordinate does not exist.
@@ -82,11 +82,11 @@ def watches_of(mechanism: Mechanism, events: Mapping[str, Event], place: Place) 
             coordinate = mechanism.coordinate(event.when)
         with place("events", name, "reaches"):
             check_unit(event.reaches, coordinate.unit)
-        found[name] = _watched(mechanism.closure, coordinate, event)
+        found[name] = _watched(mechanism.closure, coordinate, event, begins)
     return found
 
 
-def _watched(closure: Closure, coordinate: Coordinate, event: Event) -> Watch:
+def _watched(closure: Closure, coordinate: Coordinate, event: Event, begins: float) -> Watch:
     """Return what is watched of a coordinate.
 
     Of an angle that may be told between -180 and 180 deg it is the sine of the difference to the value, which does not
@@ -96,13 +96,13 @@ def _watched(closure: Closure, coordinate: Coordinate, event: Event) -> Watch:
     distance = _distance(closure, coordinate, float(event.reaches))
     direction, stops = DIRECTIONS[event.direction], event.then == "stop"
     if isinstance(coordinate, LinearCoordinate) or coordinate.unit != RADIAN:
-        return Watch(distance, direction, stops)
+        return Watch(distance, direction, stops, begins=begins)
 
     def counts(*states: Array) -> Flags:
         apart = np.abs(distance(*states))
         return np.asarray(np.minimum(apart, np.abs(apart - 2.0 * np.pi) if half else apart) < REACHED)
 
-    return Watch(lambda *states: np.sin(distance(*states)), direction, stops, counts=counts)
+    return Watch(lambda *states: np.sin(distance(*states)), direction, stops, counts=counts, begins=begins)
 
 
 def bounds_of(mechanism: Mechanism, stops: Mapping[str, EndStop], place: Place) -> tuple[Bound, ...]:

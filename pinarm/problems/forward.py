@@ -143,7 +143,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         controls = self._controls(mechanism, dynamics, motion, place)
         bounds: tuple[Bound | Separation, ...] = bounds_of(mechanism, self.end_stops, place)
         bounds = (*bounds, *separations_of(mechanism.closure))
-        watches = watches_of(mechanism, self.events, place)
+        watches = watches_of(mechanism, self.events, self.time.start, place)
         for name in self.end_stops:
             if name in self.motion:
                 with place("end_stops", Key(name)):

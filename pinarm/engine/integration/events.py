@@ -23,6 +23,9 @@ BESIDE = 1e-3
 """Part of a step up to which roots outside of it are told from those within: one at an end may be on either side. Signs
 between the roots decide what is a crossing."""
 
+LEFT, ROUNDED = 1e-9, 1e-14
+"""Value where a motion begins, relative to the largest in the step, and rounding [rad or m], up to which it is 0."""
+
 SAME_INSTANT = 1e-13
 """Difference of two instants, relative to the time or the step, that is rounding of their roots: what is watched at the
 instant that ends the integration is recorded, whichever comes first."""
@@ -46,6 +49,7 @@ class Watch(ValueRecord, frozen=True):
         loaded: Whether it depends on loads, which steps may be much longer than, and is not negative as long as the
             motion lasts: where loads jump at a sample and it is negative then, the integration ends there.
         counts: ``(t, q, v) -> whether`` a crossing at these states counts, shape (n,); all do where it is ``None``.
+        begins: Instant at which the motion begins [s]: a value that is 0 there does not cross it in leaving it.
     """
 
     value: Callable[[Array, Array, Array], Array]
@@ -53,6 +57,7 @@ class Watch(ValueRecord, frozen=True):
     stops: bool
     loaded: bool = False
     counts: Callable[[Array, Array, Array], Flags] | None = None
+    begins: float = -math.inf
 
 
 def possible_crossings(solution: Solution, watches: Sequence[Watch], first: int, y: Array) -> Indices:
@@ -115,6 +120,8 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
                 bracket = start + length * low, start + length * high
                 instant = _refined(solution, index, watch, bracket, above=above)
                 if instant is None or not _counts(solution, index, watch, instant):
+                    continue
+                if start == watch.begins and _leaves(solution, index, watch, instant, part.values):
                     continue
                 crossings.append((instant, number))
                 latest = min(latest, instant) if watch.stops else latest
@@ -311,6 +318,13 @@ def _counts(solution: Solution, index: int, watch: Watch, instant: float) -> boo
     """Tell whether a crossing of a watched value in a step counts."""
     t = np.array([instant])
     return watch.counts is None or bool(watch.counts(t, *solution.states_in(np.array([index]), t))[0])
+
+
+def _leaves(solution: Solution, index: int, watch: Watch, instant: float, values: Array) -> bool:
+    """Tell whether a value only leaves 0, where the motion begins, at an instant of its first step."""
+    t = watch.begins + np.array([0.0, 0.5, 1.0]) * (instant - watch.begins)
+    before = watch.value(t, *solution.states_in(np.full(len(t), index), t))
+    return bool(np.abs(before).max() <= LEFT * np.abs(values).max() + ROUNDED)
 
 
 def _sign_change(value: Callable[[float], float], bracket: tuple[float, float], at_ends: tuple[float, float]) -> float:

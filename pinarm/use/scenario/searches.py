@@ -12,6 +12,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import LOST
+from pinarm.errors import InputError, PinarmError
 from pinarm.records import replace
 from pinarm.use.cases.case import Case, Row, RowValues, Task, Wanted, failure
 from pinarm.use.cases.solving import solving
@@ -81,7 +82,7 @@ def _root(bare: Scenario, search: Find) -> FoundValues:
     numbers = {name: search.number(name, bare.content.assessments) for name in wanted}
     taken = [Wanted(name, number) if number else RowValues(name) for name, number in numbers.items()]
     task = Task.of(bare, taken, search.text(search.start))
-    of_rows, runs = sum(number is None for number in numbers.values()), count(1)
+    of_rows, runs, sizes = sum(number is None for number in numbers.values()), count(1), list[int]()
 
     def left(row: Row) -> dict[str, Array]:
         """Return the wanted quantities less their targets, at all rows, and wanted numbers of the run less theirs."""
@@ -95,9 +96,21 @@ def _root(bare: Scenario, search: Find) -> FoundValues:
         def residuals(cases: Sequence[Case]) -> Iterator[dict[str, Array] | Refused]:
             for case, row in zip(cases, solve(cases), strict=True):
                 tell(f"find: run {next(runs)}")
-                yield partial(failure, task, case, row) if row.error else left(row)
+                if row.error:
+                    yield partial(failure, task, case, row)
+                    continue
+                sizes.append(len(row.taken))
+                yield left(row) if sizes[-1] == sizes[0] else _of_other_rows
 
         return find_root(search, residuals, _angles(bare, numbers))
+
+
+def _of_other_rows() -> PinarmError:
+    """Return that the rows of two runs cannot be compared."""
+    return InputError(
+        "so_that compares runs row by row, and they have not as many rows: one ends earlier, or has other impacts",
+        expected="runs with the same rows", hint="a number of the run, such as 'C_B @ end' or 'C_B @ max'",
+    )  # fmt: skip
 
 
 def _angles(bare: Scenario, wanted: Mapping[str, AnyNumber | None]) -> list[str]:

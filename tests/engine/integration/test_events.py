@@ -1,9 +1,12 @@
 """Crossings that are looked for while integrating: found where they are, each once, none missed."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+import pinarm
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.events import MOST_STATES, Watch, _brackets, nodes
 from pinarm.engine.integration.integrator import Flat, Interval
@@ -191,3 +194,21 @@ def test_what_varies_too_fast_to_be_looked_at_is_told():
     assert sum(looks) < 1.1 * MOST_STATES
     assert solution.unresolved[-1][1] == 6.0
     assert solution.unresolved[0][0] < 0.1
+
+
+@pytest.mark.parametrize(("position", "velocity"), [(0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0), (0.3, -0.5)])
+def test_a_motion_that_begins_at_a_value_reaches_it_when_it_comes_back(position: float, velocity: float) -> None:
+    """``x = p cos t + v sin t`` is p again at ``2 atan2(v, p)``; from rest it is p after a turn, beyond the end."""
+    spring = {"kind": "joint_spring", "joint": "x", "stiffness": "0.05 N*m/rad"}
+    problem = {
+        "kind": "forward", "time": {"end": "6 s", "samples": 3}, "loads": {"spring": spring},
+        "initial": {"position": {"x": f"{position} rad"}, "velocity": {"x": f"{velocity} rad/s"}},
+        "events": {"back": {"when": "x", "reaches": f"{position} rad"}},
+    }  # fmt: skip
+    model = str(Path(__file__).parents[3] / "models" / "servo" / "mechanism.yaml")
+    scenario = {"pinarm": 1, "mechanism": model, "arguments": {"J": "0.05 kg*m^2"}, "problem": problem,
+                "outputs": ["x"]}  # fmt: skip
+    back = 2.0 * np.arctan2(velocity, position) % (2.0 * np.pi)
+    expected = [back] if 0.0 < back < 6.0 else []
+    for found in (pinarm.run(scenario), pinarm.batch(scenario, velocity={"x": [velocity, velocity]}).run(0)):
+        assert [event.t for event in found.events] == pytest.approx(expected, abs=1e-6)
