@@ -108,10 +108,10 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
 
         Each row has beside its quantities ``equilibrium.starts``, how many starts led to it,
         ``equilibrium.stability`` (1 stable, 0 indifferent, -1 unstable), ``equilibrium.frequency2_1`` and so on, its
-        ``w^2`` in ascending order, and ``equilibrium.stiffness_1`` and so on, the eigenvalues of K. With friction and
-        one free motion ``equilibrium.end_1.J`` and ``equilibrium.end_2.J`` are the coordinates of a joint J at the two
-        ends of the band of positions that friction holds, in the sense in which the joint that moves most goes down
-        and up.
+        ``w^2`` in ascending order, and ``equilibrium.stiffness_1`` and so on, the eigenvalues of K, of trees whose
+        joints all turn or all slide. With friction and one free motion ``equilibrium.end_1.J`` and
+        ``equilibrium.end_2.J`` are the coordinates of a joint J at the two ends of the band of positions that friction
+        holds, in the sense in which the joint that moves most goes down and up.
 
         Raises:
             AssemblyError: A start leads to none; ``partial`` holds what the starts before it led to.
@@ -163,15 +163,19 @@ def _merge(found: list[Equilibrium], new: Equilibrium, turns: Array) -> None:
 
 
 def _units(mechanism: Mechanism, free: int) -> dict[str, Unit | None]:
-    """Return the quantities of an equilibrium and their units, for so many free coordinates."""
+    """Return the quantities of an equilibrium and their units, for so many free coordinates.
+
+    Eigenvalues of K are for motions of length 1 in all joints. Where angles and lengths are added up in these they have
+    no unit, and with loops they would be others where these are opened elsewhere: they are not told.
+    """
     joints = mechanism.joints.items() if mechanism.frictions and free == 1 else ()
-    units = {joint.unit == METRE for joint in mechanism.joints.values()}
-    resistance = None if len(units) > 1 else unit("N/m") if units == {True} else unit("N*m/rad")
-    numbers = range(1, free + 1)
+    sliding = {joint.unit == METRE for joint in mechanism.joints.values()}
+    resistance, numbers = unit("N/m" if sliding == {True} else "N*m/rad"), range(1, free + 1)
+    told = numbers if len(sliding) == 1 and not mechanism.closure.size else ()
     return {
         "equilibrium.starts": unit("1"), "equilibrium.stability": unit("1"),
         **{f"equilibrium.frequency2_{k}": unit("rad^2/s^2") for k in numbers},
-        **{f"equilibrium.stiffness_{k}": resistance for k in numbers},
+        **{f"equilibrium.stiffness_{k}": resistance for k in told},
         **{f"equilibrium.end_{k}.{name}": joint.unit for name, joint in joints for k in (1, 2)},
     }  # fmt: skip
 
@@ -238,9 +242,10 @@ def rows_of(balance: ForceBalance, found: Sequence[Equilibrium], bands: Sequence
     q = np.array([equilibrium.q for equilibrium in found])
     tau, lam = (np.array(x) for x in zip(*(balance.efforts(row) for row in q), strict=True))
     ends = [band.ends.T.ravel() for band in bands] or [np.zeros(0)] * len(found)
-    table = np.array([[float(one.starts), one.modes.stability, *one.modes.squares, *one.modes.stiffnesses, *both]
-                      for one, both in zip(found, ends, strict=True)])  # fmt: skip
     units = _units(balance.mechanism, len(found[0].modes.squares))
+    told = slice(None if "equilibrium.stiffness_1" in units else 0)
+    table = np.array([[float(one.starts), one.modes.stability, *one.modes.squares, *one.modes.stiffnesses[told], *both]
+                      for one, both in zip(found, ends, strict=True)])  # fmt: skip
     columns = {name: Series(name, units[name], column) for name, column in zip(units, table.T, strict=True)}
     return Trajectory(
         balance.mechanism, ROW, unit("1"), Grid.cover(np.arange(1.0, len(found) + 1.0), []), q, np.zeros_like(q),

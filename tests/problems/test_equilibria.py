@@ -573,3 +573,15 @@ def test_a_band_ends_at_a_narrow_catch(place):
     })  # fmt: skip
     end = float(found["equilibrium.end_2.O"].values[0])
     assert np.radians(place - 1.0) < end < np.radians(place - 0.4)
+
+
+def test_the_stiffness_of_a_loop_is_not_told_as_it_hangs_on_where_it_is_opened() -> None:
+    """That of slides and angles together neither: it has no unit."""
+    problem = {"kind": "equilibria", "starts": [{}]}
+    for model in ("crank_rocker", "slider_crank"):
+        scenario = {"pinarm": 1, "mechanism": str(ROOT / "models" / model / "mechanism.yaml"), "problem": problem,
+                    "outputs": ["equilibrium.stiffness_1"]}  # fmt: skip
+        with pytest.raises(InputError, match=r"no quantity 'equilibrium\.stiffness_1'"):
+            pinarm.run(scenario)
+        found = pinarm.run({**scenario, "outputs": ["equilibrium.frequency2_1"]})
+        assert np.isfinite(found["equilibrium.frequency2_1"].values).all()

@@ -29,13 +29,13 @@ COLUMNS = {
     "control.*.voltage": "voltage of a motor, within its limits", "control.*.current": "current of a motor",
     "control.*.current_margin": "largest current of a motor less the amount of its current",
     "control.*.torque": "torque of an ideal motor, within its peak torque",
-    "control.*.margin": "peak torque of a motor at its speed less the torque that it gives",
-    "control.*.continuous_margin": "continuous torque of a motor at its speed less the torque that it gives",
+    "control.*.margin": "peak torque of a motor at its speed less the amount of what it gives",
+    "control.*.continuous_margin": "continuous torque of a motor at its speed less the amount of what it gives",
     "control.*.error": "reference of a controlled coordinate less the coordinate",
     "equilibrium.starts": "number of starts that led to the equilibrium",
     "equilibrium.stability": "1 stable, 0 indifferent, -1 unstable",
     "equilibrium.frequency2": "squared angular frequency of a small motion, in ascending order",
-    "equilibrium.stiffness": "eigenvalue of the stiffness, in ascending order",
+    "equilibrium.stiffness": "eigenvalue of the stiffness, ascending; of trees whose joints all turn or all slide",
     "equilibrium.end": "coordinate of a joint at one end of the positions that friction holds",
 }  # fmt: skip
 """Part of the names of columns that friction, controllers and kinds of problem add, * for any name -> meaning."""

@@ -85,6 +85,8 @@ class Shaking(InputStruct, frozen=True):
         units = [given[f"{part}.peak"].unit for part in PARTS]
         tables = [_figures_table(numbers, units)]
         remarks = [f"the moment is taken about {self.about or 'the origin of the world'}"]
+        if result.trajectory.mechanism.model.armature.any():
+            remarks.append("the spin of rotors has no part in it: only their drives' joints have their inertia")
         balanced = float(numbers["force.norm.peak"].values[0]) <= ROUNDING * _terms(result)
         if balanced:
             remarks.append("the shaking force is balanced: it is 0 but for rounding")

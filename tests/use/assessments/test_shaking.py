@@ -71,3 +71,11 @@ def test_the_counterweights_of_berkof_and_lowen_are_found() -> None:
     section = result.sections["shaking"]
     assert "the shaking force is balanced: it is 0 but for rounding" in section.remarks
     assert not section.graphs  # no picture of rounding
+
+
+@pytest.mark.parametrize(("model", "rotors"), [("backlash", True), ("mechanism", False)])
+def test_a_remark_says_that_the_spin_of_rotors_has_no_part_in_it(model: str, rotors: bool) -> None:
+    scenario = {"pinarm": 1, "mechanism": f"models/servo/{model}.yaml", "shaking": {}, "outputs": ["x"],
+                "problem": {"kind": "forward", "time": {"end": "1 s", "samples": 3}}}  # fmt: skip
+    remarks = pinarm.run(scenario).sections["shaking"].remarks
+    assert any("the spin of rotors" in remark for remark in remarks) == rotors

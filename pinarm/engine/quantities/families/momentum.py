@@ -20,7 +20,7 @@ class MomentumQuantities(Family, frozen=True):
     element: ClassVar[str] = "S"
     meanings: ClassVar[Mapping[str, str]] = {
         "linear": "momentum of a joint's body and of all beyond it",
-        "angular": "angular momentum of the same, about the world's origin",
+        "angular": "angular momentum of the same, about the world's origin; rotors have no part in it",
     }
 
     parts: ClassVar[tuple[str, str]] = ("linear", "angular")
@@ -47,7 +47,7 @@ class DynamicQuantities(MomentumQuantities, frozen=True):
 
     meanings: ClassVar[Mapping[str, str]] = {
         "force": "rate of the momentum of a joint's body and of all beyond it",
-        "moment": "rate of the angular momentum of the same, about the world's origin",
+        "moment": "rate of the angular momentum of the same, about the world's origin; rotors have no part in it",
     }
     parts: ClassVar[tuple[str, str]] = ("force", "moment")
     order: ClassVar[int] = 1
