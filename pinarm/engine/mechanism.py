@@ -32,6 +32,7 @@ from pinarm.engine.mechanism_parts import (
     tying,
 )
 from pinarm.engine.model_source import RobotReader, Source, numeric, read_robot, robot_of_model
+from pinarm.engine.turn_counters import counted_angles, counting
 from pinarm.errors import InputError, nowhere
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.units import Unit
@@ -542,7 +543,7 @@ def mechanism_document(file: Path) -> Document:
 def read_mechanism(
     path: str | Path, arguments: Mapping[str, float | str] | None = None, *,
     gravity: Gravity | Literal["none"] | None = None, payloads: Mapping[str, Payload] | None = None,
-    changes: Document | None = None, locate: Locate = nowhere,
+    changes: Document | None = None, locate: Locate = nowhere, acted: Sequence[str] = (),
 ) -> Mechanism:  # fmt: skip
     """Load a mechanism as a scenario asks for it.
 
@@ -553,6 +554,7 @@ def read_mechanism(
         payloads: Carried beside those of the file, by name.
         changes: Values that replace those of the mechanism file at the same paths.
         locate: Gives errors in ``("arguments", name)`` and ``("payloads", name)`` their place in the scenario.
+        acted: Coordinates along which something of the scenario acts.
 
     Raises:
         InputError: The mechanism file has a mistake.
@@ -561,38 +563,43 @@ def read_mechanism(
     document = mechanism_document(Path(path))
     if changes is not None:
         document = document.merged(changes)
-    return _described(document, Path(path).parent, arguments or {}, gravity, payloads or {}, locate)
+    return _described(document, Path(path).parent, arguments or {}, gravity, payloads or {}, locate, acted)
 
 
-def mechanism_of_data(data: Mapping[str, Any]) -> Mechanism:
+def mechanism_of_data(data: Mapping[str, Any], acted: Sequence[str] = ()) -> Mechanism:
     """Return the mechanism of plain data, such as a mechanism file would hold; its paths start in the current folder.
+
+    ``acted`` are coordinates along which something acts that these data do not say.
 
     Raises:
         InputError: It has a mistake.
         ModelError: The model has one.
     """
-    return _described(Document.of_data(data, "mechanism"), Path(), {})
+    return _described(Document.of_data(data, "mechanism"), Path(), {}, acted=acted)
 
 
 def _described(
     document: Document, folder: Path, arguments: Mapping[str, float | str],
     gravity: Gravity | Literal["none"] | None = None, payloads: Mapping[str, Payload] = MappingProxyType({}),
-    locate: Locate = nowhere,
+    locate: Locate = nowhere, acted: Sequence[str] = (),
 ) -> Mechanism:  # fmt: skip
     """Return the mechanism that a document describes; see ``read_mechanism``."""
     here = document.locating if document.places else lambda *at: locate("mechanism")
     description = document.validate(MechanismDescription)
     if gravity is not None:
         description = replace(description, gravity=gravity)
-    return _build(description, document.data, folder, arguments, payloads, here, locate)
+    return _build(description, document.data, folder, arguments, payloads, here, locate, acted=acted)
 
 
 def _build(
     description: MechanismDescription, data: Mapping[str, Any], folder: Path,
     arguments: Mapping[str, float | str], payloads: Mapping[str, Payload], here: Locate, caller: Locate,
-    read: RobotReader = read_robot,
+    read: RobotReader = read_robot, acted: Sequence[str] = (),
 ) -> Mechanism:  # fmt: skip
-    """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` the caller's."""
+    """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` the caller's.
+
+    ``acted`` are coordinates along which something of the caller acts.
+    """
     units, given = arguments_of(description, arguments, here, caller)
     key = "planar" if description.planar else "robot"
     with here(key), naming_arguments(caller):
@@ -603,13 +610,20 @@ def _build(
     model, carried = loaded(marked(robot.model, description.points, here), description.payloads, payloads, here, caller)
     model.gravity.linear = gravity_vector(description.gravity, robot.gravity)
     parts = named_parts(robot, description, model, key, here)
+    if angles := counted_angles(description, model, parts, acted, here):
+        from pinarm.mechanics.rotors import with_counters
+
+        model = with_counters(model, angles)
+        parts = named_parts(robot, description, model, key, here)
+    parts, counters = counting(model, parts, angles)
     if (geared := rotors_along(model, description, parts.coordinates, here)) is not model:
-        model, parts = geared, named_parts(robot, description, geared, key, here)
+        model = geared
+        parts, counters = counting(model, named_parts(robot, description, model, key, here), angles)
     joints, balls, loops, coordinates = parts.joints, parts.balls, parts.loops, parts.coordinates
     mimics = [mimic_coupling(mimic, joints, model) for mimic in robot.mimics]
     constraints: tuple[Constraint, ...] = (
         *mimics, *loops, *couplings_of(robot, description, model, joints, key, here),
-        *geared_rotors(joints, description, coordinates),
+        *counters, *geared_rotors(joints, description, coordinates),
     )  # fmt: skip
     frictions = frictions_of(robot, description, model, joints, constraints, here)
     symbols = symbols_of(description, here)

@@ -7,6 +7,7 @@ pitch and yaw, ``R = Rz(yaw) Ry(pitch) Rx(roll)``. The velocity is the angular v
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -86,6 +87,7 @@ class BallCoordinate(ValueRecord, frozen=True):
         unit: Radian.
     """
 
+    wraps: ClassVar[bool] = False
     model: pin.Model
     ball: Ball
     component: int
@@ -134,6 +136,11 @@ class BallAngle(ValueRecord, frozen=True):
     ball: Ball
     component: int
     unit: Unit = RADIAN
+
+    @property
+    def wraps(self) -> bool:
+        """Whether it goes round, as roll and yaw do; the pitch turns back at 90 deg."""
+        return ANGLES[self.component] != "pitch"
 
     def value(self, state: Kinematics) -> float:
         """Return the angle."""

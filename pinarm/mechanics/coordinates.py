@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Any, ClassVar, Literal, Protocol
 
 import msgspec
 import numpy as np
@@ -44,6 +44,11 @@ class Coordinate(Protocol):
         """Unit of its value."""
         ...
 
+    @property
+    def wraps(self) -> bool:
+        """Whether it is an angle that a configuration tells up to whole turns, from -pi to pi."""
+        ...
+
     def value(self, state: Kinematics) -> float:
         """Return w(q)."""
         ...
@@ -73,6 +78,7 @@ class LinearCoordinate(ValueRecord, frozen=True):
         places: Index in q for every index in v, shape (nv,).
     """
 
+    wraps: ClassVar[bool] = False
     unit: Unit
     weights: Array
     places: Indices
@@ -125,6 +131,7 @@ class FrameCoordinate(ValueRecord, frozen=True):
         unit: Metre.
     """
 
+    wraps: ClassVar[bool] = False
     frame: int
     axis: Array
     unit: Unit = METRE
@@ -159,6 +166,7 @@ class DistanceCoordinate(ValueRecord, frozen=True):
         unit: Metre.
     """
 
+    wraps: ClassVar[bool] = False
     first: int
     second: int
     unit: Unit = METRE
@@ -210,6 +218,7 @@ class RotationCoordinate(ValueRecord, frozen=True):
         unit: Radian.
     """
 
+    wraps: ClassVar[bool] = False
     frame: int
     component: int
     reference: int = UNIVERSE

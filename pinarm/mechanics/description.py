@@ -96,6 +96,9 @@ class MechanismDescription(InputStruct, frozen=True):
             with units, also with others. The model is given numbers in SI, and its own are in SI.
         gravity: ``none`` for none; that of the model, or 9.81 m/s^2 downwards, where it is left out.
         coordinates: Coordinates beside those of the joints.
+        turns: Angles of loop joints and ball joints whose turns are to be counted, such as ``[L.angle, hip.yaw]``: each
+            has a joint of its own, ``L.angle.counter``, without inertia. Those along which forces or controllers act
+            are counted in any case.
         loops: Joints that close loops of the tree.
         closures: Kind of joint, such as ``revolute``, between every two frames ``closing_NAME_1`` and
             ``closing_NAME_2`` of the model that no loop joint ties, as onshape-to-robot leaves them; or NAME -> its
@@ -136,6 +139,7 @@ class MechanismDescription(InputStruct, frozen=True):
     arguments: dict[str, str] = {}
     gravity: Gravity | Literal["none"] | None = None
     coordinates: dict[str, CoordinateDefinition] = {}
+    turns: list[str] = []
     loops: dict[str, Loop] = {}
     closures: Closure | dict[str, Closure] | None = None
     start: dict[str, Level] = {}

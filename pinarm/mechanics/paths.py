@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -26,6 +27,7 @@ class PathLength(ValueRecord, frozen=True):
         unit: Metre.
     """
 
+    wraps: ClassVar[bool] = False
     parts: tuple[DistanceCoordinate, ...]
     unit: Unit = METRE
 

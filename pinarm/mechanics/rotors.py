@@ -1,5 +1,7 @@
 """Rotors that are joints of their own: of motors along a coordinate which is no joint's, or behind a gear with losses.
 
+An angle that configurations tell up to whole turns is counted by a joint in the same way, one without inertia.
+
 A rotor of inertia J behind a gear of ratio N, which turns with ``N w``, has the energy ``N^2 J w'^2 / 2``. It is a
 joint of the model with the armature ``N^2 J`` and no body, whose coordinate x is reflected to the driven side and tied
 to it, ``x - w(q) = 0``. As armatures of joints, rotors have no weight, and their bearings carry nothing.
@@ -7,7 +9,7 @@ to it, ``x - w(q) = 0``. As armatures of joints, rotors have no weight, and thei
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -22,18 +24,18 @@ from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.joints import METRE, Joint
+from pinarm.mechanics.joints import METRE, RADIAN, Joint
 from pinarm.records import replace
 
-ENDLESS = np.array([np.inf])
+ENDLESS, TURN = np.array([np.inf]), 2.0 * np.pi
 
 
 @dataclass(frozen=True, eq=False)
 class GearedRotor:
-    """What ties a rotor, or another joint of a drive, to a coordinate; the multiplier is the effort that moves it.
+    """What ties a rotor, or another joint without a body, to a coordinate; the multiplier is the effort that moves it.
 
     Attributes:
-        name: ``gear of D``, or ``shaft of D``.
+        name: ``gear of D``, ``shaft of D``, or ``turns of L.angle``.
         rotor: The joint, whose coordinate is that of the driven side.
         coordinate: What it moves as.
         size: One row.
@@ -51,13 +53,18 @@ class GearedRotor:
         """Index in v of the rotor where the tie is the same in all configurations: it has no drive of its own."""
         return self.rotor.v if isinstance(self.coordinate, LinearCoordinate) else None
 
+    def helical(self, row: int) -> bool:
+        """Tell whether its gap is known but for whole turns."""
+        return self.coordinate.wraps
+
     def unit(self, row: int) -> Unit:
         """Return the coordinate's unit."""
         return self.coordinate.unit
 
     def gap(self, state: Kinematics) -> Array:
-        """Return ``x - w(q)``, shape (1,)."""
-        return np.array([state.q[self.rotor.q] - self.coordinate.value(state)])
+        """Return ``x - w(q)``, shape (1,); but for whole turns where w is told up to these: x counts them."""
+        apart = state.q[self.rotor.q] - self.coordinate.value(state)
+        return np.array([apart - TURN * round(apart / TURN) if self.coordinate.wraps else apart])
 
     def rows(self, state: Kinematics) -> Array:
         """Return the row of ``x' - w'``, shape (1, nv)."""
@@ -174,19 +181,35 @@ def with_rotors(model: pin.Model, drives: Mapping[str, Drive], coordinates: Mapp
     for name, drive in drives.items():
         driven = coordinates[drive.coordinate]
         for joint, armature in DriveTrain.of(name, drive, driven).joints(drive.armature).items():
-            _add_joint(found, name, joint, driven.unit, armature)
+            _add_joint(found, f"part of the drive '{name}'", joint, driven.unit, armature)
     return found
 
 
-def _add_joint(model: pin.Model, drive: str, name: str, unit: Unit, armature: float) -> None:
-    """Add a joint of a drive to a model, without a body.
+def counter_name(angle: str) -> str:
+    """Return the name of the joint that counts the turns of an angle."""
+    return f"{angle}.counter"
+
+
+def with_counters(model: pin.Model, angles: Sequence[str]) -> pin.Model:
+    """Return a copy of the model with joints at the end that count the turns of angles.
+
+    Raises:
+        InputError: A joint has the name of one of them.
+    """
+    found = pin.Model(model)
+    for angle in angles:
+        _add_joint(found, f"counter of '{angle}'", counter_name(angle), RADIAN, 0.0)
+    return found
+
+
+def _add_joint(model: pin.Model, part: str, name: str, unit: Unit, armature: float) -> None:
+    """Add a joint to a model, without a body, that is known to people as some part.
 
     Raises:
         InputError: A joint has its name.
     """
     if model.existJointName(name):
-        raise InputError(f"the model has a joint '{name}', as a part of the drive '{drive}' is named",
-                         expected="another name of the drive")  # fmt: skip
+        raise InputError(f"the model has a joint '{name}', as the {part} is named", expected="another name of one")
     kind = pin.JointModelPX() if unit == METRE else pin.JointModelRX()
     index = model.addJoint(0, kind, pin.SE3.Identity(), name, ENDLESS, ENDLESS, -ENDLESS, ENDLESS)
     model.armature[model.joints[index].idx_v] = armature

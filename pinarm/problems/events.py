@@ -82,6 +82,9 @@ def watches_of(mechanism: Mechanism, events: Mapping[str, Event], begins: float,
             coordinate = mechanism.coordinate(event.when)
         with place("events", name, "reaches"):
             check_unit(event.reaches, coordinate.unit)
+            if coordinate.wraps and abs(float(event.reaches)) > np.pi + REACHED:
+                raise InputError(f"'{event.when}' is told from -180 to 180 deg", expected="a value between these",
+                                 hint=f"in the mechanism file: turns: [{event.when}], which counts them")  # fmt: skip
         found[name] = _watched(mechanism.closure, coordinate, event, begins)
     return found
 

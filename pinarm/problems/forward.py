@@ -20,6 +20,7 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.bifurcation import undetermined_rest
 from pinarm.engine.motion.integrated_motion import IntegratedMotion, driven_by, event_columns
+from pinarm.engine.motion.lost_turns import acting_on_angles, between, require_turns
 from pinarm.engine.motion.segmented.end_stops import Bound
 from pinarm.engine.motion.segmented.hybrid_motion import FirstSegment
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
@@ -30,9 +31,8 @@ from pinarm.engine.motion.segmented.stop_shares import shares_remarks
 from pinarm.engine.motion.small_motions import integrate_to_size
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.motion.turned_over import turned_over_remarks
 from pinarm.engine.statics.actuation import along
-from pinarm.errors import InputError, IntegrationError, Interrupted, Key, Place, nowhere
+from pinarm.errors import DynamicsError, InputError, IntegrationError, Interrupted, Key, Place, nowhere
 from pinarm.input.units import unit
 from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import InputStruct, Level, Rate
@@ -209,6 +209,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
                 error.partial = replace(reached.outcome(grid), notes=tuple(error.partial.diagnose()))
             raise
         self._require_branch(mechanism, hybrid, motion)
+        self._require_turns(mechanism, hybrid, motion)
         accounts = [] if self.motion else EnergyAccount.each(motion)
         t, end = self.time.instants(), motion.end
         grid = hybrid.grid(t if end == t[-1] else np.array([*t[t < end], end]), motion.seams)
@@ -226,7 +227,6 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             *opening_remarks(hybrid.bounds, motion.events),
             *_rest(hybrid, motion),
             *profile_remarks(mechanism, self.motion),
-            *turned_over_remarks(integrated),
         ]
         return replace(whole, figures={**motion.cost(), **energy, **motion.rounding}, notes=(*remarks, *notes))
 
@@ -235,10 +235,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         rest = undetermined_rest(hybrid.guided, motion)
         if rest is None:
             return
-        kept = None
-        if rest.t > self.time.start:
-            grid = hybrid.grid(self.time.instants(), motion.seams).until(rest.t)
-            kept = IntegratedMotion(mechanism, hybrid, motion).outcome(grid)
+        kept = self._until(rest.t, mechanism, hybrid, motion)
         raise IntegrationError(
             f"from t = {rest.t:.9g} s on the motion is not determined: it all but stops at "
             f"{rest.regularity:.1g} of its usual regularity, where several motions meet and rounding would choose one",
@@ -246,6 +243,28 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             hint="an end before that instant, or another start: beside the singular position, or with a velocity",
             partial=kept, t=rest.t,
         )  # fmt: skip
+
+    def _require_turns(self, mechanism: Mechanism, hybrid: HybridSystem, motion: SegmentedMotion) -> None:
+        """Raise where an angle along which something acts leaps; the motion until then is kept."""
+        controllers, forces = hybrid.controls.controllers if hybrid.controls else (), hybrid.dynamics.forces
+        acting = acting_on_angles(mechanism.constraints, forces, controllers, mechanism.coordinates)
+        if not acting:
+            return
+        integrated = IntegratedMotion(mechanism, hybrid, motion)
+        t = between(np.array([self.time.start, *integrated.steps()]))
+        try:
+            require_turns(mechanism.model, acting, t, integrated.positions(t))
+        except DynamicsError as error:
+            before = float(t[np.searchsorted(t, error.data["t"]) - 1])
+            error.partial = self._until(before, mechanism, hybrid, motion)
+            raise
+
+    def _until(self, t: float, mechanism: Mechanism, hybrid: HybridSystem, motion: SegmentedMotion) -> Outcome | None:
+        """Return the motion until an instant; ``None`` where that is its start."""
+        if not t > self.time.start:
+            return None
+        grid = hybrid.grid(self.time.instants(), motion.seams).until(t)
+        return IntegratedMotion(mechanism, hybrid, motion).outcome(grid)
 
     def initial_state(self, mechanism: Mechanism, prescribed: PrescribedCoordinates, place: Place) -> Initial:
         """Return the initial state of the mechanism, as it is given; see ``HybridSystem.begin``.

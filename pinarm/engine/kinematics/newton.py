@@ -27,7 +27,6 @@ from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -145,7 +144,7 @@ class NewtonSolver:
         self.curved = ~np.array(straight, dtype=bool)
         self.units = [*(one.unit(row) for one, row in owners), *(c.unit for c in prescribed.coordinates)]
         self.measure, self.scale, self.cuts = self.whole.measure, closure.scale, CUTS
-        threads = [isinstance(one, LoopJoint) and one.helical(row) for one, row in owners]
+        threads = [hasattr(one, "helical") and one.helical(row) for one, row in owners]
         self.sliding = 1.0 - np.array([*threads, *(False for _ in prescribed.coordinates)], dtype=np.float64)
 
     def gap(self, state: Kinematics, w: Array) -> Array:
@@ -167,7 +166,8 @@ class NewtonSolver:
     def assemble(self, q: Array, w: Array, t: float) -> Array:
         """Return the configuration with ``w(q) = w`` that damped least-squares steps reach from q.
 
-        Nuts first slide to their places, then turn to the nearest thread: to turn all the way would take many steps.
+        Nuts first slide to their places, then turn to the nearest thread: to turn all the way would take many steps. So
+        do joints that count turns: they begin on the turn that is nearest to where they start.
 
         Raises:
             AssemblyError: They end where the gap can shrink no more.
@@ -376,9 +376,15 @@ class NewtonSolver:
         return AssemblyError(
             f"{what}: {worst[0]} {missed} by {sizes[worst]:.3g} {worst[1]}{beside}",
             expected=f"{wanted}{followed}; the closest it comes{still} is {format_configuration(self.model, q)}",
-            hint="other values of the law, or another start that chooses the branch" + self._out_of_line(gap),
+            hint=f"other values of the law, or another start that chooses the branch{self._beyond()}"
+            f"{self._out_of_line(gap)}",
             t=t, q=q, gap=gap,
         )  # fmt: skip
+
+    def _beyond(self) -> str:
+        """Return what else to try where a law may pass half a turn of an angle that nothing counts."""
+        told = [name for name, one in zip(self.names[self.closure.size :], self.coordinates, strict=True) if one.wraps]
+        return f"; beyond 180 deg, turns: [{', '.join(told)}] in the mechanism file" if told else ""
 
     def _out_of_line(self, gap: Array) -> str:
         """Return what else to try where a small gap may be that of redundant joints."""

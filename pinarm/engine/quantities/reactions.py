@@ -202,6 +202,10 @@ class Reactions:
             guided = guide.coordinate if isinstance(guide, GuidedCoordinate) else None
             if isinstance(guided, LoopCoordinate) and guided.loop == name:
                 yield guided, self.multipliers[:, self.closure.slices[guide.name].start]
+        for tie in run.mechanism.constraints:  # of rotors, and of joints that count turns
+            moved = getattr(tie, "coordinate", None) if hasattr(tie, "rotor") else None
+            if isinstance(moved, LoopCoordinate) and moved.loop == name:
+                yield moved, -self.multipliers[:, self.closure.slices[tie.name].start]
         for key, force in run.dynamics.forces.items():
             along = force.coordinate if isinstance(force, AlongCoordinate) else None
             if isinstance(along, LoopCoordinate) and along.loop == name:

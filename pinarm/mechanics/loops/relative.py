@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -37,6 +38,7 @@ class SlidOut(Record, frozen=True):
         unit: Metre.
     """
 
+    wraps: ClassVar[bool] = False
     loop: str
     way: LoopJoint
     unit: Unit = METRE
@@ -79,6 +81,11 @@ class TurnedAbout(Record, frozen=True):
     offset: float = 0.0
     thread: Thread | None = None
     unit: Unit = RADIAN
+
+    @property
+    def wraps(self) -> bool:
+        """Whether nothing counts the turns."""
+        return self.turns is None and self.thread is None
 
     def value(self, state: Kinematics) -> float:
         """Return the angle."""

@@ -83,7 +83,8 @@ class Simplification(Record, frozen=True):
             InputError: The problem has a mistake.
         """
         declared, whole = problem.declaration(), cls.whole(problem, mechanism, accuracy, place)
-        tied = any(drive.turns_rotor for drive in mechanism.drives.values())  # rotors move with several joints
+        counted = any(hasattr(one, "rotor") for one in mechanism.constraints)
+        tied = counted or any(drive.turns_rotor for drive in mechanism.drives.values())  # with several joints
         if declared is None or tied or mechanism.frictions:  # which of these stick is decided for all together
             return whole
         from pinarm.problems.simplify.removal import KnownMotion, known_laws, removable

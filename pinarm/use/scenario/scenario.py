@@ -18,9 +18,11 @@ from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.checks.unclosed import unclosed
 from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.mechanism import Mechanism, mechanism_document, mechanism_of_data, read_mechanism
+from pinarm.engine.motion.lost_turns import acting_on_angles, between, require_turns
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.one_run import one_run
 from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.turn_counters import acted_along
 from pinarm.errors import InputError, Key, MethodError, NumericsError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.roots import contained_file, root_of
@@ -120,12 +122,12 @@ class Scenario(Record, frozen=True):
                 expected="a Mechanism, the path of a file, or the name of a robot",
                 hint="pinarm.Mechanism.of(model)",
             )
-        if isinstance(given, Mapping):
-            given = mechanism_of_data(given)
-        if not isinstance(given, Mechanism):
+        if not isinstance(given, Mapping | Mechanism):
             return cls.of(Document.of_data(data, "scenario"), Path())
-        refuse_changes(data)
-        return replace(cls.of(Document.of_data({**data, "mechanism": GIVEN}, "scenario"), Path()), given=given)
+        if isinstance(given, Mechanism):
+            refuse_changes(data)
+        found = cls.of(Document.of_data({**data, "mechanism": GIVEN}, "scenario"), Path())
+        return replace(found, given=mechanism_of_data(given, found.acted) if isinstance(given, Mapping) else given)
 
     def __repr__(self) -> str:
         """Return its name, its kind, its mechanism and its outputs."""
@@ -196,7 +198,13 @@ class Scenario(Record, frozen=True):
     @property
     def _mechanism_data(self) -> list[Any]:
         """What the document says of the mechanism."""
-        return [self.document.data.get(key) for key in ("mechanism", "arguments", "gravity", "payloads", "changes")]
+        keys = "mechanism", "arguments", "gravity", "payloads", "changes"
+        return [*(self.document.data.get(key) for key in keys), self.acted]
+
+    @property
+    def acted(self) -> list[str]:
+        """Names of coordinates along which loads of the problem act, or that its controllers need."""
+        return acted_along(getattr(self.problem, "loads", {}).values(), getattr(self.problem, "control", ()))
 
     @cached_property
     def name(self) -> str:
@@ -225,7 +233,7 @@ class Scenario(Record, frozen=True):
             changes = self.document.part("changes") if self.content.changes else None
             loaded = read_mechanism(
                 source, self.content.arguments, gravity=gravity, payloads=self.content.payloads, changes=changes,
-                locate=self.document.locating,
+                locate=self.document.locating, acted=self.acted,
             )  # fmt: skip
         return loaded if self.seed is None else loaded.perturbed(self.seed)
 
@@ -415,6 +423,7 @@ class Scenario(Record, frozen=True):
         Raises:
             NumericsError: It is not finite.
         """
+        self._require_turns(whole)
         measured = {**solved.figures, **power_balance(solved.rows), **residual_figures(solved.rows, solved.motion)}
         if solved.rows.mechanism.frictions:
             from pinarm.engine.quantities.friction_law import friction_figures
@@ -428,6 +437,18 @@ class Scenario(Record, frozen=True):
         if not all(math.isfinite(figure) for figure in result.figures.values()):
             raise overflow(whole)
         return result
+
+    def _require_turns(self, outcome: Outcome) -> None:
+        """Raise where an angle along which something acts leaps between rows; forward runs look into their steps.
+
+        Raises:
+            DynamicsError: It does.
+        """
+        rows, motion = outcome.rows, outcome.motion
+        acting = acting_on_angles(rows.mechanism.constraints, rows.dynamics.forces)
+        if motion is not None and acting and self.problem.kind != "forward":
+            t = between(rows.grid.t)
+            require_turns(rows.mechanism.model, acting, t, motion.positions(t))
 
     def broken_off(self, outcome: Outcome, why: str) -> Result:
         """Return the result of what there was when the numerics failed."""

@@ -187,7 +187,9 @@ NUMBERS_AND_TEXT = "fiuU"
 def _mechanism(folder: Path, scenario: Scenario) -> Mechanism:
     """Return the mechanism, whose arguments the text of the model no longer has."""
     content = scenario.content
-    mechanism = read_mechanism(folder / "mechanism.yaml", gravity=content.gravity, payloads=content.payloads)
+    mechanism = read_mechanism(
+        folder / "mechanism.yaml", gravity=content.gravity, payloads=content.payloads, acted=scenario.acted
+    )
     given = content.arguments
     units = {name: value.unit for name, value in given.items() if value.unit is not None}
     arguments: Mapping[str, float] = {name: float(value) for name, value in given.items()}

@@ -9,6 +9,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.parallel import threads
+from pinarm.engine.motion.lost_turns import acting_on_angles
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
 from pinarm.engine.motion.segmented.segment_ends import of_mechanism, steps_over, watched
 from pinarm.engine.motion.trajectory import EventRecord
@@ -22,6 +23,8 @@ def is_batchable(hybrid: HybridSystem) -> bool:
     """Tell whether motions from several initial states can be integrated together."""
     if hybrid.frictions or hybrid.controls or hybrid.separations:
         return False
+    if acting_on_angles(hybrid.closure.constraints, hybrid.dynamics.forces):
+        return False  # where angles leap is looked for motion by motion
     free = hybrid.system().manifold.nv > 0  # what laws determine altogether takes no steps
     return free and hybrid.method.pair is not None and all(interval.batch for interval in hybrid.free_intervals)
 

@@ -26,7 +26,7 @@ class LoopQuantities(WrenchFamily, frozen=True):
         "force": "force of the first link on the second, at the second one's frame",
         "moment": "moment of the first link on the second, about the origin of the second one's frame",
         "angle": "how far frame 2 has turned about the axis of frame 1; turns are counted in screws and planar loops, "
-        "elsewhere it is from -180 to 180 degrees",
+        "and where forces or controllers act along it, elsewhere it is from -180 to 180 degrees",
         "position": "how far frame 2 has slid along the axis of frame 1",
         "tension": "axial force of a rod, positive where it is pulled and negative where it is pressed; of a cable",
         "length": "length of the path through the links of a cable: its own while it is taut",

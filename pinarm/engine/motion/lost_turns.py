@@ -1,0 +1,139 @@
+"""Angles along which something acts, and that no joint can count: where they leap, the motion is no mechanism's.
+
+An angle of a loop in space that is not counted leaps by a turn at 180 deg, a rotation vector leaps at half a turn, and
+roll and yaw of a ball joint leap by half a turn at a pitch of 90 deg: springs, drives and controllers with them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.errors import DynamicsError
+from pinarm.mechanics.ball_joints import BallAngle, BallCoordinate, roll_pitch_yaw
+from pinarm.mechanics.coordinates import Coordinate, RotationCoordinate
+from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.records import replace
+
+if TYPE_CHECKING:
+    from pinarm.engine.constraints.constraint import Constraint
+    from pinarm.mechanics.control.controller import Controller
+    from pinarm.mechanics.forces.force_element import ForceElement
+
+PARTS, TURN = 8, 2.0 * np.pi
+"""Parts of a step that are looked at: within one a motion that steps resolve turns by much less than a quarter."""
+
+
+class Leap(NamedTuple):
+    """Why an angle leaps, and what to do.
+
+    Attributes:
+        why: In words.
+        hint: What to write instead.
+    """
+
+    why: str
+    hint: str
+
+
+POLE = Leap(
+    "roll and yaw leap by half a turn where the pitch passes 90 deg", "three revolute joints in place of the ball joint"
+)
+VECTOR = Leap("a rotation vector leaps where it passes half a turn", "a revolute joint, or a reference that is turned")
+UNCOUNTED = Leap(
+    "it is told from -180 to 180 deg and leaps by a turn there",
+    "in the mechanism file: turns: [NAME], which counts them",
+)
+
+
+class Acting(NamedTuple):
+    """Something that acts along an angle which is told up to half a turn.
+
+    Attributes:
+        user: What it is, in words.
+        angle: The angle.
+        counted: Whether whole turns do not matter: a joint counts them.
+    """
+
+    user: str
+    angle: Coordinate
+    counted: bool = False
+
+    def leap(self, one: Kinematics, other: Kinematics) -> Leap | None:
+        """Return why the angle does not go on from one state to the next; ``None`` where it does."""
+        angle = self.angle
+        if isinstance(angle, BallAngle):
+            before, after = (roll_pitch_yaw(angle.ball.quaternion(state.q)) for state in (one, other))
+            turned = (after - before)[[0, 2]] / TURN
+            if np.abs(turned - np.round(turned)).max() > 0.25:
+                return POLE
+        if isinstance(angle, BallCoordinate | RotationCoordinate):
+            parts = [replace(angle, component=k) for k in range(3)]
+            way = np.linalg.norm([part.value(other) - part.value(one) for part in parts])
+            return VECTOR if way > np.pi else None
+        return None if self.counted or abs(angle.value(other) - angle.value(one)) < np.pi else UNCOUNTED
+
+
+def acting_on_angles(
+    constraints: Iterable[Constraint], forces: Mapping[str, ForceElement], controllers: Iterable[Controller] = (),
+    coordinates: Mapping[str, Coordinate] = MappingProxyType({}),
+) -> list[Acting]:  # fmt: skip
+    """Return what acts along angles that may leap.
+
+    Args:
+        constraints: Ties of drives, and of joints that count turns, among them.
+        forces: Force elements by name.
+        controllers: Those of a run that has been made: functions have asked for what they need.
+        coordinates: The mechanism's, by name.
+    """
+    found = [
+        Acting(f"'{tie.name}'", tie.coordinate, tie.coordinate.wraps)
+        for tie in constraints if hasattr(tie, "rotor") and hasattr(tie, "coordinate")
+    ]  # fmt: skip
+    found += [Acting(f"'{name}'", force.coordinate) for name, force in forces.items() if hasattr(force, "coordinate")]
+    for one in controllers:
+        names = [name.removeprefix("loop.") for name in getattr(one, "readers", ())]
+        measured = [signal.coordinate for signal in one.signals if hasattr(signal, "coordinate")]
+        measured += [coordinates[name] for name in names if name in coordinates]
+        found += [Acting(f"the controller of {', '.join(one.drives)}", coordinate) for coordinate in measured]
+    return [one for one in found if _leaps(one)]
+
+
+def _leaps(one: Acting) -> bool:
+    """Return whether the angle may leap: that of a loop does not where a joint counts its turns."""
+    ball = isinstance(one.angle, BallAngle | BallCoordinate | RotationCoordinate)
+    return ball or (one.angle.wraps and not one.counted)
+
+
+def require_turns(model: pin.Model, acting: Sequence[Acting], t: Array, q: Array) -> None:
+    """Raise where an angle along which something acts leaps between two of many configurations.
+
+    Args:
+        model: Pinocchio's model.
+        acting: What acts along such angles.
+        t: Values of the parameter, shape (n,).
+        q: Configurations there, close enough for an angle to turn by less than a quarter in between, shape (n, nq).
+
+    Raises:
+        DynamicsError: Says what acts, when, and what to do.
+    """
+    states = (Kinematics.at(model, one) for one in q)
+    for to, (before, after) in zip(t[1:].tolist(), pairwise(states), strict=True):
+        for one in acting:
+            if (leap := one.leap(before, after)) is not None:
+                raise DynamicsError(
+                    f"{one.user} acts along an angle that does not go on at {to:.6g}: {leap.why}",
+                    expected="an angle that goes on without a leap", hint=leap.hint, t=to,
+                )  # fmt: skip
+
+
+def between(t: Array) -> Array:
+    """Return values of a parameter with ``PARTS`` parts between each two, ascending or descending as they are."""
+    parts = t[:-1, None] + np.diff(t)[:, None] * (np.arange(PARTS) / PARTS)
+    return np.append(parts[np.diff(t) != 0.0].reshape(-1), t[-1:])
