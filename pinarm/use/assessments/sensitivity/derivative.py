@@ -5,14 +5,17 @@ With f(h) the number where an input is changed by h, for h, h/2 and h/4:
     c(h) = (f(h) - f(-h)) / 2h = f' + a h² + b h⁴ + ...,    r(h) = (f(h) - f(0)) / h = f' + a h + b h² + ...
 
 Two rounds of Richardson's extrapolation leave ``O(h⁶)`` of the central and ``O(h³)`` of each one-sided derivative. The
-last correction tells what is left, and the error e of the numbers themselves makes ``4 e / h`` of it; both are least
-together for ``h ~ e^(1/7)``. Where the two one-sided derivatives differ by more than their errors, the number has a
-kink there: a maximum that moves from one instant to another.
+last correction tells what is left where h is small. Where it is not, it may be small by accident; of a series whose
+terms go down like ``q^n`` the one-sided derivatives keep ``~ q³`` of f' and the central one ``~ q⁶``, the square of it.
+So what is left is at least told as ``2 d² / f'`` with the distance d between them. The error e of the numbers
+themselves makes ``4 e / h`` of it; both are least together for ``h ~ e^(1/7)``. Where the two one-sided derivatives
+differ by more than their errors, the number has a kink there: a maximum that moves from one instant to another.
 
 A step over which the number is no such series, as where an oscillation turns by several radians, may look settled by
 accident. So a step is enough only where all three derivatives are about the same; otherwise smaller steps are taken
-too. What these contradict is as wrong as they say; and derivatives that differ from one another, without being found
-again with another step, as those at a kink are, are as wrong as they differ.
+too. Their ``4 e / h`` is a bound, and mostly far above what they scatter; so they contradict larger steps by what they
+differ beyond the scatter that is seen, the difference between their own extrapolations. Derivatives that differ from
+one another, other than those at a kink that is found again with another step, are as wrong as they differ.
 
 Source: Ridders, Accurate computation of F'(x) and F'(x) F''(x), Advances in Engineering Software 4 (1982).
 """
@@ -46,6 +49,15 @@ enough for a power series."""
 KINK = 1e-3
 """Difference of one-sided derivatives, relative to their sizes, that makes a kink."""
 
+SQUARE = 2.0
+"""What central differences leave, over the square of what one-sided ones do, both relative to the quotient."""
+
+DOUBT = 2.0
+"""Error of a derivative over what smaller steps contradict: these are wrong themselves, by about as much."""
+
+SCATTER = 3.0
+"""How far smaller steps are from a kink, over their scatter, where noise alone may have moved them."""
+
 
 @dataclass(frozen=True)
 class Derivative:
@@ -70,7 +82,9 @@ class Derivative:
 class _Differences:
     """Derivatives of several numbers by steps of one size, and their errors, each of shape (m,).
 
-    ``quotient`` is the larger one-sided quotient of differences over the whole step.
+    ``quotient`` is the larger one-sided quotient of differences over the whole step, ``rounding`` what the noise of the
+    numbers makes of a difference over the smallest one. ``scatter`` and ``one_sided_scatter`` are what is seen of the
+    errors: the differences between the extrapolations from the larger and from the smaller steps.
     """
 
     central: Array
@@ -80,6 +94,8 @@ class _Differences:
     one_sided_error: Array
     quotient: Array
     rounding: Array
+    scatter: Array
+    one_sided_scatter: Array
 
     def derivative(self, k: int) -> Derivative:
         left, right, sided = float(self.left[k]), float(self.right[k]), float(self.one_sided_error[k])
@@ -114,8 +130,8 @@ class _Differences:
     def contradicted(self, finer: _Differences, k: int) -> float:
         """Return the error that smaller steps show: of both sides at a kink, which they may be too small to see."""
         if self.derivative(k).kink:
-            return self.moved(finer, k) - float(finer.one_sided_error[k])
-        return float(abs(self.central[k] - finer.central[k]) - finer.error[k])
+            return DOUBT * float(self.moved(finer, k) - SCATTER * finer.one_sided_scatter[k])
+        return float(DOUBT * abs(self.central[k] - finer.central[k]) - finer.scatter[k])
 
 
 STEPS = np.array([1.0, 0.5, 0.25, -1.0, -0.5, -0.25])
@@ -158,7 +174,8 @@ class _Sought:
         errors = [one.error for one in found]
         for n, each in enumerate(rounds):
             errors[n] = max([errors[n], *(each.contradicted(finer, k) for finer in rounds[n + 1 :])])
-            if each.apart(k) > each.alike(k) and not any(each.finds(other, k) for other in rounds if other is not each):
+            again = found[n].kink and any(each.finds(other, k) for other in rounds if other is not each)
+            if each.apart(k) > each.alike(k) and not again:
                 errors[n] = max(errors[n], each.apart(k))
         least = int(np.argmin(errors))
         return replace(found[least], error=errors[least])
@@ -199,17 +216,23 @@ def _differences(ahead: Array, behind: Array, at_zero: Array, step: float, noise
     """Return derivatives by the numbers ahead and behind, both of shape (3, m), for steps halved each time."""
     steps = step / 2.0 ** np.arange(3)
     h = steps[:, None]
-    central, error = _extrapolated((ahead - behind) / (2.0 * h), 2)
-    right, above = _extrapolated((ahead - at_zero) / h, 1)
-    left, below = _extrapolated((at_zero - behind) / h, 1)
+    central, correction, scatter = _extrapolated((ahead - behind) / (2.0 * h), 2)
+    right, above, scatter_above = _extrapolated((ahead - at_zero) / h, 1)
+    left, below, scatter_below = _extrapolated((at_zero - behind) / h, 1)
     rounding = noise / steps[-1]
     quotient = np.maximum(np.abs(ahead[0] - at_zero), np.abs(at_zero - behind[0])) / step
-    return _Differences(central, error + 2.0 * rounding, left, right, np.maximum(above, below) + 8.0 * rounding,
-                        quotient, rounding)  # fmt: skip
+    apart = np.maximum(np.abs(right - central), np.abs(left - central))
+    left_out = np.maximum(correction, SQUARE * apart**2 / np.where(quotient > 0.0, quotient, np.inf))
+    error, sided = left_out + 2.0 * rounding, np.maximum(above, below) + 8.0 * rounding
+    return _Differences(central, error, left, right, sided, quotient, rounding, np.minimum(scatter, error),
+                        np.minimum(np.maximum(scatter_above, scatter_below), sided))  # fmt: skip
 
 
-def _extrapolated(differences: Array, order: int) -> tuple[Array, Array]:
-    """Return three differences of steps halved each time, extrapolated, and the last correction, shape (m,).
+def _extrapolated(differences: Array, order: int) -> tuple[Array, Array, Array]:
+    """Return three differences of steps halved each time, extrapolated, shape (m,), and what that tells of its error.
+
+    This is the last correction, and the difference between the two extrapolations before, which noise makes about as
+    large as the error.
 
     Args:
         differences: Shape (3, m).
@@ -218,4 +241,4 @@ def _extrapolated(differences: Array, order: int) -> tuple[Array, Array]:
     first, second = 2.0**order, 2.0 ** (2 * order)
     once = (first * differences[1:] - differences[:-1]) / (first - 1.0)
     twice = (second * once[1] - once[0]) / (second - 1.0)
-    return twice, np.abs(twice - once[1])
+    return twice, np.abs(twice - once[1]), np.abs(once[1] - once[0])

@@ -10,6 +10,7 @@ import pytest
 from pinarm.arrays import Array
 from pinarm.errors import DynamicsError, InputError
 from pinarm.use.assessments.sensitivity.derivative import Derivative, derivatives
+from pinarm.use.assessments.sensitivity.sensitivity import LEVEL
 from pinarm.use.assessments.sensitivity.variation import Input
 from pinarm.use.cases.case import WORTH, Row
 
@@ -116,10 +117,26 @@ def test_a_step_over_many_turns_of_an_oscillation_is_not_taken_for_a_small_one()
         assert abs(found.value + most * sin(phase)) <= 3.0 * found.error + 0.01 * most, (phase, found)
 
 
+@pytest.mark.parametrize("bound", [1e-2, 1e-3, 1e-5, 1e-7, 1e-9])
+def test_steps_that_a_bound_of_noise_makes_too_large_are_not_believed(bound: float) -> None:
+    """``Σ a sin(w h + p)`` and ``cos(p (1 + h)^(1/2))`` with a 30th of the noise, or less, that steps are chosen by."""
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        scattered, (a, w, p) = rng.uniform(0.0, bound / 30.0), rng.uniform((0.0, 1.0, 0.0), (1.0, 12.0, 6.0), (3, 3)).T
+        turned = rng.uniform(2.0, 200.0)
+        for function, exact in (
+            (lambda h, a=a, w=w, p=p: float(a @ np.sin(w * h + p)), float((a * w) @ np.cos(p))),
+            (lambda h, turned=turned: cos(turned * (1.0 + h) ** 0.5), -0.5 * turned * sin(turned)),
+        ):
+            found = one(lambda h, of=function, s=scattered: of(h) + s * rng.uniform(-1.0, 1.0), bound**LEVEL, bound)
+            assert not found.kink
+            assert abs(found.value - exact) <= found.error
+
+
 @pytest.mark.parametrize("noise", [1e-5, 1e-4])
 def test_a_kink_is_told_with_noise_too(noise: float) -> None:
     """Smaller steps, in which the noise is larger, do not take it back."""
-    for seed in range(30):
+    for seed in range(150):
         rng = np.random.default_rng(seed)
         found = one(lambda h, rng=rng: abs(h) + 0.3 * h + rng.uniform(-noise, noise), noise ** (1.0 / 7.0), noise)
         assert found.kink

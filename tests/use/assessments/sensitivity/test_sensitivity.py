@@ -7,14 +7,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import pinarm
+from pinarm.arrays import Array
 from pinarm.errors import PinarmError
 from pinarm.use.assessments.sensitivity.variation import Input, case_of
 from pinarm.use.cases.columns import kind_of
 from pinarm.use.result.section import Section, SectionTable
 from pinarm.use.store.restore import restore
 
+SWING = "scenarios/gen411_arm_swing.yaml"
 ARM, FOUR_BAR = "scenarios/gen411_arm_static.yaml", "scenarios/crank_rocker_turning.yaml"
 G, L, M_A, M_BA = 9.81, 0.25, 0.1, 1.0
 """Of the arm: C_B = g l2 cos(phi) (m_A + m_BA/2), largest at phi = 0."""
@@ -126,6 +129,37 @@ def test_masses_of_a_drawing_are_inputs(tmp_path: Path) -> None:
     result = pinarm.run(tmp_path / "s.yaml")
     derivative = result.number(f"sensitivity.joint_O_effort_max.by.{path}")[0]
     assert derivative == pytest.approx(9.81 * 0.25, rel=1e-9)
+
+
+def swinging_height(turned: float) -> float:
+    """Return A_y [m] of the swinging arm after 1 s, with its first rod turned at the start, by SciPy."""
+    l1, l2, mass, tip, bent = 0.3114, 0.3931, 0.723 + 0.4305 + 0.6732, 0.723 + 0.4305 / 2, 0.8394
+    inertia = l2 * l2 * (0.723 + 0.4305 / 3)
+
+    def rates(_: float, y: Array) -> list[float]:
+        (a, b, w, u), coupling = y.tolist(), tip * l1 * l2
+        masses = [[mass * l1 * l1, coupling * cos(b - a)], [coupling * cos(b - a), inertia]]
+        forces = [coupling * sin(b - a) * u * u - mass * G * l1 * cos(a),
+                  -coupling * sin(b - a) * w * w - tip * l2 * G * cos(b)]  # fmt: skip
+        return [w, u, *np.linalg.solve(masses, forces)]
+
+    start = -1.3664 + turned
+    state = solve_ivp(rates, (0.0, 1.0), [start, start + bent, -3.8551, -3.8551 - 3.905], method="DOP853",
+                      rtol=1e-13, atol=1e-14).y[:, -1]  # fmt: skip
+    return float(0.5 + l1 * sin(state[0]) + l2 * sin(state[1]))
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-9])
+def test_a_derivative_is_as_wrong_as_it_says_at_coarse_tolerances(tolerance: float) -> None:
+    """Its steps are large there, 0.26 rad at 1e-6, over which the double pendulum is far from a power series."""
+    exact = (swinging_height(1e-4) - swinging_height(-1e-4)) / 2e-4
+    arguments = {"l1": "0.3114 m", "l2": "0.3931 m", "m_A": "0.723 kg", "m_BA": "0.4305 kg", "m_B": "0.6732 kg"}
+    position, velocity = {"O": "-1.3664 rad", "B": "0.8394 rad"}, {"O": "-3.8551 rad/s", "B": "-3.905 rad/s"}
+    more = {"arguments": arguments, "problem.initial": {"position": position, "velocity": velocity},
+            "problem.time.end": "1 s", "accuracy.tolerance": tolerance, "expect": []}  # fmt: skip
+    found = section(SWING, {"of": ["A_y @ end"], "to": {"problem.initial.position.O": "0.01 rad"}}, **more)
+    row = rows(found.tables[1])["problem.initial.position.O"]
+    assert abs(row["derivative"] - exact) <= row["its error"]
 
 
 def test_a_kink_is_told_by_both_derivatives() -> None:
