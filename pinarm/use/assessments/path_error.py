@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated
 
 import msgspec
@@ -175,8 +176,9 @@ class _Path:
         Raises:
             InputError: Two points are best met at one instant.
         """
-        rows, turn = self._ordered()
-        t, places = self._refined(rows)
+        rows, t, places = self._refined(self._ordered())
+        wraps = np.flatnonzero(np.diff(rows) < 0)
+        turn = int(wraps[0]) + 1 if len(wraps) else 0  # how many come before the end of a path that begins within
         length = self.run.run.grid.cuts[-1] - self.run.run.grid.cuts[0]
         order = t + length * ((np.arange(len(t)) >= turn) & (turn > 0))
         for k in np.flatnonzero(np.diff(order) <= ONE_INSTANT * length).tolist():
@@ -187,25 +189,47 @@ class _Path:
                 )  # fmt: skip
         return _Met(t, places)
 
-    def _ordered(self) -> tuple[Array, int]:
-        """Return the samples nearest to the points in their order, shape (n,), and how many come before the end.
+    @cached_property
+    def _closed(self) -> bool:
+        """Whether the path ends where it begins."""
+        size = float(np.ptp(self.places, axis=0).max())
+        return float(np.linalg.norm(self.places[-1] - self.places[0])) <= 1e-6 * size
+
+    def _ordered(self) -> Array:
+        """Return the samples nearest to the points in their order, shape (n,).
 
         A path that closes may begin anywhere: every sample at which it is locally nearest to the first point is tried
         as its begin.
         """
         squares = ((self.places[None, :, :] - self.wanted[:, None, :]) ** 2).sum(axis=2)
         count = squares.shape[1]
-        size = float(np.ptp(self.places, axis=0).max())
-        closed = float(np.linalg.norm(self.places[-1] - self.places[0])) <= 1e-6 * size
-        begins = [0, *(_local_minima(squares[0]) if closed else ())]
+        begins = [0, *(_local_minima(squares[0]) if self._closed else ())]
         found = [(*_monotone(np.roll(squares, -begin, axis=1)), begin) for begin in begins]
         _, rows, begin = min(found, key=lambda each: each[0])
-        rolled = (rows + begin) % count
-        wraps = np.flatnonzero(np.diff(rolled) < 0)
-        return rolled, int(wraps[0]) + 1 if len(wraps) else 0
+        return np.asarray((rows + begin) % count)
 
-    def _refined(self, rows: Array) -> tuple[Array, Array]:
-        """Return the instants near samples at which the path is nearest to the points, and its places there."""
+    def _refined(self, rows: Array) -> tuple[Array, Array, Array]:
+        """Return samples, shape (n,), the instants near these at which the path is nearest, and its places there.
+
+        Where that is at an end of an interval the path may be nearer behind it, from the sample there.
+        """
+        t, places = self._nearest(rows)
+        beyond = self._beyond(rows, t)
+        there, found = self._nearest(beyond)
+        nearer = np.linalg.norm(found - self.wanted, axis=1) < np.linalg.norm(places - self.wanted, axis=1)
+        return (np.where(nearer, beyond, rows), np.where(nearer, there, t),
+                np.where(nearer[:, None], found, places))  # fmt: skip
+
+    def _beyond(self, rows: Array, t: Array) -> Array:
+        """Return the samples behind the ends of intervals at which instants are, else the samples themselves."""
+        number, count = self.interval[rows], len(self.t)
+        first = np.searchsorted(self.interval, number)
+        last = np.searchsorted(self.interval, number, "right") - 1
+        beyond = np.where(t <= self.t[first], first - 1, np.where(t >= self.t[last], last + 1, rows))
+        return beyond % count if self._closed else np.where((beyond < 0) | (beyond >= count), rows, beyond)
+
+    def _nearest(self, rows: Array) -> tuple[Array, Array]:
+        """Return the instants near samples, within their intervals, at which the path is nearest, and its places."""
         t, places = self.t[rows].copy(), self.places[rows].copy()
         for number in np.unique(self.interval[rows]).tolist():
             here = np.flatnonzero(self.interval[rows] == number)

@@ -192,3 +192,41 @@ def test_a_mistake_in_the_points_is_told(chebyshev: Callable[..., Any], wanted: 
 def test_a_point_that_does_not_exist_is_told_before_anything_is_solved(chebyshev: Callable[..., Any]) -> None:
     with pytest.raises(InputError, match="N"):
         chebyshev("wanted: {x: [1 m]}").varied({"path_error.point": "N"}).validate()
+
+
+def circle(folder: Path, law: str, duration: str, angles: list[float]) -> Any:
+    """Return the error of the tip of a crank of 0.3 m, and when it is nearest to points on its circle."""
+    (folder / "m.yaml").write_text(
+        "pinarm: 1\nplanar:\n  points: {O: [0, 0], P: [0.3 m, 0 m]}\n  ground: [O]\n"
+        "  links: {crank: {points: [O, P], mass: 1 kg}}\n"
+    )
+    x, y = ([f"{0.3 * part(angle)!r} m" for angle in angles] for part in (cos, sin))
+    (folder / "s.yaml").write_text(
+        f"pinarm: 1\nmechanism: m.yaml\nproblem: {{kind: kinematics, time: {{end: {duration}, samples: 11}}, "
+        f"motion: {{O: {law}}}}}\noutputs: [O]\npath_error: {{point: P, wanted: {{x: {x}, y: {y}}}}}\n"
+    )
+    result = pinarm.run(folder / "s.yaml")
+    rows = result.sections["path_error"].tables[0].rows
+    return result.number("path_error.rms")[0], [float(row[1]) for row in rows]
+
+
+@pytest.mark.parametrize("beyond", [[-0.001], [0.0005], [0.0004, 0.0009], [0.001]])
+def test_points_on_either_side_of_a_jump_of_the_acceleration_are_met(tmp_path: Path, beyond: list[float]) -> None:
+    """At 80 deg, after 0.4 s, the crank stops to gather speed and goes on at 400 deg/s."""
+    law = "{law: trapezoid, from: 0 deg, to: 300 deg, acceleration: 1000 deg/s^2, speed: 400 deg/s}"
+    error, instants = circle(tmp_path, law, "1.15 s", [pi / 2.25 + each for each in beyond])
+    assert error < 1e-12
+    behind = [0.4 + each / (400 * pi / 180) for each in beyond]
+    assert instants == pytest.approx(behind, abs=2e-6)  # before it is a little slower: 1000 deg/s^2 over 3e-4 s
+
+
+@pytest.mark.parametrize(("begin", "off"), [(-128.1, 0.0018), (91.3, 0.0002), (-70.8, -0.0002), (166.2, 0.0009)])
+@pytest.mark.parametrize("others", [[], [2.0, 4.0]])
+def test_points_on_either_side_of_where_a_closed_path_begins_are_met(
+    tmp_path: Path, begin: float, off: float, others: list[float]
+) -> None:
+    """One turn in a second: a point before the begin is met at its end, less what is missing."""
+    law, start = f"{{law: constant_speed, speed: 360 deg/s, from: {begin} deg}}", begin * pi / 180
+    error, instants = circle(tmp_path, law, "1 s", [start + off, *(start + other for other in others)])
+    assert error < 1e-12
+    assert instants == pytest.approx([off / (2 * pi) % 1.0, *(other / (2 * pi) for other in others)], abs=1e-9)
