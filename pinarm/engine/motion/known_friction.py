@@ -57,6 +57,7 @@ class KnownFriction:
         demand: ``M a + nle - loads`` without friction that sticks [N*m or N], shape (n, nv).
         pace: What rounding of velocities and accelerations is judged against, shape (2, nv) of one motion, (n, 2, nv)
             of separate states; see ``standstill``.
+        side: 1 where the motion that follows counts, -1 where the one that has ended does, shape (n,).
         inside: Velocities a little inside the interval, looked at where a row stands still, shape (n, nv).
     """
 
@@ -64,6 +65,7 @@ class KnownFriction:
     drives: Actuation
     demand: Array
     pace: Array
+    side: Array
     inside: Array
 
     @cached_property
@@ -86,10 +88,9 @@ class KnownFriction:
         run = self.run
         drift = slip_drifts(run.mechanism.model, run.mechanism.frictions, run.q, run.v)
         paces = np.matvec(np.abs(self.rows)[:, None], self.pace)
-        side = np.ones(len(run)) if run.separate else run.grid.sides()
         rates, later = np.matvec(self.rows, run.a) + drift, np.matvec(self.rows, self.inside)
         size = partial(sizes, run.mechanism.frictions)
-        return unit_vectors(run.mechanism.frictions, leading(self.slips, rates, paces, side, later, size))
+        return unit_vectors(run.mechanism.frictions, leading(self.slips, rates, paces, self.side, later, size))
 
     @cached_property
     def resting(self) -> Flags:
@@ -222,7 +223,7 @@ class KnownFriction:
         t, q, v, a = rows.grid.t, rows.q, rows.v, rows.a
         demand = rows.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], a[part]))
         pace = self.pace if self.pace.ndim == 2 else self.pace[instants]
-        return instants, KnownFriction(rows, self.drives, demand, pace, np.zeros_like(v))
+        return instants, KnownFriction(rows, self.drives, demand, pace, self.side[instants], np.zeros_like(v))
 
     def _ways(self, coordinates: Mapping[str, Coordinate]) -> Array:
         """Return the motions of all joints per unit of each drive's coordinate, others at rest, shape (n, nv, d)."""

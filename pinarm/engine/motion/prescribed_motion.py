@@ -151,12 +151,12 @@ class Prescription(Record, frozen=True):
         if pace is not None and (joints := self._directed):
             still = np.flatnonzero(at_rest(rows.v, rows.a, pace)[:, joints].any(axis=1))
             inside[still] = self._inside(rows.some(still))
+        side = np.ones(len(rows)) if pace is None else rows.grid.sides()
         if lossy(self.mechanism):
-            side = np.ones(len(rows)) if pace is None else rows.grid.sides()
             rows = replace(rows, directions=directions(rows.v, rows.a, paces, side, inside))
-        return self._loaded(rows, paces, inside)
+        return self._loaded(rows, paces, side, inside)
 
-    def _loaded(self, rows: Trajectory, paces: Array, inside: Array) -> Trajectory:
+    def _loaded(self, rows: Trajectory, paces: Array, side: Array, inside: Array) -> Trajectory:
         """Return the rows of a motion with efforts."""
         if self.drives is None:
             return replace(rows, no_efforts=KINEMATIC)
@@ -165,7 +165,7 @@ class Prescription(Record, frozen=True):
         if self.mechanism.frictions:
             from pinarm.engine.motion.known_friction import KnownFriction
 
-            return KnownFriction(rows, self.drives, demand, paces, inside).solved()
+            return KnownFriction(rows, self.drives, demand, paces, side, inside).solved()
         tau, lam = self.drives.efforts(t, q, demand)
         return replace(rows, tau=tau, lam=lam)
 

@@ -6,6 +6,10 @@ smooth. Of a ball joint it runs through the components of the quaternion s, and 
 
     w  = 2 vec(s* s') / |s|^2                          angular velocity in the axes of the link
     w' = 2 vec(s* s'') / |s|^2 - 2 w (s . s') / |s|^2
+
+Friction and losses of gears need the direction of the motion. Velocities and accelerations of a spline are not known to
+rounding but to its error: where a velocity is below it, the joint stands still, as far as the spline can tell. The
+error is that of the spline through every second row, near the row in question.
 """
 
 from __future__ import annotations
@@ -19,14 +23,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.rests import rests_between
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.outcome import Outcome
-from pinarm.engine.motion.standstill import STANDSTILL, row_paces
+from pinarm.engine.motion.standstill import STANDSTILL, directions, lossy, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError
 from pinarm.input.units import unit
@@ -45,6 +49,10 @@ DEGREE = 5
 
 LOOKS = 4
 """Places between two rows at which velocities are looked at for those of rest."""
+
+NEAR, MARGIN = 2, 4.0
+"""Rows to both sides whose errors count at a row, as an error passes through zero, and by how much that of rounding,
+which a coarse spline has as well, may be above the difference of two splines."""
 
 FEWEST = 2 * (DEGREE + 1)
 """Rows that it takes to leave every second one out, for the estimate of its error."""
@@ -79,6 +87,21 @@ class RecordedRows:
 
 
 @dataclass(frozen=True, eq=False)
+class Beside:
+    """What tells the directions of n rows beside their velocities and accelerations; see ``standstill``.
+
+    Attributes:
+        pace: ``STANDSTILL`` of it is the error of velocities and accelerations, shape (2, nv) or (n, 2, nv).
+        side: 1 where the motion that follows counts, -1 where the one that has ended does, shape (n,).
+        inside: Velocities a little later or earlier, shape (n, nv).
+    """
+
+    pace: Array
+    side: Array
+    inside: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Recording:
     """What makes a table of recorded rows.
 
@@ -86,19 +109,18 @@ class Recording:
         mechanism: What moves.
         drives: What carries the load where efforts are not given; ``None`` where nothing is known of it.
         dynamics: The equation of motion with all forces of the run.
-        pace: What rounding of velocities and accelerations is judged against in the motion that rows are of, shape
-            (2, nv); ``None`` of rows that are states of their own.
     """
 
     mechanism: Mechanism
     drives: Actuation | None
     dynamics: Dynamics
-    pace: Array | None = None
 
     def outcome(self, rows: RecordedRows) -> Outcome:
         """Return the table of rows as they are given, and how well its derivatives belong together."""
-        table = replace(self.table(rows, self._grid(rows.t)), sampled=True)
-        return Outcome(table, figures=consistency(self.mechanism, rows))
+        grid = self._grid(rows.t)
+        beside = self._beside(rows, grid)
+        table = replace(self.table(rows, grid, beside), sampled=True)
+        return Outcome(table, figures=consistency(self.mechanism, rows), notes=self._notes(table, beside))
 
     def splined(self, rows: RecordedRows) -> Outcome:
         """Return the table of rows with the derivatives of their spline, and how well it knows them.
@@ -106,19 +128,49 @@ class Recording:
         Raises:
             InputError: There are too few rows, an instant stands twice, or an angle jumps.
         """
-        spline = QuinticSpline.through(self.mechanism, rows.t, rows.q)
+        spline, grid = QuinticSpline.through(self.mechanism, rows.t, rows.q), self._grid(rows.t)
         v, a = spline.at(rows.t)[1:]
-        known = replace(self, pace=row_paces(self.mechanism, v, a).max(axis=0))
-        table = known.table(replace(rows, v=v, a=a), self._grid(rows.t))
-        motion = SplinedMotion(known, spline, rows.t, table.grid.cuts) if rows.tau is None else None
-        return Outcome(replace(table, sampled=motion is None), motion, spline.figures())
+        beside = spline.beside(grid)
+        table = self.table(replace(rows, v=v, a=a), grid, beside)
+        motion = SplinedMotion(self, spline, rows.t, table.grid.cuts) if rows.tau is None else None
+        return Outcome(
+            replace(table, sampled=motion is None), motion, spline.figures(), notes=self._notes(table, beside)
+        )
 
     def schema_row(self, row: RecordedRows) -> Trajectory:
         """Return a row at rest that tells which quantities there are."""
-        return self.table(row, Grid(row.t, (0.0, 0.0), (0, 1)))
+        grid = Grid(row.t, (0.0, 0.0), (0, 1))
+        return self.table(row, grid, self._beside(row, grid))
 
-    def table(self, rows: RecordedRows, grid: Grid) -> Trajectory:
-        """Return rows as a table, with the efforts that belong to them as far as these are known.
+    def _beside(self, rows: RecordedRows, grid: Grid) -> Beside | None:
+        """Return what tells the directions of given rows: all of them are one motion; ``None`` where it is not known.
+
+        Where an instant stands twice, the motion jumps, and its first row ends what was before.
+        """
+        if rows.v is None or rows.a is None:
+            return None
+        h = np.diff(rows.t)
+        ends = np.append(h == 0.0, False) & np.insert(h > 0.0, 0, False)
+        side = np.where(ends, -1.0, grid.sides())
+        next_to = np.clip(np.arange(len(side)) + side.astype(int), 0, len(side) - 1)
+        return Beside(row_paces(self.mechanism, rows.v, rows.a).max(axis=0), side, rows.v[next_to])
+
+    def _notes(self, run: Trajectory, beside: Beside | None) -> tuple[str, ...]:
+        """Return what is to be said of joints that friction holds, and of rows at which joints stand still."""
+        frictions = self.mechanism.frictions
+        if beside is None or run.no_efforts or not (frictions or lossy(self.mechanism)):
+            return ()
+        from pinarm.engine.motion.standstill_notes import standstill_notes
+
+        notes = standstill_notes(run, beside.pace)
+        if frictions and run.drives:
+            from pinarm.engine.motion.known_friction import notes_of
+
+            notes = [*notes_of(run, beside.pace), *notes]
+        return (*notes,)
+
+    def table(self, rows: RecordedRows, grid: Grid, beside: Beside | None) -> Trajectory:
+        """Return rows as a table, with the directions and efforts that belong to them as far as these are known.
 
         Efforts and forces in loops are those of the closed positions nearest to the rows, since constraints that repeat
         others do so only there: by rows with six digits a linkage with one would be a truss that carries any load.
@@ -126,7 +178,7 @@ class Recording:
         Raises:
             AssemblyError: The loops do not close near a row.
         """
-        return replace(self._table(replace(rows, q=self._closed(rows)), grid), q=rows.q)
+        return replace(self._table(replace(rows, q=self._closed(rows)), grid, beside), q=rows.q)
 
     def _closed(self, rows: RecordedRows) -> Array:
         """Return closed configurations next to rows that are open by more than changes no rank, shape (n, nq)."""
@@ -137,7 +189,7 @@ class Recording:
             q[k] = assembled(closure, PrescribedCoordinates((), (), ()), q[k], np.zeros(0), float(rows.t[k]))
         return q
 
-    def _table(self, rows: RecordedRows, grid: Grid) -> Trajectory:
+    def _table(self, rows: RecordedRows, grid: Grid, beside: Beside | None) -> Trajectory:
         mechanism = self.mechanism
         nothing = np.full((len(rows.t), mechanism.model.nv), np.nan)
         v, a = (nothing if x is None else x for x in (rows.v, rows.a))
@@ -145,23 +197,28 @@ class Recording:
         lam, still = Multipliers.zero(len(rows.t), closure.size), np.zeros_like(nothing)
         run = Trajectory(mechanism, "t", unit("s"), grid, rows.q, v, a, still, lam, closure, self.dynamics,
                          separate=True, unknown=rows.unknown, remedy="derivatives: spline")  # fmt: skip
-        if rows.unknown:
+        if beside is None:
             return replace(run, no_efforts=rows.unknown)
+        if lossy(mechanism):
+            run = replace(run, directions=directions(v, a, beside.pace, beside.side, beside.inside))
         demand = run.gather(lambda dynamics, part: dynamics.inverse(grid.t[part], run.q[part], v[part], a[part]))
         if rows.tau is not None:
             held = Multipliers.least(closure, rows.q, demand - rows.tau, np.zeros((len(rows.t), 0)))
             return replace(run, tau=rows.tau, lam=held)
-        return replace(run, no_efforts=NO_DRIVES) if self.drives is None else self._driven(run, self.drives, demand)
+        if self.drives is None:
+            return replace(run, no_efforts=NO_DRIVES)
+        return self._driven(run, self.drives, demand, beside)
 
-    def _driven(self, run: Trajectory, drives: Actuation, demand: Array) -> Trajectory:
+    def _driven(self, run: Trajectory, drives: Actuation, demand: Array, beside: Beside) -> Trajectory:
         """Return rows with the efforts of drives that carry the load."""
         names = (*drives.coordinates(self.mechanism),)
         run = replace(run, driven=drives.driven, drives=names)
         if self.mechanism.frictions:
             from pinarm.engine.motion.known_friction import KnownFriction
 
-            paces = row_paces(self.mechanism, run.v, run.a) if self.pace is None else self.pace
-            return KnownFriction(run, drives, demand, paces, 0.0 * run.v).solved()
+            errors = STANDSTILL * np.broadcast_to(beside.pace[..., 0, :], run.v.shape)
+            run = replace(run, rate_errors=errors)
+            return KnownFriction(run, drives, demand, beside.pace, beside.side, beside.inside).solved()
         tau, lam = drives.efforts(run.grid.t, run.q, demand)
         return replace(run, tau=tau, lam=lam)
 
@@ -228,13 +285,45 @@ class QuinticSpline:
             ball.quaternion(q)[:] /= np.linalg.norm(ball.quaternion(s), axis=1, keepdims=True)
         return q, v, a
 
+    @cached_property
+    def _known(self) -> tuple[Array, Array]:
+        """Velocities and accelerations, and by how much they differ from those of a spline through every second row.
+
+        At the rows that it reaches, both of shape (2, m, nv).
+        """
+        coarse = replace(self, t=self.t[::2], q=self.q[::2])
+        inside = self.t[self.t <= coarse.t[-1]]
+        fine = np.array(self.at(inside)[1:])
+        return fine, fine - np.array(coarse.at(inside)[1:])
+
+    @cached_property
+    def _paces(self) -> Array:
+        """What ``STANDSTILL`` of is the error of velocities and accelerations near the rows, shape (n, 2, nv)."""
+        fine, errors = (np.swapaxes(x, 0, 1) for x in self._known)
+        around = ((NEAR, NEAR + len(self.t) - len(errors)), (0, 0), (0, 0))
+        near = np.lib.stride_tricks.sliding_window_view(np.pad(np.abs(errors), around, "edge"), 2 * NEAR + 1, axis=0)
+        rounding = row_paces(self.mechanism, fine[:, 0], fine[:, 1]).max(axis=0)
+        return np.asarray(np.maximum(rounding, MARGIN / STANDSTILL * near.max(axis=-1)))
+
+    def paces(self, t: Array) -> Array:
+        """Return the same at instants of shape (n,): what is larger of the rows before and after."""
+        after = self._after(t)
+        return np.asarray(np.maximum(self._paces[after - 1], self._paces[after]))
+
+    def _after(self, t: Array) -> Indices:
+        """Return the rows that follow instants, shape (n,)."""
+        return np.asarray(np.clip(np.searchsorted(self.t, t, side="right"), 1, len(self.t) - 1))
+
+    def beside(self, grid: Grid) -> Beside:
+        """Return what tells the directions at the rows of a grid; velocities inside are those half a row away."""
+        after = self._after(grid.t)
+        inside = self.at(grid.moved_inside(0.5 * (self.t[after] - self.t[after - 1])).t)[1]
+        return Beside(self.paces(grid.t), grid.sides(), inside)
+
     def figures(self) -> dict[str, float]:
         """Return how much velocities and accelerations change where every second row is left out, relative."""
-        coarse = replace(self, t=self.t[::2], q=self.q[::2])
-        inside = self.t <= coarse.t[-1]
-        fine, rough = self.at(self.t[inside])[1:], coarse.at(self.t[inside])[1:]
         names = ("spline velocity", "spline acceleration")
-        return {name: _relative(self.mechanism, x - y, x) for name, x, y in zip(names, fine, rough, strict=True)}
+        return {name: _relative(self.mechanism, x, y) for name, y, x in zip(names, *self._known, strict=True)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,7 +344,7 @@ class SplinedMotion:
 
     def at(self, grid: Grid) -> Trajectory:
         """Return the states at other instants."""
-        return self.recording.table(RecordedRows(grid.t, *self.spline.at(grid.t)), grid)
+        return self.recording.table(RecordedRows(grid.t, *self.spline.at(grid.t)), grid, self.spline.beside(grid))
 
     def positions(self, t: Array) -> Array:
         """Return the configurations at instants, shape (n,), as an array of shape (n, nq)."""
@@ -289,10 +378,10 @@ class SplinedMotion:
         return rests_between(self._slips, np.append(looks, high))
 
     def _slips(self, t: Array) -> tuple[Array, Array]:
-        """Return the slips of the k joints with friction, and their rounding, both of shape (n, k)."""
-        mechanism, pace, (q, v, _) = self.recording.mechanism, self.recording.pace, self.spline.at(t)
+        """Return the slips of the k joints with friction, and the errors of the spline, both of shape (n, k)."""
+        mechanism, (q, v, _) = self.recording.mechanism, self.spline.at(t)
         rows = slip_rows(mechanism.model, mechanism.frictions, q)
-        rounding = np.zeros(rows.shape[:2]) if pace is None else STANDSTILL * np.matvec(np.abs(rows), pace[0])
+        rounding = STANDSTILL * np.matvec(np.abs(rows), self.spline.paces(t)[:, 0])
         return np.asarray(np.matvec(rows, v)), rounding
 
 

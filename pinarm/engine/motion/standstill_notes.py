@@ -19,17 +19,18 @@ from pinarm.mechanics.friction.contact import slip_rows
 
 
 def standstill_notes(run: Trajectory, pace: Array | None) -> list[str]:
-    """Return what is to be said of a prescribed motion with efforts.
+    """Return what is to be said of a motion that is known, with efforts.
 
     Args:
         run: The motion of n rows.
-        pace: What rounding of velocities is judged against, shape (2, nv); ``None`` of states of their own.
+        pace: What rounding of velocities is judged against, shape (2, nv) or (n, 2, nv); ``None`` of states of their
+            own.
     """
     if run.no_efforts:
         return []
     notes = [_held(run, name, drive) for name, drive in _lossy(run)]
     if pace is not None:
-        notes += [_jumping(run, name, turning) for name, turning in _turning(run, pace[0])]
+        notes += [_jumping(run, name, turning) for name, turning in _turning(run, pace[..., 0, :])]
     return [note for note in notes if note]
 
 

@@ -73,6 +73,7 @@ class Trajectory(Record, frozen=True):
         drives: Names of the coordinates that drives act along; those that follow laws, of forward problems.
         directions: Directions of the joints, 1, 0 or -1, where drives have losses, shape (n, nv); see
             ``motion.standstill``.
+        rate_errors: Errors of velocities that are not known to rounding, shape (n, nv); ``None`` where all are.
         sampled: Whether the rows were given, and nothing is known between them.
         opened: Whether a one-sided constraint, such as a cable, is open, shape (n,); ``None`` where none ever is.
         unknown: Why velocities or accelerations, which are NaN then, are not known; empty where they are.
@@ -100,6 +101,7 @@ class Trajectory(Record, frozen=True):
     driven: Flags | None = None
     drives: tuple[str, ...] = ()
     directions: Array | None = None
+    rate_errors: Array | None = None
     sampled: bool = False
     opened: Flags | None = None
     unknown: str = ""
@@ -192,11 +194,11 @@ class Trajectory(Record, frozen=True):
         """Return some of the rows, in their order, shape (n,); one may be there several times."""
         q, v, a, tau = (array[rows] for array in (self.q, self.v, self.a, self.tau))
         columns = {name: replace(series, values=series.values[rows]) for name, series in self.columns.items()}
-        directions = None if self.directions is None else self.directions[rows]
+        directions, errors = (None if x is None else x[rows] for x in (self.directions, self.rate_errors))
         opened, endless = (None if flags is None else flags[rows] for flags in (self.opened, self.endless))
         return replace(
             self, grid=self.grid.some(rows), q=q, v=v, a=a, tau=tau, lam=self.lam.some(rows), columns=columns,
-            directions=directions, opened=opened, endless=endless,
+            directions=directions, rate_errors=errors, opened=opened, endless=endless,
             others=tuple(other.some(rows) for other in self.others),
         )  # fmt: skip
 

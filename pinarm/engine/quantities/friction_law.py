@@ -83,10 +83,11 @@ def friction_figures(run: Trajectory) -> dict[str, float]:
     lam = {name: reactions.multipliers[:, part] for name, part in some.closure.slices.items()}
     every, ends = np.arange(len(some)), np.isin(some.grid.t, some.grid.cuts[1:-1])
     spans = np.repeat(np.diff(some.grid.cuts), np.diff(some.grid.rows))
-    rounding = _resting_speed(some)
+    errors = np.zeros_like(some.v) if some.rate_errors is None else some.rate_errors
+    known = np.maximum(_resting_speed(some), sizes(contacts, np.matvec(np.abs(rows), errors)))
     speeds, against, lengths = sizes(contacts, slips), unit_vectors(contacts, slips), sizes(contacts, some.friction)
-    each = zip(contacts, some.friction.T, lengths.T, speeds.T, against.T, changes.T, strict=True)
-    for contact, f, size, speed, s, change in each:
+    each = zip(contacts, some.friction.T, lengths.T, speeds.T, against.T, changes.T, known.T, strict=True)
+    for contact, f, size, speed, s, change, rounding in each:
         normal = np.zeros(len(some))
         if contact.law.loaded:
             normal = contact.bearing.load(contact.transmitted(reactions.links(every), reactions.joints, lam))
@@ -94,7 +95,7 @@ def friction_figures(run: Trajectory) -> dict[str, float]:
         rest = contact.law.static_mu * normal + contact.law.static_constant
         slipping, stuck = np.abs(f + s * (mu * normal + constant)), np.maximum(size - rest, 0.0)
         switching = np.where(ends, SWITCHING * np.maximum(speed.max(), change.max() * spans), 0.0)
-        slow = speed <= np.maximum(switching, max(SLOW * speed.max(), rounding))
+        slow = speed <= np.maximum(switching, np.maximum(SLOW * speed.max(), rounding))
         missed = max(missed, float(np.where(slow, stuck, slipping).max()))
         largest = max(largest, float(rest.max()))
     left = missed / largest if largest else 0.0

@@ -217,7 +217,7 @@ def _driven(run: Trajectory, acting: Actuation, demand: Array) -> Trajectory:
         from pinarm.engine.motion.known_friction import KnownFriction
 
         paces = row_paces(run.mechanism, run.v, run.a)
-        return KnownFriction(run, acting, demand, paces, np.zeros_like(run.v)).solved()
+        return KnownFriction(run, acting, demand, paces, np.ones(len(run)), np.zeros_like(run.v)).solved()
     tau, lam = acting.efforts(run.grid.t, run.q, demand)
     return replace(run, tau=tau, lam=lam)
 

@@ -245,10 +245,14 @@ class Grid(ValueRecord, frozen=True):
         span = np.abs(ends - starts)
         return np.where((np.abs(ends - self.t) <= ROUNDING * span) & (span > 0.0), -1.0, 1.0)
 
-    def moved_inside(self) -> Grid:
-        """Return the grid with every row a little later, or earlier where its interval ends before."""
+    def moved_inside(self, by: Array | None = None) -> Grid:
+        """Return the grid with every row a little later, or earlier where its interval ends before.
+
+        Args:
+            by: By how much, at most half of the interval, shape (n,); ``INSIDE`` of it where it is left out.
+        """
         starts, ends = self._bounds()
-        step = INSIDE * (ends - starts)
+        step = INSIDE * (ends - starts) if by is None else np.minimum(by, 0.5 * (ends - starts))
         past = np.sign(step) * (self.t + step - ends) > 0.0
         return Grid(np.where(past, self.t - step, self.t + step), self.cuts, self.rows)
 

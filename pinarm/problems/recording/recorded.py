@@ -121,7 +121,7 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
         with place("file" if self.file else "columns"):
             outcome = recording.splined(rows) if self.derivatives == "spline" else recording.outcome(rows)
         notes = (f"columns that are not read: {', '.join(unread)}",) if unread else ()
-        return replace(outcome, notes=(*notes, *_doubts(mechanism, outcome.figures)))
+        return replace(outcome, notes=(*notes, *_doubts(mechanism, outcome.figures), *outcome.notes))
 
     def rows(self, mechanism: Mechanism) -> tuple[RecordedRows, tuple[str, ...]]:
         """Return the rows that are given, and the headings of columns that are not read.
