@@ -129,7 +129,9 @@ class _Compared:
     def relative(self) -> float:
         """The margin as a part of the bound; of a bound of 0, with the sign of the margin and no size."""
         left, bound = float(self.margin.values[0]), abs(float(self.condition.bound))
-        return left / bound if bound else float(np.copysign(np.inf, left)) if left else 0.0
+        if bound:
+            return left / bound
+        return float(np.sign(left) * np.inf) if left else 0.0
 
     @property
     def verdict(self) -> str:

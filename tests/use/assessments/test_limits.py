@@ -1,6 +1,6 @@
 """Limits of an inertia that turns by a cubic, whose torques are known: peak 6 J θ/T², rms √12 J θ/T²."""
 
-from math import isnan, pi, sqrt
+from math import inf, isnan, pi, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +78,15 @@ def test_a_limit_whose_number_is_not_known_is_beyond_in_any_order(
     result = controlled.varied({"limits": {"keep": keep}, "problem.control.0.kd": "100 N*m*s/rad"}).run()
     assert isnan(result.number("limits.least_margin")[0])
     assert result.number("limits.beyond")[0] == 1.0
+
+
+@pytest.mark.parametrize("relation", ["<", ">"])
+def test_of_a_bound_of_0_too_what_is_not_known_has_no_margin(controlled: pinarm.Scenario, relation: str) -> None:
+    keep = {"response.settling_time": f"{relation} 0 s"}
+    unknown = controlled.varied({"limits": {"keep": keep}, "problem.control.0.kd": "100 N*m*s/rad"}).run()
+    assert isnan(unknown.number("limits.least_margin")[0])
+    known = controlled.varied({"limits": {"keep": keep}}).run()
+    assert known.number("limits.least_margin")[0] == (-inf if relation == "<" else inf)
 
 
 @pytest.mark.parametrize("keep", ANY_ORDER)
