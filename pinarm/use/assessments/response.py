@@ -6,6 +6,9 @@ With y_0 at the beginning, y_f at the end, and ``z = (y - y_0) / (y_f - y_0)``, 
 - overshoot: the largest z, less 1; 0 where z stays below 1;
 - settling time: from the beginning to where z enters the band ``|z - 1| <= band`` for the last time.
 
+Of rows between which nothing is known all times are those of rows: what is reached between two of them is told at the
+later one.
+
 Source: Franklin, Powell, Emami-Naeini, Feedback Control of Dynamic Systems, section 3.4.
 """
 
@@ -119,7 +122,8 @@ class _Step:
             raise InputError(f"'{of}' ends where it begins, at {self.final:.6g}: there is no step",
                              expected="a final value that differs",
                              hint="final: the value that it should reach")  # fmt: skip
-        parts = [(k, self._instants(*ends)) for k, (*ends, _) in enumerate(run.intervals) if ends[1] > begin]
+        parts = [(k, self._instants(*ends)) for k, (*ends, _) in enumerate(run.intervals)
+                 if ends[1] > begin or ends[0] == ends[1] == begin]  # fmt: skip
         self.owners = np.concatenate([np.full(len(t), k) for k, t in parts])
         self.t = np.concatenate([t for _, t in parts])
         self.z = np.concatenate([self.at(k, t) for k, t in parts])
@@ -141,6 +145,8 @@ class _Step:
         return cls(run, asked.of, begin, (bounds[0], bounds[1]))
 
     def _instants(self, start: float, end: float) -> Array:
+        if start == end:
+            return np.array([start])
         low = max(start, self.begin)
         count = max(int(np.ceil(SAMPLES * (end - low) / (self.end - self.begin))), 8)
         return np.linspace(low, end, count + 1)
@@ -154,11 +160,12 @@ class _Step:
         """Return the numbers of the section [SI]."""
         size = self.final - self.initial
         top = int(self.z.argmax())
-        near = np.linspace(self.t[max(top - 1, 0)], self.t[min(top + 1, len(self.t) - 1)], 257)
-        values = self.at(int(self.owners[top]), np.clip(near, *self._bounds(top)))
+        first, last = self._bounds(top)
+        near = np.linspace(max(self.t[max(top - 1, 0)], first), min(self.t[min(top + 1, len(self.t) - 1)], last), 257)
+        values = self.at(int(self.owners[top]), near)
         best = int(values.argmax())
         fine = np.linspace(near[max(best - 1, 0)], near[min(best + 1, 256)], 257)
-        peaks = self.at(int(self.owners[top]), np.clip(fine, *self._bounds(top)))
+        peaks = self.at(int(self.owners[top]), fine)
         peak, when = float(peaks.max()), float(fine[int(peaks.argmax())])
         low, high = (self.crossing(lambda z, part=part: z - part, first=True) for part in (0.1, 0.9))  # type: ignore[misc]
         settled = self.crossing(lambda z: band - np.abs(z - 1.0), first=False)
@@ -182,9 +189,9 @@ class _Step:
             return float("nan")
         k = int(rising[0 if first else -1])
         low, high, owner = float(self.t[k]), float(self.t[k + 1]), int(self.owners[k + 1])
-        for _ in range(REFINEMENTS if high > low else 0):
+        for _ in range(REFINEMENTS if owner == self.owners[k] else 0):
             t = np.linspace(low, high, PARTS + 1)
-            there = np.flatnonzero(value(self.at(owner, np.clip(t[1:], *self._bounds(k + 1)))) >= 0.0)
+            there = np.flatnonzero(value(self.at(owner, t[1:])) >= 0.0)
             place = int(there[0]) + 1 if len(there) else PARTS
             low, high = float(t[place - 1]), float(t[place])
         return high
@@ -192,6 +199,10 @@ class _Step:
     def remarks(self, asked: Response, values: Mapping[str, float]) -> list[str]:
         """Return what to know of the numbers."""
         found = []
+        if self.run.motion is None:
+            apart = float(np.diff(self.t).max(initial=0.0))
+            known = f"times and the peak are those of rows, at most {apart:.3g} s apart"
+            found.append(f"nothing is known between the rows: {known}")
         if asked.final is None:
             found.append(f"the final value is that at the end of the run, {self.final:.6g}")
         if np.isnan(values["settling_time"]):

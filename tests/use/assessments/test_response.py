@@ -90,3 +90,27 @@ def test_a_response_that_begins_beyond_a_tenth_of_the_step_rises_from_its_beginn
     y = 1.0 + np.exp(-decay * t) * wave
     assert y.min() < 0.1 < y[0]
     assert result.number("response.rise_time")[0] == pytest.approx(first(y >= 0.9, t), abs=2e-6)
+
+
+@pytest.mark.parametrize("rows", [31, 61, 121, 601])
+def test_times_of_rows_that_stand_alone_are_those_of_rows(step, rows):
+    t = np.linspace(0.0, 6.0, rows)
+    y = exact(t)
+    problem = {"kind": "recorded", "columns": {"t [s]": t.tolist(), "x [rad]": y.tolist()}}
+    result = pinarm.run({**step, "problem": problem})
+    times = {"rise_time": first(y >= 0.9, t) - first(y >= 0.1, t), "peak_time": t[y.argmax()],
+             "settling_time": t[np.flatnonzero(np.abs(y - 1.0) > 0.02)[-1] + 1]}  # fmt: skip
+    for name, time in times.items():
+        assert result.number(f"response.{name}")[0] == pytest.approx(time, abs=1e-12)
+    assert result.number("response.peak")[0] == pytest.approx(y.max(), rel=1e-12)
+    assert any(f"those of rows, at most {6.0 / (rows - 1):.3g} s apart" in remark for remark in
+               result.sections["response"].remarks)  # fmt: skip
+
+
+def test_a_step_of_rows_begins_with_its_first_row(step):
+    """The first row is beyond 10 % already: the peak is there, too."""
+    columns = {"t [s]": [0.0, 1.0, 2.0, 3.0], "x [rad]": [1.5, 0.0, 0.95, 1.0]}
+    result = pinarm.run({**step, "problem": {"kind": "recorded", "columns": columns},
+                         "response": {"of": "x", "initial": "0 rad", "final": "1 rad"}})  # fmt: skip
+    found = [result.number(f"response.{name}")[0] for name in ("overshoot", "peak_time", "settling_time")]
+    assert found == pytest.approx([0.5, 0.0, 3.0], abs=1e-12)
