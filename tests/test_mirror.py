@@ -167,7 +167,7 @@ ELSEWHERE = {
     ),
     "problems/recording/test_recorded.py": (
         "rows in files and arrays",
-        "engine/motion/recorded_motion problems/recording/recorded_columns use/scenario/recorded",
+        "problems/recording/recorded_columns use/scenario/recorded",
     ),
     "problems/test_profiles.py": (
         "laws in problems", "mechanics/forces/breakpoints problems/prescription/prescribed_laws"),
