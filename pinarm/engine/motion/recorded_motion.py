@@ -51,8 +51,12 @@ LOOKS = 4
 """Places between two rows at which velocities are looked at for those of rest."""
 
 NEAR, MARGIN = 2, 4.0
-"""Rows to both sides whose errors count at a row, as an error passes through zero, and by how much that of rounding,
-which a coarse spline has as well, may be above the difference of two splines."""
+"""Rows to both sides whose errors count at a row, as an error passes through zero, and by how much it may be above the
+difference of two splines, both of which have it."""
+
+ROUNDED = np.array([[17.1], [53.3]]) * np.finfo(float).eps
+"""Rounding of h v and h^2 a relative to positions, h the distance of rows: the sums of the weights of first and second
+differences of degree 5 at an end, ``137/60 + 5 + 5 + 10/3 + 5/4 + 1/5`` and likewise."""
 
 FEWEST = 2 * (DEGREE + 1)
 """Rows that it takes to leave every second one out, for the estimate of its error."""
@@ -273,12 +277,16 @@ class QuinticSpline:
 
         return make_interp_spline(self.t, self.q, k=DEGREE)
 
+    @cached_property
+    def _places(self) -> Indices:
+        """Positions whose rates are the velocities, but for those of ball joints, shape (nv,)."""
+        joints = list(self.mechanism.model.joints)[1:]
+        return np.concatenate([np.arange(joint.idx_q, joint.idx_q + joint.nv) for joint in joints])
+
     def at(self, t: Array) -> tuple[Array, Array, Array]:
         """Return q, shape (n, nq), v and a, shape (n, nv), at instants of shape (n,)."""
         s, rate, second = (self._spline(t, order) for order in range(3))
-        places = np.concatenate([np.arange(joint.idx_q, joint.idx_q + joint.nv)
-                                 for joint in list(self.mechanism.model.joints)[1:]])  # fmt: skip
-        q, v, a = s.copy(), rate[:, places], second[:, places]
+        q, v, a = s.copy(), rate[:, self._places], second[:, self._places]
         for ball in self.mechanism.balls.values():
             spin, growth = _spin(ball, s, rate, second)
             ball.vectors(v)[:], ball.vectors(a)[:] = spin, growth
@@ -289,21 +297,26 @@ class QuinticSpline:
     def _known(self) -> tuple[Array, Array]:
         """Velocities and accelerations, and by how much they differ from those of a spline through every second row.
 
-        At the rows that it reaches, both of shape (2, m, nv).
+        At all rows, both of shape (2, n, nv); the other spline has the last row, too.
         """
-        coarse = replace(self, t=self.t[::2], q=self.q[::2])
-        inside = self.t[self.t <= coarse.t[-1]]
-        fine = np.array(self.at(inside)[1:])
-        return fine, fine - np.array(coarse.at(inside)[1:])
+        last = len(self.t) - 1
+        kept = np.append(np.arange(0, last, 2), last)
+        coarse = replace(self, t=self.t[kept], q=self.q[kept])
+        fine = np.array(self.at(self.t)[1:])
+        return fine, fine - np.array(coarse.at(self.t)[1:])
 
     @cached_property
     def _paces(self) -> Array:
         """What ``STANDSTILL`` of is the error of velocities and accelerations near the rows, shape (n, 2, nv)."""
         fine, errors = (np.swapaxes(x, 0, 1) for x in self._known)
-        around = ((NEAR, NEAR + len(self.t) - len(errors)), (0, 0), (0, 0))
+        around = ((NEAR, NEAR), (0, 0), (0, 0))
         near = np.lib.stride_tricks.sliding_window_view(np.pad(np.abs(errors), around, "edge"), 2 * NEAR + 1, axis=0)
-        rounding = row_paces(self.mechanism, fine[:, 0], fine[:, 1]).max(axis=0)
-        return np.asarray(np.maximum(rounding, MARGIN / STANDSTILL * near.max(axis=-1)))
+        h = np.pad(np.diff(self.t), 1, "edge")
+        h = np.minimum(h[1:], h[:-1])[:, None, None] ** np.array([[1], [2]])
+        rounding = ROUNDED * np.abs(self.q).max(axis=0)[self._places] / h
+        errors = np.maximum(rounding, MARGIN * near.max(axis=-1))
+        paces = row_paces(self.mechanism, fine[:, 0], fine[:, 1]).max(axis=0)
+        return np.asarray(np.maximum(paces, errors / STANDSTILL))
 
     def paces(self, t: Array) -> Array:
         """Return the same at instants of shape (n,): what is larger of the rows before and after."""

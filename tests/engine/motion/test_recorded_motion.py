@@ -52,17 +52,17 @@ def motor_torque(q, a, direction):
 
 
 @pytest.mark.parametrize("digits", [16, 6, 4])
-@pytest.mark.parametrize("rows", [100, 101])
-def test_a_spline_at_rest_has_the_band_of_friction_and_no_friction_of_its_error(flywheel, rows, digits):
+@pytest.mark.parametrize(("rows", "shift"), [(100, 0.0), (101, 0.0), (182, 300.15), (222, 0.0)])
+def test_a_spline_at_rest_has_the_band_of_friction_and_no_friction_of_its_error(flywheel, rows, shift, digits):
     t = np.linspace(0.0, 2.0, rows)
     q, v, a = rest_to_rest(t, 0.6, 0.8, 0.8)
-    result = recorded(flywheel, "joint.x.effort", t, np.round(q, digits))
+    result = recorded(flywheel, "joint.x.effort", t, np.round(q + shift, digits))
     rest, moving = (t < 0.55) | (t > 1.45), (t > 0.65) & (t < 1.35)
     effort, lower, upper = (result[f"joint.x.effort{part}"].values for part in ("", ".lower", ".upper"))
     assert effort[rest] == pytest.approx(0.0, abs=1e-3)
     assert lower[rest] == pytest.approx(-0.7, abs=1e-3)
     assert upper[rest] == pytest.approx(0.7, abs=1e-3)
-    assert effort[moving] == pytest.approx((0.02 * a + 0.1 * v + 0.7)[moving], abs=0.02)
+    assert effort[moving] == pytest.approx((0.02 * a + 0.1 * v + 0.7)[moving], abs=0.2)
     assert any("friction holds any value" in note for note in result.notes())
 
 
