@@ -45,11 +45,20 @@ SAMPLES, FEW = 1440, 16
 """Instants at which the path is looked at, spread over its intervals by their lengths: a quarter of a degree of a turn;
 and the least in each interval."""
 
-STEPS = 8
-"""Newton's steps from a sample: each doubles the digits, and three are enough but where the path turns sharply."""
+STEPS, SETTLED = 30, 1e-9
+"""Newton's steps from a sample, at most, and one, relative to the spacing of samples, that is the last: each doubles
+the digits, and three are enough but where the path turns sharply or is near rest."""
 
 ONE_INSTANT = 1e-9
 """Difference of instants, relative to the length of the run, below which they are one."""
+
+ONE_PLACE, ROUNDING = 1e-12, 1e-14
+"""Distance, relative to the size of the path, below which samples are at one place; and difference of errors that is
+rounding."""
+
+AGAIN = 3
+"""Samples of the begin of a closed path that come again at its end: it begins one before that nearest to the first
+point, to which the last point may be as near, and two samples are at a cut."""
 
 
 class PathError(InputStruct, frozen=True):
@@ -174,59 +183,72 @@ class _Path:
         """Return the best instants in the order of the points.
 
         Raises:
-            InputError: Two points are best met at one instant.
+            InputError: Two points are best met at one instant, or one after the other only in the other order.
         """
-        rows, t, places = self._refined(self._ordered())
-        wraps = np.flatnonzero(np.diff(rows) < 0)
-        turn = int(wraps[0]) + 1 if len(wraps) else 0  # how many come before the end of a path that begins within
+        t, places = self._refined(self._ordered())
+        behind = np.roll(np.arange(len(t)), -1)
+        others = np.linalg.norm(self.wanted[behind] - self.wanted, axis=1) > ONE_INSTANT
         length = self.run.run.grid.cuts[-1] - self.run.run.grid.cuts[0]
-        order = t + length * ((np.arange(len(t)) >= turn) & (turn > 0))
-        for k in np.flatnonzero(np.diff(order) <= ONE_INSTANT * length).tolist():
-            if np.linalg.norm(self.wanted[k + 1] - self.wanted[k]) > ONE_INSTANT:
-                raise InputError(
-                    f"the path does not meet the points {k + 1} and {k + 2} one after the other: both are nearest to "
-                    f"it at t = {t[k]:.6g} s", hint="another order of the points, other lengths, or a longer run",
-                )  # fmt: skip
+        ahead, one = t[behind] - t, ONE_INSTANT * length
+        if self._closed:
+            ahead = (ahead + one) % length - one  # over the end, too
+        else:
+            others[-1] = False  # the first point does not come again
+        wrong = others & (ahead <= one)
+        if self._closed and ahead.sum() > 1.5 * length:  # twice along the path, or more often
+            wrong |= ahead == ahead.max()
+        if wrong.any():
+            k = int(wrong.argmax())
+            raise InputError(
+                f"the path does not meet the points {k + 1} and {behind[k] + 1} one after the other: both are nearest "
+                f"to it at t = {t[k]:.6g} s", hint="another order of the points, other lengths, or a longer run",
+            )  # fmt: skip
         return _Met(t, places)
+
+    @cached_property
+    def _size(self) -> float:
+        return float(np.ptp(self.places, axis=0).max())
 
     @cached_property
     def _closed(self) -> bool:
         """Whether the path ends where it begins."""
-        size = float(np.ptp(self.places, axis=0).max())
-        return float(np.linalg.norm(self.places[-1] - self.places[0])) <= 1e-6 * size
+        return float(np.linalg.norm(self.places[-1] - self.places[0])) <= 1e-6 * self._size
 
     def _ordered(self) -> Array:
         """Return the samples nearest to the points in their order, shape (n,).
 
         A path that closes may begin anywhere: every sample at which it is locally nearest to the first point is tried
-        as its begin.
+        as its begin, and comes again at its end.
         """
         squares = ((self.places[None, :, :] - self.wanted[:, None, :]) ** 2).sum(axis=2)
         count = squares.shape[1]
         begins = [0, *(_local_minima(squares[0]) if self._closed else ())]
-        found = [(*_monotone(np.roll(squares, -begin, axis=1)), begin) for begin in begins]
+        along = np.arange(count + (AGAIN if self._closed else 0))
+        found = [(*_monotone(squares[:, (begin + along) % count]), begin) for begin in begins]
         _, rows, begin = min(found, key=lambda each: each[0])
         return np.asarray((rows + begin) % count)
 
-    def _refined(self, rows: Array) -> tuple[Array, Array, Array]:
-        """Return samples, shape (n,), the instants near these at which the path is nearest, and its places there.
+    def _refined(self, rows: Array) -> tuple[Array, Array]:
+        """Return the instants near samples, shape (n,), at which the path is nearest, and its places there.
 
-        Where that is at an end of an interval the path may be nearer behind it, from the sample there.
+        They are sought from each sample and from those before and behind it: the nearest place may be behind the end of
+        an interval, and at rest Newton's steps lead nowhere.
         """
-        t, places = self._nearest(rows)
-        beyond = self._beyond(rows, t)
-        there, found = self._nearest(beyond)
-        nearer = np.linalg.norm(found - self.wanted, axis=1) < np.linalg.norm(places - self.wanted, axis=1)
-        return (np.where(nearer, beyond, rows), np.where(nearer, there, t),
-                np.where(nearer[:, None], found, places))  # fmt: skip
+        found = [(self.t[rows], self.places[rows])]
+        found += [self._nearest(starts) for starts in (rows, self._apart(rows, -1), self._apart(rows, 1))]
+        t, places = (np.stack(each) for each in zip(*found, strict=True))
+        errors = np.linalg.norm(places - self.wanted, axis=2)
+        best = (errors <= errors.min(axis=0) + ROUNDING * self._size).argmax(axis=0), np.arange(len(rows))
+        return t[best], places[best]
 
-    def _beyond(self, rows: Array, t: Array) -> Array:
-        """Return the samples behind the ends of intervals at which instants are, else the samples themselves."""
-        number, count = self.interval[rows], len(self.t)
-        first = np.searchsorted(self.interval, number)
-        last = np.searchsorted(self.interval, number, "right") - 1
-        beyond = np.where(t <= self.t[first], first - 1, np.where(t >= self.t[last], last + 1, rows))
-        return beyond % count if self._closed else np.where((beyond < 0) | (beyond >= count), rows, beyond)
+    def _apart(self, rows: Array, way: int) -> Array:
+        """Return the next samples before (way -1) or behind (1) some that are at another place, else these."""
+        rows, back = np.unique(rows, return_inverse=True)
+        count = len(self.t)
+        next_ones = rows[:, None] + way * np.arange(1, count)
+        far = np.linalg.norm(self.places[next_ones % count] - self.places[rows][:, None], axis=2)
+        apart = (far > ONE_PLACE * self._size) & (self._closed | ((next_ones >= 0) & (next_ones < count)))
+        return np.where(apart.any(axis=1), rows + way * (1 + apart.argmax(axis=1)), rows)[back] % count
 
     def _nearest(self, rows: Array) -> tuple[Array, Array]:
         """Return the instants near samples, within their intervals, at which the path is nearest, and its places."""
@@ -241,7 +263,9 @@ class _Path:
                 off = p - self.wanted[here]
                 slope, bend = (off * v).sum(axis=1), (v * v).sum(axis=1) + (off * a).sum(axis=1)
                 step = np.where(bend > 0.0, -slope / np.where(bend > 0.0, bend, 1.0), 0.0)
-                t[here] = np.clip(t[here] + step, low, high)
+                before, t[here] = t[here], np.clip(t[here] + step, low, high)
+                if np.abs(t[here] - before).max() <= SETTLED * spacing:
+                    break
             places[here] = self._states(number, t[here])[0]
         return t, places
 

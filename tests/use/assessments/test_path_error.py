@@ -230,3 +230,59 @@ def test_points_on_either_side_of_where_a_closed_path_begins_are_met(
     error, instants = circle(tmp_path, law, "1 s", [start + off, *(start + other for other in others)])
     assert error < 1e-12
     assert instants == pytest.approx([off / (2 * pi) % 1.0, *(other / (2 * pi) for other in others)], abs=1e-9)
+
+
+TRAPEZOID = "{law: trapezoid, from: 0 deg, to: 300 deg, acceleration: 1000 deg/s^2, speed: 400 deg/s}"
+TURN = "{law: constant_speed, speed: 360 deg/s, from: 20 deg}"
+
+
+@pytest.mark.parametrize(
+    ("law", "duration", "degrees", "pair"),
+    [(TRAPEZOID, "1.15 s", [80.02, 79.98], "1 and 2"), (TRAPEZOID, "1.15 s", [60.0, 80.02, 79.98, 200.0], "2 and 3"),
+     (TURN, "1 s", [250.0, 20.02, 19.98, 130.0], "2 and 3"), (TURN, "1 s", [20.02, 130.0, 20.05], "3 and 1")],
+)  # fmt: skip
+def test_the_other_order_across_a_cut_or_the_begin_is_refused(
+    tmp_path: Path, law: str, duration: str, degrees: list[float], pair: str
+) -> None:
+    with pytest.raises(InputError, match=f"does not meet the points {pair} one after the other"):
+        _ = circle(tmp_path, law, duration, [angle * pi / 180 for angle in degrees])
+
+
+@pytest.mark.parametrize("begin", [0.0, -50.0, 13.37])
+@pytest.mark.parametrize("short", [0.0, 0.0005, 0.004])
+def test_the_first_point_of_a_closed_path_may_come_again_as_the_last(
+    tmp_path: Path, begin: float, short: float
+) -> None:
+    law, angles = f"{{law: constant_speed, speed: 360 deg/s, from: {begin} deg}}", [0.0, 1.5, 3.0, 2 * pi - short]
+    error, instants = circle(tmp_path, law, "1 s", angles)
+    assert error < 1e-12
+    exact = np.array(angles) / (2 * pi) - begin / 360
+    assert np.abs((np.array(instants) - exact + 0.5) % 1.0 - 0.5).max() < 1e-9
+
+
+def test_two_points_near_one_another_are_met_in_either_order_of_a_closed_path(tmp_path: Path) -> None:
+    """From the second it is nearly a whole turn to the first."""
+    error, instants = circle(tmp_path, TURN, "1 s", [(20 + angle) * pi / 180 for angle in (60.05, 60.0)])
+    assert error < 1e-12
+    assert instants == pytest.approx([60.05 / 360, 60.0 / 360], abs=1e-9)
+
+
+@pytest.mark.parametrize("angle", [1e-7, 5e-7, 1e-6])
+def test_points_next_to_a_rest_are_met(tmp_path: Path, angle: float) -> None:
+    """From rest, over u = 1 s: pi / 2 (3 u^2 - 2 u^3)."""
+    law = "{law: polynomial, from: 0 deg, to: 90 deg, duration: 1 s, degree: 3}"
+    error, [instant] = circle(tmp_path, law, "1 s", [angle])
+    assert error < 1e-13
+    assert pi / 2 * (3 * instant**2 - 2 * instant**3) == pytest.approx(angle, rel=1e-6)
+
+
+@pytest.mark.parametrize(("off", "rest"), [(2e-6, 0.3), (2e-6, 0.002), (-2e-6, 0.3)])
+def test_points_next_to_a_dwell_are_met(tmp_path: Path, off: float, rest: float) -> None:
+    """To 60 deg, a dwell, and on to 120 deg: pi / 3 (3 u^2 - 2 u^3) from the dwell a time u from it."""
+    on = "{law: polynomial, from: %s deg, to: %s deg, duration: 1 s, degree: 3}"
+    law = (f"{{law: succession, segments: [{{duration: 1 s, motion: {on % (0, 60)}}}, {{duration: {rest} s, motion: "
+           f"{{law: constant, value: 60 deg}}}}, {{duration: 1 s, motion: {on % (60, 120)}}}]}}")  # fmt: skip
+    error, [instant] = circle(tmp_path, law, f"{2 + rest} s", [pi / 3 + off])
+    assert error < 1e-13
+    u = instant - 1 - rest if off > 0 else 1 - instant
+    assert u > 0 and pi / 3 * (3 * u**2 - 2 * u**3) == pytest.approx(abs(off), rel=1e-6)
