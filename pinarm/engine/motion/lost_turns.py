@@ -111,7 +111,9 @@ def _leaps(one: Acting) -> bool:
     return ball or (one.angle.wraps and not one.counted)
 
 
-def require_turns(model: pin.Model, acting: Sequence[Acting], t: Array, q: Array) -> None:
+def require_turns(
+    model: pin.Model, acting: Sequence[Acting], t: Array, q: Array, parameter: str = "t", measured: str = "s"
+) -> None:
     """Raise where an angle along which something acts leaps between two of many configurations.
 
     Args:
@@ -119,6 +121,8 @@ def require_turns(model: pin.Model, acting: Sequence[Acting], t: Array, q: Array
         acting: What acts along such angles.
         t: Values of the parameter, shape (n,).
         q: Configurations there, close enough for an angle to turn by less than a quarter in between, shape (n, nq).
+        parameter: Name of the parameter.
+        measured: Its unit.
 
     Raises:
         DynamicsError: Says what acts, when, and what to do.
@@ -128,7 +132,8 @@ def require_turns(model: pin.Model, acting: Sequence[Acting], t: Array, q: Array
         for one in acting:
             if (leap := one.leap(before, after)) is not None:
                 raise DynamicsError(
-                    f"{one.user} acts along an angle that does not go on at {to:.6g}: {leap.why}",
+                    f"{one.user} acts along an angle that does not go on at {parameter} = {to:.6g} {measured}: "
+                    f"{leap.why}",
                     expected="an angle that goes on without a leap", hint=leap.hint, t=to,
                 )  # fmt: skip
 

@@ -27,8 +27,8 @@ ITERATIONS, SETTLED, SHRINK = 40, 1e-13, 0.25
 too long."""
 
 SHORTER, BARRED = 10, 5
-"""Lengths of a step that are tried; steps in turn that lead to where nothing can be run with
-which a search ends."""
+"""Lengths of a step that are tried; and steps, one after the other, to where nothing can be run, after which a search
+ends."""
 
 MET = 1e-6
 """What may be left of what is wanted, relative to what the values, or the way they went, change."""

@@ -445,10 +445,11 @@ class Scenario(Record, frozen=True):
             DynamicsError: It does.
         """
         rows, motion = outcome.rows, outcome.motion
-        acting = acting_on_angles(rows.mechanism.constraints, rows.dynamics.forces)
-        if motion is not None and acting and self.problem.kind != "forward":
+        if motion is None or self.problem.kind == "forward":
+            return
+        if acting := acting_on_angles(rows.mechanism.constraints, rows.dynamics.forces):
             t = between(rows.grid.t)
-            require_turns(rows.mechanism.model, acting, t, motion.positions(t))
+            require_turns(rows.mechanism.model, acting, t, motion.positions(t), rows.parameter, str(rows.unit))
 
     def broken_off(self, outcome: Outcome, why: str) -> Result:
         """Return the result of what there was when the numerics failed."""

@@ -41,7 +41,9 @@ def _run(mechanism: pinarm.Mechanism, problem: dict[str, Any], outputs: list[str
 def test_an_angle_that_nothing_counts_is_refused_where_it_leaps(tmp_path: Path) -> None:
     """A mechanism that has been built cannot count for the loads of a run: at pi / W it says so, and what to write."""
     problem = _problem({"L.angle": f"{SPEED} rad/s"}, loads=_spring("L.angle"))
-    with pytest.raises(DynamicsError, match=r"'S' acts along an angle .* at 0\.2\d+: it is told from -180") as error:
+    with pytest.raises(
+        DynamicsError, match=r"'S' acts along an angle .* at t = 0\.2\d+ s: it is told from -180"
+    ) as error:
         _run(_mechanism(tmp_path, FLOATING, loops=LOOP), problem, ["loop.L.angle"])
     assert "turns: [NAME]" in error.value.hint
     assert error.value.data["t"] == pytest.approx(np.pi / SPEED, abs=0.02)
