@@ -25,9 +25,12 @@ static double gap(const constraints *c) {
     return sqrt(square);
 }
 
+/* Place the bodies and loops in a state y = [q, v]. */
+static void place(const closing *c, const double *y) { constraints_place(&c->rows, y, y + c->rows.tree->nq); }
+
 /* Close the placed state: positions by Newton's method, adding w times the changes to `aside`, velocities in one step.
  * A change is the least x, measured by the masses, with G x = `right`. */
-static void close_state(const closing *c, double w, double *q, double *v) {
+static void close_state(const closing *c, double w, double *y) {
     const constraints *r = &c->rows;
     const proximal once = {c->projection, 0.0, 1};
     double before = INFINITY;
@@ -39,13 +42,13 @@ static void close_state(const closing *c, double w, double *q, double *v) {
             break;
         before = size;
         constraints_solve(r, &once, r->loop[0].end);
-        move(r->tree, 1.0, r->response, q);
+        move(r->tree, 1.0, r->response, y);
         add_scaled(r->tree->nv, w, r->response, c->aside);
-        constraints_place(r, q, v);
+        place(c, y);
     }
     copy(r->squares.rows, r->multiplier, r->right);
     constraints_solve(r, &once, r->loop[0].end);
-    add_scaled(r->tree->nv, -1.0, r->response, v);
+    add_scaled(r->tree->nv, -1.0, r->response, y + r->tree->nq);
 }
 
 /* Return the square of the largest singular value of G where the state is placed; 0 where there is none. */
@@ -81,46 +84,44 @@ static int is_clear(const closing *from, const closing *to, double h) {
 static int turns(const closing *c) { return c->open > c->limits.passed; } /* beside a singular position */
 
 /* Write the acceleration at a singular position that is passed, from both sides of it; return how open it is. */
-static double across(const closing *c, const double *q, const double *v, double *a) {
+static double across(const closing *c, const double *y, double *a) {
     static const double places[8] = {-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0};
     const tree *t = c->rows.tree;
-    const double fastest = largest(c, v);
+    const double *v = y + t->nq, fastest = largest(c, v);
     for (int k = 0; k < t->nv; k++)
         c->sum[k] = c->aside[k] = 0.0;
     for (int i = 0; i < 8; i++) {
-        copy(t->nq, q, c->state);
-        copy(t->nv, v, c->state + t->nq);
+        copy(t->nq + t->nv, y, c->state);
         move(t, places[i] * c->limits.aside / fastest, v, c->state);
-        constraints_place(&c->rows, c->state, c->state + t->nq);
-        close_state(c, c->limits.across[i], c->state, c->state + t->nq);
-        constraints_place(&c->rows, c->state, c->state + t->nq);
+        place(c, c->state);
+        close_state(c, c->limits.across[i], c->state);
+        place(c, c->state);
         constraints_accelerate(&c->rows, &c->exact, c->part);
         add_scaled(t->nv, c->limits.across[i], c->part, c->sum);
     }
     copy(t->nv, c->sum, a);
-    copy(t->nq, q, c->state), move(t, 1.0, c->aside, c->state);
-    constraints_place(&c->rows, c->state, v);
+    copy(t->nq + t->nv, y, c->state), move(t, 1.0, c->aside, c->state);
+    place(c, c->state);
     return gap(&c->rows);
 }
 
 /* Write the accelerations, near singular positions of the closed state; return |G a + G' v|^2, 0 where not known. */
-static double accelerations(closing *c, const double *q, const double *v, double *a) {
+static double accelerations(closing *c, const double *y, double *a) {
     const tree *t = c->rows.tree;
     const double blind = c->limits.blind * c->limits.usual;
-    constraints_place(&c->rows, q, v);
+    place(c, y);
     if (!c->near)
         return constraints_accelerate(&c->rows, &c->tolerant, a);
-    if (largest(c, v) > 0.0 && !turns(c) && count_from(c, blind * blind * largest_square(c)) < c->limits.rank) {
-        c->open = across(c, q, v, a);
+    if (largest(c, y + t->nq) > 0.0 && !turns(c) && count_from(c, blind * blind * largest_square(c)) < c->limits.rank) {
+        c->open = across(c, y, a);
         if (!turns(c))
             return 0.0;
         c->floor = 0.0;
-        constraints_place(&c->rows, q, v);
+        place(c, y);
     }
-    copy(t->nq, q, c->state);
-    copy(t->nv, v, c->state + t->nq);
-    close_state(c, 0.0, c->state, c->state + t->nq);
-    constraints_place(&c->rows, c->state, c->state + t->nq);
+    copy(t->nq + t->nv, y, c->state);
+    close_state(c, 0.0, c->state);
+    place(c, c->state);
     return constraints_accelerate(&c->rows, &c->exact, a);
 }
 
@@ -128,7 +129,7 @@ void closing_rates(void *system, double time, double *y, double *slope) {
     const closing *c = system;
     (void)time;
     tree_coordinate_rates(c->rows.tree, y, y + c->rows.tree->nq, slope);
-    accelerations(system, y, y + c->rows.tree->nq, slope + c->rows.tree->nq);
+    accelerations(system, y, slope + c->rows.tree->nq);
 }
 
 /* Choose how to go on, by how regular the position last closed is; return 0 where the rank has grown. */
@@ -151,8 +152,8 @@ int closing_settle(void *system, double time, double *y, double *slope) {
     const closing before = *c;
     const tree *t = c->rows.tree;
     copy(t->nq + t->nv, y, c->saved);
-    constraints_place(&c->rows, y, y + t->nq);
-    close_state(c, 0.0, y, y + t->nq);
+    place(c, y);
+    close_state(c, 0.0, y);
     if (look(c)) {
         const int singular = c->regular < c->limits.near;
         c->open = singular ? c->open : 0.0;
@@ -162,8 +163,7 @@ int closing_settle(void *system, double time, double *y, double *slope) {
         c->floor = singular && !turns(c) ? c->limits.floor * c->step : 0.0;
         c->t = time;
         tree_coordinate_rates(t, y, y + t->nq, slope);
-        if ((c->near || c->tolerant.repeats > 0) &&
-            accelerations(c, y, y + t->nq, slope + t->nq) <= c->torn * c->torn) {
+        if ((c->near || c->tolerant.repeats > 0) && accelerations(c, y, slope + t->nq) <= c->torn * c->torn) {
             c->speed = largest(c, y + t->nq), c->acceleration = largest(c, slope + t->nq);
             c->clear = is_clear(&before, c, time - before.t);
             return 1;

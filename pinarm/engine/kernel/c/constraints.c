@@ -1,7 +1,8 @@
 #include "constraints.h"
 
 #include <math.h>
-#include <string.h>
+
+#include "steps.h"
 
 /* Note that row r of a loop joint has x of the unknown at a place of its support. */
 static void note(const constraints *c, int place, int r, double x) {
@@ -226,8 +227,7 @@ double constraints_accelerate(const constraints *c, const proximal *p, double *a
     for (int n = 0; n < p->repeats && p->term * largest > p->accuracy; n++) {
         constraints_solve(c, p, n ? c->loop[0].end : t->links - 1);
         tree_unload(t);
-        for (int k = 0; k < t->nv; k++)
-            a[k] += c->response[k];
+        add_scaled(t->nv, 1.0, c->response, a);
         for (int i = 0; i < t->links; i++)
             accumulate_motion(&t->link_state[i].acceleration, t->link_state[i].change);
         largest = 0.0;

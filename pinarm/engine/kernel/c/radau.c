@@ -212,23 +212,18 @@ static double attempt(const radau *p, const flow *f, const control *c, const cou
     return solve(p, f, c, m, h, x, z) ? estimate(p, f, c, m, h, x, z) : NAN;
 }
 
-/* The safety factor, smaller the more iterations were needed. */
-static double safety(const radau *p, const control *c, const newton *x) {
+/* The factor at which the error would be the tolerance, and below it the more, the more iterations were needed. */
+static double suited(const radau *p, const control *c, const newton *x, double error) {
     const double most = 2.0 * (double)p->iterations;
-    return c->safety * (most + 1.0) / (most + (double)x->iterations);
-}
-
-/* The factor of the next try after a rejected step whose error is known. */
-static double shrinkage(const radau *p, const control *c, const newton *x, double error) {
-    return fmax(c->slowest, safety(p, c, x) * pow(error, -1.0 / (double)(p->stages + 1)));
+    const double safety = c->safety * (most + 1.0) / (most + (double)x->iterations);
+    return safety * pow(error, -1.0 / (double)(p->stages + 1));
 }
 
 /* The next step after an accepted one, by Gustafsson's predictive controller. */
 static double following(const radau *p, const control *c, const course *m, double h, double error, newton *x) {
-    const double exponent = 1.0 / (double)(p->stages + 1);
-    double factor = safety(p, c, x) * pow(error, -exponent);
+    double factor = suited(p, c, x, error);
     if (x->before > 0.0)
-        factor = fmin(factor, factor * h / x->before * pow(x->worst / error, exponent));
+        factor = fmin(factor, factor * h / x->before * pow(x->worst / error, 1.0 / (double)(p->stages + 1)));
     x->before = h, x->worst = fmax(error, 1e-2);
     factor = fmin(fmin(m->ceiling, c->fastest), fmax(c->slowest, factor));
     return 1.0 <= factor && factor <= p->kept ? h : h * factor;
@@ -256,7 +251,7 @@ void radau_steps(const radau *p, const flow *f, const control *c, course *m, new
         } else { /* NaN included */
             m->rejected++;
             x->known = x->fresh;
-            m->h = taken * (isfinite(error) ? shrinkage(p, c, x, error) : c->lost);
+            m->h = taken * (isfinite(error) ? fmax(c->slowest, suited(p, c, x, error)) : c->lost);
             m->ceiling = 1.0;
         }
     }
