@@ -12,6 +12,7 @@ from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.joints import Joint
 from pinarm.records import Record
 
 
@@ -124,6 +125,25 @@ class OneSidedConstraint(Constraint, Protocol):
         ...
 
 
+class JointTie(Constraint, Protocol):
+    """What ties a joint without a body to a coordinate: that of a rotor, or one that counts turns."""
+
+    @property
+    def rotor(self) -> Joint:
+        """The joint."""
+        ...
+
+    @property
+    def coordinate(self) -> Coordinate:
+        """What it moves as."""
+        ...
+
+
 def one_sided(constraints: Iterable[Constraint]) -> list[OneSidedConstraint]:
     """Return the constraints with a side."""
     return [cast("OneSidedConstraint", one) for one in constraints if one.side]
+
+
+def joint_ties(constraints: Iterable[Constraint]) -> list[JointTie]:
+    """Return the constraints that tie joints without a body."""
+    return [cast("JointTie", one) for one in constraints if hasattr(one, "rotor")]

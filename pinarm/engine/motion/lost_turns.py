@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.engine.constraints.constraint import joint_ties
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.ball_joints import BallAngle, BallCoordinate, roll_pitch_yaw
 from pinarm.mechanics.coordinates import Coordinate, RotationCoordinate
@@ -35,7 +36,7 @@ class Leap(NamedTuple):
 
     Attributes:
         why: In words.
-        hint: What to write instead.
+        hint: What to write instead, of ``{angle}``.
     """
 
     why: str
@@ -48,7 +49,7 @@ POLE = Leap(
 VECTOR = Leap("a rotation vector leaps where it passes half a turn", "a revolute joint, or a reference that is turned")
 UNCOUNTED = Leap(
     "it is told from -180 to 180 deg and leaps by a turn there",
-    "in the mechanism file: turns: [NAME], which counts them",
+    "in the mechanism file: turns: [{angle}], which counts them",
 )
 
 
@@ -58,11 +59,13 @@ class Acting(NamedTuple):
     Attributes:
         user: What it is, in words.
         angle: The angle.
+        name: Name of the angle, where it is known.
         counted: Whether whole turns do not matter: a joint counts them.
     """
 
     user: str
     angle: Coordinate
+    name: str = "NAME"
     counted: bool = False
 
     def leap(self, one: Kinematics, other: Kinematics) -> Leap | None:
@@ -92,17 +95,15 @@ def acting_on_angles(
         controllers: Those of a run that has been made: functions have asked for what they need.
         coordinates: The mechanism's, by name.
     """
-    found = [
-        Acting(f"'{tie.name}'", tie.coordinate, tie.coordinate.wraps)
-        for tie in constraints if hasattr(tie, "rotor") and hasattr(tie, "coordinate")
-    ]  # fmt: skip
+    found = [Acting(f"'{tie.name}'", tie.coordinate, counted=tie.coordinate.wraps) for tie in joint_ties(constraints)]
     found += [Acting(f"'{name}'", force.coordinate) for name, force in forces.items() if hasattr(force, "coordinate")]
     for one in controllers:
         names = [name.removeprefix("loop.") for name in getattr(one, "readers", ())]
         measured = [signal.coordinate for signal in one.signals if hasattr(signal, "coordinate")]
         measured += [coordinates[name] for name in names if name in coordinates]
         found += [Acting(f"the controller of {', '.join(one.drives)}", coordinate) for coordinate in measured]
-    return [one for one in found if _leaps(one)]
+    names_of = {id(coordinate): name for name, coordinate in coordinates.items()}
+    return [one._replace(name=names_of.get(id(one.angle), one.name)) for one in found if _leaps(one)]
 
 
 def _leaps(one: Acting) -> bool:
@@ -134,7 +135,7 @@ def require_turns(
                 raise DynamicsError(
                     f"{one.user} acts along an angle that does not go on at {parameter} = {to:.6g} {measured}: "
                     f"{leap.why}",
-                    expected="an angle that goes on without a leap", hint=leap.hint, t=to,
+                    expected="an angle that goes on without a leap", hint=leap.hint.format(angle=one.name), t=to,
                 )  # fmt: skip
 
 

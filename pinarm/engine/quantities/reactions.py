@@ -17,7 +17,7 @@ import numpy as np
 from pinarm.arrays import Array, Indices, in_one
 from pinarm.engine.checks.figures import relative
 from pinarm.engine.checks.sample import sampled
-from pinarm.engine.constraints.constraint import GuidedCoordinate
+from pinarm.engine.constraints.constraint import GuidedCoordinate, joint_ties
 from pinarm.engine.constraints.self_stresses import SelfStresses
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
@@ -202,10 +202,9 @@ class Reactions:
             guided = guide.coordinate if isinstance(guide, GuidedCoordinate) else None
             if isinstance(guided, LoopCoordinate) and guided.loop == name:
                 yield guided, self.multipliers[:, self.closure.slices[guide.name].start]
-        for tie in run.mechanism.constraints:  # of rotors, and of joints that count turns
-            moved = getattr(tie, "coordinate", None) if hasattr(tie, "rotor") else None
-            if isinstance(moved, LoopCoordinate) and moved.loop == name:
-                yield moved, -self.multipliers[:, self.closure.slices[tie.name].start]
+        for tie in joint_ties(run.mechanism.constraints):
+            if isinstance(tie.coordinate, LoopCoordinate) and tie.coordinate.loop == name:
+                yield tie.coordinate, -self.multipliers[:, self.closure.slices[tie.name].start]
         for key, force in run.dynamics.forces.items():
             along = force.coordinate if isinstance(force, AlongCoordinate) else None
             if isinstance(along, LoopCoordinate) and along.loop == name:

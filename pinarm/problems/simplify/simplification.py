@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.constraints.constraint import joint_ties
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import Trajectory
@@ -83,9 +84,8 @@ class Simplification(Record, frozen=True):
             InputError: The problem has a mistake.
         """
         declared, whole = problem.declaration(), cls.whole(problem, mechanism, accuracy, place)
-        counted = any(hasattr(one, "rotor") for one in mechanism.constraints)
-        tied = counted or any(drive.turns_rotor for drive in mechanism.drives.values())  # with several joints
-        if declared is None or tied or mechanism.frictions:  # which of these stick is decided for all together
+        tied = joint_ties(mechanism.constraints) or any(drive.turns_rotor for drive in mechanism.drives.values())
+        if declared is None or tied or mechanism.frictions:  # these move, or stick and slip, with several joints
             return whole
         from pinarm.problems.simplify.removal import KnownMotion, known_laws, removable
 

@@ -447,9 +447,11 @@ class Scenario(Record, frozen=True):
         rows, motion = outcome.rows, outcome.motion
         if motion is None or self.problem.kind == "forward":
             return
-        if acting := acting_on_angles(rows.mechanism.constraints, rows.dynamics.forces):
+        mechanism = rows.mechanism
+        acting = acting_on_angles(mechanism.constraints, rows.dynamics.forces, coordinates=mechanism.coordinates)
+        if acting:
             t = between(rows.grid.t)
-            require_turns(rows.mechanism.model, acting, t, motion.positions(t), rows.parameter, str(rows.unit))
+            require_turns(mechanism.model, acting, t, motion.positions(t), rows.parameter, str(rows.unit))
 
     def broken_off(self, outcome: Outcome, why: str) -> Result:
         """Return the result of what there was when the numerics failed."""

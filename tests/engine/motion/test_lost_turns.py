@@ -45,7 +45,7 @@ def test_an_angle_that_nothing_counts_is_refused_where_it_leaps(tmp_path: Path) 
         DynamicsError, match=r"'S' acts along an angle .* at t = 0\.2\d+ s: it is told from -180"
     ) as error:
         _run(_mechanism(tmp_path, FLOATING, loops=LOOP), problem, ["loop.L.angle"])
-    assert "turns: [NAME]" in error.value.hint
+    assert "turns: [L.angle]" in error.value.hint
     assert error.value.data["t"] == pytest.approx(np.pi / SPEED, abs=0.02)
     kept = error.value.partial
     np.testing.assert_allclose(kept["loop.L.angle"].values, SPEED * kept["t"].values, rtol=0, atol=1e-6)
