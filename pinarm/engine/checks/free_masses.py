@@ -158,6 +158,8 @@ class TreeMasses(_RecursiveMasses, frozen=True):
             if not (square > NOTHING * square.max()).all():
                 return np.asarray(np.inf)
             size = np.sqrt(square)
+            if not np.isfinite(self._solved(q, size, size)).all():  # joints that move no mass together
+                return np.asarray(np.inf)
             largest, heavy = largest_eigenpair(nv, partial(self._scaled, q, size), heavy)
             inverse, light = largest_eigenpair(nv, partial(self._solved, q, size), light)
             worst = max(worst, largest * inverse if 0.0 < inverse < 1.0 / MASSLESS else np.inf)

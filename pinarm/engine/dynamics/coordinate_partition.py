@@ -17,6 +17,7 @@ from pinarm.arrays import Array, Indices, others
 from pinarm.engine.constraints.nullspaces.dense_nullspace import solved_positive
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.errors import InputError
+from pinarm.mechanics.geometry.pinocchio_data import with_masses
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ class CoordinatePartition(Record, frozen=True):
 
     def acceleration(self, dynamics: Dynamics, targets: Targets) -> Acceleration:
         """Return ``(t, free q, u) -> u'`` under the forces of ``dynamics``."""
-        model, data, basis = self.model, dynamics.data, self.basis
+        model, data, basis = self.model, with_masses(self.model, dynamics.data), self.basis
 
         def reduced(t: float, free: Array, u: Array) -> Array:
             w, dw, ddw = targets(t)

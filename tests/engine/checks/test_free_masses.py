@@ -1,9 +1,10 @@
 """Condition of masses along free motions, against what has to leave it as it is."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
-from pinarm.engine.checks.free_masses import MassMatrices, TreeMassMatrices
+from pinarm.engine.checks.free_masses import MassMatrices, TreeMasses, TreeMassMatrices
 
 N, NV = 4, 5
 
@@ -38,3 +39,12 @@ def test_with_all_motions_it_is_that_of_a_tree(mass: np.ndarray) -> None:
 def test_a_motion_without_mass_has_none(mass: np.ndarray) -> None:
     mass[2, :, 1] = mass[2, 1] = 0.0
     assert np.isinf(MassMatrices(mass, np.broadcast_to(np.eye(NV)[:, :3], (N, NV, 3))).condition)
+
+
+def test_joints_that_move_no_mass_together_have_none_in_large_trees() -> None:
+    """Two slides along one line and a mass behind them: each moves it, but not both against one another."""
+    model, joint = pin.Model(), 0
+    for k in range(2):
+        joint = model.addJoint(joint, pin.JointModelPX(), pin.SE3.Identity(), f"slide {k}")
+    model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    assert np.isinf(TreeMasses(model, np.zeros((3, 2))).condition)
