@@ -193,7 +193,7 @@ ELSEWHERE = {
         "motors for a joint in closed form", "use/assessments/sizing/catalogue use/assessments/sizing/duty",
     ),
     "use/assessments/test_limits.py": (
-        "numbers, their errors and bounds", "use/result/condition use/result/number_accuracy",
+        "numbers, their errors and bounds", "use/result/condition use/result/number_accuracy use/result/output_scales",
     ),
     "use/assessments/test_path_error.py": ("points in lists and files", "use/assessments/wanted_points"),
     "use/assessments/test_shaking.py": ("sections as they are told and saved", "use/result/section"),
