@@ -87,7 +87,7 @@ def _with_other_steps(
         setting: The setting of that.
         most: Number of steps after which a solution is given up.
     """
-    while not takes_other_steps(result, other) and (finer := finer_setting(setting)):
+    while not takes_other_steps(result, other) and (finer := finer_setting(setting, other)):
         found = _other(scenario, finer, most)
         if found is None or not np.isfinite(max(output_differences(result, found).values())):
             break

@@ -214,3 +214,14 @@ def test_errors_within_intervals_are_seen_however_many_these_are(monkeypatch):
     apart = [np.abs(run.quantities_at(k, t)["x"].values - exact(k, t)).max()
              for k, (start, end, _) in enumerate(run.intervals) for t in [np.linspace(start, end, 41)]]  # fmt: skip
     assert max(apart) / np.abs(result["x"].values).max() < bound
+
+
+def test_steps_that_jumps_limit_do_not_hide_the_errors_of_a_longer_step(monkeypatch):
+    """Steps of 0.1 s and of half of that are those from jump to jump, 0.6 rad of the oscillation."""
+    monkeypatch.chdir(ROOT)
+    content, exact = held_efforts(210)
+    scenario = pinarm.load({**content, "accuracy": {"method": "rk4", "step": "100 ms"}})
+    result = scenario.solve()
+    off = max(abs(result.number(f"x @ t={t} s")[0] - exact(int(t * 52.5), t)) for t in (0.5, 1.7, 3.3))
+    assert result.figures["steps"] == 210
+    assert 1e-7 < off < estimate_errors(scenario, result).errors["x"] < 1e3 * off
