@@ -138,7 +138,7 @@ class Bound(ValueRecord, frozen=True):
         side: 1 for a lower limit, -1 for an upper one: the way in which the stop pushes.
         restitution: e, velocity after an impact relative to that before, from 0 to 1.
         reach: Length of its row.
-        size: Of the motion, in SI: see ``HybridSystem.size``.
+        size: Of the motion, in SI, see ``HybridSystem.size``; in loops what suits their lengths.
     """
 
     name: str

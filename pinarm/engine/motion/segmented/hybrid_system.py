@@ -87,7 +87,7 @@ class HybridSystem(Record, frozen=True):
     def of_size(self, size: float, max_steps: int) -> HybridSystem:
         """Return the same for a motion of another size.
 
-        What touches a stop is told by it as well, but for loops, whose positions are right to the size of the links.
+        What touches a stop is told by it as well, but in loops, whose positions are right to the size of their links.
         """
         bounds = self.bounds if self.closure.size else tuple(
             replace(bound, size=size) if isinstance(bound, Bound) else bound for bound in self.bounds)  # fmt: skip

@@ -65,9 +65,9 @@ def test_impacts_follow_each_other_as_those_of_a_bouncing_ball_do(fall):
 
 @pytest.mark.parametrize("height", [1.0, 1e-6, 1e-10, 1e-12])
 def test_small_bounces_are_those_of_large_ones(fall, height):
-    """The ninth impact, after eight that left half the speed each, is at (1 + 2 (1/2 + ... + 1/256)) (2 h / g)^(1/2)."""
+    """After eight rebounds of half the speed the next impact is at (1 + 2 (1/2 + ... + 1/256)) (2 h / g)^(1/2)."""
     first = (2.0 * height / G) ** 0.5
-    t, q, met = fall(4.0 * first, height=height, restitution=0.5)
+    _, q, met = fall(4.0 * first, height=height, restitution=0.5)
     assert met[8] == pytest.approx((3.0 - 2.0**-7) * first, rel=1e-9)
     assert q.min() >= -1e-12 * height
 
