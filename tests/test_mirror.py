@@ -27,8 +27,8 @@ ELSEWHERE = {
     ),
     "engine/control/test_controlled_mechanisms.py": (
         "controllers on mechanisms", "engine/motion/segmented/controlled_motion mechanics/control/computed_torque "
-        "mechanics/control/function mechanics/control/references mechanics/control/state_feedback "
-        "problems/actuation/controls",
+        "mechanics/control/fresh_function mechanics/control/function mechanics/control/references "
+        "mechanics/control/state_feedback problems/actuation/controls",
     ),
     "engine/motion/systems/test_coupled.py": ("the same motions", "engine/motion/systems/compiled/compiled_couplings"),
     "mechanics/test_rotors.py": ("rotors of drives", "engine/drive_parts"),
