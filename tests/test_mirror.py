@@ -27,8 +27,8 @@ ELSEWHERE = {
     ),
     "engine/control/test_controlled_mechanisms.py": (
         "controllers on mechanisms", "engine/motion/segmented/controlled_motion mechanics/control/computed_torque "
-        "mechanics/control/function mechanics/control/references mechanics/control/state_feedback "
-        "problems/actuation/controls",
+        "mechanics/control/fresh_function mechanics/control/function mechanics/control/references "
+        "mechanics/control/state_feedback problems/actuation/controls",
     ),
     "engine/motion/systems/test_coupled.py": ("the same motions", "engine/motion/systems/compiled/compiled_couplings"),
     "mechanics/test_rotors.py": ("rotors of drives", "engine/drive_parts"),
@@ -193,7 +193,7 @@ ELSEWHERE = {
         "motors for a joint in closed form", "use/assessments/sizing/catalogue use/assessments/sizing/duty",
     ),
     "use/assessments/test_limits.py": (
-        "numbers, their errors and bounds", "use/result/condition use/result/number_accuracy",
+        "numbers, their errors and bounds", "use/result/condition use/result/number_accuracy use/result/output_scales",
     ),
     "use/assessments/test_path_error.py": ("points in lists and files", "use/assessments/wanted_points"),
     "use/assessments/test_shaking.py": ("sections as they are told and saved", "use/result/section"),

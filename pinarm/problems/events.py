@@ -115,7 +115,8 @@ def bounds_of(mechanism: Mechanism, stops: Mapping[str, EndStop], place: Place) 
         InputError: A joint does not exist, or there is no room between two limits.
         UnitError: A limit has another dimension than its joint.
     """
-    found = []
+    found, closure = [], mechanism.closure
+    sizes = closure.scale.tolist() if closure.size else [1.0] * mechanism.model.nv
     for name, stop in stops.items():
         with place("end_stops", Key(name)):
             joint = joint_of(mechanism.joints, name)
@@ -126,7 +127,9 @@ def bounds_of(mechanism: Mechanism, stops: Mapping[str, EndStop], place: Place) 
                 continue
             with place("end_stops", name, side):
                 check_unit(limit, joint.unit)
-            found.append(Bound(f"{name} {side}", coordinate, joint.v, float(limit), sign, stop.restitution))
+            found.append(
+                Bound(f"{name} {side}", coordinate, joint.v, float(limit), sign, stop.restitution, size=sizes[joint.v])
+            )
         with place("end_stops", Key(name)):
             stop.require_room()
     return tuple(found)

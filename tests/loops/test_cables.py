@@ -12,6 +12,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import ConstantAcceleration, ConstantSpeed
 from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.events import EndStop
 from pinarm.problems.states import Statics
 from pinarm.use.study.explain import explain
 
@@ -36,9 +37,10 @@ def asked(run, *names):
     return [quantities[name].values for name in names]
 
 
-def weights(machine, first, second, cable, key="loops"):
-    """Two weights that slide up and down, tied by a cable over two pulleys P and Q."""
+def weights(machine, first, second, cable, key="loops", size=1.0):
+    """Two weights that slide up and down, tied by a cable over two pulleys P and Q; with lengths of another size."""
     points = {"A": (-1, -1), "A2": (-1, -1.2), "B": (1, -2), "B2": (1, -2.2), "P": (-1, 0), "Q": (1, 0)}
+    points = {name: (size * x, size * y) for name, (x, y) in points.items()}
     links = {"a": {"points": ["A", "A2"], "mass": f"{first} kg"}, "b": {"points": ["B", "B2"], "mass": f"{second} kg"}}
     sliders = {"a": {"link": "a", "along": ["A2", "A"]}, "b": {"link": "b", "along": ["B2", "B"]}}
     sliders = {f"y{name}": slide for name, slide in sliders.items()}
@@ -218,3 +220,18 @@ class TestBadInput:
     def test_what_is_wrong_is_said(self, machine, cable, message):
         with pytest.raises(InputError, match=message):
             weights(machine, 3.0, 2.0, cable)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-6, 1e-10, 1e6])
+def test_weights_of_any_size_bounce_go_slack_and_pull_again(machine, size):
+    """The heavier falls by 1/2 on a stop and bounces there, while the other flies on and falls back for 2 v / g."""
+    cable = {"kind": "cable", "through": ["A", "P", "Q", "B"], "length": f"{5.0 * size!r} m"}
+    pull = G * 5.0 / 75.0
+    fallen = (size / pull) ** 0.5
+    again = fallen * (1.0 + 2.0 * pull / G)
+    stop = {"ya": EndStop(lower=-0.5 * size, restitution=0.3)}
+    events = freely(weights(machine, 40.0, 35.0, cable, size=size), end=1.1 * again, end_stops=stop).events
+    stops, pulls = ([one.t for one in events if one.name == name] for name in ("ya lower", "rope"))
+    assert pulls == pytest.approx([again], rel=1e-9)
+    pauses = 2.0 * fallen * pull / G * 0.3 ** np.arange(1, 9)
+    assert stops[:9] == pytest.approx(fallen + np.append(0.0, pauses.cumsum()), rel=1e-9)

@@ -74,6 +74,8 @@ class Controls:
 
     def begin(self, start: float, end: float) -> None:
         """Begin a run; nothing is remembered of another one."""
+        for controller in (*self.memory.sampled, *self.memory.continuous):
+            controller.begin()
         self.memory.begin(start, end)
 
     def enter(self, t: float, q: Array, v: Array) -> None:

@@ -52,7 +52,7 @@ def integrate_to_size(hybrid: HybridSystem, q: Array, v: Array, first: FirstSegm
     motion = integrate(hybrid, q, v, first)
     least = least_size(hybrid, motion) if is_small(hybrid, motion.size) else 0.0
     while is_small(hybrid, wanted := max(motion.size, least)) and motion.size:
-        hybrid = replace(hybrid, size=wanted, max_steps=min(hybrid.max_steps, MOST))
+        hybrid = hybrid.of_size(wanted, min(hybrid.max_steps, MOST))
         try:
             motion = integrate(hybrid, q, v)
         except IntegrationError:

@@ -147,6 +147,9 @@ class Controller(ABC):
     sampling: Sampling | None
     supply: str = field(default="", kw_only=True)
 
+    def begin(self) -> None:  # noqa: B027  most have nothing to forget
+        """Begin an integration, of which nothing is known: where a controller remembers by itself."""
+
     def parts(self, given: Given) -> dict[str, Array]:
         """Return what a continuous controller does: ``effort`` of its drives, and what else is told, (..., k) each."""
         command = self.command(given)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from pinarm.errors import InputError, PinarmError, within
 from pinarm.input.yaml.schema import Duration, Pause
 from pinarm.mechanics.control.controller import Controller, Given, Plant, Reader, Sampling
 from pinarm.mechanics.control.definition import rhythm
+from pinarm.mechanics.control.fresh_function import FreshFunction
 
 
 class MeasuredState:
@@ -56,8 +58,8 @@ class FunctionControl:
     """A controller given as a function: its effort is what the function returns.
 
     A continuous one is called at every stage of every step, in no order of time: it must depend on its arguments only,
-    and be smooth. A sampled one is called once for each sample, in order of time, and may remember. The same functions
-    give the same run.
+    and be smooth. A sampled one is called once for each sample, in order of time, and may remember: every integration
+    begins with it as it was given; see ``FreshFunction``.
 
     Attributes:
         drives: Names of the drives.
@@ -81,6 +83,15 @@ class FunctionControl:
         """Names of the drives; what the function asks for is not known before."""
         return list(self.drives)
 
+    @cached_property
+    def called(self) -> ControlFunction:
+        """What is called: the function, or it afresh in every integration."""
+        return self.function if self.period is None else FreshFunction(self.function)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say what another process makes it of: what was given."""
+        return FunctionControl, (self.drives, self.function, self.period, self.delay)
+
     def bind(self, plant: Plant) -> Controller:
         """Return the controller of one mechanism.
 
@@ -91,9 +102,7 @@ class FunctionControl:
             joints = tuple(plant.drive(name) for name in self.drives)
         endless, readers = np.full(len(joints), np.inf), dict[str, Reader]()
         sampling = None if self.period is None else Sampling(self.period, self.delay, np.zeros(0), "measured")
-        return FunctionController(
-            self.drives, joints, (), (), -endless, endless, sampling, self.function, plant, readers
-        )
+        return FunctionController(self.drives, joints, (), (), -endless, endless, sampling, self.called, plant, readers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +118,11 @@ class FunctionController(Controller):
     function: ControlFunction
     plant: Plant = field(repr=False)
     readers: dict[str, Reader] = field(repr=False)
+
+    def begin(self) -> None:
+        """Begin an integration, of which the function knows nothing."""
+        if isinstance(self.function, FreshFunction):
+            self.function.begin()
 
     def command(self, given: Given) -> Array:
         """Return what the function returns, state by state."""

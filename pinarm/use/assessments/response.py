@@ -15,12 +15,13 @@ Source: Franklin, Powell, Emami-Naeini, Feedback Control of Dynamic Systems, sec
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices, distinct
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, within
@@ -34,8 +35,15 @@ if TYPE_CHECKING:
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.scenario import Scenario
 
-SAMPLES = 4096
-"""Instants at which the response is looked at, evenly over the run: an oscillation has to be slower than these show."""
+SAMPLES, PER_STEP, MOST = 4096, 4, 16_384
+"""Instants at which the response is looked at: evenly over the run; in every step of its integrator, which is short
+where the response changes quickly; and as many in all of these, but for one in each."""
+
+NODES, ZOOMS = 17, 4
+"""Instants about an extreme between samples, and how often they close in on it: to 8^-4 of the distance of samples."""
+
+PLATEAU = 1e-12
+"""Part of the step that a top has to be able to rise above the highest sample: less is rounding."""
 
 PARTS, REFINEMENTS = 32, 7
 """Parts into which a bracket of a crossing is divided, and how often: 32^-7 of the distance of samples is 3e-11."""
@@ -112,9 +120,10 @@ class _Step:
         of: The quantity.
         begin: When the step begins [s].
         bounds: First and final value.
+        band: Half the width of the band in which it has settled.
     """
 
-    def __init__(self, run: Lookup, of: str, begin: float, bounds: tuple[float, float]) -> None:
+    def __init__(self, run: Lookup, of: str, begin: float, bounds: tuple[float, float], band: float) -> None:
         self.run, self.name, self.begin = run, of, begin
         self.initial, self.final = bounds
         self.end = float(run.run.grid.cuts[-1])
@@ -122,11 +131,13 @@ class _Step:
             raise InputError(f"'{of}' ends where it begins, at {self.final:.6g}: there is no step",
                              expected="a final value that differs",
                              hint="final: the value that it should reach")  # fmt: skip
-        parts = [(k, self._instants(*ends)) for k, (*ends, _) in enumerate(run.intervals)
+        parts = [(k, self._instants(k, *ends)) for k, (*ends, _) in enumerate(run.intervals)
                  if ends[1] > begin or ends[0] == ends[1] == begin]  # fmt: skip
         self.owners = np.concatenate([np.full(len(t), k) for k, t in parts])
         self.t = np.concatenate([t for _, t in parts])
-        self.z = np.concatenate([self.at(k, t) for k, t in parts])
+        self.z = self._everywhere(self.owners, self.t)
+        for sign in (1.0, -1.0):
+            self._add_tops(sign, band)
 
     @classmethod
     def of(cls, asked: Response, run: Lookup) -> _Step:
@@ -142,19 +153,72 @@ class _Step:
             else float(run.at({"t": f"{at!r} s", "side": "left"}, asked.of)[asked.of].values[0])
             for given, at in ((asked.initial, begin), (asked.final, ends))
         ]
-        return cls(run, asked.of, begin, (bounds[0], bounds[1]))
+        return cls(run, asked.of, begin, (bounds[0], bounds[1]), asked.band)
 
-    def _instants(self, start: float, end: float) -> Array:
+    def _instants(self, interval: int, start: float, end: float) -> Array:
         if start == end:
             return np.array([start])
         low = max(start, self.begin)
         count = max(int(np.ceil(SAMPLES * (end - low) / (self.end - self.begin))), 8)
-        return np.linspace(low, end, count + 1)
+        bends = np.concatenate([self.run.steps[interval], self.run.knots[interval]])
+        ends = distinct(np.concatenate([[low, end], bends[(bends > low) & (bends < end)]]))
+        parts = max(1, min(PER_STEP, MOST // self._steps))
+        between = ends[:-1, None] + np.diff(ends)[:, None] * (np.arange(parts) / parts)
+        return distinct(np.concatenate([np.linspace(low, end, count + 1), between.ravel()]))
+
+    @cached_property
+    def _steps(self) -> int:
+        return 1 + sum(map(len, self.run.steps))
 
     def at(self, interval: int, t: Array) -> Array:
         """Return z at instants of one interval, shape (n,)."""
-        y = self.run.quantities_at(interval, t)[self.name].values
-        return np.asarray((y - self.initial) / (self.final - self.initial))
+        return self._part(self.run.quantities_at(interval, t))
+
+    def _part(self, rows: Quantities) -> Array:
+        return np.asarray((rows[self.name].values - self.initial) / (self.final - self.initial))
+
+    def _everywhere(self, owners: Array, t: Array) -> Array:
+        """Return z at instants of intervals, shape (n,), those of one interval next to one another."""
+        cuts = np.flatnonzero(np.diff(owners)) + 1
+        spots = [(int(own[0]), part) for own, part in zip(np.split(owners, cuts), np.split(t, cuts), strict=True)]
+        return np.concatenate(self.run.heights(self._part, spots))
+
+    def _add_tops(self, sign: float, band: float) -> None:
+        """Add those tops of ``sign z`` between samples that may be above a level below which the samples are.
+
+        Between samples of a parabola its top is above them by an eighth of their second difference at most; half of it
+        is allowed for.
+        """
+        z, changes = sign * self.z, self.owners[1:] != self.owners[:-1]
+        first, last = np.append(True, changes), np.append(changes, True)
+        bend = np.where(first | last, 0.0, np.abs(2.0 * z - np.roll(z, 1) - np.roll(z, -1)))
+        bend = np.maximum(bend, np.maximum(first * np.roll(bend, -1), last * np.roll(bend, 1)))
+        reach, levels = z + 0.5 * bend, [sign * level for level in (0.1, 0.9, 1.0 - band, 1.0 + band)]
+        passing = np.any([(z < level) & (reach >= level) for level in levels], axis=0)
+        if sign > 0.0:
+            passing |= reach > z.max() + PLATEAU
+        highest = (first | (z >= np.roll(z, 1))) & (last | (z >= np.roll(z, -1))) & ~(first & last)
+        rows = np.flatnonzero(highest & passing)
+        if len(rows):
+            self._insert(
+                self.owners[rows], self._tops(sign, rows, self.t[rows - ~first[rows]], self.t[rows + ~last[rows]])
+            )
+
+    def _tops(self, sign: float, rows: Indices, low: Array, high: Array) -> Array:
+        """Return where ``sign z`` is highest about samples, between bounds, all of shape (n,)."""
+        each, owners = np.arange(len(rows)), self.owners[rows].repeat(NODES)
+        for _ in range(ZOOMS):
+            t = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, NODES)
+            best = (sign * self._everywhere(owners, t.ravel())).reshape(t.shape).argmax(axis=1)
+            low, high = t[each, np.maximum(best - 1, 0)], t[each, np.minimum(best + 1, NODES - 1)]
+        return np.asarray(t[each, best])
+
+    def _insert(self, owners: Array, t: Array) -> None:
+        """Take further instants, shape (n,), among the samples."""
+        all_owners, all_t = np.append(self.owners, owners), np.append(self.t, t)
+        order = np.lexsort((all_t, all_owners))
+        self.z = np.append(self.z, self._everywhere(owners, t))[order]
+        self.owners, self.t = all_owners[order], all_t[order]
 
     def numbers(self, band: float) -> dict[str, float]:
         """Return the numbers of the section [SI]."""

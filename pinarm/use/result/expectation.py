@@ -74,6 +74,8 @@ class Expectation(InputStruct, frozen=True):
         self._check_place()
         if self.value is not None and self.formula is not None:
             raise InputError("give a value or a formula, not both")
+        if self.published is not None and self.published_formula is not None:
+            raise InputError("give a published figure or a published formula, not both", hint="an entry for each")
         if self.value is None and self.formula is None and self.published is None and self.published_formula is None:
             raise InputError("an expectation needs a value, a formula or a published figure")
         if self.verdict != "agrees" and self.value is None and self.formula is None:

@@ -11,6 +11,7 @@ from pinarm.arrays import Array
 from pinarm.engine.series import Series
 from pinarm.use.result.figures.curve_figures import is_figure
 from pinarm.use.result.measures import SOLVED
+from pinarm.use.result.output_scales import output_scales
 from pinarm.use.result.run_number import RunNumber
 from pinarm.use.result.section_number import AnyNumber
 
@@ -49,7 +50,7 @@ def global_error(result: Result, number: AnyNumber) -> float | None:
         return None
     length = float(np.ptp(result.trajectory.grid.cuts)) if number.figure == "integral" else 1.0
     quadrature = number.value(result)[1] if is_figure(number.figure) else 0.0
-    return result.errors[number.quantity] * _size(result, number) * length + quadrature
+    return result.errors[number.quantity] * output_scales(result)[number.quantity] * length + quadrature
 
 
 def _size(result: Result, number: AnyNumber) -> float:

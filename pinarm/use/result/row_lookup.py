@@ -366,8 +366,10 @@ class Lookup(Record, frozen=True):
             spots: Numbers of intervals, and places in each, shape (n,).
         """
         found = [np.empty(0)] * len(spots)
-        for interval in dict.fromkeys(interval for interval, _ in spots):
-            own = [k for k, (other, _) in enumerate(spots) if other == interval]
+        numbers = dict[int, list[int]]()
+        for k, (interval, _) in enumerate(spots):
+            numbers.setdefault(interval, []).append(k)
+        for interval, own in numbers.items():
             t, back = np.unique(np.concatenate([spots[k][1] for k in own]), return_inverse=True)
             blocks = np.array_split(t, 1 + len(t) * self._width // TOGETHER)
             values = np.concatenate([height(self.quantities_at(interval, block)) for block in blocks])[back]

@@ -486,3 +486,59 @@ def test_a_run_that_takes_too_many_steps_names_its_controllers() -> None:
     with pytest.raises(IntegrationError) as caught:
         pinarm.run(example, values={"accuracy.max_steps": 20, "problem.control.0.kp": "1e6 N*m/rad"})
     assert "controller of O (kp 1e+06, ki 40, kd 4 in SI), or a period shorter than 0.005 s" in caught.value.hint
+
+
+def of_closure():
+    """A PID whose integral is a variable of the function."""
+    integral = [0.0]
+
+    def effort(t, state):
+        integral[0] += 0.05 * state["x"]
+        return -25.0 * state["x"] - 6.0 * state["joint.x.velocity"] - 20.0 * integral[0]
+
+    return effort
+
+
+def of_functions():
+    """The same, whose integral is a variable that two functions share."""
+    integral = 0.0
+
+    def sum_up(x):
+        nonlocal integral
+        integral += 0.05 * x
+
+    def effort(t, state):
+        sum_up(state["x"])
+        return -25.0 * state["x"] - 6.0 * state["joint.x.velocity"] - 20.0 * integral
+
+    return effort
+
+
+class Remembering:
+    """The same, an object."""
+
+    def __init__(self):
+        self.integral = 0.0
+
+    def __call__(self, t, state):
+        self.integral += 0.05 * state["x"]
+        return -25.0 * state["x"] - 6.0 * state["joint.x.velocity"] - 20.0 * self.integral
+
+
+@pytest.mark.parametrize("make", [of_closure, of_functions, Remembering, lambda: Remembering().__call__])
+@pytest.mark.parametrize("keys", [{}, {"size": 1e-3}, {"accuracy": {"target": 1e-6}}, {"verify": True}])
+def test_a_function_that_remembers_knows_nothing_of_an_earlier_integration(make, keys):
+    """A flywheel of 1 kg m^2 under held efforts, which move it along parabolas; small motions are integrated again."""
+    size = keys.get("size", 1.0)
+    x, v, integral = size, 0.0, 0.0
+    for _ in range(20):
+        integral += 0.05 * x
+        u = -25.0 * x - 6.0 * v - 20.0 * integral
+        x, v = x + 0.05 * v + 0.00125 * u, v + 0.05 * u
+    problem = {"kind": "forward", "time": {"end": "1 s", "samples": 3}, "initial": {"position": {"x": f"{size} rad"}}}
+    servo = {"pinarm": 1, "mechanism": str(Path(__file__).parents[3] / "models/servo/mechanism.yaml"),
+             "outputs": ["x"], "problem": problem, "accuracy": keys.get("accuracy", {})}  # fmt: skip
+    controlled = pinarm.load(servo).controlled({"x": make()}, period=0.05)
+    result = controlled.verified() if "verify" in keys else controlled.run()
+    assert result["x"].values[-1] == pytest.approx(x, rel=1e-10)
+    assert result.error is None or result.error < 1e-10

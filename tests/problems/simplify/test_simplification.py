@@ -14,10 +14,10 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import PinarmError
 from pinarm.problems.simplify.model_reduction import ReducedMechanism, Removed
 from pinarm.records import replace
+from pinarm.use.result.output_scales import output_scales
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.show.terminal import report
 from pinarm.use.store.restore import restore
-from pinarm.use.study.accuracy.error_estimate import output_scales
 from pinarm.use.study.explain import explain
 
 ROOT = Path(pinarm.__file__).parents[1]

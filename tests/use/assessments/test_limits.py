@@ -147,3 +147,18 @@ def test_a_mistake_is_located(turned: pinarm.Scenario, tmp_path: Path) -> None:
     file.write_text(file.read_text() + "limits:\n  keep:\n    joint.turn.effort @ rms: 30 N*m\n")
     with pytest.raises(InputError, match=r"s\.yaml:11:30"):
         pinarm.run(file)
+
+
+def test_a_number_that_is_0_but_for_rounding_is_neither_kept_nor_beyond_a_limit_of_0(tmp_path: Path) -> None:
+    """A hinge without a drive or friction carries no moment about its axis, whatever rounding leaves of it."""
+    (tmp_path / "arms.yaml").write_text(
+        "pinarm: 1\nplanar:\n  points: {O: [0, 0], A: [1 m, 0], B: [1.8 m, 0.1 m]}\n  ground: [O]\n"
+        "  links: {one: {points: [O, A], mass: 1 kg}, two: {points: [A, B], mass: 0.7 kg}}\n"
+    )
+    (tmp_path / "s.yaml").write_text(
+        "pinarm: 1\nmechanism: arms.yaml\noutputs: [joint.O.moment.z]\naccuracy: {tolerance: 1e-9}\n"
+        "problem: {kind: forward, time: {end: 1.5 s, samples: 21}, initial: {velocity: {O: 1 rad/s}}}\n"
+        "limits: {keep: {joint.O.moment.z @ max: < 0 N*m, joint.O.moment.z @ rms: < 1e-20 N*m}}\n"
+    )
+    [table] = pinarm.load(tmp_path / "s.yaml").verified().sections["limits"].tables
+    assert [row[-1] for row in table.rows] == ["within its error", "within its error"]

@@ -114,3 +114,50 @@ def test_a_step_of_rows_begins_with_its_first_row(step):
                          "response": {"of": "x", "initial": "0 rad", "final": "1 rad"}})  # fmt: skip
     found = [result.number(f"response.{name}")[0] for name in ("overshoot", "peak_time", "settling_time")]
     assert found == pytest.approx([0.5, 0.0, 3.0], abs=1e-12)
+
+
+def lag(step, pulsation, damping, end, **response):
+    """Numbers of the response of another flywheel under PD control, with the step of 1 rad at the start."""
+    control = {**step["problem"]["control"][0], "kp": f"{pulsation**2} N*m/rad",
+               "kd": f"{2.0 * damping * pulsation} N*m*s/rad"}  # fmt: skip
+    problem = {"kind": "forward", "time": {"end": f"{end} s", "samples": 2}, "control": [control]}
+    accuracy = {"tolerance": 1e-11, "max_steps": 100_000}
+    run = pinarm.run({**step, "problem": problem, "accuracy": accuracy, "response": {**step["response"], **response}})
+    return {name: float(series.values[0]) for name, series in run.sections["response"].numbers.items()}
+
+
+def test_a_response_that_is_short_beside_the_run_is_seen(step):
+    """Its overshoot of 3 ms is between the first of evenly spaced instants of a run of 30 s."""
+    found, damped = lag(step, 1000.0, DAMPING, 30.0), 1000.0 * np.sqrt(1.0 - DAMPING**2)
+    assert found["overshoot"] == pytest.approx(np.exp(-np.pi * DAMPING / np.sqrt(1.0 - DAMPING**2)), abs=1e-8)
+    assert found["peak_time"] == pytest.approx(np.pi / damped, rel=1e-4)
+    t = np.linspace(0.0, 0.02, 400_001)
+    y = exact(200.0 * t)  # of the pulsation 5 rad/s
+    assert found["rise_time"] == pytest.approx(first(y >= 0.9, t) - first(y >= 0.1, t), abs=2e-7)
+    assert found["settling_time"] == pytest.approx(t[np.flatnonzero(np.abs(y - 1.0) > 0.02)[-1]], abs=1e-7)
+
+
+@pytest.mark.parametrize("side", [1.0 - 1e-6, 1.0 + 1e-6])
+def test_tops_that_are_just_beyond_the_band_are_seen_among_many_oscillations(step, side):
+    """The band ends just above or below the 60th extreme of 110, which is between two instants."""
+    damping, count = 0.01, 60
+    root = np.sqrt(1.0 - damping**2)
+    height = np.exp(-np.pi * damping / root * count)
+    found = lag(step, 10.0, damping, 35.0, band=height * side)
+    place = np.pi * (count if side < 1.0 else count - 1) / (10.0 * root)
+    assert place < found["settling_time"] < place + 0.5 * np.pi / 10.0
+    assert found["overshoot"] == pytest.approx(np.exp(-np.pi * damping / root), abs=1e-8)
+
+
+def test_the_top_of_a_held_effort_is_in_the_interval_that_follows_a_jump(step):
+    """Sampled at 1 kHz, the rotor coasts through parabolas; their top is that of the recursion of samples."""
+    problem = step["problem"]
+    control = [{**problem["control"][0], "kp": "1e6 N*m/rad", "kd": "600 N*m*s/rad", "period": "1 ms"}]
+    run = pinarm.run({**step, "problem": {**problem, "control": control, "time": {"end": "10 s", "samples": 2}}})
+    x, v, top = 0.0, 0.0, 0.0
+    for _ in range(50):
+        u = 1e6 * (1.0 - x) - 600.0 * v
+        coasting = -v / u if -1e-3 * u > v > 0.0 else 0.0
+        top = max(top, x + v * coasting + 0.5 * u * coasting**2)
+        x, v = x + 1e-3 * v + 0.5e-6 * u, v + 1e-3 * u
+    assert run.number("response.overshoot")[0] == pytest.approx(top - 1.0, abs=1e-9)

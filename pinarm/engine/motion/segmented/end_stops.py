@@ -35,7 +35,7 @@ TIED = 1e-9
 """Part of a stop's row that is rounding: with no more beside those of others its coordinate moves only with theirs."""
 
 SLACK = 1e-13
-"""Gap that counts as contact, relative to ``1 + |limit|``: where loops are closed, positions are right to 1e-14."""
+"""Gap that counts as contact, relative to ``size + |limit|``: where loops are closed, positions are right to 1e-14."""
 
 
 Held = frozenset[int]
@@ -138,6 +138,7 @@ class Bound(ValueRecord, frozen=True):
         side: 1 for a lower limit, -1 for an upper one: the way in which the stop pushes.
         restitution: e, velocity after an impact relative to that before, from 0 to 1.
         reach: Length of its row.
+        size: Of the motion, in SI, see ``HybridSystem.size``; in loops what suits their lengths.
     """
 
     name: str
@@ -147,6 +148,7 @@ class Bound(ValueRecord, frozen=True):
     side: float
     restitution: float
     reach: float = 1.0
+    size: float = 1.0
 
     @property
     def title(self) -> str:
@@ -178,7 +180,7 @@ class Bound(ValueRecord, frozen=True):
     @property
     def slack(self) -> float:
         """Return the gap that counts as contact [rad or m]."""
-        return SLACK * (1.0 + abs(self.limit))
+        return SLACK * (self.size + abs(self.limit))
 
 
 class Contacts(Record, frozen=True):

@@ -84,6 +84,15 @@ class HybridSystem(Record, frozen=True):
     _systems: dict[Held, System] = {}
     _shares: dict[Held, StopShares] = {}
 
+    def of_size(self, size: float, max_steps: int) -> HybridSystem:
+        """Return the same for a motion of another size.
+
+        What touches a stop is told by it as well, but in loops, whose positions are right to the size of their links.
+        """
+        bounds = self.bounds if self.closure.size else tuple(
+            replace(bound, size=size) if isinstance(bound, Bound) else bound for bound in self.bounds)  # fmt: skip
+        return replace(self, size=size, bounds=bounds, max_steps=max_steps)
+
     def system(self, held: Held = frozenset()) -> System:
         """Return what is integrated while joints rest on the given stops.
 

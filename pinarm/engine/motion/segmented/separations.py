@@ -19,7 +19,8 @@ from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.records import Record
 
 TOUCHING = 1e-11
-"""Gap that counts as contact, relative to ``1 + extent``: closed by Newton's method, it is right to 1e-14."""
+"""Gap that counts as contact, relative to the extent and the unit that suits it, or to 2 rad: closed by Newton's
+method, it is right to 1e-14."""
 
 OPENED = " opens"
 """End of the name of an event at which a constraint opens."""
@@ -58,7 +59,7 @@ class Separation(Record, frozen=True):
     @cached_property
     def slack(self) -> float:
         """The gap that counts as contact [m or rad]."""
-        return TOUCHING * (1.0 + self.closure.extent)
+        return float(TOUCHING * (self.closure.measure[0] + self.closure.reach[0]))
 
     @property
     def reach(self) -> float:

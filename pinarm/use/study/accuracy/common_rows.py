@@ -37,14 +37,15 @@ def common_rows(one: Trajectory, two: Trajectory) -> tuple[Indices, Indices]:
 def between_rows(one: Lookup, two: Lookup) -> Iterator[tuple[Quantities, Quantities]]:
     """Yield the quantities of two motions at the same instants, interval by interval; none where events are others.
 
-    In every interval the instants are multiples of the golden ratio: they are not those of a period.
+    Over the whole run, however many intervals it has, the instants are multiples of the golden ratio: they are not
+    those of a period.
     """
     if not one.motion or not two.motion or len(one.intervals) != len(two.intervals):
         return
-    whole = one.run.grid.cuts[-1] - one.run.grid.cuts[0]
-    for number, (first, second) in enumerate(zip(one.intervals, two.intervals, strict=True)):
-        start, end = max(first[0], second[0]), min(first[1], second[1])
-        count = round(BETWEEN * (end - start) / whole) if end > start else 0
-        if count:
-            t = start + (end - start) * np.sort(GOLDEN * np.arange(1, count + 1) % 1.0)
+    low, high = sorted((float(one.run.grid.cuts[0]), float(one.run.grid.cuts[-1])))
+    places = low + (high - low) * np.sort(GOLDEN * np.arange(1, BETWEEN + 1) % 1.0)
+    for number, bounds in enumerate(zip(one.intervals, two.intervals, strict=True)):
+        start, end = max(min(own[:2]) for own in bounds), min(max(own[:2]) for own in bounds)
+        t = places[(places >= start) & (places <= end)]
+        if len(t):
             yield one.quantities_at(number, t), two.quantities_at(number, t)

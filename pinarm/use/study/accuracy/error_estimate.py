@@ -9,16 +9,15 @@ difference bounds the error in 99 of 100 cases.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pinarm.engine.checks.balance import LOST
-from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import NumericsError
-from pinarm.input.units import Unit
 from pinarm.records import replace
+from pinarm.use.result.output_scales import output_scales, rounded_to_zero
 from pinarm.use.study.accuracy.common_rows import between_rows, common_rows
 from pinarm.use.study.accuracy.error_growth import e_folding, saturation
 from pinarm.use.study.accuracy.integration_settings import (
@@ -42,10 +41,6 @@ Measured by ``benchmarks/error_bound.py`` (``docs/accuracy.md``): the 99 % quant
 all methods together, 1.4 to 1.7 for collocation, whose windows hardly follow the tolerance, and 1.3 where only rounding
 is left.
 """
-
-ZERO = 1e-14
-"""Size of an output, relative to what the masses, lengths and times of the run make of its unit, that rounding
-explains; outputs that are 0 are up to 4e-15 in the scenarios that come with pinarm."""
 
 LONGER, ROWS = 10.0, 401
 """Time of tight solutions that tell how fast errors grow, over that until coarse ones are far apart: from 1e-13 it
@@ -92,7 +87,7 @@ def _with_other_steps(
         setting: The setting of that.
         most: Number of steps after which a solution is given up.
     """
-    while not takes_other_steps(result, other) and (finer := finer_setting(setting)):
+    while not takes_other_steps(result, other) and (finer := finer_setting(setting, other)):
         found = _other(scenario, finer, most)
         if found is None or not np.isfinite(max(output_differences(result, found).values())):
             break
@@ -119,8 +114,8 @@ def with_errors(result: Result, other: Result | None, setting: str) -> Result:
     if other is None:
         return replace(result, errors=dict.fromkeys(result.content.outputs, np.inf), setting=setting)
     errors = error_bounds(result, other)
-    zeros = [name for name, zero in _rounded_to_zero(result).items() if zero]
-    setting += f"; 0 but for rounding: {', '.join(zeros)}" if zeros else ""
+    zeros = ", ".join(rounded_to_zero(result))
+    setting += f"; 0 but for rounding: {zeros}" if zeros else ""
     rounding = max(_rounding(result), _rounding(other))
     setting += f"; rounding lets errors of steps add up to {rounding:.1e} of so small a motion" if rounding else ""
     time = _growth_time(result, other)
@@ -148,11 +143,15 @@ def error_bounds(result: Result, other: Result) -> dict[str, float]:
     """Return the bound of every output's error, relative to its scale, by another solution.
 
     ``BOUND`` times the difference, and where rounding has decided the steps of either, so that it is no finer, their
-    own error: as much of what the output varies by as they may be wrong by of the motion.
+    own error: as much of what the output varies by as they may be wrong by of the motion. What is 0 but for rounding is
+    wrong by all of it.
     """
     rounding, differences = max(_rounding(result), _rounding(other)), output_differences(result, other)
+    zeros = rounded_to_zero(result)
     return {
-        name: BOUND * differences[name] + rounding * float(np.ptp(result[name].values)) / scale
+        name: max(
+            BOUND * differences[name] + rounding * float(np.ptp(result[name].values)) / scale, zeros.get(name, 0.0)
+        )
         for name, scale in output_scales(result).items()
     }
 
@@ -187,51 +186,3 @@ def output_differences(result: Result, other: Result) -> dict[str, float]:
         difference = float(np.max([np.abs(one - two).max() for one, two in pairs]))
         found[name] = max(difference / scale, UNSEEN) if np.isfinite(difference) else np.inf
     return found
-
-
-def output_scales(result: Result) -> dict[str, float]:
-    """Return what the errors of the outputs are relative to.
-
-    That is the largest absolute value over the run; of an output that is 0 but for rounding, what the masses, lengths
-    and times of the run make of its unit.
-    """
-    return {name: usual if size <= ZERO * usual else size for name, (size, usual) in _sizes(result).items()}
-
-
-def _rounded_to_zero(result: Result) -> dict[str, bool]:
-    """Return which outputs are 0 but for rounding, though not exactly."""
-    return {name: 0.0 < size <= ZERO * usual for name, (size, usual) in _sizes(result).items()}
-
-
-def _sizes(result: Result) -> dict[str, tuple[float, float]]:
-    """Return the largest absolute value of every output, and what the run makes of its unit."""
-    natural = _natural(result.trajectory)
-    columns = {name: result[name] for name in result.content.outputs}
-    return {name: (float(np.abs(one.values).max()), natural(one.unit)) for name, one in columns.items()}
-
-
-def _natural(run: Trajectory) -> Callable[[Unit | None], float]:
-    """Return what the masses, lengths and times of a run make of a unit: of N, the mass times length over time squared.
-
-    The mass is that of all bodies, the length that of all links from end to end, or the longest way of a sliding joint
-    where that is longer, and the time the shortest in which gravity, or the motion, changes anything by its own size.
-    """
-    model = run.mechanism.model
-    mass = sum(inertia.mass for inertia in model.inertias) or 1.0
-    levers = [np.linalg.norm(inertia.lever) for inertia in model.inertias]
-    ways = [np.abs(run.q[:, joint.q]).max() for joint in run.mechanism.joints.values() if joint.unit.dimension[0]]
-    links = float(sum(levers) + sum(np.linalg.norm(place.translation) for place in model.jointPlacements))
-    length = max(links, *map(float, ways), 0.0) or 1.0
-    reach = np.array([length if joint.unit.dimension[0] else 1.0 for joint in run.mechanism.joints.values()])
-    index = [joint.v for joint in run.mechanism.joints.values()]
-    rate = float((np.abs(run.v[:, index]) / reach).max(initial=0.0))
-    change = float((np.abs(run.a[:, index]) / reach).max(initial=0.0))
-    frequency = max(rate, change**0.5, (run.mechanism.gravity / length) ** 0.5) or 1.0
-
-    def size(unit: Unit | None) -> float:
-        if unit is None:
-            return 1.0
-        metres, kilograms, seconds, _ = (float(exponent) for exponent in unit.dimension)
-        return float(length**metres * mass**kilograms * frequency**-seconds)
-
-    return size

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from pinarm.engine.integration.methods import METHODS, MethodName
 from pinarm.problems.accuracy import Accuracy, setting_keys
 from pinarm.records import replace
@@ -44,10 +46,15 @@ def comparison_settings(accuracy: Accuracy) -> list[dict[str, Any]]:
     return [setting_keys(accuracy.method, value) for value in near if TIGHTEST < 1.001 * value < LOOSEST]
 
 
-def finer_setting(setting: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return a setting that is finer by another ``FINER``; ``None`` for a step, and where none is so fine."""
-    tolerance = setting.get("tolerance", 0.0) / FINER
-    return {**setting, "tolerance": tolerance} if tolerance > 1.001 * TIGHTEST else None
+def finer_setting(setting: Mapping[str, Any], taken: Result) -> dict[str, Any] | None:
+    """Return a finer setting where one has taken the same steps as a coarser one; ``None`` where none is so fine.
+
+    That is a tolerance finer by another ``FINER``, or half of the mean of the steps that were taken.
+    """
+    if "step" in setting:
+        return {**setting, "step": f"{float(np.ptp(taken.trajectory.grid.t)) / taken.figures['steps'] / 2.0!r} s"}
+    tolerance = max(setting["tolerance"] / FINER, TIGHTEST)
+    return {**setting, "tolerance": tolerance} if tolerance < setting["tolerance"] else None
 
 
 def takes_other_steps(one: Result, two: Result) -> bool:

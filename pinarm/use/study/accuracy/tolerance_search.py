@@ -138,7 +138,7 @@ class _Search:
         if self.error(rung) <= target:
             while rung > FIRST and self.error(rung - 1) <= target:
                 rung -= 1
-        while rung < last and target < self.error(rung) < np.inf:
+        while target < self.error(rung) < np.inf and rung < last:
             rung += 1
 
     def run(self, rung: int) -> Result | None:

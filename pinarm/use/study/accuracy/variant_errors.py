@@ -8,10 +8,10 @@ from operator import methodcaller
 import numpy as np
 
 from pinarm.errors import InputError
+from pinarm.use.result.output_scales import output_scales
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.accuracy.common_rows import common_rows
-from pinarm.use.study.accuracy.error_estimate import output_scales
 from pinarm.use.study.accuracy.timed_solutions import SolveTrials, TimedSolution, TimedTrial
 
 

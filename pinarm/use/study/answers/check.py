@@ -26,6 +26,7 @@ from pinarm.input.yaml.values import Values
 from pinarm.records import replace
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.figures.curve_figures import is_figure
+from pinarm.use.result.output_scales import ZERO, natural_sizes
 from pinarm.use.result.result import Result
 from pinarm.use.result.row_lookup import NotReached
 from pinarm.use.result.run_number import RunNumber
@@ -37,7 +38,8 @@ FORMULA = 1e-10
 """Relative tolerance of formulas where the entry gives none."""
 
 FLOOR = 1e-13
-"""What is added to it, relative to the largest value of the formula over the rows: sums of large terms cancel."""
+"""What is added to it, relative to the largest value of the formula over the rows: sums of large terms cancel. Where
+that is 0 but for rounding, rounding of what the run makes of the unit is; see ``output_scales``."""
 
 READING = 0.02
 """What a printed plot can be read to, relative to the number read."""
@@ -141,7 +143,8 @@ def finding_of(result: Result, expectation: Expectation) -> Finding:
 def compare(result: Result, expectation: Expectation) -> Finding:
     """Compare a result with one expectation."""
     quantities, series, slack = _computed(result, expectation)
-    wanted, tolerance = _wanted(quantities, expectation, series.unit)
+    rounding = ZERO * natural_sizes(result.trajectory)(series.unit)
+    wanted, tolerance = _wanted(quantities, expectation, series.unit, rounding)
     if wanted is not None:
         if not np.isfinite(wanted).all():
             return Finding(result.name, expectation, series.unit, np.nan, None, None, None, "MISS",
@@ -184,8 +187,17 @@ def _computed(result: Result, expectation: Expectation) -> tuple[Quantities, Ser
         return result.lookup.at(place, quantity), replace(described, name=quantity, values=np.array([value])), error
 
 
-def _wanted(quantities: Quantities, expectation: Expectation, measured: Unit | None) -> tuple[Array | None, Array]:
-    """Return the independent value at every row, and how far from it the computed one may be."""
+def _wanted(
+    quantities: Quantities, expectation: Expectation, measured: Unit | None, rounding: float
+) -> tuple[Array | None, Array]:
+    """Return the independent value at every row, and how far from it the computed one may be.
+
+    Args:
+        quantities: Those of the rows.
+        expectation: The entry.
+        measured: Unit of what was computed.
+        rounding: What may be left of a number that is 0 [SI].
+    """
     if expectation.value is None and expectation.formula is None:
         return None, np.zeros(1)
     with within("atol"):
@@ -198,7 +210,8 @@ def _wanted(quantities: Quantities, expectation: Expectation, measured: Unit | N
             _same(formula.unit, measured, expectation.formula)
         wanted = formula.values
         relative = FORMULA if expectation.rtol is None and expectation.atol is None else expectation.rtol or 0.0
-        floor = FLOOR * float(np.abs(wanted).max())
+        largest = float(np.abs(wanted).max())
+        floor = FLOOR * largest if largest > rounding else rounding
         return wanted, absolute + floor + relative * np.abs(wanted)
     with within("value"):
         wanted = np.full(1, in_si(expectation.value, measured))

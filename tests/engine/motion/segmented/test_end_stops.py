@@ -63,6 +63,15 @@ def test_impacts_follow_each_other_as_those_of_a_bouncing_ball_do(fall):
     assert height[t > expected[-1] + 1e-5] == pytest.approx(0.0, abs=1e-13)
 
 
+@pytest.mark.parametrize("height", [1.0, 1e-6, 1e-10, 1e-12])
+def test_small_bounces_are_those_of_large_ones(fall, height):
+    """After eight rebounds of half the speed the next impact is at (1 + 2 (1/2 + ... + 1/256)) (2 h / g)^(1/2)."""
+    first = (2.0 * height / G) ** 0.5
+    _, q, met = fall(4.0 * first, height=height, restitution=0.5)
+    assert met[8] == pytest.approx((3.0 - 2.0**-7) * first, rel=1e-9)
+    assert q.min() >= -1e-12 * height
+
+
 def test_what_is_thrown_up_from_the_stop_comes_back_once(fall):
     speed = 3.0
     t, height, met = fall(1.0, speed=speed)

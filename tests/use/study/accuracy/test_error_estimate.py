@@ -7,7 +7,8 @@ import pytest
 
 import pinarm
 from pinarm.errors import NumericsError
-from pinarm.use.study.accuracy.error_estimate import estimate_errors, output_differences, output_scales
+from pinarm.use.result.output_scales import output_scales
+from pinarm.use.study.accuracy.error_estimate import estimate_errors, output_differences
 from pinarm.use.study.accuracy.integration_settings import with_setting
 
 ROOT = Path(__file__).parents[4]
@@ -176,3 +177,51 @@ def test_steps_that_samples_limit_do_not_hide_their_errors(tolerance):
     found = coarse.verified()
     off = np.abs(found["x"].values - tight.run()["x"].values).max() / np.abs(found["x"].values).max()
     assert 1e-11 < off <= found.errors["x"] < 10.0 * off
+
+
+def held_efforts(count):
+    """Scenario and closed form of ``x'' + 4 x' + 1000 x = u`` from 1 rad, under efforts that jump."""
+    ends = np.linspace(0.0, 4.0, count + 1)
+    efforts = 50.0 * np.random.default_rng(3).normal(size=count)
+    points = [[f"{t!r} s", f"{u!r} N*m"] for t, u in zip(ends[:-1].tolist(), efforts.tolist(), strict=True)]
+    loads = {"spring": {"kind": "joint_spring", "joint": "x", "stiffness": "1000 N*m/rad",
+                        "damping": "4 N*m*s/rad"},
+             "held": {"kind": "joint_effort", "joint": "x", "effort": {"law": "steps", "points": points}}}  # fmt: skip
+    problem = {"kind": "forward", "time": {"end": "4 s", "samples": 2}, "loads": loads,
+               "initial": {"position": {"x": "1 rad"}}}  # fmt: skip
+    scenario = {"pinarm": 1, "mechanism": str(ROOT / "models/servo/mechanism.yaml"), "problem": problem,
+                "arguments": {"J": "1 kg*m^2"}, "outputs": ["x"]}  # fmt: skip
+    rate, states = 996.0**0.5, [(1.0, 0.0)]
+
+    def moved(x, v, u, t):
+        off, turn, decay = x - u / 1000.0, rate * t, np.exp(-2.0 * t)
+        return (u / 1000.0 + decay * (off * np.cos(turn) + (v + 2.0 * off) / rate * np.sin(turn)),
+                decay * (v * np.cos(turn) - (1000.0 * off + 2.0 * v) / rate * np.sin(turn)))  # fmt: skip
+
+    for u, t in zip(efforts, np.diff(ends), strict=True):
+        states.append(moved(*states[-1], u, t))
+    return scenario, lambda k, t: moved(*states[k], efforts[k], t - ends[k])[0]
+
+
+def test_errors_within_intervals_are_seen_however_many_these_are(monkeypatch):
+    """At the jumps, where steps end, this motion errs by a third of what it does between them."""
+    monkeypatch.chdir(ROOT)
+    content, exact = held_efforts(210)
+    scenario = pinarm.load({**content, "accuracy": {"tolerance": 1e-2}})
+    result = scenario.solve()
+    bound, run = estimate_errors(scenario, result).errors["x"], result.lookup
+    assert len(run.intervals) == 210
+    apart = [np.abs(run.quantities_at(k, t)["x"].values - exact(k, t)).max()
+             for k, (start, end, _) in enumerate(run.intervals) for t in [np.linspace(start, end, 41)]]  # fmt: skip
+    assert max(apart) / np.abs(result["x"].values).max() < bound
+
+
+def test_steps_that_jumps_limit_do_not_hide_the_errors_of_a_longer_step(monkeypatch):
+    """Steps of 0.1 s and of half of that are those from jump to jump, 0.6 rad of the oscillation."""
+    monkeypatch.chdir(ROOT)
+    content, exact = held_efforts(210)
+    scenario = pinarm.load({**content, "accuracy": {"method": "rk4", "step": "100 ms"}})
+    result = scenario.solve()
+    off = max(abs(result.number(f"x @ t={t} s")[0] - exact(int(t * 52.5), t)) for t in (0.5, 1.7, 3.3))
+    assert result.figures["steps"] == 210
+    assert 1e-7 < off < estimate_errors(scenario, result).errors["x"] < 1e3 * off

@@ -109,3 +109,12 @@ def test_a_stiff_motion_is_tried_by_the_method_for_it_first(damping, first):
     damper = f"problem.loads={{oil: {{kind: joint_spring, joint: B, damping: {damping}}}}}"
     swing = pinarm.load(ROOT / "scenarios" / "gen411_arm_swing.yaml", [damper, "problem.time.end=0.5 s"])
     assert _ordered(swing, 0.5, 1e-6)[0] == first
+
+
+def test_the_finest_setting_is_tried_before_a_target_is_missed(oscillator):
+    """Runge-Kutta 4 errs by ``200 (200/n)^4 / 120`` in n steps: 3.7e-8 in 16,400, 2.3e-9 in twice as many."""
+    asked = {"problem.time.end": "20 s", "accuracy": {"target": 1e-8, "method": "rk4"}}
+    result = pinarm.run(oscillator, asked)
+    assert not result.missed
+    true = np.abs(result["joint.x.position"].values - np.cos(10.0 * result.trajectory.grid.t)).max()
+    assert 1e-9 < true <= result.error <= 1e-8

@@ -78,6 +78,9 @@ AGREES, ROUNDING, MISPRINT, MODEL_ERROR, MISS = "agrees", "rounding", "misprint"
         ({"at": "all", "formula": "M*(1 + 1e-9)", "rtol": "1e-8"}, AGREES),
         ({"at": "all", "value": "20 N*m"}, MISS),
         ({"at": "all", "value": "10 N*m", "atol": "10.1 N*m"}, AGREES),
+        # a formula that is 0 is met by what rounding leaves: of 20 N*m sin(pi), 2.4e-15 N*m
+        ({"at": "end", "formula": "0*M"}, AGREES), ({"at": "end", "formula": "M - (20 N*m)*sin(alpha)"}, AGREES),
+        ({"at": "{alpha: 1e-12 rad}", "formula": "0*M"}, MISS), ({"at": "end", "formula": "0*M + (1e-12 N*m)"}, MISS),
         # printed formulas
         ({"at": "all", "published_formula": "20*sin(alpha)"}, AGREES),
         ({"at": "all", "published_formula": "20*cos(alpha)"}, MISS),
@@ -195,6 +198,12 @@ def test_of_many_rows_the_worst_is_shown(scenario: Callable[..., Any]) -> None:
 def test_errata_that_say_too_little(verdict: Callable[..., Finding], fields: dict[str, str], says: str) -> None:
     with pytest.raises(InputError, match=says):
         verdict(entry(value="20 N*m", published="12.0 N*m", **fields))
+
+
+def test_what_is_published_is_a_figure_or_a_formula(verdict: Callable[..., Finding]) -> None:
+    """Of both only one would be compared."""
+    with pytest.raises(InputError, match="not both"):
+        verdict(entry(published="12.0 N*m", published_formula="20*sin(alpha)"))
 
 
 def test_a_zero_without_decimals_does_not_say_how_near(scenario: Callable[..., Any]) -> None:
