@@ -47,13 +47,17 @@ def _check_values(known: Mapping[str, Unit], values: Mapping[str, float], place:
 
 
 def followers_of(mechanism: Mechanism, positions: Container[str], velocities: Container[str]) -> tuple[Follower, ...]:
-    """Return rotors of elastic gears, and wheels, by the names of joints whose position or velocity is given."""
+    """Return rotors of elastic gears, and wheels, by the names of joints whose position or velocity is given.
+
+    They begin where the other end of the shaft is, on its turn where it is a joint of its own.
+    """
     found: list[Follower] = []
     for name, drive in mechanism.drives.items():
         if drive.elasticity:
-            from pinarm.mechanics.rotors import wheel_name
+            from pinarm.mechanics.rotors import shaft_name, wheel_name
 
-            rotor, driven = mechanism.driven_joint(name), mechanism.coordinate(drive.coordinate)
+            rotor, shaft = mechanism.driven_joint(name), shaft_name(name)
+            driven = mechanism.coordinate(shaft if shaft in mechanism.joints else drive.coordinate)
             begins = rotor.name not in positions, rotor.name not in velocities
             parts = (mechanism.joints.get(part) for part in (rotor.name, wheel_name(name)))
             found += [Follower(joint, driven, *begins) for joint in parts if joint is not None]

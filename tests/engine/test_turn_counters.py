@@ -187,3 +187,30 @@ def test_only_angles_that_go_round_are_counted(tmp_path: Path) -> None:
     for name in ("root.x", "L.position"):
         with pytest.raises(InputError, match=name):
             pinarm.Mechanism.load(file, values={"turns": [name]})
+
+
+SLEEVE = {"L": {"kind": "cylindrical", "between": ["w", "b"], "axis": "z"}}
+
+
+@pytest.mark.parametrize("acting", [
+    {"forces": SPRING}, {"turns": ["L.angle"]},
+    *({"drives": {"D": {"along": f"L.{along}", "ratio": 10, "rotor_inertia": "1e-4 kg*m^2", **more}}}
+      for along in ("angle", "position") for more in ({}, {"efficiency": 0.8}, {"elasticity": {"stiffness": "10 N/m"}})
+      if along == "position" or "elasticity" not in more),
+])  # fmt: skip
+def test_what_acts_along_a_loop_joint_does_not_move_the_start(tmp_path: Path, acting: dict[str, Any]) -> None:
+    """The loop is closed at the start, which it keeps; counters and rotors follow from where they begin, at 0."""
+    start = {"root.yaw": "100 deg", "root.z": "0.4 m"}
+    outputs = ["joint.root.yaw", "loop.L.angle", "loop.L.position"]
+    result = _run(tmp_path, {"time": {"end": "1 us", "samples": 2}}, outputs, loops=SLEEVE, start=start, **acting)
+    found = [result[name].values[0] for name in outputs]
+    np.testing.assert_allclose(found, [np.radians(100.0), np.radians(100.0), 0.4], rtol=1e-12)
+
+
+def test_an_elastic_drive_begins_without_deflection_on_the_turn_of_its_shaft(tmp_path: Path) -> None:
+    """The shaft begins a turn farther than placements tell, and the rotor with it."""
+    drive = {"along": "L.angle", "ratio": 10, "rotor_inertia": "1e-4 kg*m^2", "elasticity": {"stiffness": "9 N*m/rad"}}
+    problem = {"time": {"end": "1 us", "samples": 2}, "start": {"root.yaw": "40 deg", "D.shaft": "390 deg"}}
+    result = _run(tmp_path, problem, ["drive.D.deflection"], loops=SLEEVE, drives={"D": drive})
+    assert result["joint.D.rotor.position"].values[0] == pytest.approx(np.radians(400.0), rel=1e-12)
+    assert result["drive.D.deflection"].values[0] == pytest.approx(0.0, abs=1e-12)

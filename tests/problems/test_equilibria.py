@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import pinarm
 from pinarm.engine.mechanism import Mechanism
@@ -548,6 +549,43 @@ def test_where_a_cable_becomes_taut_no_stiffness_is_told(start):
     assert any("'rope' has an edge here" in note for note in found.notes())
     with pytest.raises(DynamicsError, match="'rope' has an edge here"):
         pinarm.run({**question, "outputs": ["equilibrium.stability"]})
+
+
+@pytest.mark.parametrize("end", [(0.4, 0.0), (0.123, 0.456), (-0.71, 0.33)])
+def test_a_spring_that_begins_at_the_pivot_has_no_edge(end):
+    """It does nothing: what its load changes by is rounding. A rod of length L swings with ``w^2 = 3 g / (2 L)``."""
+    points = {"O": ["31 mm", "17 mm"], "P": ["431 mm", "17 mm"]}
+    links = {"lever": {"points": ["O", "P"], "mass": "2 kg"}}
+    ends = {"end": {"link": "lever", "at": [*(f"{x} m" for x in end), "50 mm"]},
+            "pivot": {"link": "ground", "at": [*points["O"], 0]}}  # fmt: skip
+    spring = {"kind": "point_spring", "between": ["pivot", "end"], "stiffness": "5 kN/m", "free_length": "100 mm"}
+    mechanism = {"pinarm": 1, "planar": {"points": points, "ground": ["O"], "links": links}, "points": ends}
+    found = pinarm.run({
+        "pinarm": 1, "mechanism": mechanism, "outputs": ["equilibrium.stability", "equilibrium.frequency2_1"],
+        "problem": {"kind": "equilibria", "starts": [{"O": "-80 deg"}], "loads": {"S": spring}},
+    })  # fmt: skip
+    assert found["equilibrium.stability"].values.tolist() == [1.0]
+    assert found["equilibrium.frequency2_1"].values == pytest.approx([1.5 * G / 0.4], rel=1e-4)
+
+
+def test_a_start_where_more_moves_freely_than_beside_it_leads_on():
+    """Two linkages of equal bars begin stretched, where each has two free motions; one has a spring at its crank.
+
+    Three bars of m and l hang from cranks at the angle x: ``2 m g l cos x + k x = 0``, and at -90 deg without spring.
+    """
+    side = {"O": [0, 0], "A": [1, 0], "B": [3, 0], "C": [2, 0]}
+    points = {f"{name}{k}": [f"{x} m", f"{y + 5 * k} m"] for k in (1, 2) for name, (x, y) in side.items()}
+    links = {f"{name}{k}": {"points": [f"{end}{k}" for end in ends], "mass": "1 kg"}
+             for k in (1, 2) for name, ends in {"crank": "OA", "coupler": "AB", "rocker": "CB"}.items()}  # fmt: skip
+    planar = {"points": points, "ground": ["O1", "C1", "O2", "C2"], "links": links}
+    loads = {"S": {"kind": "joint_spring", "joint": "O1", "stiffness": "30 N*m/rad"}}
+    found = pinarm.run({
+        "pinarm": 1, "mechanism": {"pinarm": 1, "planar": planar}, "outputs": ["O1", "O2"],
+        "problem": {"kind": "equilibria", "starts": [{"O1": "0 deg"}], "loads": loads},
+    })  # fmt: skip
+    held = brentq(lambda x: 2.0 * G * math.cos(x) + 30.0 * x, -1.5, 0.0, xtol=1e-14)
+    np.testing.assert_allclose([found[f"O{k}"].values[0] for k in (1, 2)], [held, -0.5 * np.pi], rtol=1e-9)
+    assert found["equilibrium.stability"].values.tolist() == [1.0]
 
 
 @pytest.mark.parametrize("place", [5.0, 10.0, 17.0])

@@ -136,7 +136,8 @@ class AlikeRows(Record, frozen=True):
 
 def _columns(x: Array, joints: Indices) -> Array:
     """Return the numbers of each pair's joints, shape (s, L n), from those of all, shape (nv, n)."""
-    return x.take(joints.T.ravel(), axis=0).reshape(joints.shape[1], -1)
+    pairs, stages = joints.shape
+    return x.take(joints.T.ravel(), axis=0).reshape(stages, pairs * x.shape[1])
 
 
 def alike_pairs(measures: Sequence[RowMeasure]) -> tuple[AlikePairs, ...]:

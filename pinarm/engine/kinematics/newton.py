@@ -16,6 +16,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import SMALL, Closure
+from pinarm.engine.constraints.constraint import JointTie, joint_ties
 from pinarm.engine.constraints.nullspaces.nullspace import MANY, RANK, UNCLOSED, VANISHED, singular_values
 from pinarm.engine.kinematics.abscissa import instant
 from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch, part_of_leap
@@ -125,7 +126,7 @@ def near_given(
     places = [mechanism.joints[name].q for name in own]
     coordinates = *prescribed.coordinates, *(mechanism.coordinate(name) for name in own)
     solver = NewtonSolver(mechanism.closure, PrescribedCoordinates((*prescribed.names, *own), coordinates, ()))
-    near = solver.closest(q, np.append(prescribed.first(grid), q[places]), solver.sliding)[0]
+    near = solver.closest(q, np.append(prescribed.first(grid), q[places]), solver.sliding * solver.untied)[0]
     near[places] = q[places]
     return near
 
@@ -145,6 +146,10 @@ class NewtonSolver:
         self.units = [*(one.unit(row) for one, row in owners), *(c.unit for c in prescribed.coordinates)]
         self.measure, self.scale, self.cuts = self.whole.measure, closure.scale, CUTS
         threads = [hasattr(one, "helical") and one.helical(row) for one, row in owners]
+        self.following = [tie for tie in joint_ties(closure.constraints) if not self._prescribes(tie)]
+        self.untied = np.ones(len(self.names))
+        for tie in self.following:
+            self.untied[closure.slices[tie.name]] = 0.0
         self.sliding = 1.0 - np.array([*threads, *(False for _ in prescribed.coordinates)], dtype=np.float64)
 
     def gap(self, state: Kinematics, w: Array) -> Array:
@@ -166,18 +171,33 @@ class NewtonSolver:
     def assemble(self, q: Array, w: Array, t: float) -> Array:
         """Return the configuration with ``w(q) = w`` that damped least-squares steps reach from q.
 
-        Nuts first slide to their places, then turn to the nearest thread: to turn all the way would take many steps. So
-        do joints that count turns: they begin on the turn that is nearest to where they start.
+        Nuts first slide to their places, then turn to the nearest thread: to turn all the way would take many steps.
+        Joints without a body follow what they are tied to once all else is closed, which is where it is without them;
+        those that count turns begin on the turn that is nearest to where they start.
 
         Raises:
             AssemblyError: They end where the gap can shrink no more.
         """
         if not self.sliding.all():
-            q, _ = self.closest(q, w, self.sliding)
+            q, _ = self.closest(q, w, self.sliding * self.untied)
+        if self.following:
+            q = self._followed(self.closest(q, w, self.untied)[0])
         closest, gap = self.closest(q, w, np.ones(len(self.names)))
         if self.closed(self.closure.state(closest), gap, w):
             return self._polish(closest, w)
         raise self.unreachable(closest, gap, t)
+
+    def _prescribes(self, tie: JointTie) -> bool:
+        """Tell whether a prescribed coordinate says where a joint without a body is."""
+        sums = (one for one in self.coordinates if isinstance(one, LinearCoordinate))
+        return any(bool(one.weights[tie.rotor.v]) for one in sums)
+
+    def _followed(self, q: Array) -> Array:
+        """Return a configuration, shape (nq,), with joints without a body where what they are tied to has them."""
+        found = q.copy()
+        for tie in self.following:
+            found[tie.rotor.q] -= tie.gap(self.closure.state(found))[0]
+        return found
 
     def closest(self, q: Array, w: Array, weight: Array) -> tuple[Array, Array]:
         """Return the configuration with the smallest gap that damped steps from q reach, and that gap.

@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 CLOSED = 1e-8
 """How far a given state may tear a loop, relative to ``1 +`` the terms of the row: typed digits explain as much."""
 
+PER_TIME = {"positions": "", "velocities": "/s", "accelerations": "/s^2"}
+SINGULAR = ", whatever the efforts: the position is singular, or so near one that it is not told from it"
+
 NO_DRIVES = "the mechanism has loops, and no drives are named that carry the load: drives=[...]"
 
 
@@ -174,7 +177,7 @@ def _quantities(
     friction, others = _frictions(mechanism, dynamics, t, q, v, tau)
     loads = _friction_loads(mechanism, q, friction)
     a = given.get("a", still) if tau is None else _forward(mechanism, dynamics, t, q, v, tau + loads)
-    _check_closed(closure, leading, q, v, a)
+    _check_closed(closure, leading, q, v, a, found=tau is not None)
     run = _rows(mechanism, t, q, v, a)
     demand = dynamics.inverse(t, q, v, a)
     if lossy(mechanism):
@@ -283,7 +286,7 @@ def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: floa
     tau = efforts[0] if efforts else np.zeros_like(v)
     friction = _frictions(mechanism, dynamics, t, q, v, tau)[0]
     a = _forward(mechanism, dynamics, t, q, v, tau + _friction_loads(mechanism, q, friction))
-    _check_closed(mechanism.closure, leading, q, v, a)
+    _check_closed(mechanism.closure, leading, q, v, a, found=True)
     return leading.unfold(a)
 
 
@@ -312,8 +315,11 @@ def _forward(mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Ar
     return accelerations(dynamics, closure, t, q, v, tau) if closure.size else dynamics.forward(t, q, v, tau)
 
 
-def _check_closed(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: Array) -> None:
+def _check_closed(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: Array, *, found: bool = False) -> None:
     """Raise where a state tears a loop or a coupling.
+
+    Accelerations that have been ``found`` of efforts do so at singular positions only, where velocities are not along
+    one of the motions that meet there, and next to them.
 
     Raises:
         InputError: Says which, in which row, and by how much.
@@ -331,9 +337,10 @@ def _check_closed(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a:
             if excess[worst] > 0.0:
                 constraint, row = closure.owners()[worst]
                 torn = f"tear '{constraint.name}' by {abs(left[worst]):.3g} {constraint.unit(row)}"
-                said = f"{leading.place(i)}: the {what} {torn}"
-                raise InputError(said + {"positions": "", "velocities": "/s", "accelerations": "/s^2"}[what],
-                                 expected="states that the loops and couplings allow")  # fmt: skip
+                said = f"{leading.place(i)}: the {what} {torn}{PER_TIME[what]}"
+                if found and what == "accelerations":
+                    raise InputError(said + SINGULAR, expected="velocities along one of the motions that meet there")
+                raise InputError(said, expected="states that the loops and couplings allow")
 
 
 def _suspects(closure: Closure, q: Array, v: Array, a: Array) -> Iterator[int]:

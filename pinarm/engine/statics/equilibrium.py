@@ -196,7 +196,7 @@ class ForceBalance:
                 gain = np.divide(s, s * s + damping, out=np.zeros_like(s), where=s > ZERO)
                 trial = self._moved(q, basis @ (scale * (vt.T @ (gain * (u.T @ force)))))
                 turned = self.basis(trial, basis)
-                if np.linalg.norm(scale * (turned.T @ self.force(trial))) < np.linalg.norm(force):
+                if self._leads_on(scale, basis, force, turned, trial):
                     q, basis, damping = trial, turned, damping / 10 if damping > 1e-6 else 0.0
                     break
                 if polish:
@@ -205,6 +205,12 @@ class ForceBalance:
             else:
                 break
         return q
+
+    def _leads_on(self, scale: Array, basis: Array, force: Array, turned: Array, trial: Array) -> bool:
+        """Tell whether a step shrinks the scaled force, or leads out of a singular position, which has more motions."""
+        if turned.shape != basis.shape:
+            return bool(turned.shape[1] < basis.shape[1])
+        return bool(np.linalg.norm(scale * (turned.T @ self.force(trial))) < np.linalg.norm(force))
 
     def _moved(self, q: Array, step: Array) -> Array:
         """Return q after a step, cut where a joint would turn too far, and closed again."""

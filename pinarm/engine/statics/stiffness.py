@@ -145,7 +145,7 @@ def edge_at(dynamics: Dynamics, q: Array, units: Array) -> str:
         here, h, finest = load(q[None])[0], np.diag(step)[:, None], (ahead - behind).T / (2.0 * np.diag(step))
         bend, wider = (ahead + behind - 2.0 * here) / h, (twice + back - 2.0 * here) / (2.0 * h)
         apart = np.maximum(np.abs(2.0 * bend - wider).T, np.abs(finest - slope(load, q, units)))  # 0 where it is smooth
-        rounding = 1e3 * np.finfo(float).eps * np.abs(here)[:, None] / h.T
+        rounding = 1e3 * np.finfo(float).eps * np.maximum(np.abs(here), _terms(dynamics, element, q))[:, None] / h.T
         if (apart > KINK * np.abs(finest).max(initial=0.0) + rounding).any():
             return name
     return ""
@@ -174,6 +174,19 @@ def _load(element: ForceElement, q: Array) -> Array:
     tau = np.zeros_like(q)
     element.add_load(0.0, q, np.zeros_like(q), tau)
     return tau
+
+
+def _terms(dynamics: Dynamics, element: ForceElement, q: Array) -> Array:
+    """Return what the loads of an element on the joints are sums of [N*m or N], shape (nv,).
+
+    Its forces on links, times how far the farther of joint and world's origin is where the joint turns. At a pivot of a
+    link that a spring pulls from there they cancel.
+    """
+    wrenches = np.array([*element.wrenches(0.0, q, np.zeros_like(q)).values()]).reshape(-1, 2, 3)
+    forces, moments = np.linalg.norm(wrenches, axis=2).sum(axis=0)
+    pin.computeJointJacobians(dynamics.model, dynamics.data, q)
+    ways, turns = np.linalg.norm(dynamics.data.J.reshape(2, 3, -1), axis=1)
+    return np.asarray(forces * ways + moments * turns)
 
 
 def weight_slopes(model: pin.Model, data: pin.Data, q: Array) -> Array:

@@ -57,3 +57,23 @@ def test_a_pair_with_another_length_is_another_one():
     chain = measures[3].chain
     measures[3] = replace(measures[3], chain=replace(chain, shift=[x + 1e-15 for x in chain.shift]))
     assert sorted(len(pairs.places) for pairs in alike_pairs(measures)) == [1, 39]
+
+
+DISC = """<robot name="disc"><link name="w"/><link name="a"><inertial><origin xyz="0.2 0 0"/><mass value="3"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="A" type="continuous"><parent link="w"/><child link="a"/><axis xyz="0 0 1"/></joint></robot>"""
+
+
+def test_a_pair_that_no_joint_moves_has_rows_of_zeros(tmp_path):
+    """A disc whose plane is held once more; the drive holds its weight, ``m g r cos A``."""
+    (tmp_path / "disc.urdf").write_text(DISC)
+    gravity = {"direction": "-y", "magnitude": "9 m/s^2"}
+    mechanism = {"pinarm": 1, "robot": str(tmp_path / "disc.urdf"), "gravity": gravity,
+                 "loops": {"L": {"kind": "planar", "between": ["w", "a"], "axis": "z"}}}  # fmt: skip
+    problem = {"kind": "statics", "over": {"A": {"from": "0 deg", "to": "60 deg", "samples": 3}}, "drives": ["A"]}
+    with pinarm.file_root(tmp_path):
+        result = pinarm.run({"pinarm": 1, "mechanism": mechanism, "problem": problem, "outputs": ["joint.A.effort"]})
+        closure = result.trajectory.mechanism.closure
+    np.testing.assert_allclose(result["joint.A.effort"].values, 5.4 * np.cos(np.radians([0.0, 30.0, 60.0])), rtol=1e-14)
+    measured, v = closure.batch_jacobians.at(np.ones((1, 3))), np.ones((1, 3))
+    assert all(not x.any() for found in rows_of(measured, 3, v) for x in found)

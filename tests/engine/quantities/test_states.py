@@ -181,6 +181,18 @@ class TestLoops:
         with pytest.raises(InputError, match=f"row 3: the {what} tear"):
             run.mechanism.at(*state)
 
+    def test_efforts_do_not_tear_a_loop_but_a_singular_position_does(self):
+        """Two motions cross where all bars are in line; no motion has velocities between theirs."""
+        bars = pinarm.Mechanism.load(MODELS / "change_point_four_bar" / "mechanism.yaml")
+        closure, q = bars.closure, bars.configurations({"theta2": np.pi, "A": np.pi, "theta4": np.pi})
+        free = closure.split(closure.rows(closure.state(q))).free
+        assert free.shape[1] == 2
+        v = free @ np.array([1.0, 0.7])
+        for asked in (bars.at, bars.forward):
+            with pytest.raises(InputError, match=r"accelerations tear .*singular") as refused:
+                asked(q, v, tau=np.zeros(bars.model.nv))
+            assert "motions that meet there" in str(refused.value)
+
     def test_without_drives_there_are_no_forces(self, run):
         found = run.mechanism.at(run.q[:5], run.v[:5], run.a[:5])
         assert found["energy.kinetic"].values.shape == (5,)
