@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from motions import anywhere, driven, freely
+from scipy.linalg import expm
 
 from pinarm.engine.checks.limits import excesses
 from pinarm.engine.mechanism import Mechanism
@@ -184,6 +185,23 @@ class TestElasticCable:
         assert (length < 1.0).any()
         assert (length > 1.0).any()
         assert higher.figures["energy"] < 1e-10
+
+    @pytest.mark.parametrize("damping", [0.01, 1.0, 30.0])
+    def test_a_damper_acts_from_the_instant_on_at_which_the_cable_is_taut(self, machine, damping):
+        """After a fall of 0.1 m its tension jumps to ``c v``; from there on it is a damped oscillator.
+
+        Little before, at ``w - w0 = -c v / k``, spring and damper of a cable that could push would be in balance.
+        """
+        k, m, deep = 2e4, 2.0, 0.1
+        rope = {"kind": "cable", "through": ["O", "B"], "stiffness": f"{k} N/m", "damping": f"{damping} N*s/m",
+                "free_length": f"{1.0 + deep} m"}  # fmt: skip
+        taut, after = np.sqrt(2.0 * deep / G), 0.02
+        it = ball(machine, mass=m, forces={"rope": rope}, loops={})
+        outcome = freely(it, end=taut + after, samples=3, tolerance=1e-10, position={"x": 0.0, "y": 0.0})
+        a = np.array([[0.0, 1.0, 0.0], [-k / m, -damping / m, G], [0.0, 0.0, 0.0]])
+        stretched, speed, _ = expm(a * after) @ [0.0, G * taut, 1.0]
+        assert outcome.rows.v[-1, 1] == pytest.approx(-speed, abs=2e-8)
+        assert outcome.rows.q[-1, 1] == pytest.approx(-deep - stretched, abs=1e-9)
 
     def test_a_stiff_one_over_pulleys_tends_to_the_rigid_one(self, machine):
         stiff = {"kind": "cable", "through": ["A", "P", "Q", "B"], "stiffness": "1e6 N/m", "free_length": "5 m",
