@@ -56,7 +56,7 @@ TURNING = 1e-6
 the time since the last switch: the instant is known to the tolerance of the integration."""
 
 
-class Switch(NamedTuple):
+class SlipSwitch(NamedTuple):
     """What changes where a joint comes to rest, turns its slip or breaks loose.
 
     Attributes:
@@ -118,7 +118,7 @@ class StickSlip:
         moving = unit_vectors(self.contacts, np.where(fast, slips, 0.0))
         return self._decided(span, q, v, moving, np.zeros(len(moving)))
 
-    def switch(self, span: tuple[float, float], q: Array, v: Array, slip: Slip, index: int) -> Switch:
+    def switch(self, span: tuple[float, float], q: Array, v: Array, slip: Slip, index: int) -> SlipSwitch:
         """Return what changes at a switch.
 
         Args:
@@ -141,16 +141,16 @@ class StickSlip:
             ended = [i for part in parts for i in (part, *companions(balance.response, part))]
             moving[same[ended].any(axis=0)] = 0.0
             v = self._stopped(span[0], q, v, np.flatnonzero(slipping & (sizes(self.contacts, moving) == 0.0)))
-            return Switch(v, moving, none, none)
+            return SlipSwitch(v, moving, none, none)
         if index >= 0:
-            return Switch(v, unit_vectors(self.contacts, np.where(moving != 0.0, slips, 0.0)), none, none)
+            return SlipSwitch(v, unit_vectors(self.contacts, np.where(moving != 0.0, slips, 0.0)), none, none)
         found = sliding.solution(span[0], q, v)
         signs = -np.sign(found.held) * (np.abs(found.held) >= found.bounds * (1.0 - AT_BOUND))
         broken = slip.stuck[~index].directions(-float(np.sign(found.held[~index])), len(moving))
         directions = (group.directions(float(sign), len(moving)) for group, sign in zip(slip.stuck, signs, strict=True))
-        return Switch(v, moving, broken, np.asarray(sum(directions)))
+        return SlipSwitch(v, moving, broken, np.asarray(sum(directions)))
 
-    def after(self, span: tuple[float, float], q: Array, switch: Switch) -> Slip:
+    def after(self, span: tuple[float, float], q: Array, switch: SlipSwitch) -> Slip:
         """Return what joints do from a switch on, which may be one that took place while other stops held.
 
         Raises:
