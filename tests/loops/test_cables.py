@@ -169,6 +169,30 @@ class TestPendulumThatGoesSlack:
             freely(ball(machine), end=0.5, position={"x": 0.3, "y": -0.2})
 
 
+class TestTwoCables:
+    """A weight of 1 kg on a slide, thrown upwards, between a cable from above and one from below."""
+
+    def drawn(self, machine, other, length):
+        points = {"A": (0, 0), "B": (0, 0.1), "U": (0, 1), "V": (0, other)}
+        ropes = {"up": (["U", "A"], 1.2), "other": (["V", "A"], length)}
+        loops = {name: {"kind": "cable", "through": through, "length": f"{size} m"}
+                 for name, (through, size) in ropes.items()}  # fmt: skip
+        links, slide = {"w": {"points": ["A", "B"], "mass": "1 kg"}}, {"y": {"link": "w", "along": ["A", "B"]}}
+        return machine(points, ["U", "V"], links, slide, loops=loops)
+
+    def test_those_that_are_never_taut_together_have_their_tensions(self, machine):
+        run = freely(self.drawn(machine, -1, 1.2), end=1.0, samples=11, position={"y": 0.0}, velocity={"y": 3.0}).rows
+        above, below = asked(run, "loop.up.tension", "loop.other.tension")
+        assert above[-1] == pytest.approx(G, rel=1e-12)
+        assert not below.any()
+        assert not above[run.grid.t < 0.36].any()
+
+    def test_those_that_are_taut_together_share_what_rigid_bodies_do_not_tell(self, machine):
+        run = freely(self.drawn(machine, 1.5, 1.7), end=1.0, samples=11, position={"y": 0.0}, velocity={"y": 3.0}).rows
+        with pytest.raises(InputError, match="hyperstatic of degree 1"):
+            asked(run, "loop.up.tension")
+
+
 class TestElasticCable:
     def test_a_weight_on_a_bungee_swings_and_flies(self, machine):
         """Let go at the free length it goes ``2 m g / k`` deep; half a period ``pi sqrt(m / k)`` later it turns."""
