@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from motions import anywhere, driven, freely
+from scipy.linalg import expm
 
 from pinarm.engine.checks.limits import excesses
 from pinarm.engine.mechanism import Mechanism
@@ -170,6 +171,30 @@ class TestPendulumThatGoesSlack:
             freely(ball(machine), end=0.5, position={"x": 0.3, "y": -0.2})
 
 
+class TestTwoCables:
+    """A weight of 1 kg on a slide, thrown upwards, between a cable from above and one from below."""
+
+    def drawn(self, machine, other, length):
+        points = {"A": (0, 0), "B": (0, 0.1), "U": (0, 1), "V": (0, other)}
+        ropes = {"up": (["U", "A"], 1.2), "other": (["V", "A"], length)}
+        loops = {name: {"kind": "cable", "through": through, "length": f"{size} m"}
+                 for name, (through, size) in ropes.items()}  # fmt: skip
+        links, slide = {"w": {"points": ["A", "B"], "mass": "1 kg"}}, {"y": {"link": "w", "along": ["A", "B"]}}
+        return machine(points, ["U", "V"], links, slide, loops=loops)
+
+    def test_those_that_are_never_taut_together_have_their_tensions(self, machine):
+        run = freely(self.drawn(machine, -1, 1.2), end=1.0, samples=11, position={"y": 0.0}, velocity={"y": 3.0}).rows
+        above, below = asked(run, "loop.up.tension", "loop.other.tension")
+        assert above[-1] == pytest.approx(G, rel=1e-12)
+        assert not below.any()
+        assert not above[run.grid.t < 0.36].any()
+
+    def test_those_that_are_taut_together_share_what_rigid_bodies_do_not_tell(self, machine):
+        run = freely(self.drawn(machine, 1.5, 1.7), end=1.0, samples=11, position={"y": 0.0}, velocity={"y": 3.0}).rows
+        with pytest.raises(InputError, match="hyperstatic of degree 1"):
+            asked(run, "loop.up.tension")
+
+
 class TestElasticCable:
     def test_a_weight_on_a_bungee_swings_and_flies(self, machine):
         """Let go at the free length it goes ``2 m g / k`` deep; half a period ``pi sqrt(m / k)`` later it turns."""
@@ -186,6 +211,23 @@ class TestElasticCable:
         assert (length < 1.0).any()
         assert (length > 1.0).any()
         assert higher.figures["energy"] < 1e-10
+
+    @pytest.mark.parametrize("damping", [0.01, 1.0, 30.0])
+    def test_a_damper_acts_from_the_instant_on_at_which_the_cable_is_taut(self, machine, damping):
+        """After a fall of 0.1 m its tension jumps to ``c v``; from there on it is a damped oscillator.
+
+        Little before, at ``w - w0 = -c v / k``, spring and damper of a cable that could push would be in balance.
+        """
+        k, m, deep = 2e4, 2.0, 0.1
+        rope = {"kind": "cable", "through": ["O", "B"], "stiffness": f"{k} N/m", "damping": f"{damping} N*s/m",
+                "free_length": f"{1.0 + deep} m"}  # fmt: skip
+        taut, after = np.sqrt(2.0 * deep / G), 0.02
+        it = ball(machine, mass=m, forces={"rope": rope}, loops={})
+        outcome = freely(it, end=taut + after, samples=3, tolerance=1e-10, position={"x": 0.0, "y": 0.0})
+        a = np.array([[0.0, 1.0, 0.0], [-k / m, -damping / m, G], [0.0, 0.0, 0.0]])
+        stretched, speed, _ = expm(a * after) @ [0.0, G * taut, 1.0]
+        assert outcome.rows.v[-1, 1] == pytest.approx(-speed, abs=2e-8)
+        assert outcome.rows.q[-1, 1] == pytest.approx(-deep - stretched, abs=1e-9)
 
     def test_a_stiff_one_over_pulleys_tends_to_the_rigid_one(self, machine):
         stiff = {"kind": "cable", "through": ["A", "P", "Q", "B"], "stiffness": "1e6 N/m", "free_length": "5 m",

@@ -244,6 +244,23 @@ class TestOneSided:
         assert any("cam 'cam': 1 impact" in note for note in outcome.notes)
         assert not excesses(outcome.rows)
 
+    def test_a_cam_with_friction_rubs_while_it_touches_and_not_in_flight(self, cam):
+        """The disc is driven, so that the follower flies as without friction; the torque has that of the contact."""
+        speed, mu, constant = 40.0, 0.1, 0.5
+        machine = cam(face="T", closed_by="force", friction={"cam": {"mu": mu, "constant": f"{constant} N"}})
+        outcome = freely(machine, end=0.17, samples=61, motion={"O": ConstantSpeed(speed=speed)})
+        leaves = np.arccos(-G / (E * speed**2)) / speed
+        assert outcome.events[0].t == pytest.approx(leaves, abs=1e-9)
+        t, theta = outcome.rows.grid.t, speed * outcome.rows.grid.t
+        touching, lands = t < leaves, outcome.events[1].t
+        force = np.where(touching, M * (G + E * np.cos(theta) * speed**2), 0.0)
+        rubbing = np.where(touching, mu * force + constant, 0.0)
+        torque, normal, friction = asked(outcome.rows, "joint.O.effort", "coupling.cam.normal", "coupling.cam.friction")
+        before = (t < lands - 1e-6) & (np.abs(t - leaves) > 1e-6)
+        known = force * E * np.sin(theta) + rubbing * (RB + E * (1.0 - np.cos(theta)))
+        for found, expected in ((normal, force), (np.abs(friction), rubbing), (torque, known)):
+            assert found[before] == pytest.approx(expected[before], abs=1e-9)
+
     def test_a_follower_that_is_given_above_the_cam_falls_on_it(self, cam):
         outcome = freely(cam(face="T", closed_by="force"), end=0.1, samples=3, position={"O": 0.0, "lift": 0.01},
                          motion={})  # fmt: skip

@@ -280,3 +280,43 @@ def test_a_short_blow_in_a_long_table_is_not_stepped_over(write, accuracy, rests
 
     back = brentq(way, 7.8, 10.0, xtol=1e-13)
     assert [event.t for event in result.events] == pytest.approx([back], abs=1e-7)
+
+
+SLIDE = ('<link name="b{}">' + BODY.format("{}") + '</link><joint name="q{}" type="prismatic"><parent link="{}"/>'
+         f'<child link="b{{}}"/><axis xyz="1 0 0"/>{SIZES}</joint>')  # fmt: skip
+"""A block that slides on another one."""
+
+
+def stacked(*masses):
+    """Return blocks that lie on one another, the lowest on the ground, and slide along x."""
+    below = ["base", *(f"b{k}" for k in range(len(masses) - 1))]
+    return "".join(SLIDE.format(k, mass, k, on, k) for k, (mass, on) in enumerate(zip(masses, below, strict=True)))
+
+
+def test_a_block_leaves_its_stop_to_the_side_to_which_its_friction_gives_way(write):
+    """A cart of 2 kg brakes by 12 N of friction on the ground, and ever harder as the push of 11 N goes down by 20 N/s.
+
+    1 N holds 1 kg on it, at the stop behind it, until both brake by 1 m/s^2 at 0.1 s; from then on it slides forward:
+    ``x'' = -1 + (12 - 1 - P) / 2``. Without any friction the push would press it against the stop.
+    """
+    push = "{kind: joint_effort, joint: q0, effort: {law: constant_speed, from: 11 N, speed: -20 N/s}}"
+    problem = ("{kind: forward, time: {end: 0.4 s, samples: 5}, initial: {velocity: {q0: 5 m/s}}, "
+               f"end_stops: {{q1: {{lower: 0 m}}}}, loads: {{push: {push}}}}}")  # fmt: skip
+    friction = "friction: {q0: {constant: 12 N}, q1: {constant: 1 N}}\n"
+    result = pinarm.run(write(stacked(2.0, 1.0), friction, problem, "q1"))
+    assert result["q1"].values[-1] == pytest.approx(10.0 * 0.3**3 / 6.0, rel=1e-8)
+
+
+def test_a_block_breaks_loose_below_another_one_that_friction_holds_at_its_stop(write):
+    """4 N hold the lower block, of 2 kg, on the ground: a pull of 10 t N moves both of them from 0.4 s on.
+
+    30 N hold the upper one, of 1 kg, at the stop into which it would go without friction.
+    """
+    pull = "{kind: joint_effort, joint: q0, effort: {law: constant_speed, speed: -10 N/s}}"
+    problem = (
+        f"{{kind: forward, time: {{end: 1 s, samples: 3}}, end_stops: {{q1: {{upper: 0 m}}}}, loads: {{pull: {pull}}}}}"
+    )
+    friction = "friction: {q0: {constant: 4 N}, q1: {constant: 30 N}}\n"
+    result = pinarm.run(write(stacked(2.0, 1.0), friction, problem, "q0, q1"))
+    assert result["q0"].values[-1] == pytest.approx(-10.0 / 3.0 * 0.6**3 / 6.0, rel=1e-8)
+    assert np.abs(result["q1"].values).max() < 1e-12

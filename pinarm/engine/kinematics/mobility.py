@@ -78,7 +78,7 @@ class Mobility(Record, frozen=True):
     def shared(self) -> str:
         """What joints share in a way that rigid bodies do not determine, and what to loosen, in one sentence."""
         parts = [f"{name} ({', '.join(components)})" for name, components in self.undetermined.items()]
-        held = f"hyperstatic of degree {self.degree}, shared by {several(parts)}"
+        held = f"hyperstatic of degree {self.degree}{f', shared by {several(parts)}' if parts else ''}"
         return f"{held}; looser: {self.loosenings[0]}" if self.loosenings else held
 
 

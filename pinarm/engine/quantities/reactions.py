@@ -8,7 +8,7 @@ known leave components open likewise.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, cast
 
@@ -17,7 +17,8 @@ import numpy as np
 from pinarm.arrays import Array, Indices, in_one
 from pinarm.engine.checks.figures import relative
 from pinarm.engine.checks.sample import sampled
-from pinarm.engine.constraints.constraint import GuidedCoordinate, joint_ties
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.constraint import GuidedCoordinate, joint_ties, one_sided
 from pinarm.engine.constraints.self_stresses import SelfStresses
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
@@ -37,6 +38,9 @@ if TYPE_CHECKING:
 
 SAMPLE = 64
 """Largest number of rows at which self-stresses are looked for: they belong to the structure, not to an instant."""
+
+APART = 1e-9
+"""Gap, over ``1 + extent``, from which on a one-sided constraint holds nothing: one that is touched may share loads."""
 
 BLOCK = 1024
 """Number of rows that are worked on at once."""
@@ -275,17 +279,35 @@ class Reactions:
                 if isinstance(contact, CouplingContact) and contact.coupling.name == name]  # fmt: skip
 
     @cached_property
-    def stresses(self) -> SelfStresses:
-        """The self-stresses at a sample of the rows."""
-        return SelfStresses(self.run.mechanism.closure, self.run.q[self._some])
+    def stresses(self) -> list[tuple[Indices, SelfStresses]]:
+        """The self-stresses at a sample of the rows: rows in which the same constraints hold, with those of these."""
+        closure, q = self.run.mechanism.closure, self.run.q
+        if self.run.opened is None or not self.sample:
+            some = sampled(len(q), self.sample)
+            return [(some, SelfStresses(closure, q[some]))]
+        sided, found = one_sided(closure.constraints), []
+        gaps = closure.at(q)[0][:, [closure.slices[one.name].start for one in sided]]
+        opened = gaps * [one.side for one in sided] > APART * (1.0 + closure.extent)
+        for pattern in np.unique(opened, axis=0):
+            names = {one.name for one, is_open in zip(sided, pattern, strict=True) if is_open}
+            rows = np.flatnonzero((opened == pattern).all(axis=1))
+            rows = rows[sampled(len(rows), self.sample)]
+            holding = Closure.of(closure.model, [one for one in closure.constraints if one.name not in names])
+            found.append((rows, SelfStresses(holding, q[rows])))
+        return found
+
+    @property
+    def degree(self) -> int:
+        """Degree of hyperstatism: number of constraints that repeat others, where there are most."""
+        return max(stresses.degree for _, stresses in self.stresses)
 
     def stressed_joint(self, joint: int) -> list[Array]:
         """Return what each self-stress adds to the wrench of a joint of the tree, shape (n, 6); see ``_at_sample``."""
-        return self._at_sample(self.stresses.on_joint(joint))
+        return self._at_sample([stresses.on_joint(joint) for _, stresses in self.stresses])
 
     def stressed_loop(self, name: str) -> list[Array]:
         """Return what each self-stress adds to the wrench of a loop joint, shape (n, 6); see ``_at_sample``."""
-        return self._at_sample(self.stresses.on_loop(self.loops[name]))
+        return self._at_sample([stresses.on_loop(self.loops[name]) for _, stresses in self.stresses])
 
     def stressed_multipliers(self, weights: Mapping[str, Array]) -> list[Array]:
         """Return what each self-stress adds to a sum of multipliers, shape (n,); see ``_at_sample``.
@@ -293,17 +315,21 @@ class Reactions:
         Args:
             weights: Name of a constraint of one row -> weight of its multiplier, shape (n,).
         """
-        return self._at_sample(self.stresses.on_multipliers({k: weight[self._some] for k, weight in weights.items()}))
+        added = []
+        for rows, stresses in self.stresses:
+            holding = {name: weight[rows] for name, weight in weights.items() if name in stresses.closure.slices}
+            added.append(stresses.on_multipliers(holding))
+        return self._at_sample(added)
 
-    @cached_property
-    def _some(self) -> Indices:
-        """The rows at which self-stresses are looked for."""
-        return sampled(len(self.run), self.sample)
+    def _at_sample(self, added: Sequence[Array]) -> list[Array]:
+        """Return what self-stresses of length 1 add at a sample of the rows, shape (s, ..), with 0 at the others.
 
-    def _at_sample(self, added: Array) -> list[Array]:
-        """Return what self-stresses of length 1 add at a sample of the rows, shape (s, ..), with 0 at the others."""
-        found = np.zeros((len(added), len(self.run), *added.shape[2:]))
-        found[:, self._some] = added
+        Args:
+            added: The same at the rows of each part of ``stresses``, shape (s, k, ..).
+        """
+        found = np.zeros((max(map(len, added)), len(self.run), *added[0].shape[2:]))
+        for (rows, _), part in zip(self.stresses, added, strict=True):
+            found[: len(part), rows] = part
         return list(found)
 
 

@@ -64,7 +64,7 @@ class WrenchFamily(Family, frozen=True):
         """
         if not any(acts(part) for part in added):
             return ""
-        doubt = f"hyperstatic of degree {self.evaluation.reactions.stresses.degree}: rigid bodies do not determine it"
+        doubt = f"hyperstatic of degree {self.evaluation.reactions.degree}: rigid bodies do not determine it"
         if self.evaluation.undetermined != "minimum_norm":
             raise self._hyperstatic(asked, doubt)
         return f"least multipliers; {doubt}"

@@ -7,18 +7,22 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.errors import within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, NotNegative, check_unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, coordinate_of
-from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
+from pinarm.mechanics.forces.force_element import Edge, ElementQuantity, ForceElement
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws import Law
 from pinarm.mechanics.laws.motion_law import MotionLaw, Values
 from pinarm.records import AbstractRecord, replace
+
+TOUCHING = 1e-13
+"""Gap, relative to ``1 + |w|`` in SI, at which what pushes or pulls one way counts as closed: where it closes it is at
+work, though rounding may leave it open there."""
 
 
 class AlongCoordinate(AbstractRecord, ForceElement, frozen=True):
@@ -59,6 +63,15 @@ class AlongCoordinate(AbstractRecord, ForceElement, frozen=True):
         """Return the efforts in n states [N*m or N], shape (n,)."""
         w, rows = self._evaluated(q, v)
         return np.broadcast_to(self.effort(t, w, (rows * v).sum(axis=-1)), w.shape)
+
+    def _edge(self, value: Callable[[Array, Array], Array], counts: Callable[[Array], Flags] | None = None) -> Edge:
+        """Return an edge at zeros of a function of w and its rate, which count where another one of w says so."""
+
+        def at(t: Array, q: Array, v: Array) -> Array:
+            w, rows = self._evaluated(q, v)
+            return value(w, (rows * v).sum(axis=-1))
+
+        return Edge(at, counts and (lambda t, q, v: counts(self._evaluated(q, v)[0])))
 
     def _evaluated(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return w, shape (...), and J, shape (..., nv)."""

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Annotated
 
 import msgspec
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import Damping, InputStruct, Span, Stiffness
-from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
+from pinarm.mechanics.forces.along_coordinate import TOUCHING, AlongCoordinate
 from pinarm.mechanics.forces.force_element import Edge, ElementQuantity, ForceElement
 from pinarm.mechanics.joints import METRE, Joint
 from pinarm.mechanics.paths import PathLength
@@ -69,7 +69,10 @@ class TautSpring(AlongCoordinate, frozen=True):
         return -self._tension(w, rate)
 
     def _tension(self, w: Array, rate: Array) -> Array:
-        return np.where(w > self.rest, np.maximum(self._pull(w, rate), 0.0), 0.0)
+        return np.where(self._taut(w), np.maximum(self._pull(w, rate), 0.0), 0.0)
+
+    def _taut(self, w: Array) -> Flags:
+        return np.asarray(w > self.rest - TOUCHING * (1.0 + self.rest))
 
     def _pull(self, w: Array, rate: Array) -> Array:
         """Return the tension of a cable that could push."""
@@ -91,16 +94,9 @@ class TautSpring(AlongCoordinate, frozen=True):
         return not self.damping
 
     def edges(self) -> list[Edge]:
-        """Return where the cable becomes taut and, with a damper, where its tension ends."""
+        """Return where the cable becomes taut or slack and, with a damper, where the tension of a taut one ends."""
         found = [self._edge(lambda w, rate: w - self.rest)]
-        return [*found, self._edge(self._pull)] if self.damping else found
-
-    def _edge(self, value: Callable[[Array, Array], Array]) -> Edge:
-        def edge(t: Array, q: Array, v: Array) -> Array:
-            w, rows = self._evaluated(q, v)
-            return value(w, (rows * v).sum(axis=-1))
-
-        return edge
+        return [*found, self._edge(self._pull, self._taut)] if self.damping else found
 
     def _length(self, q: Array) -> Array:
         return self._evaluated(q, np.zeros((*q.shape[:-1], self.model.nv)))[0]

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.errors import within
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import check_unit
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.drives import Elasticity
-from pinarm.mechanics.forces.along_coordinate import AlongCoordinate, SpringAlong, effort_along
+from pinarm.mechanics.forces.along_coordinate import TOUCHING, AlongCoordinate, SpringAlong, effort_along
 from pinarm.mechanics.forces.breakpoints import Pieces
 from pinarm.mechanics.forces.force_element import Edge, ForceElement
 
@@ -60,7 +59,7 @@ class Flanks(AlongCoordinate, frozen=True):
     def effort(self, t: Array | float, w: Array, rate: Array) -> Array:
         """Return the effort [N*m or N]."""
         push = np.maximum(self._push(np.sign(w), w, rate), 0.0)
-        return np.asarray(np.where(np.abs(w) > self.half, -np.sign(w) * push, 0.0))
+        return np.asarray(np.where(self._touches(np.sign(w), w), -np.sign(w) * push, 0.0))
 
     def _push(self, side: Array | float, w: Array, rate: Array) -> Array:
         """Return what the flank on a side, 1 or -1, would push while it touches."""
@@ -83,20 +82,17 @@ class Flanks(AlongCoordinate, frozen=True):
         return not self.spring.damping
 
     def edges(self) -> list[Edge]:
-        """Return where the flanks begin to touch and, with a damper, where they stop pushing."""
+        """Return where the flanks begin to touch and, with a damper, where they stop pushing while they touch."""
         found: list[Edge] = []
         for side in (1.0, -1.0):
             found.append(self._edge(lambda w, rate, side=side: side * w - self.half))  # type: ignore[misc]
             if self.spring.damping:
-                found.append(self._edge(lambda w, rate, side=side: self._push(side, w, rate)))  # type: ignore[misc]
+                push, touches = partial(self._push, side), partial(self._touches, side)
+                found.append(self._edge(push, touches))
         return found
 
-    def _edge(self, value: Callable[[Array, Array], Array]) -> Edge:
-        def edge(t: Array, q: Array, v: Array) -> Array:
-            w, rows = self._evaluated(q, v)
-            return value(w, (rows * v).sum(axis=-1))
-
-        return edge
+    def _touches(self, side: Array | float, w: Array) -> Flags:
+        return np.asarray(side * w > self.half - TOUCHING * (1.0 + self.half))
 
     @property
     def in_pieces(self) -> bool:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Container, Mapping, Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.mechanics.laws.motion_law import MotionLaw
@@ -17,8 +17,18 @@ from pinarm.records import ValueRecord
 if TYPE_CHECKING:
     from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
-Edge = Callable[[Array, Array, Array], Array]
-"""``(t, q, v) -> `` a value of n states, shape (n,), whose zeros are where a load stops being smooth."""
+
+class Edge(NamedTuple):
+    """Where a load stops being smooth: at zeros of a value.
+
+    Attributes:
+        value: ``(t, q, v) ->`` the value of n states, shape (n,).
+        counts: ``(t, q, v) ->`` whether a zero at these states counts, shape (n,); all do where it is ``None``. One at
+            which the load stays smooth must not: the step that begins there sees nothing but what lies beyond the next.
+    """
+
+    value: Callable[[Array, Array, Array], Array]
+    counts: Callable[[Array, Array, Array], Flags] | None = None
 
 
 class ElementQuantity(ValueRecord, frozen=True):

@@ -157,6 +157,17 @@ def test_flanks_with_a_damper_break_a_joint_loose_as_they_touch(servo):
     assert result.figures["energy"] < 1e-7
 
 
+@pytest.mark.parametrize("damping", [3e-4, 1e-3, 3e-3, 6e-3, 0.3])
+def test_a_damper_acts_from_the_instant_on_at_which_flanks_touch(servo, damping):
+    """Rotor and load by the matrix exponential from there on, while the flank pushes: ``w'' = -(K w + c w') both``."""
+    u, after, both = 2.0, 0.06, 1.0 / OWN + 1.0 / LOAD
+    start = {"velocity": {"servo.rotor": f"{u} rad/s"}}
+    mechanism = servo(damping, backlash=f"{BACKLASH} rad")
+    result = run(mechanism, end=f"{0.5 * BACKLASH / u + after} s", start=start, outputs=("x",))
+    a = np.array([[0.0, 1.0, 0.0], [-K * both, -damping * both, 0.0], [K / LOAD, damping / LOAD, 0.0]])
+    assert result["joint.x.velocity"].values[-1] == pytest.approx((expm(a * after) @ [0.0, u, 0.0])[2], abs=2e-7)
+
+
 def test_an_elastic_gear_begins_without_deflection(servo):
     start = {"position": {"x": "1 rad"}, "velocity": {"x": "3 rad/s"}}
     result = run(servo(), start=start, end="0.1 s")

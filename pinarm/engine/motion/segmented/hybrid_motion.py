@@ -133,12 +133,15 @@ class HybridIntegration(Record, frozen=True):
         touched, spans = self.transitions.at_rest(t, q, v), self._spans(mode, t)
         tied = hybrid.tied(mode.held, touched, q)
         shares = hybrid.sharing(mode.held | tied, q)
-        system = hybrid.loaded(hybrid.stretch(mode, t, q, v), shares, t, q)
+        system = hybrid.loaded(hybrid.stretch(mode, t, q, v), mode.held, shares, t, q)
         ends, acting = watched(hybrid, mode, system, touched, tied), hybrid.acting(system)
         if controls:
             ends += [(("control", index), watch) for index, watch in controls.watches(spans[0])]
             system = controls.around(system)
-        segment = partial(MotionSegment, system, dynamics=acting, holding=hybrid.holding(mode.held), shares=shares)
+        segment = partial(
+            MotionSegment, system, dynamics=acting, holding=hybrid.holding(mode.held),
+            rubbing=hybrid.rubs(mode.held), shares=shares,
+        )  # fmt: skip
         watches = [of_mechanism(watch, system) for _, watch in ends]
         try:
             solution = first() if first else self._solution(system, spans, watches, q, v)

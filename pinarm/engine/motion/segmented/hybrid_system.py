@@ -153,7 +153,7 @@ class HybridSystem(Record, frozen=True):
         from pinarm.engine.motion.segmented.stick_slip import StickSlip
 
         return StickSlip(
-            self.frictions,
+            self.rubbing(held),
             self.closure_of(held),
             self.dynamics,
             self.with_stops(held),
@@ -162,9 +162,18 @@ class HybridSystem(Record, frozen=True):
             self.size,
         )
 
+    def rubs(self, held: Held) -> Flags:
+        """Return which frictions there are, shape (k,): not that of a cam that is open, whose follower flies."""
+        opened = {f"coupling.{self.bounds[k].name}" for k in self.separations - held}
+        return np.array([contact.name not in opened for contact in self.frictions], dtype=bool)
+
+    def rubbing(self, held: Held) -> tuple[FrictionContact, ...]:
+        """Return the frictions that there are."""
+        return tuple(self.frictions[k] for k in np.flatnonzero(self.rubs(held)))
+
     def stretch(self, mode: Mode, t: float, q: Array, v: Array) -> System:
         """Return what is integrated in a mode that begins in a state of the mechanism."""
-        if not self.frictions:
+        if not self.rubbing(mode.held):
             return self.system(mode.held)
         from pinarm.engine.motion.systems.frictional import FrictionalSystem
 
@@ -297,7 +306,7 @@ class HybridSystem(Record, frozen=True):
 
     def slip(self, held: Held, t: float, q: Array, v: Array) -> Slip:
         """Return what joints with friction begin to do in a state on given stops."""
-        return self.friction(held).start(self.span(t), q, v) if self.frictions else Slip()
+        return self.friction(held).start(self.span(t), q, v) if self.rubbing(held) else Slip()
 
     def acceleration_without_friction(self, held: Held, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration of a state on some stops without friction, shape (nv,)."""
@@ -306,12 +315,13 @@ class HybridSystem(Record, frozen=True):
 
     def acting(self, system: System) -> Dynamics:
         """Return the equation of motion of what is integrated, with the friction of what slips."""
-        return system.slowed(self.dynamics) if self.frictions else self.dynamics  # type: ignore[attr-defined]
+        slowed = getattr(system, "slowed", None)
+        return slowed(self.dynamics) if slowed else self.dynamics
 
     def completed(self, system: System, t: Array, q: Array, v: Array) -> CompletedStates:
         """Return states of one interval with their accelerations, efforts and multipliers."""
         span = (float(t[0]), float(t[-1]) if len(t) > 1 else self.span(float(t[0]))[1])
-        complete = system.tried if self.frictions else system.complete  # type: ignore[attr-defined]
+        complete = getattr(system, "tried", system.complete)
         found: CompletedStates = complete(self.dynamics, Grid(t, span, (0, len(t))), *system.part(q, v))
         return found
 
@@ -335,20 +345,21 @@ class HybridSystem(Record, frozen=True):
         found = self.shares(held)
         return found if found.are_open(q) else None
 
-    def loaded(self, system: System, shares: StopShares | None, t: float, q: Array) -> System:
+    def loaded(self, system: System, held: Held, shares: StopShares | None, t: float, q: Array) -> System:
         """Return what is integrated while several stops share what loads joints with friction.
 
         Raises:
             DynamicsError: The friction that moves or holds a joint depends on how they share it.
         """
-        if not (shares and any(one.law.loaded for one in self.frictions)):
+        contacts = self.rubbing(held)
+        if not (shares and any(one.law.loaded for one in contacts)):
             return system
         from pinarm.engine.friction.response import BearingReactions
 
         rows = shares.rows
-        reactions = BearingReactions(self.frictions, rows, self.dynamics.on(*self.span(t)))
+        reactions = BearingReactions(contacts, rows, self.dynamics.on(*self.span(t)))
         some = [one.name for one in reactions.undetermined(split_rows(rows.rows(rows.state(q))), q)]
-        unknown = frozenset(k for k, one in enumerate(self.frictions) if one.name in some)
+        unknown = frozenset(k for k, one in enumerate(contacts) if one.name in some)
         try:
             return system.knowing(unknown)  # type: ignore[attr-defined, no-any-return]
         except DynamicsError as error:

@@ -74,8 +74,8 @@ def watched(
             found.append((("hit", k), Watch(partial(_gap, bound, slack), -1, stops=True)))
     edges = [edge for force in hybrid.dynamics.forces.values() for edge in force.edges()]
     edges += [edge for one in hybrid.profiled for edge in one.edges()]
-    found += [(("edge", k), Watch(edge, 0, stops=True)) for k, edge in enumerate(edges)]
-    if hybrid.frictions:
+    found += [(("edge", k), Watch(edge.value, 0, stops=True, counts=edge.counts)) for k, edge in enumerate(edges)]
+    if hybrid.rubbing(mode.held):
         switches = hybrid.friction(mode.held).watches(mode.slip, system)  # type: ignore[arg-type]
         found += [(("slip", index), watch) for index, watch in switches]
     return found

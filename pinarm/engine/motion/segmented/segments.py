@@ -54,6 +54,7 @@ class MotionSegment(Record, frozen=True):
         solution: The integrated states.
         dynamics: The equation of motion, with the friction of what slips.
         holding: Which rows of the mechanism's constraints hold, shape (m,) as flags.
+        rubbing: Which of the mechanism's frictions there are, shape (k,) as flags.
         shares: Stops that are rested on, of which several hold one motion; ``None`` where none do.
     """
 
@@ -61,6 +62,7 @@ class MotionSegment(Record, frozen=True):
     solution: Solution
     dynamics: Dynamics
     holding: Flags
+    rubbing: Flags
     shares: StopShares | None = None
 
     @cached_property
@@ -77,7 +79,7 @@ class MotionSegment(Record, frozen=True):
         """Return the motion at the rows of a grid within the segment."""
         found = self.system.complete(dynamics, grid, *_states(self, grid.t))
         found = self.shares.shared(found) if self.shares else found
-        return found if self.holding.all() else _opened(found, self.holding)
+        return found if self.holding.all() else _opened(found, self.holding, self.rubbing)
 
 
 class SegmentedMotion(Record, frozen=True):
@@ -220,11 +222,15 @@ def _states(segment: MotionSegment, t: Array) -> tuple[Array, Array]:
     return y[:, : q.shape[1]], y[:, q.shape[1] :]
 
 
-def _opened(motion: CompletedStates, holding: Flags) -> CompletedStates:
-    """Return states in which some rows of the constraints do not hold: their multipliers are 0."""
+def _opened(motion: CompletedStates, holding: Flags, rubbing: Flags) -> CompletedStates:
+    """Return states in which some rows of the constraints, and their frictions, do not hold: these are 0."""
     lam = motion.lam.spread(np.flatnonzero(holding), len(holding))
-    others = tuple(_opened(other, holding) for other in motion.others)
-    return replace(motion, lam=lam, opened=np.ones(len(motion.q), dtype=bool), others=others)
+    friction = np.zeros((len(motion.q), len(rubbing)))
+    if rubbing.any():
+        friction[:, rubbing] = motion.friction
+    others = tuple(_opened(other, holding, rubbing) for other in motion.others)
+    opened = np.ones(len(motion.q), dtype=bool)
+    return replace(motion, lam=lam, friction=friction, opened=opened, others=others)
 
 
 def _at_offset(solution: Solution, size: float, moved: float) -> bool:

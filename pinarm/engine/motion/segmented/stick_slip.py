@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -54,6 +54,22 @@ INSTANTS = np.array([0.0, 0.0823, 0.2391, 0.3817, 0.5379, 0.6181, 0.7639, 0.9103
 TURNING = 1e-6
 """Slip above which one with several components has turned rather than come to rest, over what its acceleration makes in
 the time since the last switch: the instant is known to the tolerance of the integration."""
+
+
+class SlipSwitch(NamedTuple):
+    """What changes where a joint comes to rest, turns its slip or breaks loose.
+
+    Attributes:
+        v: The velocity after it, shape (nv,).
+        moving: Directions of the joints that slip, 0 of those at rest, shape (k,).
+        broken: Those of joints at rest that begin to slip in any case, shape (k,).
+        yielding: Those of joints whose friction is at its bound, shape (k,); see ``decided``.
+    """
+
+    v: Array
+    moving: Array
+    broken: Array
+    yielding: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +118,8 @@ class StickSlip:
         moving = unit_vectors(self.contacts, np.where(fast, slips, 0.0))
         return self._decided(span, q, v, moving, np.zeros(len(moving)))
 
-    def switched(self, span: tuple[float, float], q: Array, v: Array, slip: Slip, index: int) -> tuple[Array, Slip]:
-        """Return the velocity after a switch, and what joints do from then on.
+    def switch(self, span: tuple[float, float], q: Array, v: Array, slip: Slip, index: int) -> SlipSwitch:
+        """Return what changes at a switch.
 
         Args:
             span: The interval from the instant of the switch on.
@@ -117,7 +133,7 @@ class StickSlip:
         speeds, slipping = sizes(self.contacts, slips), sizes(self.contacts, sliding.direction) > 0.0
         balance = sliding.balance(span[0], q, v)
         fast, pace = speeds > 2.0 * resting_speed(slip, v), self._pace(balance) * (span[0] - slip.begun)
-        moving, broken = np.where(fast, sliding.directions(slips), 0.0), np.zeros(len(speeds))
+        moving, none = np.where(fast, sliding.directions(slips), 0.0), np.zeros(len(speeds))
         turned = slipping & several(self.contacts) & (speeds > np.maximum(TURNING * pace, 2.0 * resting_speed(slip, v)))
         if index >= 0 and not turned[index]:
             same = same_joint(self.contacts)
@@ -125,17 +141,44 @@ class StickSlip:
             ended = [i for part in parts for i in (part, *companions(balance.response, part))]
             moving[same[ended].any(axis=0)] = 0.0
             v = self._stopped(span[0], q, v, np.flatnonzero(slipping & (sizes(self.contacts, moving) == 0.0)))
-        elif index >= 0:
-            moving = unit_vectors(self.contacts, np.where(moving != 0.0, slips, 0.0))
-        else:
-            found = sliding.solution(span[0], q, v)
-            signs = -np.sign(found.held) * (np.abs(found.held) >= found.bounds * (1.0 - AT_BOUND))
-            broken = slip.stuck[~index].directions(-float(np.sign(found.held[~index])), len(moving))
-            directions = (
-                group.directions(float(sign), len(moving)) for group, sign in zip(slip.stuck, signs, strict=True)
-            )
-            return v, self._decided(span, q, v, moving, broken, np.asarray(sum(directions)))
-        return v, self._decided(span, q, v, moving, broken)
+            return SlipSwitch(v, moving, none, none)
+        if index >= 0:
+            return SlipSwitch(v, unit_vectors(self.contacts, np.where(moving != 0.0, slips, 0.0)), none, none)
+        found = sliding.solution(span[0], q, v)
+        signs = -np.sign(found.held) * (np.abs(found.held) >= found.bounds * (1.0 - AT_BOUND))
+        broken = slip.stuck[~index].directions(-float(np.sign(found.held[~index])), len(moving))
+        directions = (group.directions(float(sign), len(moving)) for group, sign in zip(slip.stuck, signs, strict=True))
+        return SlipSwitch(v, moving, broken, np.asarray(sum(directions)))
+
+    def after(self, span: tuple[float, float], q: Array, switch: SlipSwitch) -> Slip:
+        """Return what joints do from a switch on, which may be one that took place while other stops held.
+
+        Raises:
+            DynamicsError: Rigid bodies with friction do not determine it.
+        """
+        return self._decided(span, q, *switch)
+
+    def begun(self, before: Slip, slip: Slip, span: tuple[float, float], q: Array) -> Array:
+        """Return the acceleration that grows with what friction does not hold any more, but for its size, shape (nv,).
+
+        With T the motions that are left and d the directions of the slips J v that begin: ``T (T' M T)^-1 T' J' d``.
+
+        Args:
+            before: What joints did until then.
+            slip: What they do from then on.
+            span: Interval of time without jumps.
+            q: Where, shape (nq,).
+        """
+        held, still = self.held(slip, span, q), {i for group in slip.stuck for i in group.members}
+        broken = [i for group in before.stuck for i in group.members if i not in still]
+        closure = self.closure.with_guides(held.names, held.coordinates)
+        free, rows = (
+            split_rows(closure.rows(closure.state(q))).free,
+            slip_rows(closure.model, self.contacts, q[None])[0],
+        )
+        along = free.T @ (np.array(slip.direction)[broken] @ rows[broken])
+        mass = free.T @ mass_matrix(closure.model, q) @ free
+        return np.asarray(free @ np.linalg.lstsq(mass, along)[0])
 
     def _balance(self, span: tuple[float, float], q: Array, v: Array) -> FrictionBalance:
         return self.sliding(Slip(), span).balance(span[0], q, v)

@@ -13,7 +13,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.kinematics.newton import assembled
-from pinarm.engine.motion.segmented.end_stops import Bound, Held, pressed
+from pinarm.engine.motion.segmented.end_stops import TIED, Bound, Held, pressed
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
 from pinarm.engine.motion.segmented.segment_ends import SegmentEnd
 from pinarm.engine.motion.segmented.segments import SegmentedMotion
@@ -145,37 +145,42 @@ class Transitions(Record, frozen=True):
             return v, self._pressing((mode.held | tied) - {end.released}, t, q, v)
         if index is None:
             return v, self.mode(t, q, v, mode.held & hybrid.separations)
-        v, slip = hybrid.friction(mode.held).switched(hybrid.span(t), q, v, mode.slip, index)
-        after, touched = Mode(mode.held, slip), self.at_rest(t, q, v) - mode.held
+        friction, span = hybrid.friction(mode.held), hybrid.span(t)
+        switch = friction.switch(span, q, v, mode.slip, index)
+        v, touched = switch.v, self.at_rest(t, q, switch.v) - mode.held
+        after = Mode(mode.held, friction.after(span, q, switch))
         if touched and index >= 0:  # a rebound so small that it ends where the stop is, but for rounding
             return v, self.mode(t, q, v, mode.held & hybrid.separations)
-        if entered := self._entered(after, touched, t, q, v):
+
+        def slips(held: Held) -> Slip:
+            if (hybrid.rubs(held) != hybrid.rubs(mode.held)).any():
+                return hybrid.slip(held, t, q, v)
+            return hybrid.friction(held).after(span, q, switch)
+
+        if entered := self._entered(mode.slip, after, touched, t, q, v):
             held = mode.held
             for k in sorted(entered):
                 held |= hybrid.tied(held, frozenset({k}), q) ^ {k}
-            return v, Mode(held, hybrid.slip(held, t, q, v))
-
-        def slips(held: Held) -> Slip:
-            return hybrid.friction(held).switched(hybrid.span(t), q, v, mode.slip, index)[1]
+            return v, Mode(held, slips(held))
 
         system, state = hybrid.stretch(after, t, q, v), (np.array([t]), q[None], v[None])
         pulls = any(push[0] <= 0.0 for push in hybrid.pushes(mode.held, system, *state).values())
         return v, self._pressing(mode.held | touched, t, q, v, slips) if pulls else after
 
-    def _entered(self, mode: Mode, touched: Held, t: float, q: Array, v: Array) -> Held:
+    def _entered(self, before: Slip, mode: Mode, touched: Held, t: float, q: Array, v: Array) -> Held:
         """Return the stops among those that are touched into which what breaks loose would go.
 
-        Its acceleration may begin at 0; then that without friction has the sign in which it grows.
+        Its acceleration may begin at 0; then that counts which grows with the load beyond its friction.
         """
         if not touched:
             return touched
-        tendency = self.hybrid.acceleration_without_friction(mode.held, t, q, v)
+        slight = SLIGHT * float(np.abs(self.hybrid.acceleration_without_friction(mode.held, t, q, v)).max())
         leaving = self._leaving(self.hybrid.stretch(mode, t, q, v), touched, np.array([t]), q[None], v[None])
-        slight = SLIGHT * float(np.abs(tendency).max())
-        for k, away in leaving.items():
-            if abs(away) <= slight:
-                bound = self.hybrid.bounds[k]
-                leaving[k] = bound.side * bound.acceleration(q, v, tendency)
+        begun = self.hybrid.friction(mode.held).begun(before, mode.slip, self.hybrid.span(t), q)
+        for k in (k for k, away in leaving.items() if abs(away) <= slight):
+            bound = self.hybrid.bounds[k]
+            away = bound.side * float(bound.row(q) @ begun)
+            leaving[k] = away if abs(away) > TIED * float(np.abs(bound.row(q)) @ np.abs(begun)) else 0.0
         return frozenset(k for k, away in leaving.items() if away < 0.0)
 
     def at_rest(self, t: float, q: Array, v: Array, held: Held = frozenset()) -> Held:

@@ -280,7 +280,7 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
 
     def edges(self) -> list[Edge]:
         """Return the passages of the cam through the breakpoints of the profile."""
-        return [partial(self._beside, place) for place in self._pieces.bounds]
+        return [Edge(partial(self._beside, place)) for place in self._pieces.bounds]
 
     def _beside(self, place: float, t: Array, q: Array, v: Array) -> Array:
         """Return what vanishes where the cam is at a place, in every period."""

@@ -215,7 +215,7 @@ def _at(body: int, what: str, point: Array, wrench: Array, doubt: str = "") -> A
 def _hyperstatic(found: Reactions, added: Sequence[Array]) -> str:
     """Return the doubt about a wrench to which self-stresses of length 1 add something; empty where they do not."""
     if any(np.abs(part).max(initial=0.0) > ACTS for part in added):
-        return f"hyperstatic of degree {found.stresses.degree}: rigid bodies do not determine all of their loads"
+        return f"hyperstatic of degree {found.degree}: rigid bodies do not determine all of their loads"
     return ""
 
 

@@ -10,7 +10,7 @@ from pinarm.errors import IntegrationError
 
 
 def motion_of(ends):
-    return SegmentedMotion(None, [MotionSegment(None, SimpleNamespace(end=end), None, None) for end in ends])
+    return SegmentedMotion(None, [MotionSegment(None, SimpleNamespace(end=end), None, None, None) for end in ends])
 
 
 def test_events_at_one_instant_end_the_integration():
@@ -31,7 +31,7 @@ def test_a_motion_is_stiff_where_a_good_part_of_its_steps_is(few, many, told):
 
     def segment(steps, doubts):
         method = SimpleNamespace(diagnose=lambda solution: doubts)
-        return MotionSegment(None, SimpleNamespace(steps=[None] * steps, method=method), None, None)
+        return MotionSegment(None, SimpleNamespace(steps=[None] * steps, method=method), None, None, None)
 
     motion = SegmentedMotion(None, [segment(few, ["stiff: on 100% of the steps"]), segment(many, ["other"])])
     assert motion.diagnose() == ["stiff: on 100% of the steps"] * told + ["other"]
