@@ -60,9 +60,10 @@ class Differences:
     sizes: Array = field(init=False)
     _largest: Array = field(init=False)
     _relative: Array = field(init=False)
+    _least: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        self.sizes = self._largest = np.zeros(len(self.units))
+        self.sizes = self._largest = self._least = np.zeros(len(self.units))
         self._relative = np.full(len(self.units), WIDTH)
 
     def jacobian(self, x: Array, left: Array) -> Array:
@@ -79,7 +80,7 @@ class Differences:
             PinarmError: Neither side can be run, however near.
         """
         self._resize(x)
-        steps = np.diag(self._relative * self.sizes)
+        steps = np.diag(self.widths)
         sides = self.curves([x + sign * step for step in steps for sign in (1.0, -1.0)])
         columns = []
         for k in range(len(x)):
@@ -88,11 +89,28 @@ class Differences:
             columns.append(found.values)
         return np.array(columns).T
 
+    @property
+    def widths(self) -> Array:
+        """Half widths of the differences, shape (k,)."""
+        return self._relative * self.sizes
+
+    def renewed(self) -> bool:
+        """Begin anew with the first width, and tell whether another one was in use.
+
+        Curves that bend may by accident look straight across a wide width: what it says is not what is near the point.
+        """
+        used = self._relative.copy()
+        self._relative[:] = WIDTH
+        return bool((used != WIDTH).any())
+
     def _resize(self, x: Array) -> None:
-        """Let sizes follow the point."""
-        size = np.where((self._largest == 0.0) & (x == 0.0), self.units, np.abs(x))
-        self._largest = np.maximum(self._largest, size)
-        self.sizes = np.maximum(size, LEAST * self._largest)
+        """Let sizes follow the point; numbers that leave 0 are as large as they become, or as a width about 0 was."""
+        left = (self._largest == 0.0) & (x != 0.0)
+        self._least = np.where(left, self.widths, self._least)
+        self._relative[left] = WIDTH
+        self._largest = np.maximum(self._largest, np.abs(x))
+        own = np.maximum(np.maximum(np.abs(x), LEAST * self._largest), self._least)
+        self.sizes = np.where(self._largest > 0.0, own, self.units)
 
     def _slope(self, x: Array, left: Array, k: int, sides: Sequence[Array | Refused]) -> _Slope:
         """Return the slopes over one number: the first width across which the curves are straight, else the best."""

@@ -2,7 +2,9 @@
 
 With x the unknown numbers of a scenario and r(x) the wanted quantities less their targets over all rows of the run, x
 minimises ``|r(x)|^2`` by Gauss-Newton steps with the slopes of ``Differences``. Where r depends on x by a polynomial of
-degree 2 these are exact, and one or two steps end at rounding.
+degree 2 these are exact, and one or two steps end at rounding. A step that does not come nearer is replaced by shorter
+ones, each the best one of its length by the slopes (Levenberg, Quarterly of Applied Mathematics 2, 1944): where the
+slopes are all but dependent, a part of a Gauss-Newton step hardly leads down.
 
 Angles may be told between -180 and 180 degrees, and jump there. Where angles are not met as they are told, they are
 looked for but for whole turns.
@@ -10,6 +12,7 @@ looked for but for whole turns.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -22,13 +25,13 @@ from pinarm.errors import InputError, IntegrationError, PinarmError
 from pinarm.use.scenario.differences import Differences, Refused
 from pinarm.use.scenario.find import Find
 
-ITERATIONS, SETTLED, SHRINK = 40, 1e-13, 0.25
+ITERATIONS, SETTLED, SHRINK = 100, 1e-13, 0.25
 """Steps at most; change of the values, relative to their sizes, at which they have settled; factor of a step that was
 too long."""
 
-SHORTER, BARRED = 10, 5
-"""Lengths of a step that are tried; and steps, one after the other, to where nothing can be run, after which a search
-ends."""
+SHORTER, BARRED, NEARER = 10, 5, 0.5
+"""Lengths of a step that are tried, of the size of the values or below; steps, one after the other, to where nothing
+can be run, after which a search ends; and what may be left of what was, where such a step counts as a good one."""
 
 MET = 1e-6
 """What may be left of what is wanted, relative to what the values, or the way they went, change."""
@@ -66,7 +69,7 @@ class FoundValues:
         if self.met:
             return [f"so_that is met but for whole turns of {name}" for name in self.turned]
         left = ", ".join(f"{name} by {x:.3g}" for name, x in self.residuals.items())
-        return [f"so_that is not met: the values that come closest to it miss {left}, in SI"]
+        return [f"so_that is not met: the closest values that were found miss {left}, in SI"]
 
 
 Residuals = Callable[[Sequence[Mapping[str, str]]], Iterable["dict[str, Array] | Refused"]]
@@ -121,15 +124,19 @@ class _Descent:
         """Return where it ends; see ``find_root``."""
         x = self.search.start
         r = self._joined(self._parts(x))
+        stuck = False
         for step in range(1, ITERATIONS + 1):
             jacobian = self.differences.jacobian(x, r)
-            change = -self._solved(jacobian, r)
-            nearer, moved = self._stepped(x, r, change)
-            small = np.abs(change) <= SETTLED * self.differences.sizes
-            if small.all() or np.linalg.norm(moved) >= (1.0 - 1e-9) * np.linalg.norm(r):
-                best = nearer if np.linalg.norm(moved) <= np.linalg.norm(r) else x
+            slopes = self._slopes(jacobian, r)
+            nearer, moved = self._stepped(x, r, slopes)
+            left, before, again = float(np.linalg.norm(moved)), float(np.linalg.norm(r)), stuck
+            settled = bool((np.abs(slopes.step()) <= SETTLED * self.differences.sizes).all())
+            stuck = not settled and left >= (1.0 - 1e-9) * before
+            best = nearer if left <= before else x
+            if settled or (stuck and (again or not self.differences.renewed())):
+                slopes.require_determined(self.search.unknown)
                 return self._ended(best, jacobian, step)
-            x, r = nearer, moved
+            x, r = (x, r) if stuck else (nearer, moved)
         raise IntegrationError(
             f"the values of {', '.join(self.search.unknown)} do not settle in {ITERATIONS} steps",
             hint="other starts, or quantities that depend on them more smoothly",
@@ -159,45 +166,105 @@ class _Descent:
             raise parts()
         return parts
 
-    def _stepped(self, x: Array, r: Array, change: Array) -> tuple[Array, Array]:
+    def _slopes(self, jacobian: Array, r: Array) -> _Slopes:
+        """Return the slopes at a point.
+
+        Raises:
+            InputError: There are none, or fewer quantities than unknowns.
+        """
+        slopes = _Slopes.of(jacobian, r, self.differences.sizes)
+        if len(r) < len(self.search.unknown) or not slopes.s[0]:
+            slopes.require_determined(self.search.unknown)
+        return slopes
+
+    def _stepped(self, x: Array, r: Array, slopes: _Slopes) -> tuple[Array, Array]:
         """Return where a step leads and what is left there; it is shortened until less is left and it can be run."""
-        refused = None
-        for length in SHRINK ** np.arange(SHORTER):
-            (moved,) = self._left([x + length * change])
+        refused, size = None, float(np.linalg.norm(r))
+        for length in SHRINK ** np.arange(slopes.lengths):
+            change = slopes.step(length)
+            (moved,) = self._left([x + change])
             if callable(moved):
                 refused = refused or moved
-            elif np.linalg.norm(moved) <= np.linalg.norm(r):
+            elif np.linalg.norm(moved) <= size:
                 break
-        self._refused[:] = [*self._refused, refused] if refused else []
+        good = not callable(moved) and np.linalg.norm(moved) <= NEARER * size
+        self._refused[:] = [*self._refused, refused] if refused and not good else []
         if callable(moved) or len(self._refused) >= BARRED:
             raise self._refused[0]()
-        return x + length * change, moved
+        return x + change, moved
 
     def _ended(self, x: Array, jacobian: Array, steps: int) -> FoundValues:
         """Return the values at the end, and how much is left of what is wanted."""
         before, parts = self._parts(self.search.start), self._parts(x)
-        left, way = self._joined(parts), np.maximum(self.differences.sizes, np.abs(x - self.search.start))
-        met = bool(np.linalg.norm(left) <= MET * np.linalg.norm(jacobian * way))
+        left, way = self._joined(parts), np.maximum(np.abs(x), np.abs(x - self.search.start))
+        met = bool(np.linalg.norm(left) <= MET * np.linalg.norm(jacobian * np.maximum(way, self.differences.widths)))
         turned = [name for name in self.turning if met and (np.abs(parts[name]) > np.pi).any()]
         return FoundValues(x, _worst(parts), _worst(before), steps, met, turned)
 
-    def _solved(self, jacobian: Array, r: Array) -> Array:
-        """Return the change of the values that the rest asks for.
+
+@dataclass(frozen=True)
+class _Slopes:
+    """What is left, as it changes near a point: ``r + J dx``, by the singular values of J times the sizes of x.
+
+    Attributes:
+        s: Singular values, from the largest on, shape (m,); 0 below ``INDEPENDENT`` of it.
+        vt: Their directions, shape (m, k).
+        b: What is left along each, shape (m,).
+        sizes: Sizes of the numbers, shape (k,).
+    """
+
+    s: Array
+    vt: Array
+    b: Array
+    sizes: Array
+
+    @classmethod
+    def of(cls, jacobian: Array, r: Array, sizes: Array) -> _Slopes:
+        """Return the slopes of what is left, r of shape (rows,), by their Jacobian, shape (rows, k)."""
+        u, s, vt = np.linalg.svd(jacobian * sizes, full_matrices=False)
+        return cls(np.where(s > INDEPENDENT * s[0], s, 0.0), vt, u.T @ r, sizes)
+
+    @cached_property
+    def _full(self) -> Array:
+        """The Gauss-Newton step along each direction."""
+        return np.divide(self.b, self.s, out=np.zeros_like(self.b), where=self.s > 0.0)
+
+    @property
+    def lengths(self) -> int:
+        """How many lengths of a step are tried: one that is far longer than the numbers are large has more of them."""
+        far = math.log(max(float(np.linalg.norm(self._full)), 1.0), 1.0 / SHRINK)
+        return SHORTER + math.ceil(far)
+
+    def step(self, length: float = 1.0) -> Array:
+        """Return the change of the numbers that leaves least, of a part of the length of the Gauss-Newton step.
+
+        With the scaled change d it is ``-V s b/(s^2 + w)``, w so large that ``|d|`` is that length.
+        """
+        wanted = length * float(np.linalg.norm(self._full))
+        low, high = 0.0, float(np.linalg.norm(self.s * self.b)) / wanted if length < 1.0 and wanted else 0.0
+        while high - low > 1e-9 * high:
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if np.linalg.norm(self._damped(middle)) > wanted else (low, middle)
+        return np.asarray(-self.sizes * (self.vt.T @ self._damped(high)))
+
+    def _damped(self, weight: float) -> Array:
+        return self.s * self.b / (self.s**2 + weight) if weight else self._full
+
+    def require_determined(self, unknown: Collection[str]) -> None:
+        """Raise where they do not determine the numbers.
 
         Raises:
-            InputError: The rest does not determine it.
+            InputError: Names those that are not determined.
         """
-        sizes, unknown = self.differences.sizes, self.search.unknown
-        u, s, vt = np.linalg.svd(jacobian * sizes, full_matrices=False)
-        if len(s) < len(unknown) or s[-1] <= INDEPENDENT * s[0] or not s[0]:
-            weak = vt[-1] if len(s) == len(unknown) else np.ones(len(unknown))
-            tied = [path for path, share in zip(unknown, weak, strict=True) if abs(share) > 0.1]
-            raise InputError(
-                f"what is wanted does not determine {', '.join(tied)}",
-                expected="unknowns that change what is wanted, each in its own way",
-                hint="fewer unknowns, or more quantities in so_that",
-            )
-        return np.asarray(sizes * (vt.T @ ((u.T @ r) / s)))
+        if len(self.s) == len(unknown) and self.s.all():
+            return
+        weak = self.vt[-1] if len(self.s) == len(unknown) else np.ones(len(unknown))
+        tied = [path for path, share in zip(unknown, weak, strict=True) if abs(share) > 0.1]
+        raise InputError(
+            f"what is wanted does not determine {', '.join(tied)}",
+            expected="unknowns that change what is wanted, each in its own way",
+            hint="fewer unknowns, another start, or more quantities in so_that",
+        )
 
 
 def _worst(parts: Mapping[str, Array]) -> dict[str, float]:

@@ -62,6 +62,52 @@ def test_a_start_whose_effect_is_below_rounding_is_left():
     assert result.values == pytest.approx([3.0], abs=1e-9)
 
 
+def test_slopes_are_those_near_the_point_and_not_across_several_turns():
+    """cos x = 0.5 from 0, where the slope vanishes and only one side can be run: any of the roots."""
+    result = found({"x": "0 kg"}, lambda x: math.cos(x) - 0.5, runs=positive)
+    assert result.met
+    assert math.cos(*result.values) == pytest.approx(0.5, rel=1e-12)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_roots_of_higher_order_settle(order):
+    result = found({"x": "1 kg"}, lambda x: (x - 2.0) ** order)
+    assert result.met
+    assert result.values == pytest.approx([2.0], abs=1e-8)
+
+
+def test_a_step_that_nearly_dependent_slopes_make_far_too_long_is_bent_downhill():
+    """Beale's function, whose minimum is (3, 0.5) by construction."""
+    starts = {"x": "1 kg", "y": "1 kg"}
+    constants = ((1, 1.5), (2, 2.25), (3, 2.625))
+    result = found(starts, lambda x, y: [c - x * (1.0 - y**i) for i, c in constants])
+    assert result.met
+    assert result.values == pytest.approx([3.0, 0.5], rel=1e-9)
+    result = found({"x": "-3 kg", "y": "1.6 kg"}, lambda x, y: (math.tanh(x - 1.2 * y) + 0.3, math.hypot(x, y) - 0.8))
+    assert result.met
+    x, y = result.values
+    assert (x - 1.2 * y, math.hypot(x, y)) == pytest.approx((-math.atanh(0.3), 0.8), rel=1e-9)
+
+
+def test_what_is_not_met_is_missed_by_least_around():
+    """Freudenstein and Roth's function from their start: the minimum of Moré, Garbow and Hillstrom (1981)."""
+    left = lambda x, y: (-13.0 + x + ((5.0 - y) * y - 2.0) * y, -29.0 + x + ((y + 1.0) * y - 14.0) * y)  # noqa: E731
+    result = found({"x": "0.5 kg", "y": "-2 kg"}, left)
+    assert not result.met
+    assert result.values == pytest.approx([11.4128, -0.896805], rel=1e-5)
+    assert sum(each**2 for each in left(*result.values)) == pytest.approx(48.9842, rel=1e-5)
+
+
+def test_numbers_far_smaller_than_their_unit_are_not_taken_for_met():
+    """Two lengths in metres, both from 0, of which 1 um turns a phase by a radian."""
+    result = found(
+        {"x": "0 m", "y": "0 m"}, lambda x, y: (math.cos(1e6 * (1.3 * x + 0.7 * y)) - 0.4, 1e6 * (x - y) - 0.5)
+    )
+    x, y = 1e6 * result.values
+    assert result.met
+    assert (math.cos(1.3 * x + 0.7 * y), x - y) == pytest.approx((0.4, 0.5), rel=1e-6)
+
+
 def test_what_is_less_than_nothing_is_refused_for_that():
     """m = -1 kg is wanted."""
     with pytest.raises(InputError, match="cannot be"):
