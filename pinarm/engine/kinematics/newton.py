@@ -116,11 +116,12 @@ def near_given(
     Args:
         mechanism: The mechanism.
         q: The configuration, shape (nq,).
-        given: Names of coordinates of joints that are given in it.
+        given: Names of coordinates of joints that are given in it; where there are none, the mechanism's own start gives
+            them.
         prescribed: What follows laws.
         grid: Instants of the laws.
     """
-    own = [name for name in given if name in mechanism.joints and name not in prescribed.names]
+    own = [name for name in given or mechanism.start if name in mechanism.joints and name not in prescribed.names]
     if not own or not mechanism.closure.size:
         return q
     places = [mechanism.joints[name].q for name in own]

@@ -82,6 +82,20 @@ outputs: [theta4]
         assert opened == self.first(tmp_path, "  start: {A: 40 deg, theta4: 80 deg}")
         assert self.first(tmp_path, "  start: {A: -90 deg, theta4: -80 deg}") == pytest.approx(-opened, abs=1e-9)
 
+    def test_a_joint_that_a_gear_ties_to_another_begins_there(self) -> None:
+        """The wheel at C, which is not given, is turned twice as far the other way."""
+        planar = {
+            "points": {"O": ["0 m", "0 m"], "A": ["0.1 m", "0 m"], "C": ["0.3 m", "0 m"], "B": ["0.4 m", "0 m"]},
+            "links": {"one": {"points": ["O", "A"], "mass": "1 kg"}, "two": {"points": ["C", "B"], "mass": "1 kg"}},
+            "ground": ["O", "C"],
+        }
+        pair = {"pair": {"kind": "gear", "joints": ["O", "C"], "ratio": -2}}
+        mechanism = {"pinarm": 1, "planar": planar, "gravity": "none", "couplings": pair, "start": {"O": "90 deg"}}
+        problem = {"kind": "forward", "time": {"end": "1 s", "samples": 2}}
+        found = pinarm.run({"pinarm": 1, "mechanism": mechanism, "problem": problem, "outputs": ["O", "C"]})
+        assert found["O"].to("deg").values == pytest.approx(90.0)
+        assert found["C"].to("deg").values == pytest.approx(-180.0)
+
     @pytest.mark.parametrize(("start", "says"), [
         ({"theta4": "80 mm"}, "80 mm"), ({"theta5": "80 deg"}, "theta5"),
     ])  # fmt: skip
