@@ -116,8 +116,8 @@ def near_given(
     Args:
         mechanism: The mechanism.
         q: The configuration, shape (nq,).
-        given: Names of coordinates of joints that are given in it; where there are none, the mechanism's own start gives
-            them.
+        given: Names of coordinates of joints that are given in it; those of the mechanism's own start where there are
+            none.
         prescribed: What follows laws.
         grid: Instants of the laws.
     """
