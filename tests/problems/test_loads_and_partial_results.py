@@ -118,6 +118,16 @@ def test_a_torque_is_switched_on_and_off(arm):
     assert outcome.figures["energy"] < 1e-13
 
 
+@pytest.mark.parametrize("accuracy", [Accuracy(method="rk4", step=0.01), Accuracy()], ids=["rk4", "dop853"])
+def test_a_load_that_ends_one_rounding_before_the_run_does(arm, accuracy):
+    """0.1 s + 0.7 s is less than 0.8 s: the impulse of a smooth rise from 0 to 4 N*m is half of it over 0.7 s."""
+    rise = Polynomial(start=0.0, end=4.0, duration=0.7, begin=0.1)
+    loads = {"torque": JointEffort(joint="arm", effort=rise)}
+    run = Forward(time=TimeGrid(end=0.8, samples=9), loads=loads).solve(arm, accuracy, place).rows
+    assert run.grid.t == pytest.approx(np.linspace(0.0, 0.8, 9), abs=1e-15)
+    assert run.v[-1, 0] == pytest.approx(2.0 * 0.7 / INERTIA, rel=1e-9)
+
+
 def test_where_the_integration_ends_is_told_by_joints(arm):
     """A torque that grows with the angle, by so much that nothing follows it."""
     torque = JointEffort(joint="arm", effort=ConstantSpeed(speed=1e30), over="arm")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from bisect import bisect_left
+from bisect import bisect_left, insort
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import pairwise
@@ -31,6 +31,9 @@ SECOND = unit("s")
 
 ROUNDING = 1e-12
 """Difference of instants, relative to the duration, below which they are the same instant."""
+
+ULPS = 4.0
+"""The same in units in the last place of the instants."""
 
 INSIDE = 1e-3
 """Part of an interval by which ``Grid.moved_inside`` moves its rows: a law that starts with a jerk, or with the fifth
@@ -209,13 +212,16 @@ class Grid(ValueRecord, frozen=True):
             laws: Their breakpoints cut the grid.
             jumps: Further instants of jumps.
             kinks: Further instants that cut the grid without rows of their own.
+
+        Breakpoints of laws that only rounding parts from one another, or from an end, are one.
         """
-        first, last = float(t[0]), float(t[-1])
-        laws = list(laws)
-        doubled = {first, last, *jumps, *(x for law in laws for x in law.jumps())}
-        breaks = {*jumps, *kinks, *(x for law in laws for x in law.breakpoints())}
-        inner = sorted(x for x in breaks if first < x < last)
-        cuts, slack = (first, *inner, last), ROUNDING * (last - first)
+        first, last, laws, jumps = float(t[0]), float(t[-1]), list(laws), set(jumps)
+        slack = max(ROUNDING * (last - first), ULPS * math.ulp(max(abs(first), abs(last))))
+        fixed = {first, last, *jumps, *kinks}
+        place = _places(fixed, {x for law in laws for x in law.breakpoints()}, slack)
+        doubled = {first, last, *jumps, *(place[x] for law in laws for x in law.jumps())}
+        inner = sorted(x for x in {*fixed, *place.values()} if first < x < last)
+        cuts = (first, *inner, last)
         if not inner:
             return cls(t, cuts, (0, len(t)))
         parts = [_rows_between(t, start, end, doubled, slack) for start, end in pairwise(cuts)]
@@ -272,6 +278,20 @@ class Grid(ValueRecord, frozen=True):
         kept = [(start, min(stop, end), rows) for start, stop, rows in self.intervals() if start < end or start == stop]
         ends = [rows.start + int((self.t[rows] <= end).sum()) for _, _, rows in kept]
         return Grid(self.t[: ends[-1]], (self.cuts[0], *(stop for _, stop, _ in kept)), (0, *ends))
+
+
+def _places(fixed: set[float], instants: set[float], slack: float) -> dict[float, float]:
+    """Return for each instant the one that stands for it: a fixed one, or an earlier one, from which rounding parts it.
+
+    The sum of 0.1 s and 0.7 s is 1e-16 s before 0.8 s: between them is no interval that could be integrated.
+    """
+    known, found = sorted(fixed), dict[float, float]()
+    for x in sorted(instants):
+        here = bisect_left(known, x - slack)
+        found[x] = known[here] if here < len(known) and known[here] <= x + slack else x
+        if found[x] == x:
+            insort(known, x)
+    return found
 
 
 def _rows_between(t: Array, start: float, end: float, doubled: set[float], slack: float) -> Array:

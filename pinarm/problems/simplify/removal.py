@@ -165,6 +165,9 @@ class KnownMotion(Record, frozen=True):
         for coordinate in self.prescribed.values():
             if not isinstance(coordinate, LinearCoordinate):
                 stay |= self._joints_moving(coordinate) - set(self.stationary)
+        for name, law in self.declared.laws.items():  # a run tells that the joint it is over has no load of it
+            if isinstance(law, Over) and law.of in requested:
+                stay |= self._joints_moving(self.mechanism.coordinates[name])
         while torn := [joints for joints in self.stationary_couplings.values() if joints & stay and not joints <= stay]:
             stay |= set().union(*torn)
         return stay

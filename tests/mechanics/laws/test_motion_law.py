@@ -351,5 +351,18 @@ class TestGrid:
         grid = Grid.cover(np.array([0.0, 3.0]), [self.law, other])
         assert grid.cuts == (0.0, 0.5, 1.0, 1.5, 2.5, 3.0)
 
+    def test_what_rounding_parts_is_one_jump(self):
+        """0.1 + 0.7 is less than 0.8, 0.1 + 0.2 more than 0.3: no interval of 1e-16 s is between them."""
+        ends = Polynomial(start=0.0, end=1.0, duration=0.7, begin=0.1)
+        begins, other = (Trapezoid(start=0.0, end=1.0, acceleration=1.0, begin=x) for x in (0.3, 0.1 + 0.2))
+        grid = Grid.cover(np.linspace(0.0, 0.8, 9), [ends, begins, other])
+        assert grid.cuts == pytest.approx((0.0, 0.1, 0.3, 0.8), rel=1e-15)
+        assert grid.t == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8], rel=1e-15)
+        assert grid.evaluate(other)[2].tolist() == [0.0] * 4 + [1.0] * 6
+        late = Grid.cover(
+            1e6 + np.linspace(0.3, 0.8, 6), [Trapezoid(start=0.0, end=1.0, acceleration=1.0, begin=1e6 + 0.1 + 0.2)]
+        )
+        assert len(late.cuts) == 2
+
     def test_a_falling_parameter_keeps_its_values(self):
         assert Grid.cover(np.linspace(1.0, -1.0, 5), []).t.tolist() == [1.0, 0.5, 0.0, -0.5, -1.0]

@@ -233,6 +233,17 @@ def test_an_arm_that_falls_feels_the_other_only_through_a_free_trunk(scene, wais
     assert assert_unchanged(asked) == removed
 
 
+def test_a_joint_whose_effort_is_asked_keeps_what_follows_a_profile_over_it(scene):
+    """The note that its effort is without the follower's is told; asked elsewhere, the follower is dropped."""
+    profile = {"law": "harmonic", "amplitude": "0.2 rad", "pulsation": "2 rad/rad"}
+    follows = {"law": "over", "of": "shoulder_a", "profile": profile}
+    asked = scene(inverse(elbow_b=follows), "joint.shoulder_a.effort")
+    assert assert_unchanged(asked) == {"waist": "locked", "elbow_a": "locked"}
+    assert any("'elbow_b' is moved along its profile over 'shoulder_a'" in note for note in asked.run().notes())
+    found = assert_unchanged(scene(inverse(elbow_b=follows), "joint.elbow_a.effort"))
+    assert found == {"waist": "locked", "shoulder_b": "dropped", "elbow_b": "dropped"}
+
+
 def test_bodies_that_are_dropped_are_not_there(scene):
     mechanism = scene(inverse(waist=MOVES), "joint.shoulder_a.effort").simplification.part.mechanism
     assert pin.computeTotalMass(mechanism.model) == pytest.approx(8.0 + 2.0 + 1.0)

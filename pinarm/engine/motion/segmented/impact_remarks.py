@@ -69,20 +69,24 @@ class Impact(Record, frozen=True):
         """Return what the stops took, each by itself or several together.
 
         An impulse L of a stop takes its product with the mean of the velocities before and after, ``-L n (v- + v+)/2``.
-        It calls for impulses p of the laws' rows, whose velocities w' stay: they do the work ``p . w'``.
+        It calls for impulses p of the laws' rows, whose velocities w' stay: they do the work ``p . w'``. A stop that is
+        met where rounding already leads away from it has pushed nothing.
         """
         contacts, hit = self.contacts, self.hits[0]
         assert hit.before is not None
+        stops, met = self._pushing(hit), [each.name for each in self.hits]
+        idle = [stop.title for stop in contacts.bounds if stop.name in {*met} - {each.name for each in stops}]
+        found = [ImpactLoss((title,), (hit.t,), 0.0, 0.0) for title in idle]
+        if not stops:
+            return found
         rows = contacts.closure.with_guides(contacts.prescribed.names, contacts.prescribed.coordinates)
-        mass, own, stops = mass_matrix(rows.model, hit.q), rows.rows(rows.state(hit.q)), self._pushing(hit)
+        mass, own = mass_matrix(rows.model, hit.q), rows.rows(rows.state(hit.q))
         normals = np.array([stop.row(hit.q) for stop in stops])
         split = split_rows(np.vstack([own, normals]), np.append(rows.reach, [stop.reach for stop in stops]))
         impulses = split.multipliers(mass @ (hit.v - hit.before))[len(own) :]
         rates = normals @ (hit.before + hit.v) / 2.0
         law = contacts.prescribed.on(hit.t, hit.t)(hit.t)[1]
-        held, met = split_rows(own, rows.reach), [each.name for each in self.hits]
-        idle = [stop.title for stop in contacts.bounds if stop.name in {*met} - {each.name for each in stops}]
-        found = [ImpactLoss((title,), (hit.t,), 0.0, 0.0) for title in idle]
+        held = split_rows(own, rows.reach)
         for some in _together(split, len(own), rates):
             if not any(stops[k].name in met for k in some):
                 continue

@@ -9,8 +9,10 @@ from scipy.optimize import linprog
 
 import pinarm
 from pinarm.engine.friction.slip import Slip
+from pinarm.engine.motion.segmented.impact_remarks import impact_remarks
 from pinarm.engine.motion.systems.frictional import FrictionalSystem
 from pinarm.errors import DynamicsError, InputError
+from pinarm.records import replace
 
 ANGLE, G = 0.8, 9.81
 TORQUE = G * np.sin(ANGLE) * (0.5 * 1.0 + 0.5 * 1.0 + 3.0)
@@ -54,6 +56,16 @@ def test_of_two_stops_on_one_motion_each_may_carry_all_or_nothing():
     total = result.quantities.determined("joint.O.effort + joint.C.effort").values[-1]
     assert total == pytest.approx(TORQUE, rel=1e-9)
     assert any("end stop 'O lower', end stop 'C lower' hold one motion together" in note for note in result.notes())
+
+
+def test_a_stop_that_is_met_where_rounding_leads_away_takes_nothing():
+    """What leaves a stop with 1e-8 rad/s is not hit, though it is within rounding of it."""
+    result = parallelogram("O", restitution=0.5)
+    hit = next(event for event in result.events if event.before is not None)
+    away = 1e-8 * hit.v / np.abs(hit.v).max()
+    [remark] = impact_remarks(result.outcome.motion.hybrid.contacts, [replace(hit, before=away, v=away)])
+    assert "end stop 'O lower': 1 impact" in remark
+    assert "takes 0 J" in remark
 
 
 def test_of_impacts_at_one_instant_only_the_sum_is_told():
