@@ -1,6 +1,7 @@
 """Units: every one of the table, what is made of them, and what is refused."""
 
 import math
+import pickle
 
 import pytest
 
@@ -155,6 +156,12 @@ def test_half_a_unit_of_the_last_digit(text: str, half: float) -> None:
 def test_what_has_no_last_digit(text: str) -> None:
     with pytest.raises(UnitError):
         half_last_digit(text)
+
+
+def test_units_of_other_processes_are_the_same() -> None:
+    others = pickle.loads(pickle.dumps(unit("rad"))), unit("rev") / unit("s"), unit("m")
+    assert [other != unit("rad") for other in others] == [False, True, True]
+    assert {unit("J") != unit("N*m"), unit("J") == unit("N")} == {False}
 
 
 def test_units_print_in_the_words_of_mechanics() -> None:
