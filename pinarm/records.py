@@ -27,6 +27,7 @@ class Record(Struct, frozen=True, eq=False, dict=True, weakref=True):
     unshown: ClassVar[tuple[str, ...]] = ()
 
     __hash__ = object.__hash__
+    __ne__ = object.__ne__  # the opposite of ``==``, of subclasses that define it too: that of a struct is not
 
     def __repr__(self) -> str:
         """Return the class with its fields."""

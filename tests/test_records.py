@@ -24,6 +24,17 @@ class Length(ValueRecord, frozen=True):
     value: float
 
 
+class Named(Record, frozen=True):
+    name: str
+    place: int = 0
+
+    def __eq__(self, other):
+        return self.name == other.name if isinstance(other, Named) else NotImplemented
+
+    def __hash__(self):
+        return hash(self.name)
+
+
 @dataclass(frozen=True)
 class RodOfDataclass:
     length: float
@@ -88,3 +99,10 @@ def test_a_record_of_an_abstract_base():
 def test_a_representation_leaves_models_and_what_is_kept_out():
     assert repr(Spring(object(), 3.0, (1.0,))) == "Spring(stiffness=3.0)"
     assert repr(Rod(1.0)) == "Rod(length=1.0, loads=())"
+
+
+def test_unequal_is_the_opposite_of_equal():
+    one, same, other, rod = Named("A", 1), Named("A", 2), Named("B", 1), Rod(1.0)
+    assert [one == x for x in (same, other, rod)] == [True, False, False]
+    assert [one != x for x in (same, other, rod)] == [False, True, True]
+    assert [rod != x for x in (rod, Rod(1.0))] == [False, True]

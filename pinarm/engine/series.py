@@ -75,13 +75,13 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
         text = str(self.unit) if self.unit else "?"
         return self.name if text == "1" else f"{self.name} [{text}]"
 
-    def to(self, other: str) -> Series:
-        """Return the same quantity in another unit: ``series.to("deg")``.
+    def to(self, other: str | Unit) -> Series:
+        """Return the same quantity in another unit: ``series.to("deg")``, or that of another one, ``other.unit``.
 
         Raises:
             UnitError: There is no such unit, or it is of another dimension.
         """
-        wanted = unit(other)
+        wanted = other if isinstance(other, Unit) else unit(other)
         same([Measure(self.unit), Measure(wanted)])
         factor = (self.unit.factor if self.unit else 1.0) / wanted.factor
         return replace(self, unit=wanted, values=self.values * factor, terms=self.terms * factor)

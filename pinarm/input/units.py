@@ -72,9 +72,19 @@ def _combine(a: Dimension, b: Dimension, sign: int) -> Dimension:
 def _composed(dimension: Dimension) -> str:
     m, kg, s, ampere = dimension
     powers = [("kg", kg), ("m", m), ("s", s), ("A", ampere)]
-    above = [name if n == 1 else f"{name}^{n}" for name, n in powers if n > 0]
-    below = [name if n == -1 else f"{name}^{-n}" for name, n in powers if n < 0]
+    above = [_power(name, n) for name, n in powers if n > 0]
+    below = [_power(name, -n) for name, n in powers if n < 0]
     return "/".join(["*".join(above) or "1", *below])
+
+
+def _power(name: str, exponent: Exponent) -> str:
+    whole = exponent.denominator == 1
+    return name if exponent == 1 else f"{name}^{exponent}" if whole else f"{name}^({exponent})"
+
+
+def printed(text: str) -> str:
+    """Return the text of a unit as it is printed, such as N·m² for ``N*m^2``."""
+    return _SUPERSCRIPT.sub(lambda found: {"2": "²", "3": "³"}[found[1]], text.replace("*", "·"))
 
 
 DIMENSIONLESS = Unit(1.0, (0, 0, 0, 0), "1")
@@ -118,7 +128,11 @@ MAX_LENGTH = 100
 MAX_QUANTITY = 600
 """Of a quantity: a number with the digits that a file may have, and a unit."""
 
-_FACTOR = re.compile(r"\s*([*/·]?)\s*([A-Za-z°%]+|1)\s*(?:(?:\^|\*\*)\s*(-?[0-9]{1,2})|([²³]))?")
+_FACTOR = re.compile(
+    r"\s*([*/·]?)\s*([A-Za-z°%]+|1)\s*"
+    r"(?:(?:\^|\*\*)\s*(?:(-?[0-9]{1,2})|\((-?[0-9]{1,4}/[0-9]{1,4})\))|([²³]))?"
+)
+_SUPERSCRIPT = re.compile(r"\^([23])(?![0-9])")
 
 
 @lru_cache(maxsize=256)
@@ -126,7 +140,7 @@ def unit(text: str) -> Unit:
     """Read a unit such as ``N*m``, ``kg*m^2`` or ``rad/s^2``.
 
     Args:
-        text: Names of the table joined by ``*`` and ``/``, each with an integer power.
+        text: Names of the table joined by ``*`` and ``/``, each with an integer power, or one such as ``kg^(1/2)``.
 
     Raises:
         UnitError: A name is unknown, or the text is no product of names.
@@ -163,7 +177,7 @@ def _product(text: str) -> Unit:
             raise UnitError(f"'{text}' is not a unit", expected="names joined by * and /, such as kg*m^2 or rad/s")
         if match[2] not in _TABLE:
             raise _unknown(match[2])
-        power = int(match[3] or {"²": 2, "³": 3}.get(match[4], 1))
+        power = Fraction(match[4]) if match[4] else int(match[3] or {"²": 2, "³": 3}.get(match[5], 1))
         factor = Unit(*_TABLE[match[2]]) ** power
         result = result / factor if match[1] == "/" else result * factor
         position = match.end()

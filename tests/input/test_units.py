@@ -1,11 +1,13 @@
 """Units: every one of the table, what is made of them, and what is refused."""
 
 import math
+import pickle
+from fractions import Fraction
 
 import pytest
 
 from pinarm.errors import UnitError
-from pinarm.input.units import _TABLE, half_last_digit, read_quantity, unit
+from pinarm.input.units import _TABLE, half_last_digit, printed, read_quantity, unit
 
 LENGTH, MASS, TIME, NUMBER = (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 0)
 VOLTAGE = (2, 1, -3, -1)
@@ -49,6 +51,7 @@ def test_the_table_above_is_complete() -> None:
         ("rev/min", 2 * math.pi / 60, (0, 0, -1, 0)), ("rad/min", 1 / 60, (0, 0, -1, 0)),
         ("deg/h^2", math.pi / 180 / 3600**2, (0, 0, -2, 0)), ("1/ms", 1000, (0, 0, -1, 0)),
         ("km/h", 1 / 3.6, (1, 0, -1, 0)), ("m^0", 1, NUMBER),
+        ("g^(1/2)*mm/s", 1e-3 * math.sqrt(1e-3), (1, 0.5, -1, 0)), ("m**(-1/3)", 1, (Fraction(-1, 3), 0, 0, 0)),
         ("V*A", 1, POWER), ("V/A", 1, (2, 1, -3, -2)), ("H/ohm", 1, TIME), ("N*m/A", 1, (2, 1, -2, -1)),
     ],
 )  # fmt: skip
@@ -64,6 +67,7 @@ def test_products_quotients_and_powers(text: str, factor: float, dimension: tupl
         ("sec", "unknown unit 'sec'"), ("newton", "unknown unit"), ("Nm", "unknown unit 'Nm'"), ("n", "unknown"),
         ("KG", "unknown unit 'KG'"), ("N*", "not a unit"), ("*N", "not a unit"), ("N m", "not a unit"),
         ("N**m", "not a unit"), ("m^", "not a unit"), ("m^1.5", "not a unit"), ("m^100", "not a unit"),
+        ("m^1/2", "not a unit"), ("m^(1/0)", "beyond all numbers"),
         ("2 m", "not a unit"), ("(m)", "not a unit"), ("m\nkg", "not a unit"), ("Hz", "ambiguous"),
         ("1/Hz", "ambiguous"), ("1/min", "ambiguous"), ("min^-1", "ambiguous"), ("1/min^2", "ambiguous"),
         ("1/h", "ambiguous"), ("1/s/min", "ambiguous"), ("s/min²", "ambiguous"),
@@ -157,8 +161,26 @@ def test_what_has_no_last_digit(text: str) -> None:
         half_last_digit(text)
 
 
+def test_units_of_other_processes_are_the_same() -> None:
+    others = pickle.loads(pickle.dumps(unit("rad"))), unit("rev") / unit("s"), unit("m")
+    assert [other != unit("rad") for other in others] == [False, True, True]
+    assert {unit("J") != unit("N*m"), unit("J") == unit("N")} == {False}
+
+
 def test_units_print_in_the_words_of_mechanics() -> None:
     assert str(unit("N") * unit("m")) == "N*m"
     assert str(unit("m") / unit("s") ** 2) == "m/s^2"
     assert str(unit("kg") * unit("m") ** 3) == "kg*m^3"
     assert str(unit("kPa")) == "kPa"
+    assert [printed(text) for text in ("N*m", "kg*m^2/s^3", "m^22", "kg^(1/2)")] == [
+        "N·m",
+        "kg·m²/s³",
+        "m^22",
+        "kg^(1/2)",
+    ]
+
+
+@pytest.mark.parametrize("exponent", [Fraction(1, 2), Fraction(-1, 3), Fraction(37, 100), 2, -4])
+def test_the_unit_of_a_power_is_read_again(exponent: Fraction | int) -> None:
+    power = (unit("N") * unit("m")) ** exponent
+    assert unit(str(power)).dimension == power.dimension

@@ -1,6 +1,7 @@
 """Equilibria and their stability against closed forms; starts that lead nowhere and input that is refused."""
 
 import math
+import pickle
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -226,6 +227,15 @@ def test_a_spring_across_a_slide_snaps_through(mechanism, chain, size):
     assert squares(run, 1) == pytest.approx([k * 0.64 / 1.7], rel=1e-12)
     assert squares(run, 2) == pytest.approx([-k * (free / a - 1.0) / 1.7], rel=1e-12)
     assert [stability(run, row) for row in (1, 2, 3)] == [1.0, -1.0, 1.0]
+
+
+def test_a_slide_of_another_process_does_not_turn(mechanism, chain):
+    """Under ``3 N sin(x/m)`` it balances at every multiple of pi m; those 2 pi m apart are two positions."""
+    slide = mechanism(chain({"name": "x", "kind": "prismatic", "axis": "1 0 0", "mass": 1.7}), gravity="none")
+    wave = JointEffort(joint="x", effort=Harmonic(amplitude=3.0, pulsation=1.0), over="x")
+    starts = [{"x": start} for start in (0.2, 3.0, 6.0, 9.3, 12.0)]
+    run = solve(pickle.loads(pickle.dumps(slide)), starts, loads={"wave": wave})
+    assert run.q[:, 0] == pytest.approx(math.pi * np.arange(5.0), abs=1e-12)
 
 
 FUNCTIONS = {

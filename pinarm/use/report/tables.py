@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
-from pinarm.input.units import Unit
+from pinarm.input.units import Unit, printed
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ def number(value: float) -> str:
 def unit_text(unit: Unit | str | None) -> str:
     """Return a unit as it is printed: nothing for numbers without one, a question mark where it is not known."""
     text = "?" if unit is None else str(unit)
-    return "" if text == "1" else text.replace("*", "·").replace("^2", "²").replace("^3", "³")
+    return "" if text == "1" else printed(text)
 
 
 def with_unit(name: str, unit: Unit | str | None) -> str:

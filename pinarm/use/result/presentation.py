@@ -53,12 +53,12 @@ class Presentation(ValueRecord, frozen=True):
     def shown(self, series: Series) -> Series:
         """Return a quantity in the unit that it is shown in to people."""
         measured = self.unit(series)
-        return series.to(str(measured)) if measured is not None and str(measured) != str(series.unit) else series
+        return series.to(measured) if measured is not None and str(measured) != str(series.unit) else series
 
     def written(self, series: Series) -> Series:
         """Return a quantity in the unit that a table of it is in: the chosen one, else its own."""
         chosen = self._chosen(series)
-        return series.to(str(chosen)) if chosen else series
+        return series.to(chosen) if chosen else series
 
     def label(self, name: str) -> str:
         """Return what stands for the name of a quantity where there is no TeX."""

@@ -468,7 +468,7 @@ class Result(Record, frozen=True):
     def _bounds(self, series: Series) -> tuple[Array, Array]:
         """Return the least and greatest values of an output in each row, in its unit."""
         bounds = self.quantities.bounds(series.name)
-        least, greatest = ((each.to(str(series.unit)) if series.unit else each).values + 0.0 for each in bounds)
+        least, greatest = ((each.to(series.unit) if series.unit else each).values + 0.0 for each in bounds)
         return least, greatest
 
     def notes(self) -> list[str]:

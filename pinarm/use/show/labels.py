@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
 from pinarm.engine.series import Series
-from pinarm.input.units import Unit
+from pinarm.input.units import Unit, printed
 from pinarm.use.result.presentation import DEGREE, SUBSCRIPTS, Presentation, parts, unicode_letters
 
 PLAIN = Presentation()
@@ -62,7 +62,7 @@ def axis_label(name: str, measured: Unit | None, how: Presentation = PLAIN, long
 
 def unit_text(measured: Unit | None) -> str:
     """Return a unit as it is printed; nothing for plain numbers."""
-    text = str(measured or "?").replace("*", "·").replace("^2", "²").replace("^3", "³")
+    text = printed(str(measured or "?"))
     return {"1": "", "deg": "°"}.get(text, text)
 
 

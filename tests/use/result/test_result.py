@@ -88,6 +88,14 @@ def test_a_table_of_the_outputs(scenario: Callable[..., Any]) -> None:
     assert table["alpha [rad]"].iloc[-1] == 1.0
 
 
+def test_the_root_of_a_quantity_is_an_output(scenario: Callable[..., Any], tmp_path: Path) -> None:
+    result = scenario("inverse", "", ("[M, alpha]", "[sqrt(abs(M))]")).run()
+    told = result.summary()["outputs"]["sqrt(abs(M))"]
+    assert told["unit"] == "kg^(1/2)*m/s"
+    assert told["end"] == pytest.approx(np.sqrt(20 * np.sin(1) - 2.5), rel=1e-13)
+    assert "sqrt(abs(M)) [kg^(1/2)*m/s]" in (result.save(tmp_path / "out") / "trajectory.csv").read_text()
+
+
 def test_outputs_that_stand_twice_are_one_column(scenario: Callable[..., Any]) -> None:
     result = scenario("inverse", "", ("[M, alpha]", "[M, t, alpha, M]")).run()
     assert [series.name for series in result.columns()] == ["t", "M", "alpha"]
