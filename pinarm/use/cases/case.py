@@ -342,12 +342,8 @@ def solved_case(task: Task, values: Case) -> Solved:
             result = task.case(values).run()
             numbers = [number for entry in task.wanted for number in entry.numbers(result)]
             quadrature = [error / abs(number) for number, error in numbers if error and number]
-            if result.contradiction:
-                return Solved(Row((), result.contradiction, _names(files)))
-            if result.missed:
-                target = result.content.accuracy.target
-                said = f"the global error is {result.error:.1e}, not below its target {target:g}"
-                return Solved(Row((), said, _names(files)))
+            if result.shortfall:
+                return Solved(Row((), result.shortfall, _names(files)))
             result = replace(result, figures={**result.figures, **plain(result.quantities.figures())})
             figures = {**result.figures, QUADRATURE: max(quadrature, default=np.nan)}
             figures[GLOBAL_ERROR] = np.nan if result.error is None else result.error

@@ -117,6 +117,13 @@ class Result(Record, frozen=True):
         return target is not None and (not reached or bool(self.contradiction))
 
     @property
+    def shortfall(self) -> str:
+        """Why the numbers are not as accurate as is wanted, or is said; empty where they are."""
+        if self.contradiction or not self.missed:
+            return self.contradiction
+        return f"the global error is {self.error or np.nan:.1e}, not below its target {self.content.accuracy.target:g}"
+
+    @property
     def contradiction(self) -> str:
         """What contradicts the bound of the error; empty where nothing does, or there is none."""
         energy = self.figures.get("energy", 0.0)

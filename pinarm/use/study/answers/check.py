@@ -133,11 +133,15 @@ def told_apart(checked: Mapping[Path, Findings]) -> Findings:
 
 
 def finding_of(result: Result, expectation: Expectation) -> Finding:
-    """Compare a result with one expectation; a place that the run does not come to is a miss."""
+    """Compare a result with one expectation.
+
+    A place that the run does not come to is a miss, and so is what is not as accurate as the scenario wants it.
+    """
     try:
-        return compare(result, expectation)
+        found = compare(result, expectation)
     except NotReached as error:
         return Finding(result.name, expectation, None, np.nan, None, None, None, "MISS", error.message)
+    return replace(found, verdict="MISS", reason=result.shortfall) if found.ok and result.shortfall else found
 
 
 def compare(result: Result, expectation: Expectation) -> Finding:

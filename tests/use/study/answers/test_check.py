@@ -15,6 +15,8 @@ from pinarm.errors import InputError
 from pinarm.use.study.answers.check import Finding, misses
 from pinarm.use.study.answers.verdict_table import errata, remarks
 
+MODELS = Path(__file__).parents[4] / "models"
+
 ROOT = Path(__file__).parents[4]
 
 
@@ -225,6 +227,17 @@ def test_an_erratum_counts_once_in_all_scenarios(scenario: Callable[..., Any]) -
     assert errata([*findings, *findings], MISPRINT) == 6, "those without a name count each"
     assert remarks(findings) == ["4 misprint in 5 entries; 1 model error in 2 entries"]
     assert remarks(findings[:1] + findings[2:3]) == ["2 misprint"]
+
+
+def test_what_is_less_accurate_than_wanted_is_a_miss(tmp_path: Path) -> None:
+    """A pendulum for 20 s: no setting is right to 1e-18."""
+    problem = {"kind": "forward", "time": {"end": "20 s", "samples": 3}, "initial": {"position": {"O": "1 rad"}}}
+    arm = pinarm.Mechanism.load(MODELS / "gen411_arm" / "mechanism.yaml")
+    scenario = {"pinarm": 1, "mechanism": arm, "problem": problem, "outputs": ["O"], "accuracy": {"target": 1e-18},
+                "expect": [{"quantity": "O", "at": "start", "value": "1.0 rad", "source": "given"}]}  # fmt: skip
+    [finding] = pinarm.check(scenario)
+    assert finding.verdict == MISS
+    assert re.fullmatch(r"the global error is \d\.\de-\d\d, not below its target 1e-18", finding.reason)
 
 
 def test_misses_are_counted(scenario: Callable[..., Any]) -> None:
