@@ -136,7 +136,7 @@ class AlikeRows(Record, frozen=True):
 
 def _columns(x: Array, joints: Indices) -> Array:
     """Return the numbers of each pair's joints, shape (s, L n), from those of all, shape (nv, n)."""
-    return x.take(joints.T.ravel(), axis=0).reshape(joints.shape[1], -1)
+    return x.take(joints.T.ravel(), axis=0).reshape(joints.shape[1], len(joints) * x.shape[1])
 
 
 def alike_pairs(measures: Sequence[RowMeasure]) -> tuple[AlikePairs, ...]:
