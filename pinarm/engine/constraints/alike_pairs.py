@@ -81,7 +81,7 @@ class EvaluatedAlike(Struct, eq=False, dict=True, weakref=True):
             for i, row in self.rows.items():
                 for stage, x in row.items():
                     found[i, stage] = x
-        return found.reshape(-1, stages, pairs, n).transpose(3, 2, 0, 1)
+        return found.reshape(len(self.every), stages, pairs, n).transpose(3, 2, 0, 1)
 
     def drift(self, v: Array) -> dict[int, Array]:
         """Return J' v for velocities v, shape (nv, n)."""
