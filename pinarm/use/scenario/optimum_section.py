@@ -13,6 +13,9 @@ from pinarm.use.scenario.optimum import FLAT, WITHOUT_SLOPES, Descent, Optimum
 SAME = 1e-3
 """Difference of objectives, relative to them, below which starts have led to the same value."""
 
+BESIDE = 1e-3
+"""Distance to where runs are refused, of that between the bounds, at which this holds an optimum."""
+
 
 def optimum_section(search: Find, found: Optimum, objective: Series) -> Section:
     """Return the section of a search.
@@ -73,6 +76,16 @@ def _conditions(search: Find, found: Optimum) -> list[SectionTable]:
     ]
 
 
+def _edges(search: Find, found: Optimum) -> list[str]:
+    """Return beside which values runs are refused: what is best there may lie beyond."""
+    edges = []
+    for (path, one), end, reach in zip(search.unknown.items(), found.best.end, found.reaches, strict=True):
+        for edge, stop, side in zip((reach.low, reach.high), reach.stops, ("below", "above"), strict=True):
+            if stop == "run refused" and abs(edge - end) <= BESIDE * (one.high - one.low):
+                edges.append(f"{path}: runs with values {side} {one.written(float(end))} are refused")
+    return edges
+
+
 def _remarks(search: Find, found: Optimum, objective: Series, value: float) -> list[str]:
     """Return how flat the optimum is, what holds it, how many starts have led there, and what was refused."""
     held = [str(search.conditions[k]) for k in found.active]
@@ -80,6 +93,7 @@ def _remarks(search: Find, found: Optimum, objective: Series, value: float) -> l
         for bound, name in ((one.low, "lower"), (one.high, "upper")):
             if abs(end - bound) <= 1e-6 * (one.high - one.low):
                 held.append(f"{path} at its {name} bound {one.written(bound)}")
+    held += _edges(search, found)
     starts = [one for one in found.descents if one.status != WITHOUT_SLOPES]
     gap = max(SAME * abs(found.best.trial.objective), 0.1 * found.allowance)
     same = sum(abs(one.trial.objective - found.best.trial.objective) <= gap for one in starts if one.valid)

@@ -377,6 +377,18 @@ def test_states_hold_what_has_no_velocity(scene):
     assert found == {"elbow_a": "locked", "shoulder_b": "locked"}
 
 
+@pytest.mark.parametrize("rows", [1, 5])
+def test_a_rod_that_no_joint_moves_may_lose_all_joints_before_it(scene, rows):
+    """From the base to the axis of the trunk, 0.5 m above: whatever turns there leaves its length."""
+    loops = {"rod": {"kind": "rod", "between": ["base", "trunk"], "length": "0.5 m"}}
+    problem = {"kind": "statics", "hold": {name: "0.3 rad" for name in LAWS}}
+    if rows > 1:
+        del problem["hold"]["elbow_a"]
+        problem["over"] = {"elbow_a": {"from": "0 rad", "to": "1 rad", "samples": rows}}
+    found = assert_unchanged(scene(problem, "joint.elbow_a.effort", loops=loops))
+    assert found == dict.fromkeys(("waist", "shoulder_a", "shoulder_b", "elbow_b"), "locked")
+
+
 def test_a_range_is_never_removed(scene):
     hold = {name: "0.3 rad" for name in LAWS if name != "elbow_b"}
     over = {"elbow_b": {"from": "0 rad", "to": "1 rad", "samples": 5}}

@@ -2,16 +2,21 @@
 
 import math
 import pickle
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import pinarm
+from pinarm.engine.series import Series
 from pinarm.errors import InputError, IntegrationError, PinarmError
+from pinarm.input.units import unit
 from pinarm.use.result.condition import Condition
+from pinarm.use.scenario.find import Find, Unknown
 from pinarm.use.scenario.landscape import Landscape, Trial
 from pinarm.use.scenario.optimum import optimum, spread
+from pinarm.use.scenario.optimum_section import optimum_section
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.scenario.searches import refusal
 
@@ -71,6 +76,10 @@ def test_runs_that_are_refused_are_no_optimum():
     found = optimum(landscape(refused, [0], [1], [0.9]), 1, 0)
     assert 0.3 <= found.best.end[0] < 0.3 + 1e-4
     assert found.reaches[0].stops[0] == "run refused"
+    search = Find({"x": Unknown.read(["0 m", "1 m"])}, minimise="y @ end")
+    remarks = optimum_section(search, found, Series("y @ end", unit("m"), np.zeros(1))).remarks
+    [held] = (remark for remark in remarks if remark.startswith("held by"))
+    assert re.fullmatch(r"held by x: runs with values below 0\.3\S* m are refused", held)
     with pytest.raises(IntegrationError, match=r"none of the 2 starts can be run: loop does not close"):
         optimum(landscape(lambda x: Trial(refusal="loop does not close"), [0], [1], [0.9]), 2, 0)
 
