@@ -225,10 +225,7 @@ def _explain(options: argparse.Namespace) -> int:
 
     found = explain(options.path, options.values)
     if options.json:
-        import msgspec
-
-        mobility, removals = msgspec.to_builtins((found.mobility, found.removals))
-        _print_json({"mechanism": found.mechanism.title, **mobility, "not solved for": removals})
+        _print_json(found.summary())
     else:
         print(printable(str(found)))
     if options.draw is not None:

@@ -7,7 +7,9 @@
 ``sin``, ``exp``, ...                          of angles and other plain numbers only
 =============================================  ==================================================================
 
-Whatever else numpy does, such as ``np.interp``, takes the bare values (``np.asarray``), and gives a plain array.
+Whatever else numpy does, such as ``np.trapezoid``, takes the bare values (``np.asarray``), and gives a plain array.
+What it puts side by side or compares, as ``np.concatenate``, ``np.where``, ``np.allclose`` and ``np.interp`` do, has
+one dimension, and is taken in the unit of the first.
 """
 
 from __future__ import annotations
@@ -198,6 +200,23 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
         doubt = next((x.doubt for x in inputs if isinstance(x, Series) and x.doubt), "")
         return Series(said, measured.unit, found, doubt)
 
+    def __array_function__(self, function: Any, types: Any, args: Sequence[Any], options: Mapping[str, Any]) -> Any:
+        """Apply another function of numpy to the bare values; see the head of this module.
+
+        Raises:
+            UnitError: It puts quantities of different dimensions side by side.
+        """
+        name = function.__name__
+        if name in _METHODS and isinstance(args[0], Series):
+            return getattr(args[0], _METHODS[name])(*args[1:], **options)
+        together = [args[k] for k in _TOGETHER.get(name, ()) if k < len(args)]
+        try:
+            common = same([Measure(x.unit) for x in _quantities([*together, *options.values()])]) if together else None
+        except UnitError as error:
+            raise UnitError(f"{name}: {error.message}", expected=error.expected, hint=error.hint) from None
+        given = [_bare(x, common.unit if common and k in _TOGETHER[name] else None) for k, x in enumerate(args)]
+        return function(*given, **{key: _bare(x, common.unit if common else None) for key, x in options.items()})
+
     __iadd__, __isub__ = NDArrayOperatorsMixin.__add__, NDArrayOperatorsMixin.__sub__
     __imul__, __itruediv__ = NDArrayOperatorsMixin.__mul__, NDArrayOperatorsMixin.__truediv__
     __ipow__, __ifloordiv__ = NDArrayOperatorsMixin.__pow__, NDArrayOperatorsMixin.__floordiv__
@@ -270,6 +289,36 @@ _SYMBOLS: Mapping[str, str] = {
     "power": "**", "matmul": " @ ", "less": " < ", "less_equal": " <= ", "greater": " > ", "greater_equal": " >= ",
     "equal": " == ", "not_equal": " != ",
 }  # fmt: skip
+
+
+_METHODS: Mapping[str, str] = {
+    "amax": "max", "amin": "min", **{name: name for name in ("max", "min", "mean", "sum", "std", "argmax", "argmin")}
+}  # fmt: skip
+"""Functions of numpy that a ``Series`` has as methods."""
+
+_TOGETHER: Mapping[str, Sequence[int]] = {
+    **dict.fromkeys(("concatenate", "stack", "hstack", "vstack", "dstack", "column_stack", "block"), (0,)),
+    **dict.fromkeys(("append", "allclose", "isclose", "array_equal", "array_equiv", "isin", "union1d"), (0, 1)),
+    **dict.fromkeys(("intersect1d", "setdiff1d", "searchsorted", "digitize", "interp"), (0, 1)),
+    "where": (1, 2), "clip": (0, 1, 2), "insert": (0, 2), "linspace": (0, 1),
+}  # fmt: skip
+"""Functions that put quantities side by side or compare them -> which of their arguments have one unit."""
+
+
+def _quantities(x: Any) -> Iterator[Series]:
+    """Yield what is a ``Series`` in an argument, which may be a list."""
+    if isinstance(x, Series):
+        yield x
+    elif isinstance(x, list | tuple):
+        for part in x:
+            yield from _quantities(part)
+
+
+def _bare(x: Any, wanted: Unit | None) -> Any:
+    """Return an argument with the values of every ``Series`` in it, in a unit, or as they are."""
+    if isinstance(x, list | tuple):
+        return type(x)([_bare(part, wanted) for part in x])
+    return _in(x, wanted)
 
 
 def _prepared(function: str, inputs: Sequence[Any], *, folded: bool) -> tuple[list[Any], Measure]:

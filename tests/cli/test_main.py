@@ -131,6 +131,33 @@ def test_run_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert summary["folder"] == "out"
 
 
+JSON = {
+    "new": "new arm -o arm", "run": "run a.yaml --no-plots", "check": "check a.yaml", "validate": "validate a.yaml",
+    "explain": "explain a.yaml", "quantities": "quantities a.yaml", "report": "report out", "replay": "replay out",
+    "sweep": "sweep a.yaml --over problem.over.pivot.to='90, 180 deg' --no-plots -j 1",
+    "tradeoff": "tradeoff soft.yaml --no-plots", "schema": "schema", "examples": "examples", "selftest": "selftest",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_prints_json(here: Path, capsys: pytest.CaptureFixture[str], command: str) -> None:
+    (here / "soft.yaml").write_text(FORWARD.replace("EFFORT", "{law: constant, value: 1 N*m}"))
+    if command in ("report", "replay"):
+        assert main(["run", "a.yaml", "--no-plots", "-o", "out"]) == 0
+        capsys.readouterr()
+    assert main([*shlex.split(JSON[command]), "--json"]) == 0
+    assert strict_json(capsys.readouterr().out)
+
+
+def test_explain_json_tells_the_mobility(capsys: pytest.CaptureFixture[str]) -> None:
+    """Three pins and a fourth that closes the loop, all parallel: of its 5 rows the 3 out of the plane say nothing."""
+    crank_rocker = Path(pinarm.__file__).parents[1] / "models" / "crank_rocker" / "mechanism.yaml"
+    assert main(["explain", str(crank_rocker), "--json"]) == 0
+    said = strict_json(capsys.readouterr().out)
+    assert [said[key] for key in ("joints", "rows", "rank", "degree", "mobility")] == [3, 5, 2, 3, 1]
+    assert said["undetermined"].keys() == {"B", "theta2", "A", "theta4"}
+
+
 def test_set_replaces_values(capsys: pytest.CaptureFixture[str]) -> None:
     wanted = ["--set", "problem.over.pivot.to=30 deg", "--set", "expect.0.value=10 N*m", "--json", "--no-plots"]
     assert main(["run", "a.yaml", "-o", "out", *wanted]) == 0

@@ -182,6 +182,39 @@ class TestAnArray:
         assert back.label == TORQUE.label
 
 
+@pytest.mark.parametrize(
+    ("found", "expected"),
+    [
+        (np.concatenate([METRES, MILLIMETRES]), [1, 1, 0.5, 3, 1, 2, 0.5, 0]),
+        (np.stack((MILLIMETRES, METRES))[1], [1000, 1000, 500, 3000]),
+        (np.where(METRES > 0.9, METRES, MILLIMETRES), [1, 1, 0.5, 3]),
+        (np.where(METRES > 0.9, METRES, -1), [1, 1, -1, 3]),
+        (np.clip(METRES, 0.8, a_max=MILLIMETRES), [1, 1, 0.5, 0]),
+        (np.append(MILLIMETRES[:1], METRES[:1]), [1000, 1000]),
+        (np.isclose(METRES, MILLIMETRES), [True, False, True, False]),
+        (np.allclose(METRES, METRES.to("mm")), True),
+        (np.interp(METRES[:1], MILLIMETRES.to("mm")[[2, 0]], FORCE[:2]), [2.0]),
+        (np.median(METRES[None], axis=(0, 1)), 1.0),
+    ],
+)  # fmt: skip
+def test_what_is_put_side_by_side_has_the_unit_of_the_first(found, expected):
+    assert not isinstance(found, Series)
+    assert found == pytest.approx(np.array(expected), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "joined",
+    [
+        lambda: np.concatenate([TORQUE, FORCE]), lambda: np.where(X > 0, METRES, FORCE),
+        lambda: np.allclose(TORQUE, X * FORCE), lambda: np.clip(TORQUE, FORCE.min(), max=FORCE),
+        lambda: np.interp(METRES, ANGLE, FORCE),
+    ],
+)  # fmt: skip
+def test_different_dimensions_do_not_stand_side_by_side(joined):
+    with pytest.raises(UnitError, match="do not go together"):
+        joined()
+
+
 def test_names_are_formulas():
     assert (TORQUE / (FORCE * METRES) + 2).name == "(M/(F*h)) + 2"
     assert np.sin(-ANGLE).name == "sin(-phi)"

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -70,6 +70,15 @@ class Explanation:
         """Return it as text, a heading a paragraph."""
         parts = (self._joints(), self._ties(), self._mobility(), self._acting(), self._modelled())
         return "\n".join([self.mechanism.title, *(line for part in parts for line in part)])
+
+    def summary(self) -> dict[str, Any]:
+        """Return the mobility, what is left undetermined, and what need not be solved for, as plain data."""
+        import msgspec
+
+        told = ("mobility", "joints", "rows", "rank", "degree", "regularity", "undetermined", "loosenings", "spins")
+        mobility = {name: msgspec.to_builtins(getattr(self.mobility, name)) for name in told}
+        removals = msgspec.to_builtins(self.removals)
+        return {"mechanism": self.mechanism.title, "where": self.where, **mobility, "not solved for": removals}
 
     def sketch(self) -> Picture:
         """Return a drawing of the mechanism in that configuration, with the names of parts, points, joints, loops."""

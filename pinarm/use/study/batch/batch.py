@@ -211,7 +211,8 @@ class Batch:
 
     def _table(self, numbers: Sequence[Series], errors: Mapping[int, str]) -> ReducedTable:
         starts = self.starts.columns(self.question.scenario.quantities())
-        return ReducedTable(self.question.scenario.name, [*starts, *numbers], errors, len(self))
+        scenario = self.question.scenario
+        return ReducedTable(scenario.name, [*starts, *numbers], errors, len(self), scenario.content.presentation)
 
     def _require(self, names: Sequence[str]) -> dict[str, Series]:
         """Return quantities, of no motion yet.

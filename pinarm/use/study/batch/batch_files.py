@@ -60,13 +60,13 @@ def _saved(block: Block, number: int) -> SavedMotion:
         if not isinstance(found, Result):
             return SavedMotion([np.nan] * (2 * len(dict.fromkeys(outputs)) + len(WORTH)), why)
         result = found
-    written = result.table_columns()
-    packed = io.BytesIO()
-    write_arrays(packed, arrays(result, written))
+    table = result.table_columns()
+    packed, lines = io.BytesIO(), csv([result.presentation.written(series) for series in table])
+    write_arrays(packed, arrays(result, table))
     bounds = [result.quantities.bounds(series.name) for series in result.columns()[1:]]
     extremes = [x for least, greatest in bounds for x in (least.values.min(), greatest.values.max())]
     line = [float(x) for x in (*extremes, *(result.figures.get(name, np.nan) for name in WORTH))]
-    return SavedMotion([np.nan if why else x for x in line], why, tuple(csv(written)), packed.getvalue())
+    return SavedMotion([np.nan if why else x for x in line], why, tuple(lines), packed.getvalue())
 
 
 def write_table(table: ReducedTable, folder: Path) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices
+from pinarm.use.result.presentation import Presentation
 from pinarm.use.store import case_columns as columns
 
 if TYPE_CHECKING:
@@ -24,12 +25,14 @@ class ReducedTable:
         columns: The initial values that were given, then the numbers; NaN where a motion failed.
         errors: Motion -> why it could not be followed to its end.
         size: Number of motions.
+        presentation: In which units tables for people are.
     """
 
     name: str
     columns: Sequence[Series] = field(repr=False)
     errors: Mapping[int, str]
     size: int
+    presentation: Presentation = field(default_factory=Presentation, repr=False)
 
     def __len__(self) -> int:
         return self.size
@@ -49,16 +52,20 @@ class ReducedTable:
             raise InputError(f"the table has no column '{name}'", expected=expected, hint=hint)
         return self._named[name]
 
+    def written(self) -> list[Series]:
+        """Return the columns as tables for people have them: in the units that the scenario chooses."""
+        return [*map(self.presentation.written, self.columns)]
+
     def to_dataframe(self) -> DataFrame:
         """Return a pandas table, units in the headings, and why motions failed."""
         import pandas
 
-        found: dict[str, Any] = {series.label: series.values for series in self.columns}
+        found: dict[str, Any] = {series.label: series.values for series in self.written()}
         return pandas.DataFrame({**found, "error": [self.errors.get(number, "") for number in range(self.size)]})
 
     def csv(self) -> str:
         """Return the table as CSV."""
-        return columns.csv("motion", self.columns, self.errors)
+        return columns.csv("motion", self.written(), self.errors)
 
     def summary(self) -> dict[str, Any]:
         """Return statistics of every column over the motions, and why some failed."""

@@ -456,6 +456,22 @@ class TestSave:
         assert len(lines) == 5
         assert json.loads((folder / "summary.json").read_text())["failed"] == 1
 
+    def test_tables_are_in_the_units_that_the_scenario_chooses(self, scenario, tmp_path):
+        one = scenario().varied({"units": {"B": "deg", "t": "ms"}})
+        batch = pinarm.batch(one, STARTS, {"B": np.array([0.0, 2.0, 3.0, 1.0])})
+        folder = batch.save(tmp_path / "out")
+        batch.run(1).save(tmp_path / "one", plots=False)
+        rows = (folder / "motions" / "000001.csv").read_text()
+        assert rows == (tmp_path / "one" / "trajectory.csv").read_text()
+        assert rows.startswith("t [ms],")
+        heading, *lines = (line.split(",") for line in (folder / "motions.csv").read_text().splitlines())
+        place = heading.index("max B [deg]")
+        assert [float(line[place]) for line in lines] == pytest.approx(np.degrees(batch["B"].values.max(axis=1)))
+        reduced = batch.reduced({"B": ["largest", 95]}).written()[-2:]
+        assert [series.label for series in reduced] == ["largest B [deg]", "95 % B [deg]"]
+        with np.load(folder / "motions.npz") as table:
+            assert table["max B"][1] == batch["B"][1].max()
+
     def test_a_smaller_batch_leaves_nothing_of_the_larger_one(self, scenario, tmp_path):
         pinarm.batch(scenario(), STARTS).save(tmp_path / "out")
         pinarm.batch(scenario(), {"O": 0.2}).save(tmp_path / "out")
