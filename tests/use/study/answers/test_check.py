@@ -229,15 +229,15 @@ def test_an_erratum_counts_once_in_all_scenarios(scenario: Callable[..., Any]) -
     assert remarks(findings[:1] + findings[2:3]) == ["2 misprint"]
 
 
-def test_what_is_less_accurate_than_wanted_is_a_miss(tmp_path: Path) -> None:
-    """A pendulum for 20 s: no setting is right to 1e-18."""
-    problem = {"kind": "forward", "time": {"end": "20 s", "samples": 3}, "initial": {"position": {"O": "1 rad"}}}
+def test_what_is_less_accurate_than_wanted_is_a_miss() -> None:
+    """A double pendulum: no setting is right to 1e-18."""
+    problem = {"kind": "forward", "time": {"end": "1 s", "samples": 3}, "initial": {"position": {"O": "1 rad"}}}
     arm = pinarm.Mechanism.load(MODELS / "gen411_arm" / "mechanism.yaml")
     scenario = {"pinarm": 1, "mechanism": arm, "problem": problem, "outputs": ["O"], "accuracy": {"target": 1e-18},
                 "expect": [{"quantity": "O", "at": "start", "value": "1.0 rad", "source": "given"}]}  # fmt: skip
     [finding] = pinarm.check(scenario)
     assert finding.verdict == MISS
-    assert re.fullmatch(r"the global error is \d\.\de-\d\d, not below its target 1e-18", finding.reason)
+    assert re.fullmatch(r"the global error is \S+, not below its target 1e-18", finding.reason)
 
 
 def test_misses_are_counted(scenario: Callable[..., Any]) -> None:
