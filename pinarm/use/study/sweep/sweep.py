@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, Interrupted, PinarmError, choices
+from pinarm.errors import InputError, Interrupted, PinarmError, as_names, choices, require_name
 from pinarm.input.roots import noting_files
 from pinarm.input.units import DIMENSIONLESS, unit
 from pinarm.input.yaml.key_path import argument_of
@@ -87,6 +87,7 @@ class Sweep:
         Raises:
             InputError: There is none of that name; the message lists those there are.
         """
+        require_name(name)
         if name not in self.table:
             expected, hint = choices(name, self.table)
             raise InputError(f"the sweep has no column '{name}'", expected=expected, hint=hint)
@@ -203,7 +204,7 @@ def sweep(
     given = {path: x.tolist() if isinstance(x, np.ndarray) else x for path, x in (over or {}).items()}
     with noting_files() as files:
         chosen = Cases.of(_axes(scenario, given, cases, samples, seed, sampling))
-        wanted, columns = _measured(scenario, chosen, results or scenario.content.outputs)
+        wanted, columns = _measured(scenario, chosen, as_names(results) or scenario.content.outputs)
     worth = [Series(name, DIMENSIONLESS, np.zeros(0)) for name in WORTH]
     solving = Solving(_task(scenario, chosen, wanted), chosen, columns + worth, progress, parquet)
     solving.sources.check(tuple(map(str, files)))
