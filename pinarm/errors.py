@@ -189,6 +189,21 @@ def locating_drives(place: Place, key: str = "drives") -> Iterator[None]:
             raise
 
 
+def require_name(given: object) -> None:
+    """Refuse what is no text where something is asked for by its name.
+
+    Raises:
+        InputError: It is none, such as 0: Python asks for that where it looks for a name or goes through all of them.
+    """
+    if not isinstance(given, str):
+        raise InputError(f"a value of the type {type(given).__name__} is no name", expected="one name, as text")
+
+
+def as_names(given: str | Iterable[str]) -> list[str]:
+    """Return several names as a list; one alone may be given as it is."""
+    return [given] if isinstance(given, str) else list(given)
+
+
 def choices(found: str, available: Iterable[str], *, most: int = 12) -> tuple[str, str]:
     """Return the ``expected`` and ``hint`` texts for a name that is not among those available.
 

@@ -43,10 +43,11 @@ def test_importing_the_package_imports_nothing_else() -> None:
 
 PLAIN = {
     "str", "int", "float", "bool", "object", "None", "Any", "Path", "Mapping", "Sequence", "Callable", "Iterator",
-    "Literal", "Array", "ArrayLike", "Values", "Given", "pin", "Model", "ControlFunction", "Executor",
+    "Literal", "Array", "ArrayLike", "Values", "Given", "Subject", "Unit", "pin", "Model", "ControlFunction",
+    "Executor",
 }  # fmt: skip
-"""What parameters of public functions are made of, beside public types: plain ones, values, scenarios, Pinocchio's
-models, functions ``u(t, state)``, executors of the standard library."""
+"""What parameters of public functions are made of, beside public types: plain ones, values, scenarios, units of
+quantities, Pinocchio's models, functions ``u(t, state)``, executors of the standard library."""
 
 
 def public_calls() -> Iterator[tuple[str, Any]]:

@@ -141,3 +141,27 @@ def test_reprs_are_one_short_line() -> None:
     assert shown[2] == "<Result of 'gen411_arm_static', statics: 241 rows; C_B, F_Bx, F_By>"
     assert shown[3] == "C_B [N*m]: 241 values, 0.73575 to 1.4715"
     assert shown[4].startswith("<Batch of 'crank_rocker_free': 1 motions, ")
+
+
+def test_one_name_alone_is_a_list_of_one(scenario: Callable[..., Any]) -> None:
+    held = scenario("statics")
+    alone, listed = (pinarm.sweep(held, {"problem.over.pivot.samples": [3, 5]}, results=results, workers=1)
+                     for results in ("M @ max", ["M @ max"]))  # fmt: skip
+    assert np.array_equal(alone["M @ max"].values, listed["M @ max"].values)
+    result = held.run()
+    pages = [result.replay(traces=of, arrows=kinds, plots=plots)._repr_html_()
+             for of, kinds, plots in (("rod", "torques", "M"), (["rod"], ["torques"], ["M"]))]  # fmt: skip
+    assert pages[0] == pages[1]
+    mechanism, q = result.trajectory.mechanism, result.trajectory.q
+    efforts = [mechanism.inverse(q, 0.0 * q, 0.0 * q, drives=drives) for drives in ("pivot", ["pivot"])]
+    assert np.array_equal(*efforts)
+
+
+def test_what_is_asked_for_by_another_thing_than_a_name_is_told(scenario: Callable[..., Any]) -> None:
+    held, free = scenario("statics"), scenario("forward")
+    sweep = pinarm.sweep(held, {"problem.over.pivot.samples": [3, 5]}, results=["M @ max"], workers=1)
+    batch = pinarm.batch(free, {"pivot": [0.1, 0.2]})
+    for told in (held.run(), sweep, batch, batch.reduced({"pivot": ["max"]})):
+        for ask in (list, lambda told: "M" in told, lambda told: told[0], lambda told: told[["M"]]):
+            with pytest.raises(InputError, match="is no name"):
+                ask(told)

@@ -23,7 +23,7 @@ from pinarm.engine.quantities.families import FAMILIES, family
 from pinarm.engine.quantities.family import RATES, Asked, Family, UnknownQuantity
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, choices
+from pinarm.errors import InputError, choices, require_name
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.formulas.grammar import CONSTANTS
 from pinarm.input.units import Unit, unit
@@ -108,6 +108,7 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         Raises:
             InputError: There is no such quantity, or a name means several; the message lists what there is.
         """
+        require_name(name)
         if name not in self._known:
             with one_at_a_time(), one_blas_thread(self.trajectory.mechanism.model.nv):
                 found = self._extreme(name)

@@ -17,7 +17,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.errors import InputError
+from pinarm.errors import InputError, as_names
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.records import Record
 
@@ -131,7 +131,7 @@ def actuation(mechanism: Mechanism, drives: Sequence[str], prescribed: Sequence[
     """
     if not drives and (every := everywhere(mechanism)) is not None:
         return every
-    return along(mechanism, list(drives) or list(prescribed))
+    return along(mechanism, as_names(drives) or list(prescribed))
 
 
 def along(mechanism: Mechanism, names: Collection[str]) -> Actuation:

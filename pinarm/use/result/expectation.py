@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import msgspec
 
 from pinarm.engine.quantities.names import Quantities
-from pinarm.errors import InputError, Key, choices, within
+from pinarm.errors import InputError, choices, within
 from pinarm.input.units import read_quantity
 from pinarm.input.yaml.schema import InputStruct, in_si
+from pinarm.use.result.instant import located
 
 if TYPE_CHECKING:
     from pinarm.engine.series import Series
@@ -118,11 +119,9 @@ class Expectation(InputStruct, frozen=True):
                 _ = None if formula is None else quantities.figure(formula)
         with within("formula"):
             _ = None if self.formula is None else quantities[self.formula]
-        for name, text in self.instant().items():
-            with within("at", Key(name)):
-                measured = quantities[name].unit
-            with within("at", name):
-                in_si(text, measured)
+        if isinstance(self.at, dict):
+            with within("at"):
+                located(self.at, quantities)
 
     def _described(self, quantities: Quantities, sections: Mapping[str, Numbered]) -> Series:
         """Return its name and unit as a series.
@@ -139,8 +138,3 @@ class Expectation(InputStruct, frozen=True):
         if self.at != "all":
             raise InputError(f"'{self.quantity}' is one number: it has no place on the run", hint="leave 'at' out")
         return read_number(self.quantity).described(quantities, sections)
-
-    def instant(self) -> dict[str, str | int | float]:
-        """Return the coordinate, and its value, that say where on the run the quantity is asked; empty for words."""
-        given = self.at if isinstance(self.at, dict) else {}
-        return {key: value for key, value in given.items() if key not in ("side", "occurrence")}

@@ -14,7 +14,7 @@ from pinarm.arrays import Array, distinct
 from pinarm.engine.motion.outcome import SolvedMotion, on_interval
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import OPERATORS, Quantities
-from pinarm.errors import InputError, Key, PinarmError, within
+from pinarm.errors import InputError, PinarmError
 from pinarm.input.yaml.schema import in_si
 from pinarm.records import Record, replace
 from pinarm.use.result.figures.bracket_fit import BracketFit
@@ -29,6 +29,7 @@ from pinarm.use.result.figures.peak_search import (
     bounded_below,
 )
 from pinarm.use.result.figures.quadrature import NODES
+from pinarm.use.result.instant import instant, located
 
 if TYPE_CHECKING:
     from pinarm.use.result.expectation import Expectation
@@ -94,7 +95,7 @@ def unreached(quantities: Quantities, key: Sequence[Expectation]) -> list[str]:
     """
     places: dict[str, list[str]] = {}
     for number, entry in enumerate(key, 1):
-        for along, text in entry.instant().items():
+        for along, text in instant(entry.at).items():
             with suppress(PinarmError):
                 rows = quantities[along]
                 value, slack = in_si(text, rows.unit), 1e-12 * float(np.ptp(rows.values))
@@ -208,16 +209,9 @@ class Lookup(Record, frozen=True):
             return self._row(len(self.intervals) - 1, float(self.run.grid.t[-1]))
         if isinstance(where, str):
             return self.extreme(where, name)[0]
-        keys = {key: value for key, value in where.items() if key not in ("side", "occurrence")}
-        if len(keys) != 1:
-            raise InputError("an instant names one coordinate", expected="such as {t: 1.5 s, side: left}")
-        (along, text), *_ = keys.items()
-        with within(Key(along)):
-            measured = self.quantities[along].unit
-        with within(along):
-            value = in_si(text, measured)
+        along, value = located(where, self.quantities)
         spots = self._on_parameter(value) if along == self.run.parameter else self._crossings(along, value)
-        return self._choose(spots, where, name, f"{along} = {text}")
+        return self._choose(spots, where, name, f"{along} = {where[along]}")
 
     def _row(self, interval: int, t: float) -> Quantities:
         return self.quantities_at(interval, np.array([t]))

@@ -14,6 +14,7 @@ from pinarm.errors import InputError
 from pinarm.input.numbers import is_whole
 from pinarm.records import ValueRecord, replace
 from pinarm.use.result.figures.curve_figures import FIGURES, figure, figure_unit, is_figure, stands_alone
+from pinarm.use.result.instant import located
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -91,9 +92,11 @@ class RunNumber(ValueRecord, frozen=True):
             sections: What its sections are of, by key, which a number of a curve does not need.
 
         Raises:
-            InputError: There is no such quantity, or the rows are no motion and have no figures.
+            InputError: There is no such quantity or place, or the rows are no motion and have no figures.
         """
         series, _ = quantities[self.quantity], quantities[self.of]
+        if isinstance(self.at, dict):
+            located(self.at, quantities)
         if quantities.trajectory.sampled and is_figure(self.figure):
             raise stands_alone(quantities.trajectory, self.quantity, self.figure)
         unit = figure_unit(quantities, self.quantity, self.at) if isinstance(self.at, str) else series.unit

@@ -19,7 +19,6 @@ from pinarm.engine.kinematics.mobility import Mobility, joint_kind, mobility_of
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import MESH_MASSES
 from pinarm.errors import LISTED, AssemblyError, InputError, several
-from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import Values
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import left_open
@@ -30,9 +29,9 @@ from pinarm.mechanics.rotors import GearedRotor
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.records import replace
 from pinarm.use.result.failures import failures_in_words
-from pinarm.use.scenario.file_kind import refuse_ambiguous
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run
+from pinarm.use.study.subject import Subject, subject
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
@@ -247,29 +246,25 @@ def _spinning(joints: Sequence[str]) -> str:
             "ball joints, or a loop of the kind rod in place of the link, leaves them out")  # fmt: skip
 
 
-def explain(path: str | Path | Mechanism, values: Values | None = None) -> Explanation:
+def explain(path: Subject, values: Values | None = None) -> Explanation:
     """Return the structure of a scenario's mechanism where its motion begins, or of a model near its zero position.
 
     Where that is a singular position it is that of a closed one beside it.
 
     Args:
-        path: A scenario, a mechanism file, a model file, the name of a robot, or a mechanism, as it is.
+        path: A scenario or a mechanism, or the file or the data of either; a model file, or the name of a robot.
         values: Other values than those of the scenario (see ``pinarm.load``), or of the mechanism file (see
             ``Mechanism.load``).
 
     Raises:
         PinarmError: The file has a mistake, or the loops cannot be closed.
     """
-    if isinstance(path, Mechanism):
-        return _structure(path)
-    file = Path(path)
-    refuse_ambiguous(file)
-    if file.suffix in (".yaml", ".yml") and "problem" in (Document.read(file).data or {}):
-        scenario = Scenario.load(file, values)
-        whole = scenario.mechanism
-        found = _explained(whole, _positions(scenario), "where the motion begins", scenario.simplification.removals)
-        return replace(found, control=getattr(scenario.problem, "control", ()))
-    return _structure(Mechanism.load(path, values=values))
+    meant = subject(path, values)
+    if isinstance(meant, Mechanism):
+        return _structure(meant)
+    removals = meant.simplification.removals
+    found = _explained(meant.mechanism, _positions(meant), "where the motion begins", removals)
+    return replace(found, control=getattr(meant.problem, "control", ()))
 
 
 def _positions(scenario: Scenario) -> list[Array]:

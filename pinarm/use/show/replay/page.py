@@ -19,7 +19,7 @@ from pinarm.arrays import Array, Indices
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
-from pinarm.errors import InputError
+from pinarm.errors import InputError, as_names
 from pinarm.use.output.folder import write_file
 from pinarm.use.show.cam_bodies import cam_bodies
 from pinarm.use.show.labels import axis_label, name_label, runs, unicode_label, unit_text
@@ -95,12 +95,12 @@ def replay_page(
     Raises:
         InputError: A name is unknown, or the run does not have what is asked.
     """
-    names = list(dict.fromkeys(result.content.outputs if plots is None else plots))
+    names = list(dict.fromkeys(result.content.outputs if plots is None else as_names(plots)))
     curves = list(_with_bounds(result.quantities, names))
     rows = rows_shown(result.trajectory, [series.values for series in curves])
     run = result.trajectory.some(rows) if len(rows) < len(result) else result.trajectory
     packing = Packing()
-    scene, notes = _scene(run, traces, arrows, packing)
+    scene, notes = _scene(run, as_names(traces), as_names(arrows), packing)
     scene |= {"names": _names(run, result.presentation), "named": named}
     scene["plots"] = [_curve(series, result.presentation, rows, CURVES[k % len(CURVES)], packing)
                       for k, series in enumerate(curves)]  # fmt: skip

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from pinarm.arrays import Array
 from pinarm.engine.motion.segmented.ensembles import is_batchable
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, NumericsError
+from pinarm.errors import InputError, NumericsError, require_name
 from pinarm.input.yaml.values import Values
 from pinarm.records import replace
 from pinarm.use.result.result import Result
@@ -110,6 +110,7 @@ class Batch:
         Raises:
             InputError: There is no quantity of that name.
         """
+        require_name(name)
         return replace(self._require([name])[name], name=name, values=self.values(name)[0])
 
     def values(self, *names: str) -> Array:

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, choices
+from pinarm.errors import InputError, choices, require_name
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.store import case_columns as columns
 
@@ -47,6 +47,7 @@ class ReducedTable:
         Raises:
             InputError: There is none of that name; the message lists those there are.
         """
+        require_name(name)
         if name not in self._named:
             expected, hint = choices(name, self._named)
             raise InputError(f"the table has no column '{name}'", expected=expected, hint=hint)

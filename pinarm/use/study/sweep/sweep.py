@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, Interrupted, PinarmError, choices
+from pinarm.errors import InputError, Interrupted, PinarmError, as_names, choices, require_name
 from pinarm.input.roots import noting_files
 from pinarm.input.units import DIMENSIONLESS, unit
 from pinarm.input.yaml.key_path import argument_of
@@ -87,6 +87,7 @@ class Sweep:
         Raises:
             InputError: There is none of that name; the message lists those there are.
         """
+        require_name(name)
         if name not in self.table:
             expected, hint = choices(name, self.table)
             raise InputError(f"the sweep has no column '{name}'", expected=expected, hint=hint)
@@ -173,8 +174,9 @@ def sweep(
 
     Args:
         scenario: The scenario, or its file.
-        over: Path -> values: text such as ``"0.1:0.5:41 kg"`` or ``"normal(0.25, 0.001) m"``, or a list or array. Paths
-            are those of ``values``: ``arguments.m_A``, ``problem.time.end``, ``changes.forces.spring.stiffness``.
+        over: Path -> values: text such as ``"0.1:0.5:41 kg"`` or ``"normal(0.25, 0.001) m"``, a list, an array, or a
+            ``Series`` in its unit. Paths are those of ``values``: ``arguments.m_A``, ``problem.time.end``,
+            ``changes.forces.spring.stiffness``.
         values: Other values than those of the file, the same in all cases, such as ``{"problem.time.end": "3 s"}``; see
             ``pinarm.load``.
         cases: A CSV file whose lines are cases, with paths and units in its heading.
@@ -200,10 +202,10 @@ def sweep(
     if parquet:
         require_parquet()
     scenario = load(scenario, values)
-    given = {path: x.tolist() if isinstance(x, np.ndarray) else x for path, x in (over or {}).items()}
+    given = {path: _plain(x) for path, x in (over or {}).items()}
     with noting_files() as files:
         chosen = Cases.of(_axes(scenario, given, cases, samples, seed, sampling))
-        wanted, columns = _measured(scenario, chosen, results or scenario.content.outputs)
+        wanted, columns = _measured(scenario, chosen, as_names(results) or scenario.content.outputs)
     worth = [Series(name, DIMENSIONLESS, np.zeros(0)) for name in WORTH]
     solving = Solving(_task(scenario, chosen, wanted), chosen, columns + worth, progress, parquet)
     solving.sources.check(tuple(map(str, files)))
@@ -226,6 +228,13 @@ def sweep(
         hint = "the same command again: it goes on from there" if folder is not None else ""
         raise Interrupted(said, partial=swept, hint=hint)
     return swept
+
+
+def _plain(given: object) -> object:
+    """Return the values of an array as a list, those of a ``Series`` as texts with its unit."""
+    if isinstance(given, Series):
+        return [f"{value!r} {given.unit or ''}" for value in np.atleast_1d(given.values).tolist()]
+    return given.tolist() if isinstance(given, np.ndarray) else given
 
 
 def _measured(scenario: Scenario, cases: Cases, results: Sequence[str]) -> tuple[list[Taken], list[Series]]:

@@ -19,6 +19,7 @@ import pytest
 import pinarm
 from pinarm import PinarmError
 from pinarm.errors import Interrupted
+from pinarm.input.units import unit as read_unit
 from pinarm.use.cases.case import Row
 from pinarm.use.study.sweep import case_solver as solving
 from pinarm.use.study.sweep.journal import Journal
@@ -255,6 +256,16 @@ def test_bare_numbers_are_in_the_unit_that_the_files_have(path: Path) -> None:
     path.write_text(path.read_text().replace("{l: 1 m}", "{l: 100 cm}"))
     with pytest.raises(PinarmError, match="'l' is in cm in the scenario and in m in the mechanism"):
         units(arguments__l="1, 2")
+
+
+@pytest.mark.parametrize(("unit", "values"), [("rad", [0.5, 1.0]), ("deg", [30.0, 60.0]), ("mrad", [700.0])])
+def test_a_series_is_taken_in_its_unit(path: Path, unit: str, values: list[float]) -> None:
+    """The file has the value in degrees."""
+    given = pinarm.Series("reach", read_unit(unit), np.array(values))
+    swept = pinarm.sweep(path, {"problem.over.pivot.to": given}, results=["pivot @ end"], workers=1)
+    factor = {"rad": 1.0, "deg": np.pi / 180.0, "mrad": 1e-3}[unit]
+    assert swept["pivot @ end"].values == pytest.approx(np.array(values) * factor, rel=1e-12)
+    assert str(swept["problem.over.pivot.to"].unit) == unit
 
 
 def test_samples_are_drawn_where_something_is_to_be_drawn(held: pinarm.Scenario) -> None:
