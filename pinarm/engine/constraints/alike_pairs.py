@@ -81,7 +81,7 @@ class EvaluatedAlike(Struct, eq=False, dict=True, weakref=True):
             for i, row in self.rows.items():
                 for stage, x in row.items():
                     found[i, stage] = x
-        return found.reshape(-1, stages, pairs, n).transpose(3, 2, 0, 1)
+        return found.reshape(len(self.every), stages, pairs, n).transpose(3, 2, 0, 1)
 
     def drift(self, v: Array) -> dict[int, Array]:
         """Return J' v for velocities v, shape (nv, n)."""
@@ -136,8 +136,7 @@ class AlikeRows(Record, frozen=True):
 
 def _columns(x: Array, joints: Indices) -> Array:
     """Return the numbers of each pair's joints, shape (s, L n), from those of all, shape (nv, n)."""
-    pairs, stages = joints.shape
-    return x.take(joints.T.ravel(), axis=0).reshape(stages, pairs * x.shape[1])
+    return x.take(joints.T.ravel(), axis=0).reshape(joints.shape[1], len(joints) * x.shape[1])
 
 
 def alike_pairs(measures: Sequence[RowMeasure]) -> tuple[AlikePairs, ...]:

@@ -32,8 +32,8 @@ SECOND = unit("s")
 ROUNDING = 1e-12
 """Difference of instants, relative to the duration, below which they are the same instant."""
 
-ULPS = 4.0
-"""The same in units in the last place of the instants."""
+ULPS = 32.0
+"""Units in the last place by which sums of durations may differ from the instants that they are."""
 
 INSIDE = 1e-3
 """Part of an interval by which ``Grid.moved_inside`` moves its rows: a law that starts with a jerk, or with the fifth
@@ -216,9 +216,8 @@ class Grid(ValueRecord, frozen=True):
         Breakpoints of laws that only rounding parts from one another, or from an end, are one.
         """
         first, last, laws, jumps = float(t[0]), float(t[-1]), list(laws), set(jumps)
-        slack = max(ROUNDING * (last - first), ULPS * math.ulp(max(abs(first), abs(last))))
-        fixed = {first, last, *jumps, *kinks}
-        place = _places(fixed, {x for law in laws for x in law.breakpoints()}, slack)
+        slack, fixed = ROUNDING * (last - first), {first, last, *jumps, *kinks}
+        place = _places(fixed, {x for law in laws for x in law.breakpoints()})
         doubled = {first, last, *jumps, *(place[x] for law in laws for x in law.jumps())}
         inner = sorted(x for x in {*fixed, *place.values()} if first < x < last)
         cuts = (first, *inner, last)
@@ -280,13 +279,14 @@ class Grid(ValueRecord, frozen=True):
         return Grid(self.t[: ends[-1]], (self.cuts[0], *(stop for _, stop, _ in kept)), (0, *ends))
 
 
-def _places(fixed: set[float], instants: set[float], slack: float) -> dict[float, float]:
+def _places(fixed: set[float], instants: set[float]) -> dict[float, float]:
     """Return for each instant the one that stands for it: a fixed one, or an earlier one, from which rounding parts it.
 
     The sum of 0.1 s and 0.7 s is 1e-16 s before 0.8 s: between them is no interval that could be integrated.
     """
     known, found = sorted(fixed), dict[float, float]()
     for x in sorted(instants):
+        slack = ULPS * math.ulp(x)
         here = bisect_left(known, x - slack)
         found[x] = known[here] if here < len(known) and known[here] <= x + slack else x
         if found[x] == x:
