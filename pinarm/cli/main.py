@@ -140,7 +140,7 @@ def _check(options: argparse.Namespace) -> int:
     findings = told_apart(solved)
     if options.json:
         _print_json({"findings": [plain(finding) for finding in findings], "errors": [str(e) for e in failures]})
-    else:
+    elif findings or not failures:
         print(verdicts(findings, coloured=sys.stdout.isatty()))
     for failure in failures:
         _tell(failure)

@@ -14,6 +14,7 @@ one dimension, and is taken in the unit of the first.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from numbers import Real
@@ -207,6 +208,8 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
             UnitError: It puts quantities of different dimensions side by side.
         """
         name = function.__name__
+        if options and (name in _METHODS or name in _TOGETHER):
+            args, options = _placed(function, args, options)
         if name in _METHODS and isinstance(args[0], Series):
             return getattr(args[0], _METHODS[name])(*args[1:], **options)
         together = [args[k] for k in _TOGETHER.get(name, ()) if k < len(args)]
@@ -303,6 +306,17 @@ _TOGETHER: Mapping[str, Sequence[int]] = {
     "where": (1, 2), "clip": (0, 1, 2), "insert": (0, 2), "linspace": (0, 1),
 }  # fmt: skip
 """Functions that put quantities side by side or compare them -> which of their arguments have one unit."""
+
+
+def _placed(
+    function: Any, args: Sequence[Any], options: Mapping[str, Any]
+) -> tuple[Sequence[Any], Mapping[str, Any]]:  # fmt: skip
+    """Return the arguments of a function, those that were given by name at their places as far as it says these."""
+    try:
+        bound = inspect.signature(function).bind(*args, **options)
+    except (TypeError, ValueError):  # it has no signature, or refuses them itself
+        return args, options
+    return bound.args, bound.kwargs
 
 
 def _quantities(x: Any) -> Iterator[Series]:

@@ -515,6 +515,16 @@ def test_folders_are_validated_with_those_below_them(here: Path, capsys: pytest.
     assert (said["files"], said["passed over"], len(said["mistakes"])) == (1, 1, 1)
 
 
+def test_a_file_with_a_mistake_is_not_nothing_to_check(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "bad.yaml"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "static" in err
+    (here / "free.yaml").write_text(SCENARIO.partition("expect:")[0])
+    assert main(["check", "free.yaml"]) == 0
+    assert capsys.readouterr().out == "nothing to check\n"
+
+
 def test_mechanism_files_of_a_folder_are_not_checked(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("bad.yaml", "blow.yaml", "miss.yaml"):
         (here / name).unlink()

@@ -191,6 +191,8 @@ class TestAnArray:
         (np.where(METRES > 0.9, METRES, -1), [1, 1, -1, 3]),
         (np.clip(METRES, 0.8, a_max=MILLIMETRES), [1, 1, 0.5, 0]),
         (np.append(MILLIMETRES[:1], METRES[:1]), [1000, 1000]),
+        (np.append(values=METRES[:1], arr=MILLIMETRES[:1]), [1000, 1000]), (np.max(a=METRES), 3.0),
+        (np.interp(fp=FORCE[:2], x=METRES[:1], xp=MILLIMETRES[[2, 0]]), [2.0]),
         (np.isclose(METRES, MILLIMETRES), [True, False, True, False]),
         (np.allclose(METRES, METRES.to("mm")), True),
         (np.interp(METRES[:1], MILLIMETRES.to("mm")[[2, 0]], FORCE[:2]), [2.0]),

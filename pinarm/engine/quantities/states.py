@@ -64,6 +64,10 @@ class States:
         series = self.rows[name]
         return replace(series, values=self.leading.unfold(series.values))
 
+    def __repr__(self) -> str:
+        """Return of which mechanism they are, and the shape in which they were given."""
+        return f"<States of '{self.rows.trajectory.mechanism.title}': shape {self.leading.shape}>"
+
     def names(self) -> list[str]:
         """Return the names of all quantities."""
         return self.rows.names()

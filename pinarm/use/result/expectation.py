@@ -119,6 +119,14 @@ class Expectation(InputStruct, frozen=True):
                 _ = None if formula is None else quantities.figure(formula)
         with within("formula"):
             _ = None if self.formula is None else quantities[self.formula]
+        self.check_place(quantities)
+
+    def check_place(self, quantities: Quantities) -> None:
+        """Check the coordinate of an instant, and its unit, against the quantities of a run.
+
+        Raises:
+            InputError: There is no such coordinate, or its value has another dimension.
+        """
         if isinstance(self.at, dict):
             with within("at"):
                 located(self.at, quantities)

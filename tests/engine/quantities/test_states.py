@@ -70,6 +70,11 @@ def test_arrays_that_are_changed_afterwards_change_nothing(arm, states):
         assert np.array_equal(found[name].values, unchanged[name].values), name
 
 
+def test_they_say_what_they_are_of(arm, states):
+    assert repr(arm.at(states[0])) == "<States of 'Two-rod arm': shape (40,)>"
+    assert repr(arm.at(states[0, 0])) == "<States of 'Two-rod arm': shape ()>"
+
+
 def test_efforts_lead_to_their_accelerations_and_back(arm, states):
     q, v, tau = states
     found = arm.at(q, v, tau=tau)

@@ -177,6 +177,7 @@ def compare(result: Result, expectation: Expectation) -> Finding:
 def _computed(result: Result, expectation: Expectation) -> tuple[Quantities, Series, float]:
     """Return the rows that an expectation is about, what was computed there, and the error of its quadrature."""
     at, quantity = expectation.at, expectation.quantity
+    expectation.check_place(result.quantities)
     with within("quantity"):
         if names_section(quantity, result.numbered):
             series, error = measured(read_number(quantity), result)
