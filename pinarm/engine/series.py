@@ -14,7 +14,6 @@ one dimension, and is taken in the unit of the first.
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from numbers import Real
@@ -312,6 +311,8 @@ def _placed(
     function: Any, args: Sequence[Any], options: Mapping[str, Any]
 ) -> tuple[Sequence[Any], Mapping[str, Any]]:  # fmt: skip
     """Return the arguments of a function, those that were given by name at their places as far as it says these."""
+    import inspect
+
     try:
         bound = inspect.signature(function).bind(*args, **options)
     except (TypeError, ValueError):  # it has no signature, or refuses them itself
