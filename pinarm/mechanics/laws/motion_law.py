@@ -207,13 +207,13 @@ class Grid(ValueRecord, frozen=True):
     ) -> Grid:
         """Return the grid of the given instants, with the jumps of the laws between the first and the last added.
 
+        Breakpoints of laws that only rounding parts from one another, or from an end, are one.
+
         Args:
             t: Instants, shape (n,).
             laws: Their breakpoints cut the grid.
             jumps: Further instants of jumps.
             kinks: Further instants that cut the grid without rows of their own.
-
-        Breakpoints of laws that only rounding parts from one another, or from an end, are one.
         """
         first, last, laws, jumps = float(t[0]), float(t[-1]), list(laws), set(jumps)
         slack, fixed = ROUNDING * (last - first), {first, last, *jumps, *kinks}

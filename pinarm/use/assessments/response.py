@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from pinarm.use.scenario.scenario import Scenario
 
 SAMPLES, PER_STEP, MOST = 4096, 4, 16_384
-"""Instants at which the response is looked at: evenly over the run; in every step of its integrator, which is short
-where the response changes quickly; and as many in all of these, but for one in each."""
+"""Instants at which the response is looked at: evenly over the run; within each step of the integrator, as steps are
+short where the response changes quickly; and the most within all steps together, which have one each at least."""
 
 NODES, ZOOMS = 17, 4
 """Instants about an extreme between samples, and how often they close in on it: to 8^-4 of the distance of samples."""

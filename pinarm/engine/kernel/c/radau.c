@@ -212,7 +212,7 @@ static double attempt(const radau *p, const flow *f, const control *c, const cou
     return solve(p, f, c, m, h, x, z) ? estimate(p, f, c, m, h, x, z) : NAN;
 }
 
-/* The factor at which the error would be the tolerance, and below it the more, the more iterations were needed. */
+/* The factor that brings the error to the tolerance, times a safety factor that is smaller after more iterations. */
 static double suited(const radau *p, const control *c, const newton *x, double error) {
     const double most = 2.0 * (double)p->iterations;
     const double safety = c->safety * (most + 1.0) / (most + (double)x->iterations);
