@@ -413,8 +413,8 @@ class Closure(Record, frozen=True):
     def _summed(self, joints: Indices, parts: Array) -> Array:
         """Return the sums of parts, shape (.., k, w), at the joints on which they act, shape (.., njoints, w)."""
         *states, _, width = parts.shape
-        total = np.zeros((width, self.model.njoints, *states))
-        for joint, part in zip(joints.tolist(), np.moveaxis(parts, (-2, -1), (0, 1)), strict=True):
+        total, apart = np.zeros((width, self.model.njoints, *states)), parts.transpose(-2, -1, *range(len(states)))
+        for joint, part in zip(joints.tolist(), apart, strict=True):
             total[:, joint] += part
         return states_first(total)
 

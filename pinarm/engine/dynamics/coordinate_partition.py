@@ -16,6 +16,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices, others
 from pinarm.engine.constraints.nullspaces.dense_nullspace import solved_positive
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.mass_matrix import symmetric
 from pinarm.errors import InputError
 from pinarm.mechanics.geometry.pinocchio_data import with_masses
 from pinarm.records import Record
@@ -95,8 +96,7 @@ class CoordinatePartition(Record, frozen=True):
         def reduced(t: float, free: Array, u: Array) -> Array:
             w, dw, ddw = targets(t)
             q, v = self.configuration(free, w), self.velocity(u, dw)
-            upper = np.triu(pin.crba(model, data, q))
-            mass = upper + np.triu(upper, 1).T
+            mass = symmetric(pin.crba(model, data, q))
             demand = dynamics.loads(t, q, v) - pin.nonLinearEffects(model, data, q, v)
             right = basis.T @ (demand - mass @ (self.particular @ ddw))
             return solved_positive(basis.T @ mass @ basis, right[:, None])[:, 0]

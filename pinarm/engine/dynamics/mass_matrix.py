@@ -36,8 +36,13 @@ def mass_matrices(model: pin.Model, q: Array) -> Array:
     for matrix, configuration in zip(upper, q, strict=True):
         matrix[:] = pin.crba(model, data, configuration).reshape(matrix.shape)
     give_back(model, data)
-    diagonal, above = _triangle(model.nv)
-    return np.asarray(upper * (diagonal + above) + (upper * above).swapaxes(1, 2))
+    return symmetric(upper)
+
+
+def symmetric(upper: Array) -> Array:
+    """Return the matrices with given upper halves, shape (.., nv, nv), whatever is below their diagonals."""
+    half = upper * _half(upper.shape[-1])
+    return np.asarray(half + half.swapaxes(-1, -2))
 
 
 def shared_mass_matrices(model: pin.Model, q: Array) -> Array:
@@ -57,9 +62,9 @@ def _kept_matrices(model: pin.Model, content: bytes, n: int) -> Array:
 
 
 @cache
-def _triangle(n: int) -> tuple[Array, Array]:
-    """Return what keeps the diagonal of a matrix, and what is above it: ``numpy.triu`` costs 10 us."""
-    return np.eye(n), np.triu(np.ones((n, n)), 1)
+def _half(n: int) -> Array:
+    """Return what keeps half of the diagonal of a matrix and what is above it: ``numpy.triu`` costs 10 us."""
+    return np.triu(np.ones((n, n)), 1) + 0.5 * np.eye(n)
 
 
 class MassProducts(Record, frozen=True):

@@ -27,7 +27,7 @@ from pinarm.engine.friction.carried_loads import CarriedLoads
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import left_open
-from pinarm.mechanics.friction.contact import FrictionContact, JointContact, slip_drifts, slip_rows
+from pinarm.mechanics.friction.contact import FrictionContact, JointContact, slip_drifts, slip_rows_at
 from pinarm.mechanics.friction.coupling_contact import ConstantSlip
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
@@ -106,23 +106,20 @@ class SlipEquation:
         lam, none = here.split.multipliers(a @ here.mass - force), np.zeros((len(t), len(self.contacts)))
         return self.transmission.wrenches(t, q, v, a, lam, none)
 
-    def motions(self, t: Array | float, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return efforts and loads less what weights and velocities do, and accelerations without friction.
+    def motion(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return efforts and loads less what weights and velocities do, and accelerations without friction, (nv,)."""
+        return self._moved(self.in_state(q, v), self.dynamics.loads(t, q, v), self.targets(t)[2])
 
-        Args:
-            t: Instant [s], or several.
-            q: Configuration, shape (nq,).
-            v: Velocity, shape (nv,).
+    def motions(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the same at n instants [s] of one state, shapes (nq,) and (nv,): both of shape (n, nv)."""
+        states = (np.broadcast_to(x, (len(t), len(x))) for x in (q, v))
+        ddw = np.array([self.targets(instant)[2] for instant in t.tolist()])
+        return self._moved(self.in_state(q, v), self.dynamics.loads(t, *states), ddw)
 
-        Returns:
-            Both of shape (.., nv).
-        """
-        here, instants = self.in_state(q, v), np.shape(t)
-        states = (np.broadcast_to(x, (*instants, len(x))) for x in (q, v))
-        force = np.asarray(self.efforts + self.dynamics.loads(t, *states) - here.nle)
-        ddw = np.array([self.targets(instant)[2] for instant in np.atleast_1d(t).tolist()])
-        right = np.tile(here.right, (*instants, 1)) if instants else here.right.copy()
-        right[..., len(here.right) - ddw.shape[1] :] += ddw if instants else ddw[0]
+    def _moved(self, here: _InState, loads: Array, ddw: Array) -> tuple[Array, Array]:
+        force, right = self.efforts + loads - here.nle, np.empty((*ddw.shape[:-1], len(here.right)))
+        right[:] = here.right
+        right[..., len(here.right) - ddw.shape[-1] :] += ddw
         return force, solve(here.split, here.mass, force, right)
 
     @cached_property
@@ -214,7 +211,7 @@ class BearingReactions:
         acting, inner = links.inwards(self._acting(links, t, q, v, lam, f)), np.empty((len(a), model.njoints, 6))
         outside = pin.StdVec_Force()
         outside.extend([pin.Force.Zero() for _ in range(model.njoints)])
-        loaded = np.flatnonzero(acting.any(axis=(0, 2))).tolist()
+        loaded = np.nonzero(acting.any(axis=(0, 2)))[0].tolist()
         for k in range(len(a)):
             for joint in loaded:
                 outside[joint] = pin.Force(acting[k, joint])
@@ -239,7 +236,7 @@ class BearingReactions:
             return CarriedLoads.linear(
                 wrenches[0], ((wrenches[1:] - wrenches[0]) / sizes[:, None, None]).swapaxes(0, 1)
             )
-        f, links = np.vstack([np.zeros(len(sizes)), np.diag(sizes)]), LinkPlacements.at(self.closure.model, q[None])
+        f, links = _each_alone(sizes), LinkPlacements.at(self.closure.model, q[None])
         distances, fold = self._kinks(links, lam, f)
         smooth = self._wrenches(links, t, q, v, a, lam, f) - np.vecmat(np.abs(distances)[:, None], fold)
         rate, response = ((x[1:] - x[0]) / sizes.reshape(-1, *(1,) * (x.ndim - 1)) for x in (distances, smooth))
@@ -344,11 +341,11 @@ class _InState:
         closure, model = equation.closure, equation.closure.model
         state = closure.state(q, v)
         split, mass = equation.decomposed(closure.rows(state)), mass_matrix(model, q)
-        slips = slip_rows(model, equation.contacts, q[None])[0]
+        slips = slip_rows_at(model, equation.contacts, q)
         drift = slip_drifts(model, equation.contacts, q[None], v[None])[0]
         free = slips @ split.free
         accelerations = split.free @ solved_positive(split.free.T @ mass @ split.free, free.T)  # (nv, k)
-        driven = np.linalg.norm(free, axis=1) <= DRIVEN * np.linalg.norm(slips, axis=1)
+        driven = np.vecdot(free, free) <= DRIVEN**2 * np.vecdot(slips, slips)
         multipliers = np.array([split.multipliers(each) for each in accelerations.T @ mass - slips])
         nle = pin.nonLinearEffects(model, equation.dynamics.data, q, v).copy()
         return cls(split, mass, nle, -closure.drift(state), slips, drift, accelerations, multipliers, driven)
@@ -376,7 +373,7 @@ class _Solved:
     def of(cls, equation: SlipEquation, t: float, q: Array, v: Array) -> _Solved:
         """Return it in a state."""
         here = equation.in_state(q, v)
-        force, a = equation.motions(t, q, v)
+        force, a = equation.motion(t, q, v)
         lam, terms = here.split.multipliers(here.mass @ a - force), np.abs(force) + np.abs(here.mass @ a)
         masses, alpha = np.diag(here.mass), here.slips @ a + here.drift
         rounding = STILL * np.abs(here.slips) @ np.where(masses > 0.0, terms / np.where(masses > 0.0, masses, 1.0), 0.0)
@@ -392,13 +389,19 @@ class _Solved:
     def loads(self) -> CarriedLoads:
         """Return the wrenches that bearings carry."""
         sizes = self._sizes()
-        return self.equation.transmission.loads(
-            self.t, self.q, self.v, np.vstack([self.a, self.a + sizes[:, None] * self.accelerations.T]),
-            np.vstack([self.lam, self.lam + sizes[:, None] * self.multipliers]), sizes,
-        )  # fmt: skip
+        f = _each_alone(sizes)
+        a, lam = self.a + f @ self.accelerations.T, self.lam + f @ self.multipliers
+        return self.equation.transmission.loads(self.t, self.q, self.v, a, lam, sizes)
 
     def _sizes(self) -> Array:
         """Return frictions as large as the other efforts [N*m or N], powers of 2: differences lose no digits; (k,)."""
         along = np.abs(self.slips)
         sizes = along @ self.terms / np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
         return np.exp2(np.round(np.log2(np.where(sizes > 0.0, sizes, 1.0))))
+
+
+def _each_alone(sizes: Array) -> Array:
+    """Return no friction, then that of each joint alone, shape (k,) to (1 + k, k)."""
+    f = np.zeros((1 + len(sizes), len(sizes)))
+    f[1:] = np.diag(sizes)
+    return f

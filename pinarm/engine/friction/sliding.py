@@ -18,7 +18,7 @@ from pinarm.engine.friction.slip import Slip
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.friction.contact import FrictionContact, slip_rows
+from pinarm.mechanics.friction.contact import FrictionContact, slip_rows, slip_rows_at
 from pinarm.mechanics.friction.slip_vectors import same_joint, several, sizes, unit_vectors
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.records import replace
@@ -38,8 +38,8 @@ class SlidingFriction(ForceElement):
         prescribed: The coordinates that follow laws.
         slip: Directions, and what is stuck.
         span: Interval of time on which no law jumps [s].
-        known: Solutions in rows of states that have been asked for, by these; ``None`` where they are not kept, as in
-            an integration: efforts of controllers jump between two states that are the same.
+        known: Solutions in states that have been asked for, by these; ``None`` where they are not kept, as in an
+            integration: efforts of controllers jump between two states that are the same.
     """
 
     contacts: Sequence[FrictionContact]
@@ -48,7 +48,7 @@ class SlidingFriction(ForceElement):
     prescribed: PrescribedCoordinates
     slip: Slip
     span: tuple[float, float]
-    known: dict[tuple[object, ...], list[FrictionSolution]] | None = field(default=None, repr=False)
+    known: dict[tuple[object, ...], FrictionSolution] | None = field(default=None, repr=False)
 
     @cached_property
     def direction(self) -> Array:
@@ -62,7 +62,7 @@ class SlidingFriction(ForceElement):
         """
         vectors = several(self.contacts)
         if not vectors.any():
-            return np.broadcast_to(self.direction, slips.shape)
+            return self.direction + np.zeros(slips.shape)
         forwards = np.sign((slips * self.direction) @ same_joint(self.contacts).astype(float))
         return np.where(vectors, forwards * unit_vectors(self.contacts, slips), self.direction)
 
@@ -74,7 +74,10 @@ class SlidingFriction(ForceElement):
 
     def balance(self, t: float, q: Array, v: Array) -> FrictionBalance:
         """Return the laws and what friction does in a state, shapes (nq,) and (nv,)."""
-        return FrictionBalance(self.contacts, self.equation.at(t, q, v), sizes(self.contacts, self._slips(q, v)))
+        return self._balance(t, q, v, self._slips(q, v))
+
+    def _balance(self, t: float, q: Array, v: Array, slips: Array) -> FrictionBalance:
+        return FrictionBalance(self.contacts, self.equation.at(t, q, v), sizes(self.contacts, slips))
 
     def solution(self, t: float, q: Array, v: Array) -> FrictionSolution:
         """Return the friction in a state, of stuck joints too.
@@ -82,8 +85,9 @@ class SlidingFriction(ForceElement):
         Raises:
             DynamicsError: There is none, or more than one.
         """
-        direction = self.directions(self._slips(q, v))
-        solution = self.balance(t, q, v).solve(direction, self.slip.stuck, np.zeros(len(self.contacts), dtype=bool))
+        slips = self._slips(q, v)
+        resting = np.zeros(len(self.contacts), dtype=bool)
+        solution = self._balance(t, q, v, slips).solve(self.directions(slips), self.slip.stuck, resting)
         if solution is None:
             rubbing = (contact.name for contact, s in zip(self.contacts, self.direction, strict=True) if s)
             names = ", ".join(dict.fromkeys(rubbing))
@@ -97,10 +101,10 @@ class SlidingFriction(ForceElement):
         """Return the friction in states of one interval: where nothing moves and no load changes, solved once."""
         if self.known is None:
             return self._solutions(t, q, v)
-        asked = self.span, t.tobytes(), q.tobytes(), v.tobytes()
-        if asked not in self.known:
-            self.known[asked] = self._solutions(t, q, v)
-        return self.known[asked]
+        asked = [(self.span, *(x.tobytes() for x in row)) for row in zip(t, q, v, strict=True)]
+        new = [row for row, state in enumerate(asked) if state not in self.known]
+        self.known.update(zip((asked[row] for row in new), self._solutions(t[new], q[new], v[new]), strict=True))
+        return [self.known[state] for state in asked]
 
     def _solutions(self, t: Array, q: Array, v: Array) -> list[FrictionSolution]:
         if len(t) > 1 and (q == q[0]).all() and (v == v[0]).all() and self._lasts(t, q, v):
@@ -152,7 +156,7 @@ class SlidingFriction(ForceElement):
         return extremes
 
     def _slips(self, q: Array, v: Array) -> Array:
-        return np.asarray(slip_rows(self.closure.model, self.contacts, q[None])[0] @ v)
+        return np.asarray(slip_rows_at(self.closure.model, self.contacts, q) @ v)
 
     def _lasts(self, t: Array, q: Array, v: Array) -> bool:
         """Return whether what drives and loads do is the same at all instants, the state being the same."""

@@ -63,10 +63,11 @@ class Slipping:
     constant: Array
     loads: CarriedLoads
 
-    @property
+    @cached_property
     def _rubbing(self) -> list[int]:
         """Joints that slip and whose friction depends on their load."""
-        return [int(i) for i in np.flatnonzero(self.mu * self.direction != 0.0)]
+        some: list[int] = (self.mu * self.direction).nonzero()[0].tolist()
+        return some
 
     @cached_property
     def _most(self) -> Array:
@@ -181,7 +182,7 @@ class Slipping:
     def resistance(self, f: Array) -> Array:
         """Return ``mu N(w(f)) + c`` [N*m or N], shape (k,)."""
         wrench, resistance = self.loads.at(f), self.constant.copy()
-        for i in np.flatnonzero(self.mu).tolist():
+        for i in self.mu.nonzero()[0].tolist():
             resistance[i] += self.mu[i] * self.contacts[i].bearing.load(wrench[i])
         return resistance
 

@@ -211,15 +211,20 @@ class LoopContact:
         return np.concatenate([np.vecmat(wrench[:, :3], turn), np.vecmat(wrench[:, 3:], turn)], axis=1)
 
 
+def slip_rows_at(model: pin.Model, contacts: Sequence[FrictionContact], q: Array) -> Array:
+    """Return J of all contacts at a configuration, shape (nq,), as an array of shape (k, nv)."""
+    if all(contact.row_is_constant for contact in contacts):
+        return _constant_rows(model, tuple(contacts))
+    return _rows(contacts, Kinematics.at(model, q))
+
+
 def slip_rows(model: pin.Model, contacts: Sequence[FrictionContact], q: Array) -> Array:
     """Return J of all contacts at configurations, shape (n, nq), as an array of shape (n, k, nv)."""
     if all(contact.row_is_constant for contact in contacts):
         fixed = _constant_rows(model, tuple(contacts))
         return np.broadcast_to(fixed, (len(q), *fixed.shape))
     states = (Kinematics.at(model, row) for row in q)
-    return np.array([[contact.row(state) for contact in contacts] for state in states]).reshape(
-        len(q), len(contacts), model.nv
-    )
+    return np.array([_rows(contacts, state) for state in states]).reshape(len(q), len(contacts), model.nv)
 
 
 def slip_drifts(model: pin.Model, contacts: Sequence[FrictionContact], q: Array, v: Array) -> Array:
@@ -232,6 +237,11 @@ def slip_drifts(model: pin.Model, contacts: Sequence[FrictionContact], q: Array,
 
 @lru_cache(maxsize=16)  # asked at every evaluation of an equation of motion
 def _constant_rows(model: pin.Model, contacts: tuple[FrictionContact, ...]) -> Array:
-    """Return J of contacts whose rows are the same in all configurations, shape (k, nv)."""
-    state = Kinematics.at(model, pin.neutral(model))
-    return np.array([contact.row(state) for contact in contacts]).reshape(len(contacts), model.nv)
+    """Return J of contacts whose rows are the same in all configurations, shape (k, nv); not to be written to."""
+    found = _rows(contacts, Kinematics.at(model, pin.neutral(model)))
+    found.flags.writeable = False
+    return found
+
+
+def _rows(contacts: Sequence[FrictionContact], state: Kinematics) -> Array:
+    return np.array([contact.row(state) for contact in contacts]).reshape(len(contacts), state.model.nv)

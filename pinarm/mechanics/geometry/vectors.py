@@ -6,6 +6,7 @@ Shape (3, 1) is one vector for all configurations: numpy spreads it over the oth
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 import pinocchio as pin
@@ -88,9 +89,15 @@ def components_apart(like: Array, width: int) -> Array:
 
     Its states have the order of another array's, shape (..): numpy then works on long rows.
     """
-    order = sorted(range(like.ndim), key=lambda axis: -like.strides[axis])
-    made = np.empty((width, *(like.shape[axis] for axis in order)))
-    return made.transpose(*(1 + order.index(axis) for axis in range(like.ndim)), 0)
+    order, back = _order(like.strides)
+    return np.empty((width, *[like.shape[axis] for axis in order])).transpose(back)
+
+
+@lru_cache(maxsize=256)
+def _order(strides: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Return the axes, those with the widest steps in memory first, and what brings them back behind a first one."""
+    order = sorted(range(len(strides)), key=lambda axis: -strides[axis])
+    return tuple(order), (*(1 + order.index(axis) for axis in range(len(strides))), 0)
 
 
 def direction(p: Array) -> Array:

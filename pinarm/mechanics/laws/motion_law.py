@@ -88,10 +88,12 @@ def polynomial(origin: float, *coefficients: float) -> Callable[[Array], Values]
 
 
 def _horner(c: Sequence[float], x: Array) -> Array:
-    total = np.full(x.shape, c[-1] if c else 0.0)
-    for coefficient in c[-2::-1]:
-        total *= x
+    total = np.zeros(x.shape)
+    for coefficient in c[:0:-1]:
         total += coefficient
+        total *= x
+    if c:
+        total += c[0]
     return total
 
 

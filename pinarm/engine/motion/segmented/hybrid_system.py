@@ -169,7 +169,7 @@ class HybridSystem(Record, frozen=True):
 
     def rubbing(self, held: Held) -> tuple[FrictionContact, ...]:
         """Return the frictions that there are."""
-        return tuple(self.frictions[k] for k in np.flatnonzero(self.rubs(held)))
+        return tuple(each for each, rubs in zip(self.frictions, self.rubs(held).tolist(), strict=True) if rubs)
 
     def stretch(self, mode: Mode, t: float, q: Array, v: Array) -> System:
         """Return what is integrated in a mode that begins in a state of the mechanism."""

@@ -31,7 +31,7 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.ball_joints import coordinate_at
 from pinarm.mechanics.coordinates import Coordinate
-from pinarm.mechanics.friction.contact import FrictionContact, JointContact, slip_rows
+from pinarm.mechanics.friction.contact import FrictionContact, JointContact, slip_rows, slip_rows_at
 from pinarm.mechanics.friction.coupling_contact import ConstantSlip
 from pinarm.mechanics.friction.slip_vectors import same_joint, several, sizes, unit_vectors
 from pinarm.mechanics.laws import Constant
@@ -174,7 +174,7 @@ class StickSlip:
         closure = self.closure.with_guides(held.names, held.coordinates)
         free, rows = (
             split_rows(closure.rows(closure.state(q))).free,
-            slip_rows(closure.model, self.contacts, q[None])[0],
+            slip_rows_at(closure.model, self.contacts, q),
         )
         along = free.T @ (np.array(slip.direction)[broken] @ rows[broken])
         mass = free.T @ mass_matrix(closure.model, q) @ free
@@ -218,7 +218,7 @@ class StickSlip:
         """Return the velocity nearest to v in which some slips are at rest, shape (nv,)."""
         model, rows = self.closure.model, self.rows.rows(self.rows.state(q))
         target = np.concatenate([np.zeros(self.closure.size), self.prescribed.on(t, t)(t)[1], np.zeros(len(still))])
-        split = split_rows(np.vstack([rows, slip_rows(model, self.contacts, q[None])[0][still]]))
+        split = split_rows(np.vstack([rows, slip_rows_at(model, self.contacts, q)[still]]))
         mass = mass_matrix(model, q)
         return solve(split, mass, mass @ v, target)
 
@@ -245,7 +245,7 @@ class StickSlip:
             DynamicsError: There is none of a group, or its members do not stand still together while a law moves.
         """
         free = self._possible_motions(span, q)
-        slips = slip_rows(self.closure.model, self.contacts, q[None])[0] @ free
+        slips = slip_rows_at(self.closure.model, self.contacts, q) @ free
         for group in groups:
             first, members = slips[group.first], list(group.members)
             apart = np.abs(slips[members] - np.outer(group.ratios, first)).max()
