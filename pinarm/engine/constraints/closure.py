@@ -166,8 +166,16 @@ class Closure(Record, frozen=True):
         return self.state(pin.integrate(self.model, pin.neutral(self.model), way))
 
     def split(self, rows: Array) -> SplitRows:
-        """Return given rows G, shape (m, nv), taken apart."""
-        return split_rows(rows, self.reach)
+        """Return given rows G, shape (m, nv), taken apart: those of stops and couplings alone are always the same."""
+        last = self._split_last
+        if not last or not np.array_equal(last[0][0], rows):
+            last[:] = [(rows, split_rows(rows, self.reach))]
+        return last[0][1]
+
+    @cached_property
+    def _split_last(self) -> list[tuple[Array, SplitRows]]:
+        """The rows that were taken apart last, and their parts."""
+        return []
 
     def with_guides(self, names: Sequence[str], coordinates: Sequence[Coordinate]) -> Closure:
         """Return the closure with the rows of guided coordinates after its own; the last ones are kept."""

@@ -18,7 +18,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspaces.dense_nullspace import solved_positive
-from pinarm.engine.constraints.nullspaces.nullspace import SplitRows, split_rows
+from pinarm.engine.constraints.nullspaces.nullspace import SplitRows
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
@@ -135,18 +135,6 @@ class SlipEquation:
 
         return in_state
 
-    @cached_property
-    def decomposed(self) -> Callable[[Array], SplitRows]:
-        """Takes rows of the constraints, shape (m, nv), apart; those of couplings alone are always the same."""
-        last: list[tuple[Array, SplitRows]] = []
-
-        def decomposed(rows: Array) -> SplitRows:
-            if not last or not np.array_equal(last[0][0], rows):
-                last[:] = [(rows, split_rows(rows))]
-            return last[0][1]
-
-        return decomposed
-
     @property
     def transmission(self) -> BearingReactions:
         """What the bearings carry."""
@@ -155,7 +143,7 @@ class SlipEquation:
     def require_determined(self, q: Array) -> None:
         """Raise where the load of a bearing is not determined by rigid bodies; see ``BearingReactions``."""
         if self.loaded and self.closure.size:
-            self.transmission.require_determined(split_rows(self.closure.rows(self.closure.state(q))), q)
+            self.transmission.require_determined(self.closure.split(self.closure.rows(self.closure.state(q))), q)
 
 
 @dataclass(frozen=True, eq=False)
@@ -340,7 +328,7 @@ class _InState:
         """Return it."""
         closure, model = equation.closure, equation.closure.model
         state = closure.state(q, v)
-        split, mass = equation.decomposed(closure.rows(state)), mass_matrix(model, q)
+        split, mass = closure.split(closure.rows(state)), mass_matrix(model, q)
         slips = slip_rows_at(model, equation.contacts, q)
         drift = slip_drifts(model, equation.contacts, q[None], v[None])[0]
         free = slips @ split.free
