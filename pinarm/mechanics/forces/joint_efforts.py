@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -73,7 +72,8 @@ class ProfiledEffort(ForceElement):
     """A torque or force at a joint that depends on the coordinate of a joint, such as of gas on a crank.
 
     All of its power is supplied, also where it could be called a spring. Forward problems step over the profile's
-    breakpoints, where their accuracy is that of a kink, but over no whole piece.
+    breakpoints, where their accuracy is that of a kink, but over no whole piece, nor over the way from one point of a
+    spline or table to the next.
 
     Attributes:
         v: Index in v of the joint that it acts on.
@@ -108,8 +108,7 @@ class ProfiledEffort(ForceElement):
 
     @cached_property
     def _pieces(self) -> Pieces:
-        starts = [piece.start for piece in self.profile.pieces if math.isfinite(piece.start)]
-        return Pieces(np.array(starts), self.profile.period)
+        return Pieces(self.profile.marks, self.profile.period)
 
 
 @dataclass(frozen=True)

@@ -270,17 +270,16 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
 
     @property
     def in_pieces(self) -> bool:
-        """Whether the profile has breakpoints."""
+        """Whether the profile has breakpoints or knots."""
         return bool(len(self._pieces.bounds))
 
     @cached_property
     def _pieces(self) -> Pieces:
-        starts = [piece.start for piece in self.profile.pieces if np.isfinite(piece.start)]
-        return Pieces(np.array(starts), self.profile.period)
+        return Pieces(self.profile.marks, self.profile.period)
 
     def edges(self) -> list[Edge]:
         """Return the passages of the cam through the breakpoints of the profile."""
-        return [Edge(partial(self._beside, place)) for place in self._pieces.bounds]
+        return [Edge(partial(self._beside, place)) for place in self.profile.starts]
 
     def _beside(self, place: float, t: Array, q: Array, v: Array) -> Array:
         """Return what vanishes where the cam is at a place, in every period."""
@@ -300,7 +299,7 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
         return bool(abs(after - before) > JUMP * size)
 
     def passed(self, q: Array, v: Array) -> bool:
-        """Return whether the cam passes a whole piece of the profile."""
+        """Return whether the cam passes a whole piece of the profile, or the way from one knot to the next."""
         return self._pieces.passed(q[:, self.cam_joint.q])
 
     @property
