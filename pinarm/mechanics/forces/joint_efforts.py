@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -78,11 +78,13 @@ class ProfiledEffort(ForceElement):
     Attributes:
         v: Index in v of the joint that it acts on.
         q: Index in q of the joint that it depends on.
+        along: Index in v of that joint.
         profile: The effort [N*m or N] over that joint's coordinate.
     """
 
     v: int
     q: int
+    along: int
     profile: Profile
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
@@ -105,6 +107,11 @@ class ProfiledEffort(ForceElement):
     def passed(self, q: Array, v: Array) -> bool:
         """Return whether the coordinate passes a whole piece of the profile."""
         return self._pieces.passed(q[..., self.q])
+
+    def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
+        """Return when the coordinate passes breakpoints and knots of the profile, where it follows a law."""
+        law = laws.get(self.along)
+        return [] if law is None else self.profile.marked(law, start, end)
 
     @cached_property
     def _pieces(self) -> Pieces:

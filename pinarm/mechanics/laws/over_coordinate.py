@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
 from itertools import pairwise
 from typing import Any
 
@@ -134,6 +135,17 @@ class Profile(ValueRecord, frozen=True):
             found += passing_times(self, piece.function, low, high)[0] if low < high else []
             if len(found) > MANY:
                 raise InputError("the profile's breakpoints are passed too often", expected="a shorter motion")
+        return found
+
+    def marked(self, drive: MotionLaw, start: float, end: float) -> list[float]:
+        """Return the instants at which a law over time passes breakpoints or knots; none where these are too many."""
+        found: list[float] = []
+        for piece in drive.smooth_pieces:
+            low, high = max(piece.start, start), min(piece.end, end)
+            with suppress(InputError):
+                found += (
+                    [t for some in passing_times(self, piece.function, low, high) for t in some] if low < high else []
+                )
         return found
 
     def beside(self, middle: float, w: Array) -> Values:

@@ -291,6 +291,11 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
         law = laws.get(self.cam_joint.v)
         return [] if law is None else [t for t in self.profile.passages(law, start, end) if self._jumps(law, t)]
 
+    def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
+        """Return when the cam passes breakpoints and knots of its profile, where it follows a law."""
+        law = laws.get(self.cam_joint.v)
+        return [] if law is None else self.profile.marked(law, start, end)
+
     def _jumps(self, law: MotionLaw, t: float) -> bool:
         """Return whether f'' jumps where the cam is at an instant."""
         place = law.on(t, t)(np.array([t]))[0]
