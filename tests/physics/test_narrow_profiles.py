@@ -85,17 +85,18 @@ def test_a_short_lift_of_a_cam_delays_its_shaft(write):
     assert result["shaft"].values[-1] == pytest.approx(exact, abs=1e-6)
 
 
+@pytest.mark.parametrize("other", ["none", "held"])
 @pytest.mark.parametrize(("turns", "rows", "middle"), [(29, 639, 63.9666), (113, 2261, 180.5)])
-def test_the_largest_effort_of_a_blow_in_every_turn_is_found(write, turns, rows, middle):
+def test_the_largest_effort_of_a_blow_in_every_turn_is_found(write, other, turns, rows, middle):
     """A press that needs 10 N m in the middle of 2 deg of every turn, at a steady turn a second."""
     points = [(0.0, 0.0), *((middle + 0.8 * k, -10.0 * (k == 0)) for k in range(-6, 7)), (360.0, 0.0)]
     effort = {"law": "spline", "points": [[f"{x!r} deg", f"{y!r} N*m"] for x, y in points]}
     problem = {"kind": "inverse", "time": {"end": f"{turns} s", "samples": rows},
-               "motion": {"wheel": {"law": "constant_speed", "speed": "360 deg/s"}},
+               "motion": {"wheel": {"law": "constant_speed", "speed": "360 deg/s"}, **OTHERS[other]},
                "loads": {"press": {"kind": "joint_effort", "joint": "wheel", "over": "wheel", "period": "360 deg",
                                    "effort": effort}}}  # fmt: skip
-    wheel = JOINT.format("wheel", "continuous", "base")
-    result = pinarm.run(write(wheel, "gravity: none\n", json.dumps(problem), "joint.wheel.effort"))
+    wheels = WHEELS if OTHERS[other] else JOINT.format("wheel", "continuous", "base")
+    result = pinarm.run(write(wheels, "gravity: none\n", json.dumps(problem), "joint.wheel.effort"))
     assert result.number("joint.wheel.effort @ max")[0] == pytest.approx(10.0, rel=1e-12)
     turn = CubicSpline(*np.array(points).T, bc_type="clamped")
     pieces = [quad(lambda x: turn(x) ** 2, *pair, epsabs=1e-12)[0] for pair in pairwise([x for x, _ in points])]

@@ -365,6 +365,11 @@ class Carried(ForceElement):
         whole = self._whole(q, v)
         return any(force.passed(*whole) for force in self.forces)
 
+    def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
+        """Return when loads of elements pass points of their pieces; see ``ForceElement.marked``."""
+        whole = {int(self.kept_v[v]): law for v, law in laws.items()}
+        return [t for force in self.forces for t in force.marked(whole, start, end)]
+
     def edges(self) -> list[Edge]:
         """Return where the loads of elements stop being smooth."""
         return [self._edge(edge) for force in self.forces for edge in force.edges()]
