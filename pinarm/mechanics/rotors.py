@@ -190,6 +190,12 @@ def counter_name(angle: str) -> str:
     return f"{angle}.counter"
 
 
+def counted_angle(joint: str) -> str | None:
+    """Return the angle whose turns a joint counts, by its name; ``None`` of other joints."""
+    angle = joint.removesuffix(counter_name(""))
+    return angle if angle != joint else None
+
+
 def with_counters(model: pin.Model, angles: Sequence[str]) -> pin.Model:
     """Return a copy of the model with joints at the end that count the turns of angles.
 

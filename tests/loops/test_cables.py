@@ -11,7 +11,7 @@ from pinarm.engine.checks.limits import excesses
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError
-from pinarm.mechanics.laws import ConstantAcceleration, ConstantSpeed
+from pinarm.mechanics.laws import Constant, ConstantAcceleration, ConstantSpeed
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.events import EndStop
 from pinarm.problems.states import Statics
@@ -213,7 +213,8 @@ class TestElasticCable:
         assert higher.figures["energy"] < 1e-10
 
     @pytest.mark.parametrize("damping", [0.01, 1.0, 30.0])
-    def test_a_damper_acts_from_the_instant_on_at_which_the_cable_is_taut(self, machine, damping):
+    @pytest.mark.parametrize("motion", [{}, {"x": Constant(value=0.0)}], ids=["free", "held beside"])
+    def test_a_damper_acts_from_the_instant_on_at_which_the_cable_is_taut(self, machine, damping, motion):
         """After a fall of 0.1 m its tension jumps to ``c v``; from there on it is a damped oscillator.
 
         Little before, at ``w - w0 = -c v / k``, spring and damper of a cable that could push would be in balance.
@@ -223,7 +224,7 @@ class TestElasticCable:
                 "free_length": f"{1.0 + deep} m"}  # fmt: skip
         taut, after = np.sqrt(2.0 * deep / G), 0.02
         it = ball(machine, mass=m, forces={"rope": rope}, loops={})
-        outcome = freely(it, end=taut + after, samples=3, tolerance=1e-10, position={"x": 0.0, "y": 0.0})
+        outcome = freely(it, end=taut + after, samples=3, tolerance=1e-10, motion=motion, position={"y": 0.0})
         a = np.array([[0.0, 1.0, 0.0], [-k / m, -damping / m, G], [0.0, 0.0, 0.0]])
         stretched, speed, _ = expm(a * after) @ [0.0, G * taut, 1.0]
         assert outcome.rows.v[-1, 1] == pytest.approx(-speed, abs=2e-8)

@@ -320,3 +320,21 @@ def test_a_block_breaks_loose_below_another_one_that_friction_holds_at_its_stop(
     result = pinarm.run(write(stacked(2.0, 1.0), friction, problem, "q0, q1"))
     assert result["q0"].values[-1] == pytest.approx(-10.0 / 3.0 * 0.6**3 / 6.0, rel=1e-8)
     assert np.abs(result["q1"].values).max() < 1e-12
+
+
+def test_a_cable_is_taut_and_slack_at_its_instants_beside_a_joint_that_is_left_out(write):
+    """A weight of 2 kg falls by 0.3 m, and bounces on 50 kN/m: half an oscillation about ``m g / k``, from ``v`` on."""
+    bodies = f"""
+<link name="weight">{BODY.format(2)}</link><link name="wheel">{BODY.format(1)}</link>
+<joint name="drop" type="prismatic"><parent link="base"/><child link="weight"/><origin xyz="0 0 -1"/>
+<axis xyz="0 0 -1"/>{SIZES}</joint>
+<joint name="turn" type="continuous"><parent link="base"/><child link="wheel"/><axis xyz="0 0 1"/></joint>"""
+    rope = "{kind: cable, through: [base, weight], stiffness: 50 kN/m, free_length: 1.3 m}"
+    problem = ("{kind: forward, time: {end: 0.4 s, samples: 3}, motion: {turn: {law: constant, value: 0 rad}}, "
+               f"loads: {{rope: {rope}}}}}")  # fmt: skip
+    result = pinarm.run(write(bodies, "", problem, "drop"))
+    taut, pulse = np.sqrt(0.6 / 9.81), np.sqrt(50e3 / 2.0)
+    slack = taut + 2.0 / pulse * (np.pi - np.arctan(taut * pulse))
+    assert [one.how for one in result.removals] == ["locked"]
+    found = [segment.solution.end for segment in result.outcome.motion.motion.motion.segments]
+    assert found == pytest.approx([taut, slack, 0.4], rel=1e-7)

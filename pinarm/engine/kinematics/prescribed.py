@@ -31,6 +31,12 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
     coordinates: tuple[Coordinate, ...]
     laws: tuple[MotionLaw, ...]
 
+    @property
+    def joint_laws(self) -> dict[int, MotionLaw]:
+        """The laws of joints that follow one by their own coordinate, by index in v."""
+        driven = zip(self.coordinates, self.laws, strict=True)
+        return {one.joint: law for one, law in driven if isinstance(one, LinearCoordinate) and one.joint is not None}
+
     @classmethod
     def bound(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> PrescribedCoordinates:
         """Return prescribed coordinates of a mechanism, be they as many as they may.

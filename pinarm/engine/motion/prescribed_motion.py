@@ -258,11 +258,15 @@ class PrescribedMotion(Record, frozen=True):
         return np.empty(0)
 
     def knots(self) -> Array:
-        """Return the points of laws of coordinates, and of loads over time; see ``SolvedMotion``."""
+        """Return the points of laws of coordinates, of loads, and of profiles of cams; see ``SolvedMotion``."""
         known, laws = self.prescription, [*self.prescription.motion.laws]
+        forces = known.dynamics.forces.values()
         if known.parameter == "t":
-            laws += [law for force in known.dynamics.forces.values() for law in force.laws()]
-        return distinct(np.array([knot for law in laws for knot in law.knots()]))
+            laws += [law for force in forces for law in force.laws()]
+        ends, joints = sorted((self.cuts[0], self.cuts[-1])), known.motion.prescribed.joint_laws
+        passed = [t for force in forces for t in force.marked(joints, *ends)]
+        passed += [t for one in known.mechanism.relations for t in one.marked(joints, *ends)]
+        return distinct(np.array([*(knot for law in laws for knot in law.knots()), *passed]))
 
     def jumps(self) -> Array:
         """Return nothing: laws jump between intervals only; see ``SolvedMotion``."""

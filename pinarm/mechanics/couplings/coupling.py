@@ -80,6 +80,10 @@ class JointRelation(ABC):
         """Return when one piece meets the next where joints follow laws, by their index in v, between instants [s]."""
         return []
 
+    def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
+        """Return when points of pieces are passed; see ``ForceElement.marked``."""
+        return []
+
     def passed(self, q: Array, v: Array) -> bool:
         """Return whether a step may have gone past a piece; see ``ForceElement.passed``."""
         return False

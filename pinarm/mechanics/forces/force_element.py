@@ -123,6 +123,10 @@ class ForceElement(ABC):
         """
         return False
 
+    def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
+        """Return when the load passes points of its pieces where joints follow laws, by their index in v [s]."""
+        return []
+
     def edges(self) -> Sequence[Edge]:
         """Return where the load stops being smooth, if these instants are to be located: steps end there."""
         return ()

@@ -118,7 +118,7 @@ class JointEffort(InputStruct, frozen=True, tag_field="kind", tag="joint_effort"
             self.effort.require_continuous(along.unit)
         with within("period"):
             check_unit(self.period or 0.0, along.unit)
-        return ProfiledEffort(joint.v, along.q, Profile.of(self.effort, self.period))
+        return ProfiledEffort(joint.v, along.q, along.v, Profile.of(self.effort, self.period))
 
 
 class TorqueSpeed(InputStruct, frozen=True, tag_field="kind", tag="torque_speed"):

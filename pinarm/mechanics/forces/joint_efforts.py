@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -73,16 +72,19 @@ class ProfiledEffort(ForceElement):
     """A torque or force at a joint that depends on the coordinate of a joint, such as of gas on a crank.
 
     All of its power is supplied, also where it could be called a spring. Forward problems step over the profile's
-    breakpoints, where their accuracy is that of a kink, but over no whole piece.
+    breakpoints, where their accuracy is that of a kink, but over no whole piece, nor over the way from one point of a
+    spline or table to the next.
 
     Attributes:
         v: Index in v of the joint that it acts on.
         q: Index in q of the joint that it depends on.
+        along: Index in v of that joint.
         profile: The effort [N*m or N] over that joint's coordinate.
     """
 
     v: int
     q: int
+    along: int
     profile: Profile
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
@@ -106,10 +108,14 @@ class ProfiledEffort(ForceElement):
         """Return whether the coordinate passes a whole piece of the profile."""
         return self._pieces.passed(q[..., self.q])
 
+    def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
+        """Return when the coordinate passes breakpoints and knots of the profile, where it follows a law."""
+        law = laws.get(self.along)
+        return [] if law is None else self.profile.marked(law, start, end)
+
     @cached_property
     def _pieces(self) -> Pieces:
-        starts = [piece.start for piece in self.profile.pieces if math.isfinite(piece.start)]
-        return Pieces(np.array(starts), self.profile.period)
+        return Pieces(self.profile.marks, self.profile.period)
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,9 @@ With the profile f and the law w(t) of the driving coordinate:
 from __future__ import annotations
 
 import math
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Collection, Sequence
-from functools import partial
+from contextlib import suppress
 from itertools import pairwise
 from typing import Any
 
@@ -34,6 +35,9 @@ ON_BREAKPOINT = 1e-12
 MANY = 10_000
 """Largest number of breakpoints that a driven profile may pass."""
 
+MANY_KNOTS = 100_000
+"""Knots up to which a driven profile has them: beyond, steps are taken as if there were none."""
+
 
 class Profile(ValueRecord, frozen=True):
     """A law f(w) over a coordinate w, repeated with a period if there is one.
@@ -54,7 +58,7 @@ class Profile(ValueRecord, frozen=True):
         if period is None:
             return cls(tuple(law.smooth_pieces), math.inf, law)
         inside = [piece for piece in law.smooth_pieces if piece.end > 0.0 and piece.start < period]
-        return cls(tuple(Piece(max(p.start, 0.0), min(p.end, period), p.function) for p in inside), period, law)
+        return cls(tuple(piece.between(0.0, period) for piece in inside), period, law)
 
     def __reduce__(self) -> tuple[Callable[..., Profile], tuple[MotionLaw, float | None]]:
         """Return how it is made again: from the law."""
@@ -87,12 +91,35 @@ class Profile(ValueRecord, frozen=True):
         Raises:
             InputError: There are more than ``MANY``.
         """
-        own = np.array([piece.start for piece in self.pieces if math.isfinite(piece.start)])
+        found = self._repeated(self.starts, low, high, MANY)
+        if found is None:
+            turns = np.floor(high / self.period) - np.floor(low / self.period)
+            raise InputError(f"the profile is passed {turns:.3g} times", expected="a shorter motion")
+        return found
+
+    def knots(self, low: float, high: float) -> Array:
+        """Return the knots of pieces between two values of the coordinate, ascending; none where these are too many."""
+        found = self._repeated([knot for piece in self.pieces for knot in piece.knots], low, high, MANY_KNOTS)
+        return np.zeros(0) if found is None else found
+
+    @property
+    def marks(self) -> Array:
+        """Where pieces begin, and their knots, ascending; those of the first period where it repeats."""
+        return np.array(sorted([*self.starts, *(knot for piece in self.pieces for knot in piece.knots)]))
+
+    @property
+    def starts(self) -> list[float]:
+        """Where pieces begin, ascending; those of the first period where it repeats."""
+        return [piece.start for piece in self.pieces if math.isfinite(piece.start)]
+
+    def _repeated(self, places: Sequence[float], low: float, high: float, most: int) -> Array | None:
+        """Return places of the first period in every one between two values; ``None`` where there are too many."""
+        own = np.array(places)
         if self.period < math.inf and math.isfinite(low) and math.isfinite(high):
             with np.errstate(over="ignore", invalid="ignore"):
                 first, last = np.floor(low / np.float64(self.period)), np.floor(high / np.float64(self.period))
-                if not (last - first + 1) * len(own) <= MANY:
-                    raise InputError(f"the profile is passed {last - first:.3g} times", expected="a shorter motion")
+                if not (last - first + 1) * len(own) <= most:
+                    return None
             own = (self.period * np.arange(first, last + 1)[:, None] + own).ravel()
         return own[(own > low) & (own < high)]
 
@@ -105,9 +132,20 @@ class Profile(ValueRecord, frozen=True):
         found: list[float] = []
         for piece in drive.smooth_pieces:
             low, high = max(piece.start, start), min(piece.end, end)
-            found += passing_times(self, piece.function, low, high) if low < high else []
+            found += passing_times(self, piece.function, low, high)[0] if low < high else []
             if len(found) > MANY:
                 raise InputError("the profile's breakpoints are passed too often", expected="a shorter motion")
+        return found
+
+    def marked(self, drive: MotionLaw, start: float, end: float) -> list[float]:
+        """Return the instants at which a law over time passes breakpoints or knots; none where these are too many."""
+        found: list[float] = []
+        for piece in drive.smooth_pieces:
+            low, high = max(piece.start, start), min(piece.end, end)
+            with suppress(InputError):
+                found += (
+                    [t for some in passing_times(self, piece.function, low, high) for t in some] if low < high else []
+                )
         return found
 
     def beside(self, middle: float, w: Array) -> Values:
@@ -211,12 +249,13 @@ class Over(InputStruct, frozen=True, tag_field="law", tag="over"):
         parts: list[Piece] = []
         for piece in drive.smooth_pieces:
             low, high = max(piece.start, start), min(piece.end, end)
-            cuts = passing_times(profile, piece.function, low, high) if low < high else []
+            cuts, knots = passing_times(profile, piece.function, low, high) if low < high else ([], [])
             if len(parts) + len(cuts) > MANY:
                 raise InputError("the profile's breakpoints are passed too often", expected="a shorter motion")
             for first, last in pairwise([piece.start, *cuts, piece.end]):
                 middle = 0.5 * (max(first, min(low, last)) + min(last, max(high, first)))
-                parts.append(Piece(first, last, _chained(profile, piece.function, middle)))
+                own = knots[bisect_right(knots, first) : bisect_left(knots, last)]
+                parts.append(Piece(first, last, _chained(profile, piece.function, middle), tuple(own)))
         return Driven(parts=tuple(parts))
 
 
@@ -232,27 +271,34 @@ def _chained(profile: Profile, drive: Callable[[Array], Values], middle: float) 
     return function
 
 
-def passing_times(profile: Profile, drive: Callable[[Array], Values], low: float, high: float) -> list[float]:
-    """Return the instants between low and high at which a smooth motion passes breakpoints of a profile, ascending."""
+def passing_times(
+    profile: Profile, drive: Callable[[Array], Values], low: float, high: float
+) -> tuple[list[float], list[float]]:
+    """Return the instants between low and high at which a smooth motion passes breakpoints and knots of a profile."""
     t = np.linspace(low, high, SAMPLES)
     speed = drive(t)[1]
     back = np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
     turns = _halved(lambda x: drive(x)[1], t[back], t[back + 1])
     t = np.sort(np.concatenate([t, turns]))
     w = drive(t)[0]
-    breaks = profile.breaks(float(w.min()), float(w.max()))
-    slack = ON_BREAKPOINT * max(1.0, float(np.abs(breaks).max(initial=0.0)))
-    instants = []
-    for place in breaks:
+    least, most = float(w.min()), float(w.max())
+    breaks, knots = profile.breaks(least, most), profile.knots(least, most)
+    return _passages(drive, t, w, breaks), _passages(drive, t, w, knots)
+
+
+def _passages(drive: Callable[[Array], Values], t: Array, w: Array, places: Array) -> list[float]:
+    """Return the instants at which a motion passes places, ascending; between instants t it goes one way."""
+    slack = ON_BREAKPOINT * max(1.0, float(np.abs(places).max(initial=0.0)))
+    brackets = []
+    for place in places:
         side = np.where(np.abs(w - place) <= slack, 0.0, np.sign(w - place))
         off = np.flatnonzero(side)
         across = np.flatnonzero(side[off[:-1]] != side[off[1:]])
-        instants.append(_halved(partial(_gap, drive, float(place)), t[off[across]], t[off[across + 1]]))
-    return sorted(float(instant) for instant in np.concatenate([np.zeros(0), *instants]))
-
-
-def _gap(drive: Callable[[Array], Values], place: float, t: Array) -> Array:
-    return drive(t)[0] - place
+        brackets.append((np.full(len(across), place), t[off[across]], t[off[across + 1]]))
+    if not brackets:
+        return []
+    passed, before, after = (np.concatenate(part) for part in zip(*brackets, strict=True))
+    return sorted(_halved(lambda x: drive(x)[0] - passed, before, after).tolist())
 
 
 def _halved(function: Callable[[Array], Array], low: Array, high: Array) -> Array:

@@ -10,7 +10,6 @@ from pinarm.arrays import Array
 from pinarm.engine.kinematics.joint_motion import JointMotion
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, Key, Place, within
-from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.laws import Motion, Over
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 
@@ -86,10 +85,7 @@ def grid_of(mechanism: Mechanism, motion: JointMotion, t: Array, laws: Sequence[
         t: Instants [s].
         laws: Laws of the motion and of loads.
     """
-    driven = zip(motion.coordinates, motion.laws, strict=True)
-    joints = {
-        one.joint: law for one, law in driven if isinstance(one, LinearCoordinate) and one.joint is not None
-    }  # fmt: skip
+    joints = motion.prescribed.joint_laws
     start, end = float(t[0]), float(t[-1])
     kinks = [x for one in mechanism.relations for x in one.passages(joints, start, end) if start < x < end]
     near = [x + side * BESIDE * (end - start) for x in kinks for side in (-1.0, 1.0)]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import pinocchio as pin
@@ -25,15 +25,15 @@ from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.mechanics.ball_joints import ball_angles, ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
-from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.forces.force_element import Edge, ForceElement
 from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.problems.simplify.removal import Removed
 from pinarm.records import replace
 
-CARRIED = "forces of the whole"
-"""Name of the element of those forces that look beyond the joints of a part."""
+CARRIED = "laws of the whole"
+"""Name of the element that knows the laws of joints that are dropped."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class ReducedMechanism:
 
     @cached_property
     def mechanism(self) -> Mechanism:
-        """The part as a mechanism; forces that look beyond its joints are one element, which knows the whole."""
+        """The part as a mechanism; forces that look beyond its joints know the whole."""
         whole = self.whole
         model = self._model()
         joints, balls = joints_of(model), balls_of(model)
@@ -88,13 +88,11 @@ class ReducedMechanism:
         drives = {name: drive for name, drive in whole.drives.items() if drive.joint in joints}
         within = {name: force.within(self.kept_q, self.kept_v) for name, force in self.forces.items()}
         forces = {name: force for name, force in within.items() if force is not None}
-        others = tuple(force for name, force in self.forces.items() if name not in forces)
-        carried = Carried(
-            others, tuple(self.removed.dropped.values()), self.configuration, self.kept_q,
-            self.kept_v, whole.model.nv, tuple(carrier for carrier, _ in self._places),
-        )  # fmt: skip
-        if others or self.removed.dropped:
-            forces[CARRIED] = carried
+        carried = partial(Carried, configuration=self.configuration, kept_q=self.kept_q, kept_v=self.kept_v,
+                          nv=whole.model.nv, carriers=tuple(carrier for carrier, _ in self._places))  # fmt: skip
+        forces |= {name: carried((force,), ()) for name, force in self.forces.items() if name not in forces}
+        if self.removed.dropped:
+            forces[CARRIED] = carried((), tuple(self.removed.dropped.values()))
         return replace(
             whole, model=model, joints=joints, balls=balls, coordinates=self._coordinates(model),
             constraints=constraints, drives=drives, forces=forces,
@@ -356,6 +354,38 @@ class Carried(ForceElement):
     def on(self, start: float, end: float) -> Carried:
         """Return the elements as they are on an interval."""
         return replace(self, forces=tuple(force.on(start, end) for force in self.forces))
+
+    @property
+    def in_pieces(self) -> bool:
+        """Whether the load of an element is made of pieces."""
+        return any(force.in_pieces for force in self.forces)
+
+    def passed(self, q: Array, v: Array) -> bool:
+        """Return whether a step may have gone past a piece of an element; see ``ForceElement.passed``."""
+        whole = self._whole(q, v)
+        return any(force.passed(*whole) for force in self.forces)
+
+    def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
+        """Return when loads of elements pass points of their pieces; see ``ForceElement.marked``."""
+        whole = {int(self.kept_v[v]): law for v, law in laws.items()}
+        return [t for force in self.forces for t in force.marked(whole, start, end)]
+
+    def edges(self) -> list[Edge]:
+        """Return where the loads of elements stop being smooth."""
+        return [self._edge(edge) for force in self.forces for edge in force.edges()]
+
+    def _edge(self, edge: Edge) -> Edge:
+        """Return an edge as a function of states of the part."""
+        counts = edge.counts
+        return Edge(
+            lambda t, q, v: edge.value(t, *self._whole(q, v)),
+            counts and (lambda t, q, v: counts(t, *self._whole(q, v))),
+        )
+
+    def refusal(self, q: Array) -> str:
+        """Return why an element has no load at a configuration of the part; empty where all have one."""
+        whole, _ = self._whole(q, np.zeros(len(self.kept_v)))
+        return next((said for force in self.forces if (said := force.refusal(whole))), "")
 
     def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
         """Return what acts on the links of the part."""

@@ -55,7 +55,8 @@ MOST_RIVALS = 20
 
 PARTS = 4
 """In how many parts, of 17 states each, an interval is looked into, however many rows it has: a peak of a law's motion
-that is narrower than the largest distance of such states, a 40th of the interval, may be missed."""
+that is narrower than the largest distance of such states, a 40th of the interval, and at no point of a law, may be
+missed."""
 
 STEPS_IN_PIECE = 16
 """Steps of an integrator, which are short where the motion changes quickly, from one cut of an interval to the next:
@@ -350,7 +351,19 @@ class Lookup(Record, frozen=True):
             if not search.knows(self._interval_of(rival), t[rival], values[rival]) and not self._is_beside(rival, top)
         ]  # fmt: skip
         top = search.highest(top, [piece for rival in rivals for piece in self._beside(rival)])
+        top = search.highest(top, self._beside_knots(height, top.height + slack))
         return row if top.height <= row.height + slack else replace(top, error=top.error if top.error > slack else 0.0)
+
+    def _beside_knots(self, height: Callable[[Quantities], Array], top: float) -> list[CurvePart]:
+        """Return the pieces between knots, of laws and of what is over a coordinate, where heights may pass a top."""
+        spots = [(interval, t) for interval, t in enumerate(self.knots) if len(t)]
+        pieces = []
+        for (interval, t), heights in zip(spots, self.heights(height, spots), strict=True):
+            low, high = (min(self.intervals[interval][:2]), max(self.intervals[interval][:2]))
+            around = np.concatenate([[low], t, [high]])
+            rivals = _rivals(bounded_below(heights, t), top)
+            pieces += [CurvePart(interval, (float(around[k]), float(around[k + 2]))) for k in rivals]
+        return pieces
 
     def heights(self, height: Callable[[Quantities], Array], spots: Spots) -> list[Array]:
         """Return a function of the quantities at places of intervals; states of one interval are solved together.

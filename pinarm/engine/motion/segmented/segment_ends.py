@@ -95,7 +95,11 @@ def steps_over(hybrid: HybridSystem, system: System) -> StepsOver | None:
 
 def of_mechanism(watch: Watch, system: System) -> Watch:
     """Return the watch of integrated states."""
-    return replace(watch, value=lambda t, q, v: watch.value(t, *system.whole(t, q, v)))
+    counts = watch.counts
+    return replace(
+        watch, value=lambda t, q, v: watch.value(t, *system.whole(t, q, v)),
+        counts=counts and (lambda t, q, v: counts(t, *system.whole(t, q, v))),
+    )  # fmt: skip
 
 
 def _gap(bound: Stop, slack: float, t: Array, q: Array, v: Array) -> Array:

@@ -270,17 +270,16 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
 
     @property
     def in_pieces(self) -> bool:
-        """Whether the profile has breakpoints."""
+        """Whether the profile has breakpoints or knots."""
         return bool(len(self._pieces.bounds))
 
     @cached_property
     def _pieces(self) -> Pieces:
-        starts = [piece.start for piece in self.profile.pieces if np.isfinite(piece.start)]
-        return Pieces(np.array(starts), self.profile.period)
+        return Pieces(self.profile.marks, self.profile.period)
 
     def edges(self) -> list[Edge]:
         """Return the passages of the cam through the breakpoints of the profile."""
-        return [Edge(partial(self._beside, place)) for place in self._pieces.bounds]
+        return [Edge(partial(self._beside, place)) for place in self.profile.starts]
 
     def _beside(self, place: float, t: Array, q: Array, v: Array) -> Array:
         """Return what vanishes where the cam is at a place, in every period."""
@@ -292,6 +291,11 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
         law = laws.get(self.cam_joint.v)
         return [] if law is None else [t for t in self.profile.passages(law, start, end) if self._jumps(law, t)]
 
+    def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
+        """Return when the cam passes breakpoints and knots of its profile, where it follows a law."""
+        law = laws.get(self.cam_joint.v)
+        return [] if law is None else self.profile.marked(law, start, end)
+
     def _jumps(self, law: MotionLaw, t: float) -> bool:
         """Return whether f'' jumps where the cam is at an instant."""
         place = law.on(t, t)(np.array([t]))[0]
@@ -300,7 +304,7 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
         return bool(abs(after - before) > JUMP * size)
 
     def passed(self, q: Array, v: Array) -> bool:
-        """Return whether the cam passes a whole piece of the profile."""
+        """Return whether the cam passes a whole piece of the profile, or the way from one knot to the next."""
         return self._pieces.passed(q[:, self.cam_joint.q])
 
     @property

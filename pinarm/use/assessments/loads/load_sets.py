@@ -25,8 +25,9 @@ from pinarm.engine.quantities.reactions import Reactions
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.pinocchio_data import new_data
-from pinarm.mechanics.joints import moved_links
+from pinarm.mechanics.joints import links_behind
 from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.rotors import GearedRotor, counted_angle
 from pinarm.records import replace
 from pinarm.use.result.section import SectionTable
 
@@ -86,8 +87,10 @@ class LoadSet:
         for each in _with_shares(row):
             acting.setdefault(each.body, []).append(each)
         turns, places = row.reactions.links(np.arange(1)).turns[0], row.reactions.origins[0]
-        for body in range(1, model.njoints):
-            own, link = acting.get(body, []), moved_links(model, body)[0]
+        for body, links in enumerate(links_behind(model)):
+            if body == 0 or not (links or model.inertias[body].mass):
+                continue  # a rotor, a counter of turns, a part of a floating joint
+            own, link = acting.get(body, []), links[0] if links else str(model.names[body])
             if doubt := next((each.doubt for each in own if each.doubt), ""):
                 kept = row.undetermined == "minimum_norm" and doubt != SHARED
                 remarks.setdefault(f"{'least multipliers' if kept else 'left out'}; {doubt}", []).append(link)
@@ -153,13 +156,16 @@ def _of_joints(found: Reactions, whole: Reactions) -> Iterator[Action]:
 
 
 def _of_constraints(found: Reactions, whole: Reactions) -> Iterator[Action]:
-    """Yield the wrenches of loop joints and couplings, and of drives along task coordinates."""
+    """Yield the wrenches of loop joints and couplings, of drives along task coordinates and their rotors."""
     links, closure, lam = found.links(np.arange(1)), found.closure, found.multipliers[:1]
     for constraint, part in zip(closure.constraints, closure.slices.values(), strict=True):
         what, point, doubt = f"drive {constraint.name}", None, ""
         if isinstance(constraint, LoopJoint):
             what, point = f"loop {constraint.name}", found.loop_origins(constraint.name)[0]
             doubt = _hyperstatic(whole, whole.stressed_loop(constraint.name))
+        elif isinstance(constraint, GearedRotor):
+            angle = counted_angle(constraint.rotor.name)
+            what = constraint.name if angle is None else f"effort along {angle}"
         elif isinstance(constraint, JointRelation) and constraint.known:
             what, point = f"coupling {constraint.name}", found.transmitted(constraint.name)[0][0]
             doubt = _hyperstatic(whole, whole.multiplier(constraint.name)[1])

@@ -14,7 +14,7 @@ for a cycle of the length L: three integrals serve all motors and ratios. The le
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -28,7 +28,7 @@ from pinarm.use.result.row_lookup import Lookup
 
 SAMPLES = 2000
 """Instants at which peaks and temperatures are looked at, spread over the intervals of a run by their lengths, besides
-eight in each."""
+eight in each, and all at which integrals and the largest velocity, acceleration and effort were looked for."""
 
 
 Columns = Callable[[Quantities], tuple[Array, Array, Array]]
@@ -44,7 +44,8 @@ class Duty:
         v: Velocity of the joint [rad/s or m/s], shape (n,).
         a: Its acceleration, shape (n,).
         y: Effort at the gear's input times the ratio, efficiency included [N*m or N], shape (n,).
-        inertia: What it feels of the masses, its own rotor left out [kg*m^2 or kg], shape (n,); see ``load_inertia``.
+        load_inertia: Mean of what it feels of the masses, its own rotor left out, weighted with the square of the speed
+            [kg*m^2 or kg]; see ``load_inertia``.
         squares: A, B and C.
         error: Largest error of their quadrature, relative to the largest contribution.
         rest: How long the joint is held by a brake after the motion, the motor without torque [s].
@@ -54,7 +55,7 @@ class Duty:
     v: Array = field(repr=False)
     a: Array = field(repr=False)
     y: Array = field(repr=False)
-    inertia: Array = field(repr=False)
+    load_inertia: float
     squares: tuple[float, float, float]
     error: float
     rest: float
@@ -78,18 +79,6 @@ class Duty:
         """Return the ratio of the least rms torque for a rotor inertia; infinite without one."""
         a, _, c = self.squares
         return float((c / a) ** 0.25 / inertia**0.5) if a * inertia > 0.0 else float("inf")
-
-    @property
-    def load_inertia(self) -> float:
-        """Mean of the inertia, weighted with the square of the speed [kg*m^2 or kg]; of the time where it rests.
-
-        Twice the mean kinetic energy over the mean square of the speed: finite where the motion passes a dead point.
-        """
-        squares = self.v**2
-        if not squares.any():
-            return float(np.trapezoid(self.inertia, self.t) / (self.t[-1] - self.t[0]))
-        energies = np.multiply(self.inertia, squares, out=np.zeros_like(squares), where=squares > 0.0)
-        return float(np.trapezoid(energies, self.t) / np.trapezoid(squares, self.t))
 
     def mean_speed(self) -> float:
         """Return the mean size of the velocity over the cycle, its rest included."""
@@ -143,11 +132,15 @@ def duty_of(
     rates = [run.quantities.determined(name).values for name in names][:2]
     pace = np.array([[np.abs(rate).max()] for rate in rates])  # of the whole run, whichever states are looked at
 
+    seen = list[tuple[Array, Array, Array, Array]]()
+
     def columns(rows: Quantities) -> tuple[Array, Array, Array]:
         v, a, effort = (rows[name].values for name in names)
         tau, sides = effort - armature * a, rows.trajectory.grid.sides()
         direction = directions(v[:, None], a[:, None], pace, sides, np.zeros((len(v), 1)))[:, 0]
-        return v, a, tau * np.where(tau * direction < 0.0, efficiency, 1.0 / efficiency)
+        y = tau * np.where(tau * direction < 0.0, efficiency, 1.0 / efficiency)
+        seen.append((rows.trajectory.grid.t, v, a, y))
+        return v, a, y
 
     _, a, y = columns(run.quantities)
     scale = np.array([np.abs(a).max() or 1.0, np.abs(y).max() or 1.0])
@@ -159,10 +152,14 @@ def duty_of(
 
     total, error = integrals(run, squares)
     sizes = np.array([scale[0] ** 2, scale[0] * scale[1], scale[1] ** 2])
-    t, v, a, y, inertia = _samples(run, lambda rows: (*columns(rows), load_inertia(rows.trajectory, coordinate, held)))
+    for k, what in enumerate(("velocity", "acceleration", "effort")):
+        run.highest(lambda rows, k=k: np.abs(columns(rows)[k]), f"the {what} of '{coordinate}'")  # type: ignore[misc]
+    t, v, inertia = _samples(run, lambda rows: (columns(rows)[0], load_inertia(rows.trajectory, coordinate, held)))
     worst = float(error.max() / max(np.abs(total).max(), np.finfo(float).tiny))
     a_square, product, y_square = (total * sizes).tolist()
-    return Duty(t, v, a, y, inertia - armature, (a_square, product, y_square), worst, rest)
+    mean = _mean_inertia(t, v, inertia - armature)
+    t, v, a, y = _in_order(run, columns, seen)
+    return Duty(t, v, a, y, mean, (a_square, product, y_square), worst, rest)
 
 
 def _samples(run: Lookup, columns: Callable[[Quantities], tuple[Array, ...]]) -> tuple[Array, ...]:
@@ -174,3 +171,33 @@ def _samples(run: Lookup, columns: Callable[[Quantities], tuple[Array, ...]]) ->
             t = np.linspace(start, end, 8 + round(SAMPLES * (end - start) / whole))
             parts.append((t, *columns(run.quantities_at(interval, t))))
     return tuple(np.concatenate(each) for each in zip(*parts, strict=True))
+
+
+def _mean_inertia(t: Array, v: Array, inertia: Array) -> float:
+    """Return the mean of an inertia, weighted with the square of the speed; of the time where it rests.
+
+    Twice the mean kinetic energy over the mean square of the speed: finite where the motion passes a dead point.
+    """
+    squares = v**2
+    if not squares.any():
+        return float(np.trapezoid(inertia, t) / (t[-1] - t[0]))
+    energies = np.multiply(inertia, squares, out=np.zeros_like(squares), where=squares > 0.0)
+    return float(np.trapezoid(energies, t) / np.trapezoid(squares, t))
+
+
+def _in_order(run: Lookup, columns: Columns, seen: Sequence[tuple[Array, ...]]) -> tuple[Array, ...]:
+    """Return all instants that were looked at, both sides of jumps among them, and the columns there.
+
+    Args:
+        run: The run.
+        columns: What gives the columns.
+        seen: Instants, and the columns there.
+    """
+    every, parts = np.concatenate([np.array(each) for each in seen], axis=1), []
+    every = every[:, np.unique(every[0], return_index=True)[1]]
+    for interval, (start, end, _) in enumerate(run.intervals):
+        if end > start:
+            ends = np.array([(start, end), *columns(run.quantities_at(interval, np.array([start, end])))])
+            inside = every[:, (every[0] > start) & (every[0] < end)]
+            parts.append(np.concatenate([ends[:, :1], inside, ends[:, 1:]], axis=1))
+    return tuple(np.concatenate(parts, axis=1))

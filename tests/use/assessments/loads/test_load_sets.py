@@ -1,6 +1,8 @@
 """Sets of loads: their balance by Newton and Euler, and single loads against closed forms."""
 
+import json
 from math import cos, pi, sin
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -88,3 +90,29 @@ def test_bodies_whose_loads_are_not_determined_are_left_out() -> None:
     lines, section = rows("slider_crank_gas", {"loads": {"joints": {"loop.B": {}}, "sets": ["radial"]}})
     assert not lines
     assert any("crank, rod, piston left out; hyperstatic of degree 3" in remark for remark in section.remarks)
+
+
+def test_what_acts_along_an_angle_whose_turns_are_counted_is_told_at_its_links(tmp_path) -> None:
+    """A body that floats swings about an edge, on a spring along the angle of the hinge that closes the loop."""
+    examples = Path(pinarm.__file__).parents[1] / "docs/kind_examples/loop_joints"
+    (tmp_path / "body.urdf").write_text((examples / "body.urdf").read_text())
+    spring = {"kind": "coordinate_spring", "coordinate": "L.angle", "stiffness": "3 N*m/rad"}
+    mechanism = json.dumps({
+        "pinarm": 1, "robot": "body.urdf", "forces": {"spring": spring},
+        "loops": {"L": {"kind": "revolute", "between": ["anchor", "corner"], "axis": "y"}},
+        "start": {"free.x": "0.15 m", "free.y": "0.1 m", "free.z": "0.45 m"},
+    })  # fmt: skip
+    (tmp_path / "mechanism.yaml").write_text(mechanism)
+    scenario = json.dumps({
+        "pinarm": 1, "mechanism": "mechanism.yaml", "outputs": ["loop.L.angle"],
+        "problem": {"kind": "forward", "time": {"end": "0.2 s", "samples": 3}},
+        "loads": {"joints": {"L": {}}, "sets": ["radial"]},
+    })  # fmt: skip
+    (tmp_path / "scenario.yaml").write_text(scenario)
+    result = pinarm.run(tmp_path / "scenario.yaml")
+    lines = result.sections["loads"].tables[-1].rows
+    assert {line[2] for line in lines} == {"body"}
+    [row] = [line for line in lines if line[3] == "effort along L.angle"]
+    angle = result.lookup.at({"t": f"{row[1]!r} s"}, "loop.L.angle")["loop.L.angle"].values[0]
+    assert row[10:] == pytest.approx([0.0, -3.0 * angle, 0.0], abs=1e-9)
+    assert abs(angle) > 0.1

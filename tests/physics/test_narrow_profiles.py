@@ -1,0 +1,103 @@
+"""Profiles over a coordinate that rest but for a short piece, as loads, followers and cams, against closed forms."""
+
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq
+
+import pinarm
+
+SIZES = '<limit lower="-1e4" upper="1e4" effort="1e6" velocity="1e3"/>'
+BODY = '<inertial><mass value="2"/><inertia ixx="0.02" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial>'
+JOINT = ('<link name="{0}_link">' + BODY + '</link><joint name="{0}" type="{1}"><parent link="{2}"/>'
+         f'<child link="{{0}}_link"/><axis xyz="1 0 0"/>{SIZES}</joint>')  # fmt: skip
+WHEELS = JOINT.format("wheel", "continuous", "base") + JOINT.format("other", "continuous", "base")
+OTHERS = {"none": {}, "held": {"other": {"law": "constant", "value": "0.3 rad"}},
+          "turning": {"other": {"law": "constant_speed", "speed": "2 rad/s"}}}  # fmt: skip
+"""Motions of a wheel that has nothing to do with it; where it is held, it is not solved for."""
+
+
+def short(place, width, height):
+    """Return a spline that rests but for one of its points, and these."""
+    beside = [(place + side * width * k, 0.0) for side in (-1.0, 1.0) for k in range(1, 25)]
+    points = sorted([(-1.0, 0.0), *beside, (place, height), (30.0, 0.0)])
+    return CubicSpline(*np.array(points).T, bc_type="natural"), points
+
+
+def law(points, unit):
+    return {"law": "spline", "points": [[f"{x!r} rad", f"{y!r} {unit}"] for x, y in points]}
+
+
+def solved(write, bodies, problem, outputs, mechanism="gravity: none\n"):
+    return pinarm.run(write(bodies, mechanism, json.dumps({"kind": "forward", **problem}), outputs))
+
+
+@pytest.mark.parametrize("other", OTHERS.values(), ids=OTHERS)
+def test_a_blow_over_an_angle_takes_its_work(write, other):
+    """A wheel of 0.02 kg m^2 at 20 rad/s passes a brake that acts over 0.004 rad: ``I v^2 / 2`` falls by its work."""
+    blow, points = short(12.05, 0.002, -800.0)
+    loads = {"brake": {"kind": "joint_effort", "joint": "wheel", "over": "wheel", "effort": law(points, "N*m")}}
+    problem = {"time": {"end": "1 s", "samples": 3}, "initial": {"velocity": {"wheel": "20 rad/s"}},
+               "loads": loads, "motion": other}  # fmt: skip
+    result = solved(write, WHEELS, problem, "wheel, joint.wheel.velocity")
+    work = float(blow.integrate(0.0, 15.0))
+    assert work < -1.0
+    assert result["joint.wheel.velocity"].values[-1] == pytest.approx(np.sqrt(400.0 + 2.0 * work / 0.02), rel=1e-5)
+
+
+def test_a_short_lift_of_a_follower_moves_what_hangs_on_it(write):
+    """``x'' = -w0^2 x - s''`` behind a follower with a short lift: ``x = -int s'' sin(w0 (t - u)) / w0 du``."""
+    lift, points = short(4.4, 0.004, 0.01)
+    bodies = JOINT.format("crank", "continuous", "base") + JOINT.format("s", "prismatic", "base")
+    bodies += JOINT.format("m", "prismatic", "s_link")
+    motion = {"crank": {"law": "constant_speed", "speed": "6 rad/s"},
+              "s": {"law": "over", "of": "crank", "profile": law(points, "m")}}  # fmt: skip
+    problem = {"time": {"end": "1 s", "samples": 3}, "motion": motion,
+               "loads": {"k": {"kind": "joint_spring", "joint": "m", "stiffness": "800 N/m"}}}  # fmt: skip
+    result = solved(write, bodies, problem, "m")
+    knots = [x / 6.0 for x, _ in points if 0.0 < x < 6.0]
+    exact = -sum(quad(lambda u: 36.0 * lift(6.0 * u, 2) * np.sin(20.0 * (1.0 - u)) / 20.0, low, high, epsabs=1e-14)[0]
+                 for low, high in pairwise([0.0, *knots, 1.0]))  # fmt: skip
+    assert abs(exact) > 1e-5
+    assert result["m"].values[-1] == pytest.approx(exact, rel=1e-4)
+
+
+def test_a_short_lift_of_a_cam_delays_its_shaft(write):
+    """The energy ``(I + m f'^2) w^2 / 2`` stays, so that ``t = int sqrt(1 + m f'^2 / I) / w0``."""
+    lift, points = short(7.7, 0.001, 0.0003)
+    bodies = JOINT.format("shaft", "continuous", "base") + JOINT.format("lift", "prismatic", "base")
+    cam = {"C": {"kind": "cam", "joints": ["shaft", "lift"], "profile": law(points, "m")}}
+    problem = {"time": {"end": "1 s", "samples": 3}, "initial": {"velocity": {"shaft": "10 rad/s"}}}
+    result = solved(write, bodies, problem, "shaft", f"gravity: none\ncouplings: {json.dumps(cam)}\n")
+    knots = [x for x, _ in points if 0.0 < x < 9.0]
+
+    def time(angle):
+        pieces = pairwise([0.0, *knots, angle])
+        return sum(quad(lambda x: 0.1 * np.sqrt(1.0 + 100.0 * lift(x, 1) ** 2), *piece, epsabs=1e-13)[0]
+                   for piece in pieces)  # fmt: skip
+
+    exact = brentq(lambda angle: time(angle) - 1.0, 9.0, 10.0, xtol=1e-12)
+    assert exact < 9.996
+    assert result["shaft"].values[-1] == pytest.approx(exact, abs=1e-6)
+
+
+@pytest.mark.parametrize("other", ["none", "held"])
+@pytest.mark.parametrize(("turns", "rows", "middle"), [(29, 639, 63.9666), (113, 2261, 180.5)])
+def test_the_largest_effort_of_a_blow_in_every_turn_is_found(write, other, turns, rows, middle):
+    """A press that needs 10 N m in the middle of 2 deg of every turn, at a steady turn a second."""
+    points = [(0.0, 0.0), *((middle + 0.8 * k, -10.0 * (k == 0)) for k in range(-6, 7)), (360.0, 0.0)]
+    effort = {"law": "spline", "points": [[f"{x!r} deg", f"{y!r} N*m"] for x, y in points]}
+    problem = {"kind": "inverse", "time": {"end": f"{turns} s", "samples": rows},
+               "motion": {"wheel": {"law": "constant_speed", "speed": "360 deg/s"}, **OTHERS[other]},
+               "loads": {"press": {"kind": "joint_effort", "joint": "wheel", "over": "wheel", "period": "360 deg",
+                                   "effort": effort}}}  # fmt: skip
+    wheels = WHEELS if OTHERS[other] else JOINT.format("wheel", "continuous", "base")
+    result = pinarm.run(write(wheels, "gravity: none\n", json.dumps(problem), "joint.wheel.effort"))
+    assert result.number("joint.wheel.effort @ max")[0] == pytest.approx(10.0, rel=1e-12)
+    turn = CubicSpline(*np.array(points).T, bc_type="clamped")
+    pieces = [quad(lambda x: turn(x) ** 2, *pair, epsabs=1e-12)[0] for pair in pairwise([x for x, _ in points])]
+    assert result.number("joint.wheel.effort @ rms")[0] == pytest.approx(np.sqrt(sum(pieces) / 360.0), rel=1e-6)
