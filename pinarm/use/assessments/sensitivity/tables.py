@@ -40,6 +40,7 @@ class Band:
         number: The number.
         measured: Its value in the run.
         error: Bound of its numerical error [SI]; ``None`` where it is not estimated.
+        noise: What may change irregularly in it from run to run [SI].
         slopes: Its derivatives by the inputs.
         low: Its value at the corner of the tolerances where it is least if it is linear [SI].
         high: The same where it is largest.
@@ -49,6 +50,7 @@ class Band:
     number: AnyNumber
     measured: Series = field(repr=False)
     error: float | None
+    noise: float
     slopes: Sequence[Derivative]
     low: float
     high: float
@@ -72,6 +74,12 @@ class Band:
         """Return the root of the sum of their squares."""
         return float(np.linalg.norm(self.parts(inputs)))
 
+    def doubt(self, inputs: Sequence[Input]) -> float:
+        """Return how far bands may be from what runs show, though the number is linear: errors of slopes, and noise."""
+        return sum(
+            (slope.error * each.tolerance for each, slope in zip(inputs, self.slopes, strict=True)), 2.0 * self.noise
+        )
+
     def numbers(self, inputs: Sequence[Input]) -> dict[str, Series]:
         """Return bands and derivatives by name."""
         name, unit = slug(self.number), self.measured.unit
@@ -92,7 +100,7 @@ class Band:
         if self.unsolved:
             return [*said, f"{label} has no value at a corner of the tolerances: {self.unsolved}"]
         off = max(abs(self.value - self.low - worst), abs(self.high - self.value - worst))
-        if off > NOT_LINEAR * worst and off > 1e-9 * abs(self.value):
+        if off > NOT_LINEAR * worst + self.doubt(inputs) and off > 1e-9 * abs(self.value):
             said.append(f"{label} is not linear within the tolerances: see its values at the corners")
         return said
 
@@ -157,9 +165,10 @@ def distribution_remarks(
     for band, values in zip(bands, samples.values.T, strict=True):
         deviation, linear = float(values.std(ddof=1)), DEVIATION[distribution] * band.rss(inputs)
         spread = deviation / (2.0 * (count - 1)) ** 0.5
-        if abs(deviation - linear) > CERTAIN * spread:
-            said.append(f"{band.number.label}: the deviation is {deviation:.4g} ± {spread:.1g} and that of "
-                        f"root-sum-square {linear:.4g}: it is not linear within the tolerances")  # fmt: skip
+        if abs(deviation - linear) > CERTAIN * spread + band.doubt(inputs):
+            known = f"{deviation:.4g} ± {spread:.1g}"
+            said.append(f"{band.number.label}: the deviation is {known} and that of root-sum-square {linear:.4g}: "
+                        "it is not linear within the tolerances")  # fmt: skip
     return said
 
 
@@ -180,6 +189,14 @@ def distribution_graph(band: Band, inputs: Sequence[Input], values: Array, distr
         x = np.linspace(min(across[0], band.value - reach), max(across[-1], band.value + reach), 200)
         curves.append(curve(x, ndtr((x - band.value) / deviation), "normal, by root-sum-square"))
     return Graph(f"distribution_{slug(band.number)}", f"Distribution of {label}", curves)
+
+
+def sobol_remarks(bands: Sequence[Band], indices: SobolIndices) -> list[str]:
+    """Return which numbers have no indices."""
+    return [
+        f"{band.number.label} does not vary within the tolerances but for its numerical error: it has no Sobol' indices"
+        for band, first in zip(bands, indices.first, strict=True) if np.isnan(first).all()
+    ]  # fmt: skip
 
 
 def sobol_table(
