@@ -20,7 +20,8 @@ NOT_LINEAR = 0.1
 """Difference between a corner and the linear band, relative to the band, that is worth a word."""
 
 CERTAIN = 4.0
-"""Standard errors of a drawn deviation beyond which it is another than that of root-sum-square."""
+"""Standard errors of a drawn deviation, if the number is linear, beyond which it is another than that of
+root-sum-square."""
 
 
 def unit_over(unit: Unit | None, by: Unit) -> Unit | None:
@@ -164,12 +165,24 @@ def distribution_remarks(
         said.append(f"{failed} of {failed + count} drawn runs cannot be solved, and are left out: {most}")
     for band, values in zip(bands, samples.values.T, strict=True):
         deviation, linear = float(values.std(ddof=1)), DEVIATION[distribution] * band.rss(inputs)
-        spread = deviation / (2.0 * (count - 1)) ** 0.5
-        if abs(deviation - linear) > CERTAIN * spread + band.doubt(inputs):
-            known = f"{deviation:.4g} ± {spread:.1g}"
+        if abs(deviation - linear) > CERTAIN * linear / (2.0 * (count - 1)) ** 0.5 + band.doubt(inputs):
+            known = f"{deviation:.4g} ± {deviation_error(values):.1g}"
             said.append(f"{band.number.label}: the deviation is {known} and that of root-sum-square {linear:.4g}: "
                         "it is not linear within the tolerances")  # fmt: skip
     return said
+
+
+def deviation_error(values: Array) -> float:
+    """Return the standard error of the standard deviation of drawn numbers, shape (n,), by their fourth moment.
+
+    The variance of ``s^2`` is ``(m4 - s^4 (n - 3)/(n - 1))/n``: of numbers that are distributed normally about
+    ``2 s^4/n``, of squares of these seven times as much.
+    """
+    n, deviation = len(values), float(values.std(ddof=1))
+    if deviation == 0.0:
+        return 0.0
+    fourth = float((((values - values.mean()) / deviation) ** 4).mean())
+    return float(0.5 * deviation * ((fourth - (n - 3) / (n - 1)) / n) ** 0.5)
 
 
 def distribution_graph(band: Band, inputs: Sequence[Input], values: Array, distribution: DistributionName) -> Graph:
