@@ -18,7 +18,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import IntegrationError
 from pinarm.records import replace
-from pinarm.use.scenario.landscape import KEPT, Landscape, Trial
+from pinarm.use.scenario.landscape import DIFFERENCE, KEPT, Landscape, Trial
 from pinarm.use.scenario.lockstep import Run, side_by_side
 
 ACTIVE = 1e-4
@@ -32,6 +32,10 @@ FIRST_STEP, EDGE, NOWHERE = 0.02, 0.05, 1e-4
 
 VANISHES = 1e-4
 """Objective at the optimum, relative to that at the starts, below which the latter is what changes are relative to."""
+
+FINER, AGAIN = 1e-2, 5
+"""Objective at the best of the ends, relative to the size that slopes are seen by, below which all ends are followed
+again by slopes of its own size; and how often."""
 
 SAME = 1e-12
 """Differences of the objective, relative to it, that are rounding."""
@@ -129,7 +133,13 @@ def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = 
     if everywhere:
         points = [_evolved(landscape, seed)]
     descents = _descents(landscape, points)
-    best = min(descents, key=lambda one: (not one.valid, one.violation if not one.valid else 0.0, one.trial.objective))
+    best = _best(descents)
+    for _ in range(AGAIN):
+        if not _is_coarse(landscape, best):
+            break
+        landscape = replace(landscape, size=abs(best.trial.objective))
+        descents = _followed(landscape, descents)
+        best = _best(descents)
     if not best.trial.refusal and (best.status != SETTLED or landscape.kink(_scaled(landscape, best.end)) > KINK):
         descents.append(_descent(landscape, _scaled(landscape, best.end), _cobyqa))
         best = descents[-1]
@@ -162,6 +172,33 @@ def _descents(landscape: Landscape, points: Sequence[Array]) -> list[Descent]:
     for each in apart:
         landscape.trials.update(each.trials)
     return descents
+
+
+def _best(descents: Sequence[Descent]) -> Descent:
+    return min(descents, key=lambda one: (not one.valid, one.violation if not one.valid else 0.0, one.trial.objective))
+
+
+def _is_coarse(landscape: Landscape, best: Descent) -> bool:
+    """Tell whether slopes are seen by a size far above the objective at the best end, and it does not vanish there.
+
+    It does where it is more than twice as large on all sides between the bounds.
+    """
+    least = abs(best.trial.objective)
+    if not best.valid or not 0.0 < least < FINER * landscape.size:
+        return False
+    x = _scaled(landscape, best.end)
+    sides = [x + sign * DIFFERENCE * unit for unit in np.eye(len(x)) for sign in (1.0, -1.0)]
+    trials = landscape.look(side for side in sides if (np.clip(side, 0.0, 1.0) == side).all())
+    return any(abs(trial.objective) <= 2.0 * least for trial in trials if not trial.refusal)
+
+
+def _followed(landscape: Landscape, descents: Sequence[Descent]) -> list[Descent]:
+    """Return where ends lead; what could not be run is left as it is."""
+    further = _descents(landscape, [_scaled(landscape, one.end) for one in descents])
+    return [
+        before if one.trial.refusal else replace(one, start=before.start, runs=before.runs + one.runs)
+        for before, one in zip(descents, further, strict=True)
+    ]
 
 
 def _descent(landscape: Landscape, start: Array, search: Callable[[Landscape, Array], str]) -> Descent:

@@ -41,6 +41,27 @@ def test_a_smooth_valley_is_followed_to_its_lowest_point():
     assert len(found.descents) == 2
 
 
+def test_an_objective_far_below_that_of_the_starts_is_followed_to_its_least():
+    """(y + 2.134)^9 + sin(atan(x/(y^2 + 1))) rises to 2e8, and x is least at its bound where y is."""
+    function = lambda x: Trial((x[1] + 2.134) ** 9 + math.sin(math.atan(x[0] / (x[1] ** 2 + 1.0))))  # noqa: E731
+    found = optimum(landscape(function, [0.1, -2.0], [3.1, 6.0], [1.0, 2.0]), 3, 0)
+    assert found.best.end == pytest.approx([0.1, -2.0], abs=1e-6)
+    assert found.allowance == pytest.approx(0.01 * found.best.trial.objective, rel=1e-12)
+    assert found.descents[1].start == pytest.approx(spread(2, 3, 0)[1] * [3.0, 8.0] + [0.1, -2.0])
+    valley = lambda x: Trial((x[0] - 0.3) ** 2 + 1e6 * (x[1] - 0.5) ** 4 + 0.01)  # noqa: E731
+    found = optimum(landscape(valley, [0.0, -5.0], [5.0, 5.0], [1.0, 2.0]), 3, 0)
+    assert found.best.trial.objective == pytest.approx(0.01, rel=1e-6)
+
+
+def test_an_objective_that_vanishes_is_not_followed_by_its_rounding():
+    """(x - 0.3)^2 + (y - 0.5)^2 is 0, at a bound too."""
+    function = lambda x: Trial((x[0] - 0.3) ** 2 + (x[1] - 0.5) ** 2)  # noqa: E731
+    for low in (0.0, 0.3):
+        found = optimum(landscape(function, [low, -5.0], [5.0, 5.0], [1.0, 1.0]), 3, 0)
+        assert found.best.trial.objective < 1e-12
+        assert found.runs < 150
+
+
 def test_a_kink_is_met_though_it_has_no_slope():
     """|x - 1| + |y + 1/2| is least at (1, -1/2)."""
     function = lambda x: Trial(1.0 + abs(x[0] - 1.0) + 3.0 * abs(x[1] + 0.5))  # noqa: E731
