@@ -103,6 +103,7 @@ class Optimum:
         allowance: That change of the objective.
         runs: Number of runs in all.
         flat: Whether the objective is the same in all of them, but for rounding.
+        largest: Largest size of the objective in all of them.
     """
 
     best: Descent
@@ -112,6 +113,7 @@ class Optimum:
     allowance: float
     runs: int
     flat: bool = False
+    largest: float = math.inf
 
 
 def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = False) -> Optimum:
@@ -151,7 +153,10 @@ def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = 
     size = abs(best.trial.objective)
     allowance = FLAT * (size if size > VANISHES * landscape.size else landscape.size)
     reaches = [_reach(landscape, x, k, best.trial.objective + allowance) for k in range(len(x))]
-    return Optimum(best, descents, active, reaches, allowance, len(landscape.trials), _is_flat(landscape))
+    told = np.array([trial.objective for _, trial in landscape.trials.values() if not trial.refusal])
+    largest = float(np.abs(told).max())
+    flat = bool(np.ptp(told) <= SAME * largest)
+    return Optimum(best, descents, active, reaches, allowance, len(landscape.trials), flat, largest)
 
 
 def spread(k: int, count: int, seed: int) -> list[Array]:
@@ -300,12 +305,6 @@ def _obstacle(landscape: Landscape, x: Array, allowed: float) -> str:
     if landscape.violation(x) > KEPT:
         return "condition"
     return "objective" if trial.objective > allowed else ""
-
-
-def _is_flat(landscape: Landscape) -> bool:
-    """Tell whether the objective is the same in all runs, but for rounding."""
-    told = np.array([trial.objective for _, trial in landscape.trials.values() if not trial.refusal])
-    return bool(np.ptp(told) <= SAME * np.abs(told).max())
 
 
 def _nowhere(landscape: Landscape, best: Descent, starts: int) -> IntegrationError:

@@ -119,6 +119,17 @@ def test_what_does_not_depend_on_the_unknowns_is_said_to_be_flat(everywhere):
     assert not optimum(landscape(lambda x: Trial(0.3 + x[0]), [0], [1], [0.9]), 2, 0, everywhere=everywhere).flat
 
 
+def test_an_optimum_of_rounding_is_said_to_be_flat():
+    """No load is across the arm: F_Bx is 0 for every mass and length, and 5e-15 N is none of its largest values."""
+    asked = {"for": {"arguments.m_A": ["0.1 kg", "1 kg"], "arguments.l2": ["0.1 m", "0.4 m"]}, "starts": 2}
+    more = {"problem.hold": {"O": "37 deg"}, "problem.over.phi.samples": 3, "expect": []}
+    for objective, same in (("F_Bx @ max", True), ("C_B @ max", False)):
+        find = {**asked, "maximise": objective}
+        result = pinarm.run(ROOT / "scenarios/gen411_arm_static.yaml", {**more, "find": find})
+        said = result.sections["find"].remarks
+        assert any("the same in all runs, but for rounding" in remark for remark in said) == same
+
+
 def test_a_global_search_leaves_the_nearest_valley():
     """Of x/10 - cos(2 pi x) on [-2.5, 2.5] the valley near -2 is the lowest: a start at 2 leads to another."""
     function = lambda x: Trial(0.1 * x[0] - math.cos(2.0 * math.pi * x[0]))  # noqa: E731

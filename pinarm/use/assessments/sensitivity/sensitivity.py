@@ -132,7 +132,8 @@ class Sensitivity(InputStruct, frozen=True):
         centre = np.array([float(series.values[0]) for series, _ in taken])
         errors = noise(result, asked, taken)
         with varied_runs(result.scenario, inputs, asked) as variation:
-            sizes = np.where(np.abs(centre) > rounding(result, taken), np.abs(centre), 0.0)
+            zero = np.abs(centre) <= rounding(result, [series.unit for series, _ in taken])
+            sizes = np.where(zero, 0.0, np.abs(centre))
             slopes = derivatives(variation, centre, partial(_step, sizes, errors), errors)
             corners = _corners(variation, slopes)
             bands = [
