@@ -9,9 +9,10 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.series import Series
+from pinarm.input.units import Unit
 from pinarm.use.result.figures.curve_figures import is_figure
 from pinarm.use.result.measures import SOLVED
-from pinarm.use.result.output_scales import output_scales
+from pinarm.use.result.output_scales import ZERO, natural_sizes, output_scales
 from pinarm.use.result.run_number import RunNumber
 from pinarm.use.result.section_number import AnyNumber
 
@@ -25,6 +26,8 @@ STEPS = 10.0
 def noise(result: Result, numbers: Sequence[AnyNumber], measured: Sequence[tuple[Series, float]]) -> Array:
     """Return what may change irregularly in numbers from one run to the next [SI], shape (m,).
 
+    Of numbers that are 0 but for rounding that is what rounding leaves of their unit.
+
     Args:
         result: The run.
         numbers: The numbers.
@@ -35,7 +38,17 @@ def noise(result: Result, numbers: Sequence[AnyNumber], measured: Sequence[tuple
     relative = max(SOLVED, STEPS * value) if adaptive else SOLVED
     sizes = [max(_size(result, number), abs(float(series.values[0])))
              for number, (series, _) in zip(numbers, measured, strict=True)]  # fmt: skip
-    return np.array([relative * size + error for size, (_, error) in zip(sizes, measured, strict=True)])
+    lefts = rounding(result, [series.unit for series, _ in measured])
+    return np.array([
+        (relative * size if size > left else left) + error
+        for size, left, (_, error) in zip(sizes, lefts, measured, strict=True)
+    ])  # fmt: skip
+
+
+def rounding(result: Result, units: Sequence[Unit | None]) -> Array:
+    """Return the sizes up to which numbers are 0 but for rounding [SI], shape (m,); 0 where a unit is not known."""
+    natural = natural_sizes(result.trajectory)
+    return np.array([ZERO * natural(unit) if unit is not None else 0.0 for unit in units])
 
 
 def global_error(result: Result, number: AnyNumber) -> float | None:

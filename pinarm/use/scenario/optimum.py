@@ -18,7 +18,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import IntegrationError
 from pinarm.records import replace
-from pinarm.use.scenario.landscape import KEPT, Landscape, Trial
+from pinarm.use.scenario.landscape import DIFFERENCE, KEPT, Landscape, Trial
 from pinarm.use.scenario.lockstep import Run, side_by_side
 
 ACTIVE = 1e-4
@@ -32,6 +32,10 @@ FIRST_STEP, EDGE, NOWHERE = 0.02, 0.05, 1e-4
 
 VANISHES = 1e-4
 """Objective at the optimum, relative to that at the starts, below which the latter is what changes are relative to."""
+
+FINER, AGAIN = 1e-2, 5
+"""Objective at the best of the ends, relative to the size that slopes are seen by, below which all ends are followed
+again by slopes of its own size; and how often."""
 
 SAME = 1e-12
 """Differences of the objective, relative to it, that are rounding."""
@@ -99,6 +103,7 @@ class Optimum:
         allowance: That change of the objective.
         runs: Number of runs in all.
         flat: Whether the objective is the same in all of them, but for rounding.
+        largest: Largest size of the objective in all of them.
     """
 
     best: Descent
@@ -108,6 +113,7 @@ class Optimum:
     allowance: float
     runs: int
     flat: bool = False
+    largest: float = math.inf
 
 
 def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = False) -> Optimum:
@@ -129,7 +135,13 @@ def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = 
     if everywhere:
         points = [_evolved(landscape, seed)]
     descents = _descents(landscape, points)
-    best = min(descents, key=lambda one: (not one.valid, one.violation if not one.valid else 0.0, one.trial.objective))
+    best = _best(descents)
+    for _ in range(AGAIN):
+        if not _is_coarse(landscape, best):
+            break
+        landscape = replace(landscape, size=abs(best.trial.objective))
+        descents = _followed(landscape, descents)
+        best = _best(descents)
     if not best.trial.refusal and (best.status != SETTLED or landscape.kink(_scaled(landscape, best.end)) > KINK):
         descents.append(_descent(landscape, _scaled(landscape, best.end), _cobyqa))
         best = descents[-1]
@@ -141,7 +153,10 @@ def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = 
     size = abs(best.trial.objective)
     allowance = FLAT * (size if size > VANISHES * landscape.size else landscape.size)
     reaches = [_reach(landscape, x, k, best.trial.objective + allowance) for k in range(len(x))]
-    return Optimum(best, descents, active, reaches, allowance, len(landscape.trials), _is_flat(landscape))
+    told = np.array([trial.objective for _, trial in landscape.trials.values() if not trial.refusal])
+    largest = float(np.abs(told).max())
+    flat = bool(np.ptp(told) <= SAME * largest)
+    return Optimum(best, descents, active, reaches, allowance, len(landscape.trials), flat, largest)
 
 
 def spread(k: int, count: int, seed: int) -> list[Array]:
@@ -162,6 +177,33 @@ def _descents(landscape: Landscape, points: Sequence[Array]) -> list[Descent]:
     for each in apart:
         landscape.trials.update(each.trials)
     return descents
+
+
+def _best(descents: Sequence[Descent]) -> Descent:
+    return min(descents, key=lambda one: (not one.valid, one.violation if not one.valid else 0.0, one.trial.objective))
+
+
+def _is_coarse(landscape: Landscape, best: Descent) -> bool:
+    """Tell whether slopes are seen by a size far above the objective at the best end, and it does not vanish there.
+
+    It does where it is more than twice as large on all sides between the bounds.
+    """
+    least = abs(best.trial.objective)
+    if not best.valid or not 0.0 < least < FINER * landscape.size:
+        return False
+    x = _scaled(landscape, best.end)
+    sides = [x + sign * DIFFERENCE * unit for unit in np.eye(len(x)) for sign in (1.0, -1.0)]
+    trials = landscape.look(side for side in sides if (np.clip(side, 0.0, 1.0) == side).all())
+    return any(abs(trial.objective) <= 2.0 * least for trial in trials if not trial.refusal)
+
+
+def _followed(landscape: Landscape, descents: Sequence[Descent]) -> list[Descent]:
+    """Return where ends lead; what could not be run is left as it is."""
+    further = _descents(landscape, [_scaled(landscape, one.end) for one in descents])
+    return [
+        before if one.trial.refusal else replace(one, start=before.start, runs=before.runs + one.runs)
+        for before, one in zip(descents, further, strict=True)
+    ]
 
 
 def _descent(landscape: Landscape, start: Array, search: Callable[[Landscape, Array], str]) -> Descent:
@@ -263,12 +305,6 @@ def _obstacle(landscape: Landscape, x: Array, allowed: float) -> str:
     if landscape.violation(x) > KEPT:
         return "condition"
     return "objective" if trial.objective > allowed else ""
-
-
-def _is_flat(landscape: Landscape) -> bool:
-    """Tell whether the objective is the same in all runs, but for rounding."""
-    told = np.array([trial.objective for _, trial in landscape.trials.values() if not trial.refusal])
-    return bool(np.ptp(told) <= SAME * np.abs(told).max())
 
 
 def _nowhere(landscape: Landscape, best: Descent, starts: int) -> IntegrationError:

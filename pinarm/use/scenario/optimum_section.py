@@ -109,5 +109,7 @@ def _remarks(search: Find, found: Optimum, objective: Series, value: float) -> l
         f"columns 'from' and 'to': until the objective is worse by {found.allowance:.3g} {unit}, {base}",
     ]
     if found.flat:
-        said.append("the same in all runs: no unknown changes it between its bounds, as far as they show")
+        said.append(
+            "the same in all runs, but for rounding: no unknown changes it between its bounds, as far as they show"
+        )
     return said if search.search == "global" or len(starts) > 1 else [*said, "one start only: there may be better ones"]

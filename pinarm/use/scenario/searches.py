@@ -19,6 +19,7 @@ from pinarm.use.cases.solving import solving
 from pinarm.use.progress import tell
 from pinarm.use.result.condition import Condition
 from pinarm.use.result.measures import RESIDUALS
+from pinarm.use.result.number_accuracy import rounding
 from pinarm.use.result.result import Result
 from pinarm.use.result.run_number import RunNumber
 from pinarm.use.result.section_number import AnyNumber
@@ -69,6 +70,8 @@ def solve_found(scenario: Scenario, search: Find) -> Result:
     if search.objective is None:
         return replace(result, outcome=replace(result.outcome, notes=(*result.outcome.notes, *remarks)))
     objective = search.objective.described(result.quantities, bare.content.assessments)
+    (left,) = rounding(result, [objective.unit])
+    best = replace(best, flat=best.flat or best.largest <= left)
     return replace(result, known={"find": optimum_section(search, best, objective)})
 
 

@@ -70,7 +70,10 @@ def _shortened(text: str, width: int) -> str:
 
 
 def statistics(series: Series) -> dict[str, Any]:
-    """Return statistics of a column over the lines that have numbers; the standard deviation is that of a sample."""
+    """Return statistics of a column over the lines that have numbers.
+
+    The standard deviation is that of a sample, which one number has not.
+    """
     solved = np.flatnonzero(np.isfinite(series.values))
     values = series.values[solved]
     found: dict[str, Any] = {"unit": str(series.unit or "?"), "cases": len(values)}
@@ -80,7 +83,7 @@ def statistics(series: Series) -> dict[str, Any]:
     found |= {"min": values[low], "at_min": int(solved[low]), "max": values[high], "at_max": int(solved[high])}
     exponent = int(np.frexp(np.abs(values).max())[1])  # squares of sizes up to 1 are finite
     scaled = np.ldexp(values, -exponent)
-    measures = {"mean": scaled.mean(), "deviation": scaled.std(ddof=1) if len(values) > 1 else 0.0}
+    measures = {"mean": scaled.mean(), **({"deviation": scaled.std(ddof=1)} if len(values) > 1 else {})}
     measures |= {name: np.quantile(scaled, share) for name, share in QUANTILES.items()}
     found |= {name: np.ldexp(x, exponent) for name, x in measures.items()}
     return {name: float(value) if isinstance(value, np.floating) else value for name, value in found.items()}

@@ -41,6 +41,27 @@ def test_a_smooth_valley_is_followed_to_its_lowest_point():
     assert len(found.descents) == 2
 
 
+def test_an_objective_far_below_that_of_the_starts_is_followed_to_its_least():
+    """(y + 2.134)^9 + sin(atan(x/(y^2 + 1))) rises to 2e8, and x is least at its bound where y is."""
+    function = lambda x: Trial((x[1] + 2.134) ** 9 + math.sin(math.atan(x[0] / (x[1] ** 2 + 1.0))))  # noqa: E731
+    found = optimum(landscape(function, [0.1, -2.0], [3.1, 6.0], [1.0, 2.0]), 3, 0)
+    assert found.best.end == pytest.approx([0.1, -2.0], abs=1e-6)
+    assert found.allowance == pytest.approx(0.01 * found.best.trial.objective, rel=1e-12)
+    assert found.descents[1].start == pytest.approx(spread(2, 3, 0)[1] * [3.0, 8.0] + [0.1, -2.0])
+    valley = lambda x: Trial((x[0] - 0.3) ** 2 + 1e6 * (x[1] - 0.5) ** 4 + 0.01)  # noqa: E731
+    found = optimum(landscape(valley, [0.0, -5.0], [5.0, 5.0], [1.0, 2.0]), 3, 0)
+    assert found.best.trial.objective == pytest.approx(0.01, rel=1e-6)
+
+
+def test_an_objective_that_vanishes_is_not_followed_by_its_rounding():
+    """(x - 0.3)^2 + (y - 0.5)^2 is 0, at a bound too."""
+    function = lambda x: Trial((x[0] - 0.3) ** 2 + (x[1] - 0.5) ** 2)  # noqa: E731
+    for low in (0.0, 0.3):
+        found = optimum(landscape(function, [low, -5.0], [5.0, 5.0], [1.0, 1.0]), 3, 0)
+        assert found.best.trial.objective < 1e-12
+        assert found.runs < 150
+
+
 def test_a_kink_is_met_though_it_has_no_slope():
     """|x - 1| + |y + 1/2| is least at (1, -1/2)."""
     function = lambda x: Trial(1.0 + abs(x[0] - 1.0) + 3.0 * abs(x[1] + 0.5))  # noqa: E731
@@ -96,6 +117,17 @@ def test_what_does_not_depend_on_the_unknowns_is_said_to_be_flat(everywhere):
     rounded = lambda x: Trial(0.3 + 1e-16 * math.sin(1e3 * x[0]))  # noqa: E731
     assert optimum(landscape(rounded, [0], [1], [0.9]), 2, 0, everywhere=everywhere).flat
     assert not optimum(landscape(lambda x: Trial(0.3 + x[0]), [0], [1], [0.9]), 2, 0, everywhere=everywhere).flat
+
+
+def test_an_optimum_of_rounding_is_said_to_be_flat():
+    """No load is across the arm: F_Bx is 0 for every mass and length, and 5e-15 N is none of its largest values."""
+    asked = {"for": {"arguments.m_A": ["0.1 kg", "1 kg"], "arguments.l2": ["0.1 m", "0.4 m"]}, "starts": 2}
+    more = {"problem.hold": {"O": "37 deg"}, "problem.over.phi.samples": 3, "expect": []}
+    for objective, same in (("F_Bx @ max", True), ("C_B @ max", False)):
+        find = {**asked, "maximise": objective}
+        result = pinarm.run(ROOT / "scenarios/gen411_arm_static.yaml", {**more, "find": find})
+        said = result.sections["find"].remarks
+        assert any("the same in all runs, but for rounding" in remark for remark in said) == same
 
 
 def test_a_global_search_leaves_the_nearest_valley():

@@ -9,7 +9,7 @@ import pytest
 
 import pinarm
 from pinarm.input.units import unit
-from pinarm.use.store.case_columns import arrays, csv, failures, statistics
+from pinarm.use.store.case_columns import arrays, csv, failures, statistics, statistics_rows
 
 ERRORS = {1: 'no solution at 3.2, "really"', 3: "no solution at 17.5", 4: "another reason"}
 
@@ -67,7 +67,8 @@ def test_statistics_are_over_the_cases_that_have_numbers(series):
     assert found["deviation"] == pytest.approx(independent.stdev(known), rel=1e-14)
     assert found["median"] == pytest.approx(independent.median(known), rel=1e-15)
     assert statistics(series("x", [np.nan])) == {"unit": "N*m", "cases": 0}
-    assert statistics(series("x", [2.0]))["deviation"] == 0.0
+    assert "deviation" not in statistics(series("x", [2.0, np.nan]))  # n - 1 = 0
+    assert statistics_rows("case", {"x": statistics(series("x", [2.0]))})[1][5] == "-"
     assert statistics(series("x", [1e200, -1e200]))["deviation"] == pytest.approx(2**0.5 * 1e200, rel=1e-15)
 
 

@@ -23,6 +23,10 @@ DEVIATION: dict[DistributionName, float] = {"normal": 1.0 / 3.0, "uniform": 3.0*
 """Standard deviation of an input, relative to its tolerance."""
 
 
+SOBOL = ("S1", "S1_conf", "ST", "ST_conf")
+"""Names by which SALib tells indices and their intervals."""
+
+
 @dataclass(frozen=True)
 class Samples:
     """Numbers of runs with drawn inputs.
@@ -69,6 +73,8 @@ def monte_carlo(varied: Varied, count: int, seed: int, distribution: Distributio
 class SobolIndices:
     """Sobol' indices of numbers by inputs, each of shape (m, k), with half widths of their 95 % intervals.
 
+    Those of numbers that do not vary but for noise are NaN.
+
     Attributes:
         first: Part of the variance that an input makes by itself.
         first_error: Its interval.
@@ -82,14 +88,19 @@ class SobolIndices:
     total_error: Array
 
 
-def sobol_indices(varied: Varied, count: int, seed: int, distribution: DistributionName) -> SobolIndices:
+def sobol_indices(
+    varied: Varied, count: int, seed: int, distribution: DistributionName, noise: Array
+) -> SobolIndices:  # fmt: skip
     """Return the Sobol' indices of the numbers, from ``count * (k + 2)`` runs by Saltelli's scheme.
+
+    ``noise``, shape (m,), is what may change irregularly in the numbers from run to run: how far it is shared among the
+    inputs says nothing.
 
     Source: Saltelli et al., Variance based sensitivity analysis of model output, Computer Physics Communications 181
     (2010), by SALib (Herman and Usher, Journal of Open Source Software, 2017).
 
     Raises:
-        InputError: SALib is not installed, or a run cannot be solved.
+        InputError: SALib is not installed, a run cannot be solved, or none of the numbers varies.
     """
     try:
         from SALib.analyze import sobol as analysis
@@ -103,11 +114,15 @@ def sobol_indices(varied: Varied, count: int, seed: int, distribution: Distribut
     inner = np.clip(draws, 1e-12, 1.0 - 1e-12)  # Sobol's first point is 0, where a normal distribution has no end
     changes = changes_of(inner, np.array([each.tolerance for each in varied.inputs]), distribution)
     values = np.array([_taken(row) for row in varied.rows(changes)])
-    if not (values.std(axis=0) > 0.0).all():
-        raise InputError("a number does not vary within the tolerances: it has no Sobol' indices")
-    centred = (values - values.mean(axis=0)) / values.std(axis=0)
+    varies = values.std(axis=0) > noise
+    if not varies.any():
+        raise InputError("no number varies within the tolerances: there are no Sobol' indices")
+    centred = (values - values.mean(axis=0))[:, varies] / values.std(axis=0)[varies]
     found = [analysis.analyze(problem, each, calc_second_order=False, seed=seed) for each in centred.T]
-    return SobolIndices(*(np.array([one[name] for one in found]) for name in ("S1", "S1_conf", "ST", "ST_conf")))
+    indices = [np.full((len(varies), k), np.nan) for _ in SOBOL]
+    for name, index in zip(SOBOL, indices, strict=True):
+        index[varies] = [one[name] for one in found]
+    return SobolIndices(*indices)
 
 
 def _taken(row: Row) -> tuple[float, ...]:

@@ -30,11 +30,12 @@ from pinarm.use.assessments.sensitivity.tables import (
     distribution_remarks,
     distribution_table,
     effect_table,
+    sobol_remarks,
     sobol_table,
 )
 from pinarm.use.assessments.sensitivity.tolerance import Tolerance
 from pinarm.use.assessments.sensitivity.variation import Input, Varied, inputs_of, varied_runs
-from pinarm.use.result.number_accuracy import global_error, noise
+from pinarm.use.result.number_accuracy import global_error, noise, rounding
 from pinarm.use.result.run_number import RunNumber
 from pinarm.use.result.section import Graph, Section, SectionTable
 from pinarm.use.result.section_number import AnyNumber, measured, read_number, slug
@@ -131,11 +132,13 @@ class Sensitivity(InputStruct, frozen=True):
         centre = np.array([float(series.values[0]) for series, _ in taken])
         errors = noise(result, asked, taken)
         with varied_runs(result.scenario, inputs, asked) as variation:
-            slopes = derivatives(variation, centre, partial(_step, centre, errors), errors)
+            zero = np.abs(centre) <= rounding(result, [series.unit for series, _ in taken])
+            sizes = np.where(zero, 0.0, np.abs(centre))
+            slopes = derivatives(variation, centre, partial(_step, sizes, errors), errors)
             corners = _corners(variation, slopes)
             bands = [
-                Band(number, series, global_error(result, number), [row[k] for row in slopes], *corners[k])
-                for k, (number, (series, _)) in enumerate(zip(asked, taken, strict=True))
+                Band(number, series, global_error(result, number), own, [row[k] for row in slopes], *corners[k])
+                for k, (number, (series, _), own) in enumerate(zip(asked, taken, errors.tolist(), strict=True))
             ]
             return self._section(variation, bands)
 
@@ -168,10 +171,12 @@ class Sensitivity(InputStruct, frozen=True):
                 for k, band in enumerate(bands)
             )
         if self.sobol:
-            indices = sobol_indices(variation, self.sobol, self.seed, self.distribution)
+            noises = np.array([band.noise for band in bands])
+            indices = sobol_indices(variation, self.sobol, self.seed, self.distribution, noises)
             table, numbers = sobol_table(bands, variation.inputs, indices)
             drawn.tables.append(table)
             drawn.numbers.update(numbers)
+            drawn.remarks.extend(sobol_remarks(bands, indices))
         return drawn
 
 
@@ -185,9 +190,8 @@ class _Drawn:
     graphs: list[Graph]
 
 
-def _step(centre: Array, errors: Array, of: Input) -> float:
-    """Return the first change of an input, by the relative errors of the numbers."""
-    size = np.abs(centre)
+def _step(size: Array, errors: Array, of: Input) -> float:
+    """Return the first change of an input, by the errors of the numbers relative to their sizes; 0 has none."""
     relative = float(np.max(errors / np.where(size > 0.0, size, np.inf), initial=np.finfo(float).eps))
     return float(min(relative, 1.0) ** LEVEL * max(abs(of.value), ZEROS * of.tolerance))
 

@@ -20,7 +20,8 @@ NOT_LINEAR = 0.1
 """Difference between a corner and the linear band, relative to the band, that is worth a word."""
 
 CERTAIN = 4.0
-"""Standard errors of a drawn deviation beyond which it is another than that of root-sum-square."""
+"""Standard errors of a drawn deviation, if the number is linear, beyond which it is another than that of
+root-sum-square."""
 
 
 def unit_over(unit: Unit | None, by: Unit) -> Unit | None:
@@ -40,6 +41,7 @@ class Band:
         number: The number.
         measured: Its value in the run.
         error: Bound of its numerical error [SI]; ``None`` where it is not estimated.
+        noise: What may change irregularly in it from run to run [SI].
         slopes: Its derivatives by the inputs.
         low: Its value at the corner of the tolerances where it is least if it is linear [SI].
         high: The same where it is largest.
@@ -49,6 +51,7 @@ class Band:
     number: AnyNumber
     measured: Series = field(repr=False)
     error: float | None
+    noise: float
     slopes: Sequence[Derivative]
     low: float
     high: float
@@ -72,6 +75,12 @@ class Band:
         """Return the root of the sum of their squares."""
         return float(np.linalg.norm(self.parts(inputs)))
 
+    def doubt(self, inputs: Sequence[Input]) -> float:
+        """Return how far bands may be from what runs show, though the number is linear: errors of slopes, and noise."""
+        return sum(
+            (slope.error * each.tolerance for each, slope in zip(inputs, self.slopes, strict=True)), 2.0 * self.noise
+        )
+
     def numbers(self, inputs: Sequence[Input]) -> dict[str, Series]:
         """Return bands and derivatives by name."""
         name, unit = slug(self.number), self.measured.unit
@@ -92,7 +101,7 @@ class Band:
         if self.unsolved:
             return [*said, f"{label} has no value at a corner of the tolerances: {self.unsolved}"]
         off = max(abs(self.value - self.low - worst), abs(self.high - self.value - worst))
-        if off > NOT_LINEAR * worst and off > 1e-9 * abs(self.value):
+        if off > NOT_LINEAR * worst + self.doubt(inputs) and off > 1e-9 * abs(self.value):
             said.append(f"{label} is not linear within the tolerances: see its values at the corners")
         return said
 
@@ -156,11 +165,24 @@ def distribution_remarks(
         said.append(f"{failed} of {failed + count} drawn runs cannot be solved, and are left out: {most}")
     for band, values in zip(bands, samples.values.T, strict=True):
         deviation, linear = float(values.std(ddof=1)), DEVIATION[distribution] * band.rss(inputs)
-        spread = deviation / (2.0 * (count - 1)) ** 0.5
-        if abs(deviation - linear) > CERTAIN * spread:
-            said.append(f"{band.number.label}: the deviation is {deviation:.4g} ± {spread:.1g} and that of "
-                        f"root-sum-square {linear:.4g}: it is not linear within the tolerances")  # fmt: skip
+        if abs(deviation - linear) > CERTAIN * linear / (2.0 * (count - 1)) ** 0.5 + band.doubt(inputs):
+            known = f"{deviation:.4g} ± {deviation_error(values):.1g}"
+            said.append(f"{band.number.label}: the deviation is {known} and that of root-sum-square {linear:.4g}: "
+                        "it is not linear within the tolerances")  # fmt: skip
     return said
+
+
+def deviation_error(values: Array) -> float:
+    """Return the standard error of the standard deviation of drawn numbers, shape (n,), by their fourth moment.
+
+    The variance of ``s^2`` is ``(m4 - s^4 (n - 3)/(n - 1))/n``: of numbers that are distributed normally about
+    ``2 s^4/n``, of squares of these seven times as much.
+    """
+    n, deviation = len(values), float(values.std(ddof=1))
+    if deviation == 0.0:
+        return 0.0
+    fourth = float((((values - values.mean()) / deviation) ** 4).mean())
+    return float(0.5 * deviation * ((fourth - (n - 3) / (n - 1)) / n) ** 0.5)
 
 
 def distribution_graph(band: Band, inputs: Sequence[Input], values: Array, distribution: DistributionName) -> Graph:
@@ -180,6 +202,14 @@ def distribution_graph(band: Band, inputs: Sequence[Input], values: Array, distr
         x = np.linspace(min(across[0], band.value - reach), max(across[-1], band.value + reach), 200)
         curves.append(curve(x, ndtr((x - band.value) / deviation), "normal, by root-sum-square"))
     return Graph(f"distribution_{slug(band.number)}", f"Distribution of {label}", curves)
+
+
+def sobol_remarks(bands: Sequence[Band], indices: SobolIndices) -> list[str]:
+    """Return which numbers have no indices."""
+    return [
+        f"{band.number.label} does not vary within the tolerances but for its numerical error: it has no Sobol' indices"
+        for band, first in zip(bands, indices.first, strict=True) if np.isnan(first).all()
+    ]  # fmt: skip
 
 
 def sobol_table(

@@ -5,6 +5,7 @@
 ``250 mm ± 5 %``             likewise, a part of the value
 ``0.1 mm``                   about the value of the file
 ``5 %``                      a part of the value of the file, of a number without a unit too
+``0.15 ± 0.05 1``            of a number without a unit, such as a coefficient of friction
 ===========================  =======================================================================================
 """
 
@@ -17,7 +18,7 @@ from pinarm.errors import InputError
 from pinarm.input.units import DIMENSIONLESS, Unit, read_quantity, unit
 from pinarm.input.yaml.schema import Measured
 
-EXAMPLES = "such as 250 ± 0.1 mm, 0.1 mm or 5 %"
+EXAMPLES = "such as 250 ± 0.1 mm, 0.1 mm or 5 %; 0.15 ± 0.05 1 for a number without a unit"
 PERCENT = unit("%")
 
 SAME = 1e-9

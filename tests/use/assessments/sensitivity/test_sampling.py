@@ -11,6 +11,7 @@ import pytest
 from pinarm.arrays import Array
 from pinarm.errors import DynamicsError, InputError
 from pinarm.use.assessments.sensitivity.sampling import DistributionName, changes_of, monte_carlo, sobol_indices
+from pinarm.use.assessments.sensitivity.tables import deviation_error
 from pinarm.use.assessments.sensitivity.variation import Input
 from pinarm.use.cases.case import WORTH, Row
 
@@ -73,25 +74,48 @@ def test_ishigami() -> None:
     def ishigami(x: Array) -> list[float]:
         return [np.sin(x[0]) + a * np.sin(x[1]) ** 2 + b * x[2] ** 4 * np.sin(x[0])]
 
-    found = sobol_indices(Function([pi] * 3, ishigami), 4096, 1, "uniform")
+    found = sobol_indices(Function([pi] * 3, ishigami), 4096, 1, "uniform", np.zeros(1))
     assert found.first[0] == pytest.approx(first / sum(parts), abs=0.02)
     assert found.total[0] == pytest.approx(total / sum(parts), abs=0.02)
     assert (np.abs(found.first[0] - first / sum(parts)) <= 1.5 * found.first_error[0] + 1e-3).all()
 
 
 def test_a_linear_function_of_normal_inputs() -> None:
-    found = sobol_indices(Function([1.0, 2.0], lambda x: [3 * x[0] + x[1] + 100]), 1024, 2, "normal")
+    found = sobol_indices(Function([1.0, 2.0], lambda x: [3 * x[0] + x[1] + 100]), 1024, 2, "normal", np.zeros(1))
     assert found.first[0] == pytest.approx([9 / 13, 4 / 13], abs=0.02)
     assert found.total[0] == pytest.approx(found.first[0], abs=0.03)
 
 
 def test_what_does_not_vary_has_no_indices() -> None:
-    with pytest.raises(InputError, match="does not vary"):
-        sobol_indices(Function([1.0], lambda x: [2.0]), 64, 0, "normal")
+    with pytest.raises(InputError, match="no number varies"):
+        sobol_indices(Function([1.0], lambda x: [2.0]), 64, 0, "normal", np.zeros(1))
+
+
+def test_noise_has_no_indices() -> None:
+    """sin² + cos² is 1: the last digits hang on x0, and are not what x0 does."""
+
+    def numbers(x: Array) -> list[float]:
+        return [np.sin(1.0 + x[0]) ** 2 + np.cos(1.0 + x[0]) ** 2, x[0] + x[1]]
+
+    found = sobol_indices(Function([0.05, 0.05], numbers), 64, 0, "normal", np.full(2, 1e-13))
+    for part in (found.first, found.first_error, found.total, found.total_error):
+        assert np.isnan(part[0]).all()
+        assert np.isfinite(part[1]).all()
+
+
+@pytest.mark.parametrize(("power", "kurtosis"), [(1, 3.0), (2, 15.0)])
+def test_the_deviation_of_drawn_numbers_scatters_as_it_is_told(power: int, kurtosis: float) -> None:
+    """For n draws of kurtosis K it scatters by ``s ((K - 1)/n)^(1/2)/2``; squares of normal ones have 15."""
+    draws = np.random.default_rng(1).normal(size=(500, 2000)) ** power
+    deviations = draws.std(axis=1, ddof=1)
+    told = float(np.median([deviation_error(each) for each in draws]))
+    assert told == pytest.approx(deviations.mean() * ((kurtosis - 1) / 2000) ** 0.5 / 2, rel=0.1)
+    assert told == pytest.approx(deviations.std(), rel=0.15)  # 500 samples know it to 3 %
+    assert deviation_error(np.ones(5)) == 0.0
 
 
 def test_salib_is_asked_for_where_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "SALib.analyze", None)
     with pytest.raises(InputError, match="need SALib") as caught:
-        sobol_indices(Function([1.0], lambda x: [x[0]]), 64, 0, "normal")
+        sobol_indices(Function([1.0], lambda x: [x[0]]), 64, 0, "normal", np.zeros(1))
     assert "pinarm[sensitivity]" in str(caught.value)

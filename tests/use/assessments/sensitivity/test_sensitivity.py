@@ -116,6 +116,18 @@ def test_the_period_of_a_pendulum_goes_with_the_root_of_its_length(tmp_path: Pat
     assert effects["problem.initial.position.pivot"]["derivative"] > 0
 
 
+def test_a_force_that_is_0_depends_on_nothing() -> None:
+    """The arm has no horizontal load: what changes in F_Bx is rounding, which has neither kinks nor shares."""
+    asked = {"of": ["F_Bx @ max", "C_B @ max"], "to": {"m_A": "5 %", "l1": "1 mm"}, "monte_carlo": 20, "sobol": 8}
+    found = section(ARM, asked, **FEW, **{"problem.hold.O": "37 deg"})
+    for row in rows(found.tables[-2]).values():
+        assert abs(row["derivative"]) <= row["its error"] < 1e-8  # N/kg, N/m
+    assert not any("kink" in remark or "not linear" in remark for remark in found.remarks)
+    assert np.isnan(values(found)["F_Bx_max.first.m_A"])
+    assert any("F_Bx @ max does not vary within the tolerances" in remark for remark in found.remarks)
+    assert np.isfinite(values(found)["C_B_max.first.m_A"])
+
+
 def test_masses_of_a_drawing_are_inputs(tmp_path: Path) -> None:
     """The torque m g l/2 that holds a rod out level."""
     (tmp_path / ".pinarm-root").touch()
