@@ -225,3 +225,46 @@ def test_steps_that_jumps_limit_do_not_hide_the_errors_of_a_longer_step(monkeypa
     off = max(abs(result.number(f"x @ t={t} s")[0] - exact(int(t * 52.5), t)) for t in (0.5, 1.7, 3.3))
     assert result.figures["steps"] == 210
     assert 1e-7 < off < estimate_errors(scenario, result).errors["x"] < 1e3 * off
+
+
+def on_springs(start, *springs, end, **accuracy):
+    """A free motion of 2 kg on springs, each with its stiffness [N/m] and the place where it is free [m]."""
+    loads = {
+        f"s{k}": {**SPRING, "stiffness": f"{stiffness!r} N/m", "rest": f"{rest!r} m"}
+        for k, (stiffness, rest) in enumerate(springs)
+    }
+    problem = {"time": {"end": f"{end!r} s", "samples": 41},
+               "initial": {"position": {"x": f"{start!r} m"}}, "loads": loads}  # fmt: skip
+    names = ["joint.x.position", "joint.x.velocity", "joint.x.acceleration"]
+    return pinarm.load(on_slide(problem, outputs=names, accuracy=accuracy))
+
+
+def errors_on_springs(result, start, *springs):
+    """Errors to the closed form with 64 bits, relative to the scales of the outputs."""
+    k, rest = np.array(springs, np.longdouble).T
+    centre, pulsation = (k * rest).sum() / k.sum(), np.sqrt(k.sum() / 2)
+    phase, amplitude = pulsation * result.trajectory.grid.t.astype(np.longdouble), start - centre
+    swing = amplitude * np.cos(phase)
+    exact = centre + swing, -amplitude * pulsation * np.sin(phase), -(pulsation**2) * swing
+    scales = output_scales(result)
+    return {
+        name: float(np.abs(result[name].values - values).max() / scales[name])
+        for name, values in zip(result.content.outputs, exact, strict=True)
+    }
+
+
+@pytest.mark.skipif(np.finfo(np.longdouble).nmant < 63, reason="the closed form needs more digits than the motion has")
+@pytest.mark.parametrize(
+    ("start", "springs", "end"),
+    [
+        (1e3 + 3e-6, [(700.0, 1e3)], 0.003),
+        (2e-9, [(300.0, 100.1), (100.0, -300.3)], 1.0),  # pressed against each other by 30 kN
+        (4e-10, [(3.1e3, 0.11), (5e3, -0.0682)], 0.02),  # by 341 N
+    ],
+)
+def test_the_bound_sees_the_rounding_of_initial_states_and_of_loads_that_cancel(start, springs, end):
+    """Coordinates far from 0, and springs under a preload, have few digits left for a small motion."""
+    result = on_springs(start, *springs, end=end, tolerance=1e-11).verified()
+    errors = errors_on_springs(result, start, *springs)
+    for name, error in errors.items():
+        assert error <= result.errors[name], name
