@@ -268,3 +268,13 @@ def test_the_bound_sees_the_rounding_of_initial_states_and_of_loads_that_cancel(
     errors = errors_on_springs(result, start, *springs)
     for name, error in errors.items():
         assert error <= result.errors[name], name
+
+
+@pytest.mark.skipif(np.finfo(np.longdouble).nmant < 63, reason="the closed form needs more digits than the motion has")
+@pytest.mark.parametrize("tolerance", [1e-9, 1e-12])
+@pytest.mark.parametrize("turn", [0.02, 0.05])
+def test_the_few_steps_of_short_runs_do_not_hide_their_errors(tolerance, turn):
+    """The finest tolerance takes the same steps, or one more, whose iterations end at the same error."""
+    result = on_springs(0.4, (800.0, 0.0), end=turn / 20.0, method="stiff", tolerance=tolerance).verified()
+    for name, error in errors_on_springs(result, 0.4, (800.0, 0.0)).items():
+        assert error <= result.errors[name] < 1e-8, name
