@@ -179,6 +179,20 @@ def test_steps_that_samples_limit_do_not_hide_their_errors(tolerance):
     assert 1e-11 < off <= found.errors["x"] < 10.0 * off
 
 
+@pytest.mark.parametrize(("period", "tolerance"), [("13.16 ms", 1e-3), ("21.92 ms", 1e-2)])
+def test_steps_of_which_few_are_divided_do_not_hide_their_errors(period, tolerance):
+    """Of 20 steps from sample to sample a finer tolerance divides some."""
+    control = {"kind": "pid", "drive": "x", "follows": {"law": "constant", "value": "0 m"}, "kp": "20 N/m",
+               "kd": "5 N*s/m", "period": period}  # fmt: skip
+    problem = {"time": {"end": f"{20.0 * float(period[:5])} ms", "samples": 21},
+               "initial": {"position": {"x": "1 m"}}, "loads": {"s": SPRING}, "control": [control]}  # fmt: skip
+    settings = {"method": "dopri5", "tolerance": tolerance}, {"tolerance": 1e-13}
+    coarse, tight = (pinarm.load(on_slide(problem, accuracy=one)) for one in settings)
+    found = coarse.verified()
+    off = np.abs(found["x"].values - tight.run()["x"].values).max() / np.abs(found["x"].values).max()
+    assert 1e-11 < off <= found.errors["x"] < 10.0 * off
+
+
 def held_efforts(count):
     """Scenario and closed form of ``x'' + 4 x' + 1000 x = u`` from 1 rad, under efforts that jump."""
     ends = np.linspace(0.0, 4.0, count + 1)
