@@ -37,7 +37,7 @@ def perturbed_numbers(given: Given, generator: np.random.Generator) -> Given:
     """Return the content of a file with its quantities changed by between a half and all of ``PERTURBATION``.
 
     None by much less: of few numbers, as an initial position, one that hardly changes would show nothing. What is 0
-    stays 0, and times stay, so that rows and jumps stand where they did.
+    stays 0, and times, and what else laws run along, stay, so that rows and jumps stand where they did.
 
     Args:
         given: A struct of the file's keys, a collection, or a value; what is not a quantity stays as it is.
@@ -46,7 +46,7 @@ def perturbed_numbers(given: Given, generator: np.random.Generator) -> Given:
     found: object = given
     if isinstance(given, Measured):
         is_time = given.unit is not None and given.unit.dimension == SECOND.dimension
-        found = given if is_time else _near(given, generator)
+        found = given if is_time or given.along == 1 else _near(given, generator)
     elif isinstance(given, msgspec.Struct):
         fields = {name: perturbed_numbers(getattr(given, name), generator) for name in given.__struct_fields__}
         found = msgspec.structs.replace(given, **fields)

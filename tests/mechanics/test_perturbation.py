@@ -63,14 +63,16 @@ def test_angles_that_have_lost_their_ninth_digit_are_told():
 
 
 def test_quantities_of_a_file_change_in_their_last_digits_by_a_half_of_the_most_at_least():
-    """All but times, which rows and jumps stand at, numbers without a unit, and zeros."""
+    """All but times and places along laws, where rows and jumps stand, numbers without a unit, and zeros."""
     effort = {"law": "steps", "points": [["0 s", "0 N*m"], ["0.1 s", "3 N*m"]]}
+    along = {"law": "spline", "points": [["0 rad", "0 N*m"], ["1.7 rad", "3 N*m"]]}
     data = {
         "time": {"end": "2 s"},
         "initial": {"position": {"a": "90 deg", "b": "0 deg"}},
         "loads": {
             "spring": {"kind": "joint_spring", "joint": "a", "stiffness": "7 N*m/rad"},
             "push": {"kind": "joint_effort", "joint": "a", "effort": effort},
+            "cam": {"kind": "joint_effort", "joint": "a", "over": "b", "effort": along},
         },
         "end_stops": {"b": {"upper": "1 rad", "restitution": 0.3}},
     }
@@ -88,4 +90,5 @@ def test_quantities_of_a_file_change_in_their_last_digits_by_a_half_of_the_most_
         assert found.time.end == 2.0
         assert found.initial.position["b"] == 0.0
         assert [t for t, _ in found.loads["push"].effort.points] == [0.0, 0.1]
+        assert [place for place, _ in found.loads["cam"].effort.points] == [0.0, 1.7]
         assert found.end_stops["b"].restitution == 0.3

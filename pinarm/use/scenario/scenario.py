@@ -62,7 +62,7 @@ if TYPE_CHECKING:
 SAVED = "mechanism.yaml"
 """Name of the mechanism file that is saved beside the scenario in the folder of a result."""
 
-PERTURBED = "initial", "loads"
+PERTURBED = "initial", "loads", "motion", "hold", "velocity", "acceleration"
 """Keys of problems whose numbers have other last digits where the mechanism has."""
 
 
@@ -74,7 +74,7 @@ class Scenario(Record, frozen=True):
         content: The same, validated.
         problem: The question in it.
         folder: Folder that paths in it are relative to.
-        seed: Of changes in the last digits of the mechanism, loads and initial state; none for these as they are.
+        seed: Of changes in the last digits of the mechanism and the problem; none for these as they are.
         given: The mechanism where it was given as such; ``None`` where a file or a name says it.
         functions: Controllers given as functions in Python.
         runners: Who solves the many runs that searches and sensitivities take; another process that reads the scenario
@@ -292,7 +292,7 @@ class Scenario(Record, frozen=True):
 
     @cached_property
     def _question(self) -> Problem:
-        """The problem; its loads and initial state have other last digits where the mechanism has."""
+        """The problem; its loads, laws and states have other last digits where the mechanism has."""
         if self.seed is None:
             return self.problem
         generator = np.random.default_rng(self.seed)

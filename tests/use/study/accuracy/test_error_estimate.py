@@ -292,3 +292,18 @@ def test_the_few_steps_of_short_runs_do_not_hide_their_errors(tolerance, turn):
     result = on_springs(0.4, (800.0, 0.0), end=turn / 20.0, method="stiff", tolerance=tolerance).verified()
     for name, error in errors_on_springs(result, 0.4, (800.0, 0.0)).items():
         assert error <= result.errors[name] < 1e-8, name
+
+
+@pytest.mark.skipif(np.finfo(np.longdouble).nmant < 63, reason="the closed form needs more digits than the angle has")
+@pytest.mark.parametrize(("speed", "end"), [(33.3, 7.0), (1234.5678, 1000.0)])
+def test_the_bound_sees_the_rounding_of_laws(speed, end):
+    """An angle of 2e5 turns is known to 1e-10 rad, and so is where the end of the lever is."""
+    planar = {"points": {"O": [0, 0], "P": ["1 m", 0]}, "ground": ["O"],
+              "links": {"lever": {"points": ["O", "P"], "mass": "2 kg"}}}  # fmt: skip
+    problem = {"kind": "kinematics", "time": {"end": f"{end!r} s", "samples": 400},
+               "motion": {"O": {"law": "constant_speed", "speed": f"{speed!r} rad/s"}}}  # fmt: skip
+    asked = {"pinarm": 1, "mechanism": {"pinarm": 1, "planar": planar}, "problem": problem}
+    result = pinarm.load({**asked, "outputs": ["point.P.position.x"]}).verified()
+    exact = np.cos(np.longdouble(speed) * result.trajectory.grid.t.astype(np.longdouble))
+    error = float(np.abs(result["point.P.position.x"].values - exact).max())
+    assert 1e-14 < error <= result.error < 100.0 * error
