@@ -9,8 +9,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
 import pinocchio as pin
 from msgspec import field
+from msgspec.structs import replace as replace_fields
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
@@ -47,7 +49,7 @@ from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.geometry.model_variants import ModelVariants
 from pinarm.mechanics.joints import Joint, links_of
 from pinarm.mechanics.loops.closing_frames import proposals
-from pinarm.mechanics.perturbation import perturbed
+from pinarm.mechanics.perturbation import perturbed, perturbed_numbers
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
@@ -179,9 +181,10 @@ class Mechanism(Record, frozen=True):
         return _bound_again, (own,)
 
     def perturbed(self, seed: int) -> Mechanism:
-        """Return the mechanism with its numbers changed in the last digits; see ``mechanics.rounding``."""
-        model = perturbed(self.model, seed)
-        return replace(self, model=model)._bound()
+        """Return the mechanism with its numbers changed in the last digits; see ``mechanics.perturbation``."""
+        forces = perturbed_numbers(self.description.forces, np.random.default_rng(seed))
+        description = replace_fields(self.description, forces=forces)
+        return replace(self, model=perturbed(self.model, seed), description=description)._bound()
 
     def _bound(self) -> Mechanism:
         """Return the mechanism with the forces of its description bound to its model."""

@@ -1,26 +1,68 @@
-"""A model whose numbers differ in their last digits: what rounding can do to a result is seen by solving again with it.
+"""A problem whose numbers differ in their last digits: what rounding can do to a result is seen by solving it again.
 
 Algorithms of mechanics are backward stable in the main: what they give is exact for numbers that differ from the given
 ones in the last digits. How far that moves a result, its conditioning, is what the difference of two solutions tells.
+The numbers are those of the model, and those of forces and initial states: a spring of 1 N/m that is free at 1 km has
+another force by 1e-13 N wherever its end is, as much as 1e-13 m of that is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TypeVar
 
+import msgspec
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.input.units import unit
+from pinarm.input.yaml.schema import Measured
 from pinarm.mechanics.joints import RADIAN, Joint
 from pinarm.mechanics.loading.model_tree import inertia
 
 PERTURBATION = 4.0 * float(np.finfo(float).eps)
 """Largest relative change of a number: the rounding of a few operations."""
 
+SECOND = unit("s")
 
 COARSE = 1e-9
 """Last digit of an angle that is worth a note [rad]: it is that of 1e7 rad."""
+
+
+Given = TypeVar("Given")
+
+
+def perturbed_numbers(given: Given, generator: np.random.Generator) -> Given:
+    """Return the content of a file with its quantities changed by between a half and all of ``PERTURBATION``.
+
+    None by much less: of few numbers, as an initial position, one that hardly changes would show nothing. What is 0
+    stays 0, and times, and what else laws run along, stay, so that rows and jumps stand where they did.
+
+    Args:
+        given: A struct of the file's keys, a collection, or a value; what is not a quantity stays as it is.
+        generator: Of the random changes.
+    """
+    found: object = given
+    if isinstance(given, Measured):
+        is_time = given.unit is not None and given.unit.dimension == SECOND.dimension
+        found = given if is_time or given.along == 1 else _near(given, generator)
+    elif isinstance(given, msgspec.Struct):
+        fields = {name: perturbed_numbers(getattr(given, name), generator) for name in given.__struct_fields__}
+        found = msgspec.structs.replace(given, **fields)
+    elif isinstance(given, Mapping):
+        found = {name: perturbed_numbers(value, generator) for name, value in given.items()}
+    elif isinstance(given, list | tuple):
+        found = type(given)(perturbed_numbers(value, generator) for value in given)
+    return found  # type: ignore[return-value]
+
+
+def _near(quantity: Measured, generator: np.random.Generator) -> Measured:
+    """Return a quantity with other last digits."""
+    change = PERTURBATION * generator.uniform(0.5, 1.0) * generator.choice((-1.0, 1.0))
+    found = type(quantity)(quantity * (1.0 + change))
+    found.unit = quantity.unit
+    return found
 
 
 def coarse_angles(joints: Mapping[str, Joint], q: Array) -> list[str]:

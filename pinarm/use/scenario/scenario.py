@@ -10,7 +10,9 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
 import pinocchio as pin
+from msgspec.structs import replace as replace_fields
 
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.figures import plain
@@ -30,6 +32,7 @@ from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.key_path import argument_of
 from pinarm.input.yaml.schema import Measured
 from pinarm.input.yaml.values import Values, value_at, varied, written_unit
+from pinarm.mechanics.perturbation import perturbed_numbers
 from pinarm.problems import KINDS, PRESCRIBING, Problem, problem_class
 from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
@@ -59,6 +62,9 @@ if TYPE_CHECKING:
 SAVED = "mechanism.yaml"
 """Name of the mechanism file that is saved beside the scenario in the folder of a result."""
 
+PERTURBED = "initial", "loads", "motion", "hold", "velocity", "acceleration"
+"""Keys of problems whose numbers have other last digits where the mechanism has."""
+
 
 class Scenario(Record, frozen=True):
     """A scenario, read and checked; nothing is computed before ``run``.
@@ -68,7 +74,7 @@ class Scenario(Record, frozen=True):
         content: The same, validated.
         problem: The question in it.
         folder: Folder that paths in it are relative to.
-        seed: Of changes in the last digits of the mechanism; none for the mechanism as it is.
+        seed: Of changes in the last digits of the mechanism and the problem; none for these as they are.
         given: The mechanism where it was given as such; ``None`` where a file or a name says it.
         functions: Controllers given as functions in Python.
         runners: Who solves the many runs that searches and sensitivities take; another process that reads the scenario
@@ -285,10 +291,19 @@ class Scenario(Record, frozen=True):
         return parsed
 
     @cached_property
+    def _question(self) -> Problem:
+        """The problem; its loads, laws and states have other last digits where the mechanism has."""
+        if self.seed is None:
+            return self.problem
+        generator = np.random.default_rng(self.seed)
+        given = {key: getattr(self.problem, key) for key in PERTURBED if hasattr(self.problem, key)}
+        return cast("Problem", replace_fields(cast("Any", self.problem), **perturbed_numbers(given, generator)))
+
+    @cached_property
     def simplification(self) -> Simplification:
         """What is solved in place of the question about the whole mechanism."""
         if self.content.modelled == "whole":
-            return Simplification.whole(self.problem, self.mechanism, self.content.accuracy, self.place)
+            return Simplification.whole(self._question, self.mechanism, self.content.accuracy, self.place)
         expected = (text for entry in self.content.expect for text in (entry.quantity, entry.formula or ""))
         wanted = self.content.find.requested() if self.content.find else ()
         texts = [*self.content.outputs, *self.content.numbers, *wanted, *expected]
@@ -296,7 +311,7 @@ class Scenario(Record, frozen=True):
             with self.document.locating(key):
                 texts += assessment.requested(self.mechanism)
         requested = requested_joints(texts, self.symbols, self.mechanism)
-        return Simplification.required(self.problem, self.mechanism, self.content.accuracy, self.place, requested)
+        return Simplification.required(self._question, self.mechanism, self.content.accuracy, self.place, requested)
 
     def controlled(
         self, control: Mapping[str | tuple[str, ...], ControlFunction], period: float | None = None, delay: float = 0.0

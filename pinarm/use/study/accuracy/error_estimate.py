@@ -24,6 +24,7 @@ from pinarm.use.study.accuracy.integration_settings import (
     comparison_settings,
     finer_setting,
     format_setting,
+    other_method,
     reference_settings,
     step_limit,
     takes_other_steps,
@@ -80,6 +81,8 @@ def _with_other_steps(
 ) -> tuple[Result, Mapping[str, Any]]:
     """Return a solution whose steps are others than those of a result, and its setting: as fine as need be, or can be.
 
+    Where steps of no setting are others, one by another method, whose errors are.
+
     Args:
         scenario: What is solved.
         result: The result.
@@ -87,7 +90,9 @@ def _with_other_steps(
         setting: The setting of that.
         most: Number of steps after which a solution is given up.
     """
-    while not takes_other_steps(result, other) and (finer := finer_setting(setting, other)):
+    method = scenario.content.accuracy.method
+    while not takes_other_steps(result, other) and setting["method"] == method:
+        finer = finer_setting(setting, other) or other_method(method)
         found = _other(scenario, finer, most)
         if found is None or not np.isfinite(max(output_differences(result, found).values())):
             break

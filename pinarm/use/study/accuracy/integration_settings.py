@@ -25,10 +25,11 @@ FINER = 100.0
 LOOSEST, TIGHTEST = 1e-2, 1e-14
 """Tolerances that can be asked for."""
 
-GROWN = 1.2
-"""Steps of a finer solution over those of another from which on they are other steps: a tolerance finer by 100 takes
-1.8 times as many of order 8. Where they are the same, as samples of a controller or the end of the run limit them, so
-are their errors, and the difference shows none of them."""
+GROWN = 1.5
+"""Steps of a finer solution over one more than those of another from which on they are other steps: a tolerance finer
+by 100 takes 1.8 times as many of order 8. Where they are the same, as samples of a controller or the end of the run
+limit them, so are their errors, and the difference shows none of them: less than half, where less than half of them are
+divided. One step more of few is the first one's."""
 
 PATIENCE = 10.0
 """Steps of a finer solution over those of the coarser one beyond which it is given up; order 5 needs 2.5 times."""
@@ -57,10 +58,15 @@ def finer_setting(setting: Mapping[str, Any], taken: Result) -> dict[str, Any] |
     return {**setting, "tolerance": tolerance} if tolerance < setting["tolerance"] else None
 
 
+def other_method(method: MethodName) -> dict[str, Any]:
+    """Return the tightest setting of another method: its errors are others, even in steps that are the same."""
+    return setting_keys("dopri5" if method in ("dop853", "conserving") else "dop853", TIGHTEST)
+
+
 def takes_other_steps(one: Result, two: Result) -> bool:
     """Tell whether of two solutions one takes more steps than the other; see ``GROWN``."""
     fewer, more = sorted(each.figures["steps"] for each in (one, two))
-    return more >= GROWN * fewer
+    return more >= GROWN * (fewer + 1.0)
 
 
 @dataclass(frozen=True)

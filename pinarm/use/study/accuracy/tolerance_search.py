@@ -21,6 +21,7 @@ from pinarm.use.study.accuracy.error_estimate import (
 from pinarm.use.study.accuracy.integration_settings import (
     Ladder,
     format_setting,
+    other_method,
     step_limit,
     takes_other_steps,
     with_setting,
@@ -32,6 +33,9 @@ if TYPE_CHECKING:
 
 FIRST = 2
 """The coarsest rung."""
+
+ANOTHER = 0
+"""What stands for another method in place of a rung."""
 
 CHEAPEST_STEP = 3.0
 """Evaluations that a step takes at least, half of those of dopri5: its finer solutions take twice as many steps."""
@@ -142,10 +146,10 @@ class _Search:
             rung += 1
 
     def run(self, rung: int) -> Result | None:
-        """Return the solution of a rung with other last digits."""
+        """Return the solution of a rung with other last digits, or that by another method."""
         if rung not in self.runs:
             try:
-                setting = self.ladder.setting(rung)
+                setting = other_method(self.ladder.method) if rung == ANOTHER else self.ladder.setting(rung)
                 self.runs[rung] = with_setting(self.scenario, setting, self._step_limit(), seed=rung).solve()
             except NumericsError:
                 self.runs[rung] = None
@@ -156,10 +160,10 @@ class _Search:
         return step_limit(solved[-1], self.most) if solved else self.most
 
     def finer(self, rung: int) -> Result | None:
-        """Return the solution that one of a rung is compared with: whose steps are others, if there is one."""
+        """Return the solution that one of a rung is compared with: whose steps are others, or else the method."""
         own, last = self.run(rung), self.ladder.last
         found = self.run(min(rung + self.ladder.finer, last))
-        for other in range(rung + 2 * self.ladder.finer, last + 1, self.ladder.finer):
+        for other in (*range(rung + 2 * self.ladder.finer, last + 1, self.ladder.finer), ANOTHER):
             if own is None or found is None or takes_other_steps(own, found) or self.run(other) is None:
                 break
             found = self.run(other)

@@ -179,6 +179,20 @@ def test_steps_that_samples_limit_do_not_hide_their_errors(tolerance):
     assert 1e-11 < off <= found.errors["x"] < 10.0 * off
 
 
+@pytest.mark.parametrize(("period", "tolerance"), [("13.16 ms", 1e-3), ("21.92 ms", 1e-2)])
+def test_steps_of_which_few_are_divided_do_not_hide_their_errors(period, tolerance):
+    """Of 20 steps from sample to sample a finer tolerance divides some."""
+    control = {"kind": "pid", "drive": "x", "follows": {"law": "constant", "value": "0 m"}, "kp": "20 N/m",
+               "kd": "5 N*s/m", "period": period}  # fmt: skip
+    problem = {"time": {"end": f"{20.0 * float(period[:5])} ms", "samples": 21},
+               "initial": {"position": {"x": "1 m"}}, "loads": {"s": SPRING}, "control": [control]}  # fmt: skip
+    settings = {"method": "dopri5", "tolerance": tolerance}, {"tolerance": 1e-13}
+    coarse, tight = (pinarm.load(on_slide(problem, accuracy=one)) for one in settings)
+    found = coarse.verified()
+    off = np.abs(found["x"].values - tight.run()["x"].values).max() / np.abs(found["x"].values).max()
+    assert 1e-11 < off <= found.errors["x"] < 10.0 * off
+
+
 def held_efforts(count):
     """Scenario and closed form of ``x'' + 4 x' + 1000 x = u`` from 1 rad, under efforts that jump."""
     ends = np.linspace(0.0, 4.0, count + 1)
@@ -225,3 +239,71 @@ def test_steps_that_jumps_limit_do_not_hide_the_errors_of_a_longer_step(monkeypa
     off = max(abs(result.number(f"x @ t={t} s")[0] - exact(int(t * 52.5), t)) for t in (0.5, 1.7, 3.3))
     assert result.figures["steps"] == 210
     assert 1e-7 < off < estimate_errors(scenario, result).errors["x"] < 1e3 * off
+
+
+def on_springs(start, *springs, end, **accuracy):
+    """A free motion of 2 kg on springs, each with its stiffness [N/m] and the place where it is free [m]."""
+    loads = {
+        f"s{k}": {**SPRING, "stiffness": f"{stiffness!r} N/m", "rest": f"{rest!r} m"}
+        for k, (stiffness, rest) in enumerate(springs)
+    }
+    problem = {"time": {"end": f"{end!r} s", "samples": 41},
+               "initial": {"position": {"x": f"{start!r} m"}}, "loads": loads}  # fmt: skip
+    names = ["joint.x.position", "joint.x.velocity", "joint.x.acceleration"]
+    return pinarm.load(on_slide(problem, outputs=names, accuracy=accuracy))
+
+
+def errors_on_springs(result, start, *springs):
+    """Errors to the closed form with 64 bits, relative to the scales of the outputs."""
+    k, rest = np.array(springs, np.longdouble).T
+    centre, pulsation = (k * rest).sum() / k.sum(), np.sqrt(k.sum() / 2)
+    phase, amplitude = pulsation * result.trajectory.grid.t.astype(np.longdouble), start - centre
+    swing = amplitude * np.cos(phase)
+    exact = centre + swing, -amplitude * pulsation * np.sin(phase), -(pulsation**2) * swing
+    scales = output_scales(result)
+    return {
+        name: float(np.abs(result[name].values - values).max() / scales[name])
+        for name, values in zip(result.content.outputs, exact, strict=True)
+    }
+
+
+@pytest.mark.skipif(np.finfo(np.longdouble).nmant < 63, reason="the closed form needs more digits than the motion has")
+@pytest.mark.parametrize(
+    ("start", "springs", "end"),
+    [
+        (1e3 + 3e-6, [(700.0, 1e3)], 0.003),
+        (2e-9, [(300.0, 100.1), (100.0, -300.3)], 1.0),  # pressed against each other by 30 kN
+        (4e-10, [(3.1e3, 0.11), (5e3, -0.0682)], 0.02),  # by 341 N
+    ],
+)
+def test_the_bound_sees_the_rounding_of_initial_states_and_of_loads_that_cancel(start, springs, end):
+    """Coordinates far from 0, and springs under a preload, have few digits left for a small motion."""
+    result = on_springs(start, *springs, end=end, tolerance=1e-11).verified()
+    errors = errors_on_springs(result, start, *springs)
+    for name, error in errors.items():
+        assert error <= result.errors[name], name
+
+
+@pytest.mark.skipif(np.finfo(np.longdouble).nmant < 63, reason="the closed form needs more digits than the motion has")
+@pytest.mark.parametrize("tolerance", [1e-9, 1e-12])
+@pytest.mark.parametrize("turn", [0.02, 0.05])
+def test_the_few_steps_of_short_runs_do_not_hide_their_errors(tolerance, turn):
+    """The finest tolerance takes the same steps, or one more, whose iterations end at the same error."""
+    result = on_springs(0.4, (800.0, 0.0), end=turn / 20.0, method="stiff", tolerance=tolerance).verified()
+    for name, error in errors_on_springs(result, 0.4, (800.0, 0.0)).items():
+        assert error <= result.errors[name] < 1e-8, name
+
+
+@pytest.mark.skipif(np.finfo(np.longdouble).nmant < 63, reason="the closed form needs more digits than the angle has")
+@pytest.mark.parametrize(("speed", "end"), [(33.3, 7.0), (1234.5678, 1000.0)])
+def test_the_bound_sees_the_rounding_of_laws(speed, end):
+    """An angle of 2e5 turns is known to 1e-10 rad, and so is where the end of the lever is."""
+    planar = {"points": {"O": [0, 0], "P": ["1 m", 0]}, "ground": ["O"],
+              "links": {"lever": {"points": ["O", "P"], "mass": "2 kg"}}}  # fmt: skip
+    problem = {"kind": "kinematics", "time": {"end": f"{end!r} s", "samples": 400},
+               "motion": {"O": {"law": "constant_speed", "speed": f"{speed!r} rad/s"}}}  # fmt: skip
+    asked = {"pinarm": 1, "mechanism": {"pinarm": 1, "planar": planar}, "problem": problem}
+    result = pinarm.load({**asked, "outputs": ["point.P.position.x"]}).verified()
+    exact = np.cos(np.longdouble(speed) * result.trajectory.grid.t.astype(np.longdouble))
+    error = float(np.abs(result["point.P.position.x"].values - exact).max())
+    assert 1e-14 < error <= result.error < 100.0 * error
