@@ -199,6 +199,23 @@ def test_joints_follow_each_other_in_the_order_of_the_file_in_frames_too():
 
 
 @pytest.mark.parametrize(
+    ("compiler", "geoms", "mass"),
+    [
+        ('inertiafromgeom="true"', "", 3.0),
+        ('inertiafromgeom="true"', '<geom size="0.1" mass="0"/>', 3.0),
+        ('inertiafromgeom="true" inertiagrouprange="1 2"', SPHERE, 3.0),
+        ('inertiafromgeom="true"', '<geom size="0.1" mass="2"/>', 2.0),
+        ("", '<geom size="0.1" mass="2"/>', 3.0),
+    ],
+)
+def test_an_inertial_stays_where_no_geom_has_a_mass(compiler, geoms, mass):
+    """Masses are body_mass of MuJoCo 4.0.0."""
+    inertial = '<inertial pos="0 0 0" mass="3" diaginertia="1 1 1"/>'
+    robot = build_model(model(body(HINGE + inertial + geoms), before=f"<compiler {compiler}/>"))
+    assert robot.model.inertias[1].mass == mass
+
+
+@pytest.mark.parametrize(
     ("joint", "before", "actuator", "mass", "passive"),
     [
         ('armature="0.1" damping="0.2"', "", '<motor joint="j" armature="0.5" gear="3"/>', 5.6, -0.2),
