@@ -6,7 +6,7 @@ traceback and exits with ``exit_code``: 2 for input that has to be mended, 3 whe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, ClassVar
 
@@ -202,6 +202,16 @@ def require_name(given: object) -> None:
 def as_names(given: str | Iterable[str]) -> list[str]:
     """Return several names as a list; one alone may be given as it is."""
     return [given] if isinstance(given, str) else list(given)
+
+
+def require_map(given: object, of: str, example: str) -> None:
+    """Refuse what is given in place of a map, such as the texts of the shell.
+
+    Raises:
+        InputError: It is none.
+    """
+    if not isinstance(given, Mapping):
+        raise InputError(f"{str(given)[:SHOWN]} is no map of {of}", expected=example)
 
 
 def choices(found: str, available: Iterable[str], *, most: int = 12) -> tuple[str, str]:

@@ -40,6 +40,9 @@ FILES = ("meshdir", "assetdir", "strippath", "texturedir")
 SCALING = ("settotalmass", "boundmass", "boundinertia")
 """Attributes of the compiler that change all masses: they are applied where the model is read."""
 
+ALIGNING = ("alignfree", "align")
+"""Attributes that move the frames of free bodies to their centres of mass: here frames are where the file has them."""
+
 COMPILER = """
 import base64, json, sys
 try:
@@ -64,7 +67,9 @@ else:
 
 
 def with_mesh_inertias(xml: str, path: Path, root: Path) -> str:
-    """Return the text of an MJCF model in which bodies with geoms and without ``<inertial>`` have one.
+    """Return the text of an MJCF model in which bodies with geoms have an ``<inertial>`` of what the compiler finds.
+
+    Those that have one keep it, unless ``inertiafromgeom`` is true.
 
     Args:
         xml: The text, includes resolved.
@@ -82,27 +87,37 @@ def with_mesh_inertias(xml: str, path: Path, root: Path) -> str:
         body.set("name", f"body_{k}")
     files = _bare(named, path, root)
     found = _compiled(ElementTree.tostring(named, encoding="unicode"), files)
+    replaced = _compiler(model).get("inertiafromgeom") == "true"
+    for compiler in model.findall("compiler"):
+        compiler.attrib.pop("inertiafromgeom", None)
     for k, body in enumerate(bodies):
         mass, *numbers = found.get(f"body_{k}", [0.0])
-        if mass and body.find("inertial") is None and next(_geoms(body), None) is not None:
+        given = [*_own(body, "inertial")]
+        if mass and any(True for _ in _own(body, "geom")) and (replaced or not given):
+            for holder, inertial in given:
+                holder.remove(inertial)
             pos, quat, moments = (" ".join(map(repr, part)) for part in (numbers[:3], numbers[3:7], numbers[7:]))
-            inertial = {"pos": pos, "quat": quat, "mass": repr(mass), "diaginertia": moments}
-            body.insert(0, Element("inertial", inertial))
+            computed = {"pos": pos, "quat": quat, "mass": repr(mass), "diaginertia": moments}
+            body.insert(0, Element("inertial", computed))
     return ElementTree.tostring(model, encoding="unicode")
 
 
-def _geoms(body: Element) -> Iterator[Element]:
-    """Yield the geoms of a body itself, those in frames included."""
-    for child in body:
-        if child.tag == "geom":
-            yield child
+def _own(holder: Element, tag: str) -> Iterator[tuple[Element, Element]]:
+    """Yield the elements of a body itself, each after the body or frame that it stands in."""
+    for child in holder:
+        if child.tag == tag:
+            yield holder, child
         elif child.tag == "frame":
-            yield from _geoms(child)
+            yield from _own(child, tag)
+
+
+def _compiler(model: Element) -> dict[str, str]:
+    return {key: value for section in model.findall("compiler") for key, value in section.attrib.items()}
 
 
 def _bare(model: Element, path: Path, root: Path) -> dict[str, bytes]:
     """Leave in a model what inertias depend on; return the content of its mesh files by their new names."""
-    compiler = {key: value for section in model.findall("compiler") for key, value in section.attrib.items()}
+    compiler = _compiler(model)
     folder = compiler.get("meshdir", compiler.get("assetdir", ""))
     for section in [section for section in model if section.tag not in KEPT]:
         model.remove(section)
@@ -111,7 +126,8 @@ def _bare(model: Element, path: Path, root: Path) -> dict[str, bytes]:
             section.attrib.pop(key, None)
         section.set("fusestatic", "false")
     for element in [*model.iter()]:
-        element.attrib.pop("material", None)
+        for key in ("material", *ALIGNING):
+            element.attrib.pop(key, None)
         for idle in [child for child in element if child.tag in IDLE or child.get("type") == "hfield"]:
             element.remove(idle)
     files: dict[str, bytes] = {}
@@ -120,6 +136,7 @@ def _bare(model: Element, path: Path, root: Path) -> dict[str, bytes]:
             asset.remove(other)
         for mesh in asset:
             if file := mesh.get("file"):
+                file = Path(file).name if compiler.get("strippath") == "true" else file
                 mesh.set("name", mesh.get("name") or Path(file).stem)
                 found = contained_file(path.parent.absolute() / folder / file, root)
                 name = f"mesh_{len(files)}{found.suffix}"

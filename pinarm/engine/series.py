@@ -26,7 +26,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from pinarm.arrays import Array, Flags
 from pinarm.errors import UnitError
 from pinarm.input.formulas.dimensions import Measure, Rule, power, pure, root, same
-from pinarm.input.units import DIMENSIONLESS, Unit, unit
+from pinarm.input.units import ANGLES, DIMENSIONLESS, Unit, unit
 from pinarm.records import AbstractRecord, replace
 
 MOST = 60
@@ -272,6 +272,9 @@ _ALIKE: Mapping[str, Measure | None] = {
 }  # fmt: skip
 """Functions of quantities of one dimension, and the unit of their value; ``None`` for the same unit."""
 
+_TO_RADIANS = ("radians", "deg2rad")
+"""Functions that take bare numbers for degrees, and so angles alone: a quantity without a unit would be either."""
+
 _LOGIC = ("logical_and", "logical_or", "logical_xor", "logical_not")
 
 _RULES: Mapping[str, Rule] = {
@@ -348,6 +351,11 @@ def _prepared(function: str, inputs: Sequence[Any], *, folded: bool) -> tuple[li
     if function in _ALIKE:
         common = same([Measure(each) for each in units])
         return [_in(x, common.unit) for x in inputs], _ALIKE[function] or common
+    if function in _TO_RADIANS:
+        pure([Measure(each) for each in units])
+        if not any(word in str(units[0]) for word in ANGLES):
+            raise UnitError("whether this is an angle in degrees is not known", hint="np.asarray(series), if it is")
+        return [_in(inputs[0], unit("deg"))], Measure(unit("rad"))
     if function not in _RULES:
         raise UnitError("this function does not tell a unit", hint="np.asarray(series), for the bare values")
     if _scales(function, inputs):

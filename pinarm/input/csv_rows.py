@@ -13,7 +13,41 @@ MAX_BYTES = 50_000_000
 """Largest size of a table: about 1.5 million rows, read in 4 s."""
 
 
-def rows(path: Path, source: str) -> Iterator[tuple[int, list[str]]]:
+SEPARATORS = {";": "semicolons", "\t": "tabs"}
+"""What stands between cells in tables of others, and what it is called."""
+
+Row = tuple[int, list[str]]
+"""The number of a line, and its cells."""
+
+
+def table(path: Path, source: str) -> tuple[list[str], Iterator[Row]]:
+    """Return the heading of a CSV file, and its rows with the numbers of their lines; see ``rows``.
+
+    Raises:
+        InputError: The cells are separated by something else than commas, or a row has more cells than the heading, as
+            where numbers have decimal commas; located at the line.
+    """
+    found = rows(path, source)
+    line, heads = next(found, (1, []))
+    for mark, name in SEPARATORS.items():
+        if len(heads) == 1 and mark in heads[0]:
+            raise InputError(f"the cells of this table are separated by {name}",
+                             expected="commas between cells, decimal points in numbers").at(
+                Location(source, line, 1, heads[0])
+            )  # fmt: skip
+    return heads, _fitting(found, len(heads), source)
+
+
+def _fitting(found: Iterator[Row], width: int, source: str) -> Iterator[Row]:
+    for line, row in found:
+        if any(cell.strip() for cell in row[width:]):
+            raise InputError(
+                f"the row has {len(row)} cells, the heading {width}", expected="numbers with a decimal point"
+            ).at(Location(source, line, 1, ",".join(row)))
+        yield line, row
+
+
+def rows(path: Path, source: str) -> Iterator[Row]:
     """Yield the rows of a CSV file that are not empty, with the numbers of their lines.
 
     Args:

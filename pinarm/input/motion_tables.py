@@ -7,7 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from pinarm.errors import InputError, Location, choices
-from pinarm.input.csv_rows import rows, split_heading
+from pinarm.input.csv_rows import split_heading, table
 from pinarm.input.numbers import decimal
 from pinarm.input.roots import Stamp
 from pinarm.input.units import Unit, unit
@@ -44,21 +44,16 @@ def read_table(name: str, column: str | None, stamp: Stamp) -> MotionTable:
         InputError: The file cannot be read, has no heading, a cell is not a finite number or lies beyond the heading,
             the first column does not increase, or it is not clear which one is meant; located at the line.
     """
-    path = Path(name)
-    file, table = path.name, rows(path, path.name)
-    _, heads = next(table, (1, []))
+    file = Path(name).name
+    heads, below = table(Path(name), file)
     if len(heads) < 2:
         raise _too_short(file)
     place = _place(heads, column, file)
     along, measured = (_unit(heads[k], file) for k in (0, place))
     first: list[float] = []
     second: list[float] = []
-    for line, row in table:
-        if any(cell.strip() for cell in row[len(heads) :]):
-            raise InputError(
-                f"the row has {len(row)} cells, the heading {len(heads)}", expected="numbers with a decimal point"
-            ).at(Location(file, line, 1, ",".join(row)))
-        t, value = (_number(row, k, file, line) for k in (0, place))
+    for line, row in below:
+        t, value = (_number(row, k, heads[k], Location(file, line, 1, ",".join(row))) for k in (0, place))
         if first and not t * along.factor > first[-1]:
             raise InputError("the first column does not increase", expected="each larger than the one before").at(
                 Location(file, line, 1, ",".join(row))
@@ -100,35 +95,35 @@ def _measured(head: str) -> bool:
 
 
 @lru_cache(maxsize=8)
-def read_columns(name: str, stamp: tuple[int, int]) -> dict[str, Column]:
-    """Read all columns of a CSV file: headings as they are written, each with its numbers as they are written.
+def read_columns(name: str, names: frozenset[str], stamp: tuple[int, int]) -> dict[str, Column]:
+    """Read columns of a CSV file: headings as they are written, each with its numbers as they are written.
 
     Args:
         name: The file, as an absolute path that may be read.
+        names: Names in the headings of the columns that are read; others may hold anything, and come without numbers.
         stamp: Time and size of the file; part of the cache key, so that a changed file is read again.
 
     Raises:
         InputError: The file cannot be read, two headings are the same, or a cell is not a finite number; located at
             the line.
     """
-    file, table = Path(name).name, rows(Path(name), Path(name).name)
-    _, heads = next(table, (1, []))
+    file = Path(name).name
+    heads, below = table(Path(name), file)
     heads = [head.strip() for head in heads]
-    if len(set(heads)) < len(heads):
-        twice = next(head for head in heads if heads.count(head) > 1)
+    places = [place for place, head in enumerate(heads) if _name(head) in names]
+    read = [heads[place] for place in places]
+    if len(set(read)) < len(read):
+        twice = next(head for head in read if read.count(head) > 1)
         raise InputError(f"two columns have the heading '{twice}'", expected="a heading of its own for each").at(
             Location(file, 1, 1, ",".join(heads))
         )
-    numbers: list[list[float]] = []
-    for line, row in table:
-        if len(row) != len(heads):
-            raise InputError(f"the row has {len(row)} cells, the heading {len(heads)}", expected="as many").at(
-                Location(file, line, 1, ",".join(row))
-            )
-        numbers.append([_number(row, column, file, line) for column in range(len(heads))])
+    numbers = [
+        [_number(row, place, heads[place], Location(file, line, 1, ",".join(row))) for place in places]
+        for line, row in below
+    ]
     if not numbers:
         raise _too_short(file)
-    return dict(zip(heads, zip(*numbers, strict=True), strict=True))
+    return {**dict.fromkeys(heads, ()), **dict(zip(read, zip(*numbers, strict=True), strict=True))}
 
 
 def _too_short(file: str) -> InputError:
@@ -147,14 +142,13 @@ def _unit(cell: str, file: str) -> Unit:
     )
 
 
-def _number(row: list[str], column: int, file: str, line: int) -> float:
+def _number(row: list[str], column: int, heading: str, place: Location) -> float:
     try:
         number = decimal(row[column])
     except (ValueError, IndexError):
         number = math.nan
-    place = Location(file, line, 1, ",".join(row))
     if not math.isfinite(number):
-        raise InputError("a finite number is missing", expected="two numbers").at(place)
+        raise InputError("a finite number is missing", expected=f"one in the column {heading.strip()}").at(place)
     if abs(number) > LARGEST:
         raise InputError(f"{number:g} is out of bounds", expected=f"a size of at most {LARGEST:g}").at(place)
     return number

@@ -188,7 +188,17 @@ def _unknown(name: str) -> UnitError:
     if name == "Hz":
         return UnitError("Hz is ambiguous between turns and radians", hint="rpm, rev/s or rad/s")
     expected, hint = choices(name, _TABLE, most=60)
-    return UnitError(f"unknown unit '{name}'", expected=expected, hint=hint)
+    return UnitError(f"unknown unit '{name}'", expected=expected, hint=_apart(name) or hint)
+
+
+def _apart(name: str) -> str:
+    """Return the product of two units that are written without a sign, such as N*m for Nm; empty where it is none."""
+    for last in ("m", "mm", "cm", "s", "h"):
+        first = name.removesuffix(last)
+        _, kg, time, ampere = _TABLE.get(first, (1.0, _LENGTH))[1]
+        if first != name and ((kg and time) or ampere):
+            return f"{first}*{last}"
+    return ""
 
 
 def read_quantity(text: str) -> tuple[float, Unit | None]:
@@ -201,6 +211,8 @@ def read_quantity(text: str) -> tuple[float, Unit | None]:
     if not parts:
         expected = "a number and a unit, such as 30 deg or 1.5 N*m"
         raise UnitError(f"'{text[:MAX_LENGTH]}' is not a quantity", expected=expected)
+    if parts[1][:1] == "," and parts[1][1:2].isdecimal():
+        raise UnitError(f"'{text}' has a comma in its number", expected="a decimal point, nothing between thousands")
     read = unit(parts[1]) if parts[1] else None
     number = float(parts[0]) * (read.factor if read else 1.0)
     if not math.isfinite(number):

@@ -515,6 +515,19 @@ def test_folders_are_validated_with_those_below_them(here: Path, capsys: pytest.
     assert (said["files"], said["passed over"], len(said["mistakes"])) == (1, 1, 1)
 
 
+def test_folders_of_results_are_validated_where_they_are_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("bad.yaml", "blow.yaml", "miss.yaml"):
+        (here / name).unlink()
+    assert main(["run", "a.yaml", "--no-plots"]) == 0
+    capsys.readouterr()
+    assert main(["validate", "."]) == 0
+    assert [line.partition(":")[0] for line in capsys.readouterr().out.splitlines()] == [
+        "a.yaml", "pendulum.yaml", "2 scenarios and mechanism files, 0 with mistakes; 2 other files passed over",
+    ]  # fmt: skip
+    assert main(["validate", "results/a"]) == 0
+    assert "2 scenarios and mechanism files" in capsys.readouterr().out
+
+
 def test_a_file_with_a_mistake_is_not_nothing_to_check(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "bad.yaml"]) == 2
     out, err = capsys.readouterr()

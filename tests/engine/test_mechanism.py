@@ -45,6 +45,7 @@ def test_arguments_change_the_model(value):
         ({"m_A": "2 m"}, "'m' is not a unit of this quantity"),
         ({"m_A": float("nan")}, "m_A: 'nan' is not a finite number"),
         ({"m_A": "-2 kg"}, "mass is negative"),
+        (["m_A=2 kg"], r"\['m_A=2 kg'\] is no map of arguments"),
     ],
 )
 def test_impossible_arguments_are_refused(arguments, message):

@@ -3,6 +3,7 @@
 import struct
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from pinarm.engine import model_source
@@ -72,6 +73,35 @@ def test_bodies_are_those_of_mujoco(folder, compiler, geom):
         assert ours.mass == pytest.approx(theirs.body_mass[index], rel=1e-12)
         assert ours.lever == pytest.approx(theirs.body_ipos[index], abs=1e-12)
         assert np.linalg.eigvalsh(ours.inertia) == pytest.approx(np.sort(theirs.body_inertia[index]), rel=1e-9)
+
+
+MESH = '<geom type="mesh" mesh="block" pos="0.1 0 0" euler="0 0 30"/>'
+INERTIAL = '<inertial pos="0.1 0 0" mass="3" diaginertia="1 1 1"/>'
+
+
+@pytest.mark.parametrize(
+    ("compiler", "file", "inside"),
+    [
+        ('alignfree="true"', "block.stl", f"<freejoint/>{MESH}"),
+        ("", "block.stl", f'<freejoint align="true"/>{MESH}'),
+        ('inertiafromgeom="true"', "block.stl", f"<joint/>{MESH}"),
+        ('inertiafromgeom="true"', "block.stl", f'<joint/>{INERTIAL}{MESH}<body pos="0 1 0"><joint/>{MESH}</body>'),
+        ("", "block.stl", f'<joint/><frame pos="0 0 1">{INERTIAL}</frame>{MESH}<body><joint/>{MESH}</body>'),
+        ('strippath="true"', "elsewhere/block.stl", f"<joint/>{MESH}"),
+    ],
+)
+def test_centres_of_mass_are_those_of_mujoco(folder, compiler, file, inside):
+    text = f"""<mujoco><compiler {compiler}/><asset><mesh name="block" file="{file}"/></asset><worldbody>
+    <body pos="1 2 3" euler="20 30 40">{inside}</body></worldbody></mujoco>"""
+    (folder / "block.stl").write_bytes(stl())
+    (folder / "m.xml").write_text(text)
+    theirs = mujoco.MjModel.from_xml_path("m.xml")
+    data = mujoco.MjData(theirs)
+    mujoco.mj_forward(theirs, data)
+    model = Mechanism.load(folder / "m.xml").model
+    assert pin.computeTotalMass(model) == pytest.approx(theirs.body_mass[1:].sum(), rel=1e-12)
+    centre = pin.centerOfMass(model, model.createData(), pin.neutral(model))
+    assert centre == pytest.approx(data.subtree_com[0], abs=1e-12)
 
 
 def test_the_text_has_the_inertias_and_needs_no_mesh(folder):

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.input.csv_rows import rows, split_heading
+from pinarm.input.csv_rows import rows, split_heading, table
 
 
 def written(folder: Path, text: str) -> Path:
@@ -47,3 +47,24 @@ def test_what_keeps_a_reader_waiting_is_refused(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_headings(cell: str, heading: tuple[str, str | None] | None) -> None:
     assert split_heading(cell) == heading
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a [m];b [m]\n1;2\n", r"t\.csv:1:1: .* separated by semicolons"),
+        ("a [m];b [m]\n1,5;2,5\n", r"t\.csv:1:1: .* separated by semicolons"),
+        ("a [m]\tb [m]\n1\t2\n", r"t\.csv:1:1: .* separated by tabs"),
+        ("a [m],b [m]\n1,2\n\n1,5,2,5\n", r"t\.csv:4:1: the row has 4 cells, the heading 2"),
+    ],
+)
+def test_tables_with_other_separators_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        list(table(written(tmp_path, text), "t.csv")[1])
+    assert "decimal point" in caught.value.expected
+
+
+def test_empty_cells_beyond_the_heading_are_none(tmp_path: Path) -> None:
+    heads, below = table(written(tmp_path, "a,b\n1,2,, \n3\n"), "t.csv")
+    assert heads == ["a", "b"]
+    assert [*below] == [(2, ["1", "2", "", " "]), (3, ["3"])]

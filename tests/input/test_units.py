@@ -94,6 +94,23 @@ def test_a_near_miss_gets_a_suggestion(wrong: str, right: str) -> None:
     assert caught.value.hint == right
 
 
+@pytest.mark.parametrize(
+    ("wrong", "right"),
+    [("Nm", "N*m"), ("Nmm", "N*mm"), ("kNm", "kN*m"), ("kWh", "kW*h"), ("As", "A*s"), ("Pas", "Pa*s")],
+)
+def test_units_without_a_sign_between_them_get_one(wrong: str, right: str) -> None:
+    with pytest.raises(UnitError) as caught:
+        unit(wrong)
+    assert caught.value.hint == right
+
+
+@pytest.mark.parametrize("text", ["60,5 deg", "1,000 mm", "0,2kg"])
+def test_a_comma_in_a_number_is_told(text: str) -> None:
+    with pytest.raises(UnitError, match="comma in its number") as caught:
+        read_quantity(text)
+    assert "decimal point" in caught.value.expected
+
+
 @pytest.mark.parametrize("text", ["h^99", "km^99*km^99*km^99", "um^-99", "1/um^99", "h^99/um^99"])
 def test_a_power_beyond_all_floats_is_an_error_of_the_user(text: str) -> None:
     with pytest.raises(UnitError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -181,7 +181,8 @@ def _quantities(
     friction, others = _frictions(mechanism, dynamics, t, q, v, tau)
     loads = _friction_loads(mechanism, q, friction)
     a = given.get("a", still) if tau is None else _forward(mechanism, dynamics, t, q, v, tau + loads)
-    _check_closed(closure, leading, q, v, a, found=tau is not None)
+    check = _check_closed if tau is None else _check_found
+    check(closure, leading, q, v, a)
     run = _rows(mechanism, t, q, v, a)
     demand = dynamics.inverse(t, q, v, a)
     if lossy(mechanism):
@@ -290,7 +291,7 @@ def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: floa
     tau = efforts[0] if efforts else np.zeros_like(v)
     friction = _frictions(mechanism, dynamics, t, q, v, tau)[0]
     a = _forward(mechanism, dynamics, t, q, v, tau + _friction_loads(mechanism, q, friction))
-    _check_closed(mechanism.closure, leading, q, v, a, found=True)
+    _check_found(mechanism.closure, leading, q, v, a)
     return leading.unfold(a)
 
 
@@ -319,15 +320,40 @@ def _forward(mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Ar
     return accelerations(dynamics, closure, t, q, v, tau) if closure.size else dynamics.forward(t, q, v, tau)
 
 
-def _check_closed(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: Array, *, found: bool = False) -> None:
-    """Raise where a state tears a loop or a coupling.
+class _Tear(NamedTuple):
+    """What of a state tears a loop or a coupling, and in words which, in which row, and by how much."""
 
-    Accelerations that have been ``found`` of efforts do so at singular positions only, where velocities are not along
-    one of the motions that meet there, and next to them.
+    what: str
+    said: str
+
+
+def _check_closed(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: Array) -> None:
+    """Raise where a given state tears a loop or a coupling.
 
     Raises:
         InputError: Says which, in which row, and by how much.
     """
+    for tear in _tears(closure, leading, q, v, a):
+        raise InputError(tear.said, expected="states that the loops and couplings allow")
+
+
+def _check_found(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: Array) -> None:
+    """Raise as ``_check_closed`` does, where accelerations have been found of efforts.
+
+    These tear loops at singular positions only, where velocities are not along one of the motions that meet there, and
+    next to them.
+
+    Raises:
+        InputError: As there.
+    """
+    for tear in _tears(closure, leading, q, v, a):
+        if tear.what == "accelerations":
+            raise InputError(tear.said + SINGULAR, expected="velocities along one of the motions that meet there")
+        raise InputError(tear.said, expected="states that the loops and couplings allow")
+
+
+def _tears(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: Array) -> Iterator[_Tear]:
+    """Yield what tears a loop or a coupling, row by row: positions before rates."""
     for i in _suspects(closure, q, v, a):
         state = closure.state(q[i], v[i])
         rows, gap, drift = closure.rows(state), closure.gap(state), closure.drift(state)
@@ -341,10 +367,7 @@ def _check_closed(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a:
             if excess[worst] > 0.0:
                 constraint, row = closure.owners()[worst]
                 torn = f"tear '{constraint.name}' by {abs(left[worst]):.3g} {constraint.unit(row)}"
-                said = f"{leading.place(i)}: the {what} {torn}{PER_TIME[what]}"
-                if found and what == "accelerations":
-                    raise InputError(said + SINGULAR, expected="velocities along one of the motions that meet there")
-                raise InputError(said, expected="states that the loops and couplings allow")
+                yield _Tear(what, f"{leading.place(i)}: the {what} {torn}{PER_TIME[what]}")
 
 
 def _suspects(closure: Closure, q: Array, v: Array, a: Array) -> Iterator[int]:

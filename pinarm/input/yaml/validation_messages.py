@@ -79,6 +79,8 @@ def explain(error: msgspec.ValidationError, data: Any, path: Keys, struct: type[
     wanted, _, found_kind = message.removeprefix("Expected ").partition(", got ")
     shown = _at(data, list(path))
     expected, what = _in_words(wanted), _in_words(found_kind) or repr(shown)[:40]
+    if found_kind == "`null`":
+        what = "nothing" if path else "an empty file"
     quoted = f"'{shown}'" if expected == "text" and isinstance(shown, int | float) else ""
     return InputError(f"this is {what}", expected=expected, hint=quoted)
 

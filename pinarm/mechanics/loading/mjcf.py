@@ -155,21 +155,25 @@ def _site(settings: Settings, given: Attributes, where: str) -> pin.SE3:
 
 
 def _inertia(reader: _Reader, body: Element, childclass: str, where: str, moves: bool) -> pin.Inertia:
-    """Return the inertia of a body about its frame; zero for a body that never moves."""
+    """Return the inertia of a body about its frame; zero for a body that never moves.
+
+    As in MuJoCo an ``<inertial>`` stays where ``inertiafromgeom`` is true, but no geom of the body has a mass.
+    """
     if not moves and not reader.settings.total_mass:
         return pin.Inertia.Zero()
     settings = reader.settings
     inertials = [*elements_of(settings, body, childclass, "inertial")]
-    if settings.source == "inertial" or (settings.source == "auto" and inertials):
-        if not inertials:
-            raise ModelError(f"{where}: it has no <inertial>, and inertiafromgeom is false")
+    total = pin.Inertia.Zero()
+    if settings.source == "geoms" or (settings.source == "auto" and not inertials):
+        for geom in elements_of(settings, body, childclass, "geom"):
+            shape = geom_inertia(geom.given, settings, f"{where}: geom '{geom.given.get('name', '')}'")
+            total += geom.frame.act(shape)
+    elif not inertials:
+        raise ModelError(f"{where}: it has no <inertial>, and inertiafromgeom is false")
+    if inertials and not total.mass:
         if len(inertials) > 1:
             raise ModelError(f"{where}: it has {len(inertials)} <inertial>", expected="one, of all its mass")
-        return _bounded(reader, inertials[0].frame.act(_inertial(inertials[0].given, settings, where)), where)
-    total = pin.Inertia.Zero()
-    for geom in elements_of(settings, body, childclass, "geom"):
-        shape = geom_inertia(geom.given, settings, f"{where}: geom '{geom.given.get('name', '')}'")
-        total += geom.frame.act(shape)
+        total = inertials[0].frame.act(_inertial(inertials[0].given, settings, where))
     return _bounded(reader, total, where)
 
 

@@ -40,17 +40,20 @@ class BodyElement:
 
 
 def elements_of(settings: Settings, body: Element, childclass: str, *tags: str) -> Iterator[BodyElement]:
-    """Yield the elements of some kinds that belong to a body itself, those in frames with the frame's placement."""
-    waiting = [(body, pin.SE3.Identity(), childclass)]
+    """Yield the elements of some kinds that belong to a body itself, those in frames with the frame's placement.
+
+    They come in the order of the file, in which the joints of a body follow each other.
+    """
+    waiting = [(child, pin.SE3.Identity(), childclass) for child in reversed(body)]
     while waiting:
-        element, place, inherited = waiting.pop(0)
-        for child in element:
-            if child.tag in tags:
-                plain = child.tag in ("freejoint", "inertial")
-                yield BodyElement(child.tag, child.attrib if plain else settings.attributes(child, inherited), place)
-            elif child.tag == "frame":
-                inner = place * settings.placement(child.attrib, f"a frame of body '{body.get('name', '')}'")
-                waiting.append((child, inner, child.get("childclass", inherited)))
+        element, place, inherited = waiting.pop()
+        if element.tag in tags:
+            plain = element.tag in ("freejoint", "inertial")
+            yield BodyElement(element.tag, element.attrib if plain else settings.attributes(element, inherited), place)
+        elif element.tag == "frame":
+            inner = place * settings.placement(element.attrib, f"a frame of body '{body.get('name', '')}'")
+            within = element.get("childclass", inherited)
+            waiting += [(child, inner, within) for child in reversed(element)]
 
 
 def joint_chain(

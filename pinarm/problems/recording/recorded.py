@@ -24,7 +24,7 @@ from pinarm.input.yaml.schema import InputStruct, current_folder
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.actuation.effort_sharing import Share, drives_of
 from pinarm.problems.loads import LOADS, bind_loads
-from pinarm.problems.recording.recorded_columns import check_rows, recorded_rows
+from pinarm.problems.recording.recorded_columns import check_rows, names_read, recorded_rows
 from pinarm.records import replace
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
         Raises:
             InputError: They are no motion of this mechanism.
         """
-        rows, unread = recorded_rows(mechanism, self._columns())
+        rows, unread = recorded_rows(mechanism, self._columns(mechanism))
         check_rows(mechanism, rows)
         if self.derivatives == "spline" and (rows.v is not None or rows.a is not None):
             raise InputError("velocities or accelerations are given, and those of a spline are asked for",
@@ -144,13 +144,13 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
             raise InputError("accelerations are given without velocities", expected="both, or none")
         return rows, unread
 
-    def _columns(self) -> Mapping[str, Sequence[float] | str]:
+    def _columns(self, mechanism: Mechanism) -> Mapping[str, Sequence[float] | str]:
         if not self.file:
             return self.columns
         from pinarm.input.motion_tables import read_columns
 
         state = Path(self.file).stat()
-        return read_columns(self.file, (state.st_mtime_ns, state.st_size))
+        return read_columns(self.file, names_read(mechanism), (state.st_mtime_ns, state.st_size))
 
     def _drives(self, mechanism: Mechanism, place: Place) -> Actuation | None:
         if not self.drives and self.share is None:

@@ -66,6 +66,18 @@ def named_columns(mechanism: Mechanism, rows: RecordedRows) -> dict[str, str]:
     return text
 
 
+def names_read(mechanism: Mechanism) -> frozenset[str]:
+    """Return the names of all columns that are read."""
+    return frozenset({"t", *state_columns(mechanism), *_aliases(mechanism)})
+
+
+def _aliases(mechanism: Mechanism) -> dict[str, str]:
+    """Return what else the columns of positions may be called -> their names."""
+    return {
+        alias: f"joint.{name}.position" for name in mechanism.joints for alias in (name, f"coordinate.{name}.position")
+    }
+
+
 def recorded_rows(
     mechanism: Mechanism, columns: Mapping[str, Sequence[float] | str]
 ) -> tuple[RecordedRows, tuple[str, ...]]:
@@ -80,9 +92,7 @@ def recorded_rows(
         InputError: A column is missing or stands twice, a unit does not fit, or something is no finite number.
         UnitError: A unit does not fit.
     """
-    known = state_columns(mechanism)
-    aliases = {**{name: f"joint.{name}.position" for name in mechanism.joints},
-               **{f"coordinate.{name}.position": f"joint.{name}.position" for name in mechanism.joints}}  # fmt: skip
+    known, aliases = state_columns(mechanism), _aliases(mechanism)
     given: dict[str, Array] = {}
     unread: list[str] = []
     for heading, numbers in columns.items():

@@ -9,7 +9,8 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, Location, PinarmError, within
-from pinarm.input.csv_rows import rows, split_heading
+from pinarm.input.csv_rows import split_heading, table
+from pinarm.input.numbers import decimal
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import current_folder
@@ -47,16 +48,17 @@ def _columns(name: str) -> dict[str, list[float]]:
     """Return the columns of a CSV file of points [m]."""
     folder = current_folder() or Path(name).absolute().parent
     path = contained_file((folder / name).absolute(), root_of(folder))
-    lines = list(rows(path, path.name))
-    if not 2 <= len(lines) <= MOST + 1:
-        raise InputError(f"the file {path.name} has {max(len(lines) - 1, 0)} points", expected=f"1 to {MOST}")
+    heads, below = table(path, path.name)
+    lines = list(below)
+    if not 1 <= len(lines) <= MOST:
+        raise InputError(f"the file {path.name} has {len(lines)} points", expected=f"1 to {MOST}")
     columns: dict[str, list[float]] = {}
-    for place, cell in enumerate(lines[0][1]):
+    for place, cell in enumerate(heads):
         heading = split_heading(cell)
         axis, written = heading or (cell, None)
         if axis in AXES:
-            factor = _factor(axis, written, Location(path.name, lines[0][0], 1, cell))
-            columns[axis] = [factor * _number(row, place, Location(path.name, line)) for line, row in lines[1:]]
+            factor = _factor(axis, written, Location(path.name, 1, 1, cell))
+            columns[axis] = [factor * _number(row, place, Location(path.name, line)) for line, row in lines]
     if not columns:
         raise InputError(f"the file {path.name} has no column of points", expected="headings such as x [mm], y [mm]")
     return columns
@@ -75,7 +77,7 @@ def _factor(axis: str, written: str | None, place: Location) -> float:
 def _number(row: Sequence[str], place: int, line: Location) -> float:
     cell = row[place] if place < len(row) else ""
     try:
-        value = float(cell)
+        value = decimal(cell)
     except ValueError:
         value = np.nan
     if not np.isfinite(value):

@@ -21,7 +21,7 @@ from pinarm.engine.checks.limits import Excess, excesses, highest_row
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
-from pinarm.errors import DynamicsError, PinarmError
+from pinarm.errors import DynamicsError, InputError, PinarmError, choices
 from pinarm.input.yaml.schema import plain
 from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
@@ -225,8 +225,11 @@ class Result(Record, frozen=True):
         """Return one section, evaluated when it is first asked for; others are left alone.
 
         Raises:
-            InputError: The run does not have what it needs.
+            InputError: There is none of that key, or the run does not have what it needs.
         """
+        if key not in self.numbered:
+            expected, hint = choices(str(key), self.numbered)
+            raise InputError(f"there is no section '{key}'", expected=expected, hint=hint)
         if key not in self._evaluated:
             with self.scenario.document.locating(key):
                 self._evaluated[key] = self.content.assessments[key].evaluate(self)

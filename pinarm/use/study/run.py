@@ -100,16 +100,19 @@ MOST = 12
 def input_files(path: Path) -> tuple[list[Path], int]:
     """Return a file, or the scenarios and mechanism files in a folder and the folders below it.
 
-    Hidden folders are left alone.
+    Hidden folders are left alone. So are folders of results below it, whose files are those of a run as it was.
 
     Returns:
         The files, in the order of their names, and the number of other files ending in .yaml.
     """
+    from pinarm.use.output.manifest import read_manifest
+
     if not path.is_dir():
         return [path], 0
     visible = [file for file in path.rglob("*.yaml")
                if not any(part.startswith(".") for part in file.relative_to(path).parts)]  # fmt: skip
-    own = sorted(file for file in visible if is_input(file))
+    written = {folder for folder in {file.parent for file in visible} - {path} if read_manifest(folder) is not None}
+    own = sorted(file for file in visible if file.parent not in written and is_input(file))
     return own, len(visible) - len(own)
 
 

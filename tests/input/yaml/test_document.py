@@ -318,6 +318,7 @@ class Whole(InputStruct):
         ("time: {end: .nan}\n", "is not a finite number", (1, 13), ""),
         ("time: []\n", "this is a list", (1, 1), ""),
         ("- 1\n", "this is a list", (1, 1), ""),
+        ("title:\ntime: {end: 1 s}\n", "this is nothing", (1, 1), ""),
     ],
 )  # fmt: skip
 def test_a_mistake_is_explained_where_it_stands(text: str, says: str, place: tuple[int, int], hint: str) -> None:
@@ -326,6 +327,12 @@ def test_a_mistake_is_explained_where_it_stands(text: str, says: str, place: tup
     assert says in caught.value.message
     assert at(caught.value) == place
     assert caught.value.hint == hint
+
+
+@pytest.mark.parametrize("text", ["", "# a remark\n", "---\n"])
+def test_an_empty_file_is_told(text: str) -> None:
+    with pytest.raises(InputError, match="this is an empty file"):
+        Document.parse(text, source="f.yaml").validate(Whole)
 
 
 @pytest.mark.parametrize(

@@ -187,6 +187,34 @@ def test_an_inertial_stands_in_its_frame():
     assert mass_matrix(robot) == pytest.approx(np.array([[9.0]]), abs=1e-14)
 
 
+def test_joints_follow_each_other_in_the_order_of_the_file_in_frames_too():
+    """MuJoCo 4.0.0: joints a, s; xpos (1, -0.5, 0) at qpos (pi/2, 0.5)."""
+    inside = '<frame pos="1 0 0"><joint name="a"/></frame><joint name="s" type="slide" axis="1 0 0"/>' + UNIT
+    robot = build_model(model(body(inside)))
+    assert [*robot.model.names[1:]] == ["a", "s"]
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, np.array([np.pi / 2, 0.5]))
+    place = data.oMf[robot.model.getFrameId("b", pin.FrameType.BODY)]
+    assert place.translation == pytest.approx([1.0, -0.5, 0.0], abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("compiler", "geoms", "mass"),
+    [
+        ('inertiafromgeom="true"', "", 3.0),
+        ('inertiafromgeom="true"', '<geom size="0.1" mass="0"/>', 3.0),
+        ('inertiafromgeom="true" inertiagrouprange="1 2"', SPHERE, 3.0),
+        ('inertiafromgeom="true"', '<geom size="0.1" mass="2"/>', 2.0),
+        ("", '<geom size="0.1" mass="2"/>', 3.0),
+    ],
+)
+def test_an_inertial_stays_where_no_geom_has_a_mass(compiler, geoms, mass):
+    """Masses are body_mass of MuJoCo 4.0.0."""
+    inertial = '<inertial pos="0 0 0" mass="3" diaginertia="1 1 1"/>'
+    robot = build_model(model(body(HINGE + inertial + geoms), before=f"<compiler {compiler}/>"))
+    assert robot.model.inertias[1].mass == mass
+
+
 @pytest.mark.parametrize(
     ("joint", "before", "actuator", "mass", "passive"),
     [

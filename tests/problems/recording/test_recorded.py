@@ -260,15 +260,28 @@ def test_columns_that_are_no_states_are_noted(arm):
     assert result.notes() == ["columns that are not read: remark"]
 
 
-def test_a_wrong_cell_of_a_file_is_told_with_its_line(tmp_path, arm):
+@pytest.fixture
+def scenario_beside(tmp_path):
+    """A folder with the arm, and a scenario of the rows in ``rows.csv``."""
     (tmp_path / ".pinarm-root").touch()
-    (tmp_path / "rows.csv").write_text("t [s],O [deg],B [deg]\n0,1,2\n1,x,2\n")
     for file in (ROOT / "models" / "gen411_arm").iterdir():
         (tmp_path / file.name).write_bytes(file.read_bytes())
     text = "pinarm: 1\nmechanism: mechanism.yaml\noutputs: [O]\nproblem: {kind: recorded, file: rows.csv}\n"
     (tmp_path / "scenario.yaml").write_text(text)
+    return tmp_path
+
+
+def test_a_wrong_cell_of_a_file_is_told_with_its_line(scenario_beside):
+    (scenario_beside / "rows.csv").write_text("t [s],O [deg],B [deg]\n0,1,2\n1,x,2\n")
     with pytest.raises(PinarmError, match=r"rows\.csv:3"):
-        pinarm.run(tmp_path / "scenario.yaml")
+        pinarm.run(scenario_beside / "scenario.yaml")
+
+
+def test_columns_of_a_file_that_are_not_read_may_hold_anything(scenario_beside):
+    (scenario_beside / "rows.csv").write_text("t [s],remark,O [deg],B [deg],force [N]\n0,begin,0,0,\n1,,90,0,nan\n")
+    result = pinarm.run(scenario_beside / "scenario.yaml")
+    assert result["O"].values == pytest.approx([0, np.pi / 2])
+    assert result.notes() == ["columns that are not read: remark, force [N]"]
 
 
 @pytest.mark.parametrize(("change", "message"), [

@@ -168,7 +168,8 @@ def test_points_come_from_a_file_that_the_result_keeps(tmp_path: Path, chebyshev
     [("x,y\n1,2\n", "no unit of a length"), ("x [kg],y [m]\n1,2\n", "no unit of a length"),
      ("a,b\n1,2\n", "no column of points"),
      ("x [mm],y [mm]\n", "has 0 points"), ("x [mm],y [mm]\n1\n", "'' is no number"), ("x [mm]\nnan\n", "is no number"),
-     ("x [furlong]\n1\n", "unknown unit")],
+     ("x [furlong]\n1\n", "unknown unit"), ("x [mm],y [mm]\n1,5,2,5\n", "has 4 cells, the heading 2"),
+     ("x [mm];y [mm]\n1,5;2,5\n", "separated by semicolons"), ("x [mm],y [mm]\n1_0,2\n", "is no number")],
 )  # fmt: skip
 def test_a_mistake_in_a_file_is_told(tmp_path: Path, chebyshev: Callable[..., Any], text: str, message: str) -> None:
     (tmp_path / "curve.csv").write_text(text)

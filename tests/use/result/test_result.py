@@ -66,6 +66,12 @@ def test_unknown_quantities(scenario: Callable[..., Any], name: str, kind: type[
     assert says in str(caught.value)
 
 
+def test_a_section_that_there_is_not_is_told(scenario: Callable[..., Any]) -> None:
+    with pytest.raises(InputError, match="there is no section 'shakin'") as caught:
+        scenario("inverse", "shaking: {}\n").run().section("shakin")
+    assert caught.value.hint == "shaking"
+
+
 def test_symbols_of_the_scenario_are_formulas_of_symbols(scenario: Callable[..., Any]) -> None:
     result = scenario("inverse", "symbols: {twice: 2*alpha, four: 2*twice}\n").run()
     assert result["four"].values[-1] == 4.0

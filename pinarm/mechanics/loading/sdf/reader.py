@@ -12,6 +12,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
+from pinarm.arrays import Array
 from pinarm.errors import ModelError, listed
 from pinarm.input.xml_names import check_names, counted
 from pinarm.input.xml_text import MAX_LINKS, bound
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
 
 
 MOMENTS = ("ixx", "iyy", "izz")
+
+GRAVITY = "0 0 -9.8"
+"""That of a world that says none [m/s^2]."""
 
 
 def sdf_tree(root: Element) -> Tree:
@@ -62,11 +66,40 @@ def sdf_tree(root: Element) -> Tree:
         notes.append(f"not read: {counted(unread)}")
     ends = {joint.child: pin.Inertia.Zero() for joint in grown.joints if joint.child not in bodies}
     links = {WORLD: pin.Inertia.Zero(), **{name: bodies[name] for name in [*grown.links][1:]}, **ends}
-    gravity = numbers_of(text, 3, "gravity") if (text := root.findtext("world/gravity")) else None
+    gravity = _gravity(root, version, notes)
     return Tree(
         model.get("name", ""), links, tuple(grown.joints), kept, gravity, (*defects, *orphans),
         (*notes, *grown.notes), grown.loops, couplings,
     )  # fmt: skip
+
+
+def _gravity(root: Element, version: tuple[int, int], notes: list[str]) -> Array | None:
+    """Return the gravity of the world [m/s^2], shape (3,); ``None`` for a model without one.
+
+    Before version 1.6 it is an element of ``<physics>``. A world that says nothing has that of the format.
+
+    Raises:
+        ModelError: It is no vector, or several engines have different ones.
+    """
+    world = root.find("world")
+    if world is None:
+        return None
+    engines = {" ".join(text.split()) for text in map(_text_of_gravity, world.findall("physics")) if text}
+    if engines and version >= (1, 6):
+        notes.append("the <gravity> in <physics> is not read: from version 1.6 on it stands in the <world>")
+    given = _text_of_gravity(world)
+    if not given and version < (1, 6):
+        if len(engines) > 1:
+            raise ModelError(f"the <physics> of the world have several gravities: {'; '.join(sorted(engines))}",
+                             expected="one")  # fmt: skip
+        given = next(iter(engines), "")
+    if not given:
+        notes.append(f"the world has no <gravity>, and by the format {GRAVITY} m/s^2")
+    return numbers_of(given or GRAVITY, 3, "gravity")
+
+
+def _text_of_gravity(element: Element) -> str:
+    return (element.findtext("gravity") or "").strip()
 
 
 def _gears(

@@ -19,7 +19,6 @@ Units in brackets may be others of the same dimension; the two temperatures are 
 
 from __future__ import annotations
 
-import csv
 import math
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -28,6 +27,8 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, Location, choices
+from pinarm.input.csv_rows import table
+from pinarm.input.numbers import decimal, is_decimal
 from pinarm.input.units import unit
 
 MAX_BYTES, MOST = 5_000_000, 10_000
@@ -81,15 +82,12 @@ def read_catalogue(path: Path) -> list[Motor]:
     """
     if path.stat().st_size > MAX_BYTES:
         raise InputError(f"the catalogue {path.name} is too large", expected=f"at most {MAX_BYTES} bytes")
-    try:
-        with open(path, newline="", encoding="utf-8-sig") as stream:
-            rows = list(csv.reader(stream, strict=True))
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"the catalogue {path.name} is not CSV text ({error})") from None
-    if len(rows) < 2 or len(rows) > MOST + 1:
-        raise InputError(f"the catalogue {path.name} has {max(len(rows) - 1, 0)} motors", expected=f"1 to {MOST}")
-    columns = _columns(rows[0], path.name)
-    motors = [_motor(row, columns, Location(path.name, line)) for line, row in enumerate(rows[1:], start=2) if row]
+    heads, below = table(path, path.name)
+    rows = list(below)
+    if not 1 <= len(rows) <= MOST:
+        raise InputError(f"the catalogue {path.name} has {len(rows)} motors", expected=f"1 to {MOST}")
+    columns = _columns(heads, path.name)
+    motors = [_motor(row, columns, Location(path.name, line)) for line, row in rows]
     names = [motor.name for motor in motors]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
@@ -125,7 +123,7 @@ def _motor(row: list[str], columns: dict[str, tuple[int, float]], line: Location
     for field in fields(Motor)[1:]:
         place, factor = columns[field.name]
         text = row[place].strip() if place < len(row) else ""
-        number = float(text) if _is_number(text) else math.nan
+        number = decimal(text) if is_decimal(text) else math.nan
         if not 0.0 <= number < math.inf or (number == 0.0 and field.name != "rotor_inertia"):
             raise InputError(f"{field.name} is '{text}'", expected="a positive number with a decimal point").at(line)
         if number and not SMALLEST <= number <= GREATEST:
@@ -140,11 +138,3 @@ def _motor(row: list[str], columns: dict[str, tuple[int, float]], line: Location
                 f"{low} is beyond {high}", expected=f"{low} not above {high}, rated_speed below max_speed"
             ).at(line)
     return motor
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return text.isascii() and "_" not in text

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, Interrupted, PinarmError, as_names, choices, require_name
+from pinarm.errors import InputError, Interrupted, PinarmError, as_names, choices, require_map, require_name
 from pinarm.input.roots import noting_files
 from pinarm.input.units import DIMENSIONLESS, unit
 from pinarm.input.yaml.key_path import argument_of
@@ -199,6 +199,7 @@ def sweep(
         Interrupted: By the user; ``partial`` holds the sweep so far.
     """
     check_number(workers)
+    require_map(over or {}, "paths and their values", "{'arguments.m_A': '0.1:0.5:41 kg'}")
     if parquet:
         require_parquet()
     scenario = load(scenario, values)

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from pinarm.errors import InputError, Location
-from pinarm.input.csv_rows import rows, split_heading
+from pinarm.input.csv_rows import split_heading, table
 from pinarm.input.numbers import DECIMAL, decimals, is_whole, leading_number
 from pinarm.input.units import MAX_QUANTITY, unit
 from pinarm.use.cases.case_table import Column
@@ -168,13 +168,14 @@ def read_cases(path: Path, unit_of: UnitOf) -> Axis:
     Raises:
         InputError: The file cannot be read or is no such table; the message says where.
     """
-    (_, heads), *table = [*rows(path, str(path))] or [(1, [])]
-    if not table:
+    heads, below = table(path, str(path))
+    lines = [*below]
+    if not lines:
         raise InputError("there are no cases", expected="a heading and at least one line").at(Location(str(path)))
-    texts = [*zip(*(row for _, row in table), strict=False)]
-    alike = {len(row) for _, row in table} == {len(heads)}
+    texts = [*zip(*(row for _, row in lines), strict=False)]
+    alike = {len(row) for _, row in lines} == {len(heads)}
     if not alike or not all(all(map(str.strip, cells)) for cells in texts):
-        line, row = next(each for each in table if len(each[1]) != len(heads) or not all(map(str.strip, each[1])))
+        line, row = next(each for each in lines if len(each[1]) != len(heads) or not all(map(str.strip, each[1])))
         place = Location(str(path), line, 1, ",".join(row))
         raise InputError("a value is missing, or one too many", expected=f"{len(heads)} values").at(place)
     columns = []
@@ -189,7 +190,7 @@ def read_cases(path: Path, unit_of: UnitOf) -> Axis:
         try:
             columns.append(_column(heading[0], cells, partial(_same, measured)))
         except InputError as error:
-            line, row = next((each for each in table if not _is_number(each[1][number])), (1, heads))
+            line, row = next((each for each in lines if not _is_number(each[1][number])), (1, heads))
             raise error.at(Location(str(path), line, 1, ",".join(row))) from None
     return Axis(tuple(columns))
 

@@ -233,8 +233,37 @@ ARM = (link("a"), joint("j", "world", "a"))
 
 
 def test_the_gravity_of_a_world():
-    world = sdf(*ARM).replace("<model", "<world name='w'><gravity>0 0 -3</gravity><model")
-    assert build_model(world.replace("</sdf>", "</world></sdf>")).gravity.tolist() == [0.0, 0.0, -3.0]
+    assert build_model(world_of("<gravity>0 0 -3</gravity>")).gravity.tolist() == [0.0, 0.0, -3.0]
+
+
+def world_of(inside, version="1.9"):
+    world = sdf(*ARM, version=version).replace("<model", f"<world name='w'>{inside}<model")
+    return world.replace("</sdf>", "</world></sdf>")
+
+
+PHYSICS = "<physics type='ode'><gravity>0 0 -{}</gravity></physics>"
+
+
+@pytest.mark.parametrize(
+    ("version", "inside", "down", "note"),
+    [
+        ("1.4", PHYSICS.format(3), 3.0, ""), ("1.5", PHYSICS.format(3), 3.0, ""),
+        ("1.5", PHYSICS.format(3) + PHYSICS.format(3), 3.0, ""),
+        ("1.6", PHYSICS.format(3), 9.8, "from version 1.6 on it stands in the <world>"),
+        ("1.6", PHYSICS.format(3) + "<gravity>0 0 -4</gravity>", 4.0, "in <physics> is not read"),
+        ("1.5", "", 9.8, "by the format 0 0 -9.8 m/s"), ("1.9", "", 9.8, "by the format 0 0 -9.8 m/s"),
+    ],
+)  # fmt: skip
+def test_gravity_is_where_its_version_has_it(version, inside, down, note):
+    """sdf/1.4/physics.sdf to sdf/1.6/world.sdf of SDFormat, its default too."""
+    robot = build_model(world_of(inside, version))
+    assert robot.gravity.tolist() == [0.0, 0.0, -down]
+    assert note in " ".join(robot.notes)
+
+
+def test_several_gravities_are_refused():
+    with pytest.raises(ModelError, match="several gravities: 0 0 -3; 0 0 -4"):
+        build_model(world_of(PHYSICS.format(3) + PHYSICS.format(4), "1.5"))
 
 
 STILL = sdf(link("a"), link("b"), joint("j", "a", "b", "fixed"), model="<static>yes</static>")

@@ -152,7 +152,9 @@ def test_a_winding_warms_as_its_differential_equation_says() -> None:
         (HEADING + SMALL.replace("0.3", "1e300"), ["motors.csv:2", "peak_torque is 1e+300"]),
         (HEADING + SMALL.replace("0.3", "0.01"), ["rated_torque is beyond peak_torque"]),
         (HEADING + SMALL + SMALL, ["'small' twice"]),
-        (HEADING + '"small,1', ["not CSV text"]),
+        (HEADING + '"small,1', ["motors.csv:2", "a quote is not closed"]),
+        (HEADING + SMALL.replace("0.3", "0,3"), ["motors.csv:2", "cells, the heading", "decimal point"]),
+        (HEADING.replace(",", ";") + SMALL.replace(",", ";"), ["separated by semicolons", "commas between cells"]),
     ],
 )
 def test_mistakes_in_a_catalogue_are_told(sized: Callable[..., Any], catalogue: str, words: list[str]) -> None:

@@ -224,6 +224,7 @@ def test_a_sweep_that_is_refused_at_both_ends_is_refused_at_once(held: pinarm.Sc
         ({"arguments.m": "1, 2 m"}, "'m' is not a unit of this quantity"),
         ({"changes.forces.spring.stiff": "1, 2 N*m"}, "unknown key 'stiff'"),
         ({"problem.over.pivot.samples": "2.5, 3.5"}, "expected: a whole number"),
+        (["arguments.m=1, 2 kg"], r"\['arguments.m=1, 2 kg'\] is no map of paths"),
     ):
         with pytest.raises(PinarmError, match=message):
             pinarm.sweep(held, over)
