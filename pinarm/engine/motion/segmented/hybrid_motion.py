@@ -16,7 +16,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.integration.driver import integrate as integrate_smooth
-from pinarm.engine.integration.events import Watch
+from pinarm.engine.integration.events import ROUNDED, Watch
 from pinarm.engine.integration.integrator import Solution
 from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
@@ -135,6 +135,7 @@ class HybridIntegration(Record, frozen=True):
         shares = hybrid.sharing(mode.held | tied, q)
         system = hybrid.loaded(hybrid.stretch(mode, t, q, v), mode.held, shares, t, q)
         ends, acting = watched(hybrid, mode, system, touched, tied), hybrid.acting(system)
+        ends = [(key, self._from_there(watch, t, q, v) if isinstance(key, str) else watch) for key, watch in ends]
         if controls:
             ends += [(("control", index), watch) for index, watch in controls.watches(spans[0])]
             system = controls.around(system)
@@ -161,6 +162,19 @@ class HybridIntegration(Record, frozen=True):
         if controls:  # after all states in between have been asked for
             self._remember(system, solution)
         return end
+
+    def _from_there(self, watch: Watch, t: float, q: Array, v: Array) -> Watch:
+        """Return the watch of an event in a segment that begins in a state.
+
+        What has come to the value, as to a stop, and turns back there does not reach it again in leaving.
+        """
+        if not self.motion.segments or abs(here := float(watch.value(np.array([t]), q[None], v[None])[0])) > ROUNDED:
+            return watch
+        last = self.motion.segments[-1]
+        middle = np.array([0.5 * (float(last.solution.steps.t[-1]) + last.solution.end)])
+        before = float(watch.value(middle, *last.system.whole(middle, *last.solution.states(middle)))[0])
+        passes = abs(before) > ROUNDED and (before >= 0.0) == (here >= 0.0)
+        return watch if passes else replace(watch, begins=t)
 
     def _solution(
         self, system: System, spans: Sequence[tuple[float, float]], watches: Sequence[Watch], q: Array, v: Array

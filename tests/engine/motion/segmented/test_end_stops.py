@@ -9,7 +9,7 @@ import pytest
 from pinarm.mechanics.forces.joint_definitions import JointEffort
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.events import EndStop
+from pinarm.problems.events import EndStop, Event
 from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.time_grid import TimeGrid
 
@@ -91,6 +91,26 @@ def test_the_energy_that_impacts_take_is_told(mechanism, chain, restitution, los
     assert f"the first at t = {(2 * 0.5 / G) ** 0.5:.6g} s" in note
     taken = float(note.partition(" J;")[0].rpartition(" ")[2])
     assert taken == pytest.approx(lost * MASS * G * 0.5, rel=1e-3, abs=1e-9)  # three digits are told
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+@pytest.mark.parametrize("side", ["lower", "upper"])
+def test_what_turns_back_at_a_value_reaches_it_once(mechanism, chain, side, restitution):
+    """``2 m sin 3t`` N push a weight to its stop and draw it off again: an event there takes place once an impact."""
+    way, model = {"lower": -1.0, "upper": 1.0}[side], mechanism(chain(WEIGHT), gravity="none")
+    problem = Forward(
+        time=TimeGrid(end=2.0, samples=3),
+        loads={"push": JointEffort(joint="weight", effort=Harmonic(amplitude=way * 2.0 * MASS, pulsation=3.0))},
+        end_stops={"weight": EndStop(**{side: way * 0.2}, restitution=restitution)},
+        events={name: Event(when="weight", reaches=way * 0.2, direction=name) for name in ("rising", "falling", "any")},
+    )
+    found = problem.solve(model, Accuracy(), lambda *path: nullcontext())
+    times = {name: [one.t for one in found.events if one.name == name] for name in ("rising", "falling", "any")}
+    hits = [one.t for one in found.events if one.before is not None]
+    into, back = ("falling", "rising") if side == "lower" else ("rising", "falling")
+    assert found.rows.q[-1, 0] * way < 0.1  # it has left
+    assert times[into] == times["any"] == pytest.approx(hits, rel=1e-12)
+    assert times[back] == []
 
 
 def test_a_motion_without_impacts_tells_none(mechanism, chain):
