@@ -92,7 +92,7 @@ class HybridIntegration(Record, frozen=True):
         self._enter(t, q, v)
         if hybrid.frictions:
             hybrid.friction(separations).sliding(Slip(), hybrid.span(t)).equation.require_determined(q)
-        v = transitions.begun(t, q, v)
+        v = transitions.begun(motion, t, q, v)
         v, mode = transitions.settled(motion, t, q, v, transitions.mode(t, q, v), frozenset())
         while (end := self._segment(mode, t, q, v, first)) is not None:
             motion.require_progress(hybrid.cuts[-1])

@@ -93,6 +93,16 @@ def test_the_energy_that_impacts_take_is_told(mechanism, chain, restitution, los
     assert taken == pytest.approx(lost * MASS * G * 0.5, rel=1e-3, abs=1e-9)  # three digits are told
 
 
+def test_an_impact_with_which_a_motion_begins_is_told_with_the_others(mechanism, chain):
+    """All bounces together take ``m v^2 / 2``: the first one three quarters of it, with which the motion begins."""
+    model = mechanism(chain(WEIGHT), gravity={"direction": "-z", "magnitude": f"{G} m/s^2"})
+    problem = Forward(time=TimeGrid(end=2.0, samples=3), initial=InitialState(velocity={"weight": -3.0}),
+                      end_stops={"weight": EndStop(lower=0.0, restitution=0.5)})  # fmt: skip
+    found = problem.solve(model, Accuracy(), lambda *path: nullcontext())
+    assert [found.events[0].t, found.events[1].t] == pytest.approx([0.0, 3.0 / G], rel=1e-9)
+    assert f"the first at t = 0 s, take {0.5 * MASS * 9.0:.3g} J" in found.notes[0]
+
+
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 @pytest.mark.parametrize("side", ["lower", "upper"])
 def test_what_turns_back_at_a_value_reaches_it_once(mechanism, chain, side, restitution):
