@@ -16,7 +16,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.integration.driver import integrate as integrate_smooth
-from pinarm.engine.integration.events import ROUNDED, Watch
+from pinarm.engine.integration.events import ROUNDED, SAME_INSTANT, Watch
 from pinarm.engine.integration.integrator import Solution
 from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
@@ -206,10 +206,18 @@ class HybridIntegration(Record, frozen=True):
             self.hybrid.controls.remember(system.integrals(v)[0])
 
     def _note_events(self, solution: Solution, system: System, keys: list[Key]) -> SegmentEnd | None:
-        """Add the events of the last segment to the motion; return the one that ended it."""
-        end = None
+        """Add the events of the last segment to the motion; return the one that ended it.
+
+        One at the instant at which the segment before ended, where rounding tells when it is, may be known from there.
+        """
+        end, start, known = None, float(solution.steps.t[0]), set[str]()
+        if before := self.motion.segments[:-1]:
+            start += SAME_INSTANT * max(abs(start), float(before[-1].solution.steps.h[-1]))
+            known = {event.name for event in self.motion.events if event.t >= 2.0 * before[-1].solution.end - start}
         for crossing in solution.crossings:
             key, t = keys[crossing.watch], crossing.t
+            if key in known and t <= start:
+                continue
             q, v = (rows[0] for rows in system.whole(np.array([t]), crossing.q[None], crossing.v[None]))
             if isinstance(key, str):
                 self.motion.events.append(EventRecord(key, t, q, v))

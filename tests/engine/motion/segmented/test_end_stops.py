@@ -166,6 +166,19 @@ def test_stops_that_are_met_at_one_instant_are_all_met(mechanism, offset, restit
     assert all(" 9.81 J" in note for note in told)  # m g h of each weight, not of both
 
 
+@pytest.mark.parametrize("side", ["lower", "upper"])
+def test_what_passes_a_value_as_another_joint_meets_its_stop_reaches_it_once(mechanism, side):
+    """``v t`` of two weights at one t, with random digits: whichever comes first by rounding."""
+    way, free = {"lower": -1.0, "upper": 1.0}[side], two_weights(mechanism, gravity="none")
+    for t, one, two in np.random.default_rng(1).uniform(0.1, 1.0, (30, 3)).tolist():
+        problem = Forward(
+            time=TimeGrid(end=1.1, samples=3), initial=InitialState(velocity={"first": one, "second": way * two}),
+            end_stops={"first": EndStop(upper=one * t)}, events={"there": Event(when="second", reaches=way * two * t)},
+        )  # fmt: skip
+        found = problem.solve(free, Accuracy(), lambda *path: nullcontext())
+        assert [event.t for event in found.events] == pytest.approx([t, t], rel=1e-13)
+
+
 def test_stops_that_let_go_at_one_instant_all_let_go(mechanism):
     lift = JointEffort(joint="first", effort=ConstantSpeed(start=0.0, speed=40.0))
     problem = Forward(
