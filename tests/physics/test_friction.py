@@ -101,6 +101,39 @@ def test_the_block_on_an_incline_of_the_textbook(write):
     assert up["coordinate.x.effort.upper"].values == pytest.approx(up["coordinate.x.effort"].values, rel=1e-14)
 
 
+FREE_WEDGE = f"""
+<link name="wedge">{BODY.format(mass=3)}</link><link name="block">{BODY.format(mass=5)}</link>
+<joint name="floor" type="prismatic"><parent link="base"/><child link="wedge"/><axis xyz="1 0 0"/>{SIZES}</joint>
+<joint name="slope" type="prismatic"><parent link="wedge"/><child link="block"/>
+<axis xyz="{{}} 0 {{}}"/>{SIZES}</joint>"""
+
+
+@pytest.mark.parametrize("degrees", [10.0, 15.0, 20.0, 30.0, 37.0, 45.0])
+@pytest.mark.parametrize(("mu", "floor", "speed"), [(0.4, 0.9, -1.0), (0.3, 0.9, 1.0), (0.1, 0.05, 1.0)])
+def test_a_block_slides_on_a_wedge_that_slides_or_sticks(write, degrees, mu, floor, speed):
+    """Forces of wedge and block, along x and z; no effort acts along the floor but for what the block does."""
+    c, s, sign, m = np.cos(np.radians(degrees)), np.sin(np.radians(degrees)), np.sign(speed), 5.0
+    press, rub = np.array([s, c]), -sign * mu * np.array([c, -s])  # on the block, over the force N normal to the slope
+    right, up = -(press + rub)  # on the wedge, over N
+    held = m * 9.81 * c  # N where the wedge is at rest
+    holds = abs(held * right) <= floor * (3.0 * 9.81 - held * up)
+    way = np.sign(right)
+    # X'' = (N right - way floor (3 g - N up)) / 3, and N = m (g c + X'' s)
+    part = 0.0 if holds else (right + way * floor * up) / 3.0
+    free = 0.0 if holds else -way * floor * 9.81
+    normal = m * (9.81 * c + free * s) / (1.0 - m * part * s)
+    slides = free + normal * part
+    along = 9.81 * s - sign * mu * normal / m - slides * c
+    problem = f"{{kind: forward, time: {{end: 20 ms, samples: 3}}, initial: {{velocity: {{slope: {speed} m/s}}}}}}"
+    friction = f"friction: {{slope: {{mu: {mu}}}, floor: {{mu: {floor}}}}}\n"
+    result = pinarm.run(
+        write(FREE_WEDGE.format(float(c), float(-s)), friction, problem, "slope, floor, joint.slope.friction")
+    )
+    assert result["joint.slope.friction"].values == pytest.approx(-sign * mu * normal, rel=1e-9)
+    assert result["slope"].values[-1] == pytest.approx(speed * 0.02 + along * 2e-4, rel=1e-9)
+    assert result["floor"].values[-1] == pytest.approx(slides * 2e-4, rel=1e-7, abs=1e-14)
+
+
 def test_a_block_that_friction_holds_is_told_to_be_self_locking(write):
     mechanism = PUSHED.replace("static_mu: 0.35", "static_mu: 0.5")  # tan 25 deg is 0.466
     held = pinarm.run(write(INCLINE, mechanism, "{kind: statics, hold: {slope: 0 m}, drives: [x]}", BAND))

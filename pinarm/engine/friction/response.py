@@ -86,6 +86,12 @@ class SlipEquation:
         """Whether any friction depends on what its joint carries."""
         return any(contact.law.loaded for contact in self.contacts)
 
+    @cached_property
+    def weight(self) -> float:
+        """``m g^2`` of all links [N^2/kg]."""
+        model = self.closure.model
+        return float(sum(each.mass for each in model.inertias) * (model.gravity.linear @ model.gravity.linear))
+
     def at(self, t: float, q: Array, v: Array) -> SlipResponse:
         """Return how slips and loads respond to friction in a state, shapes (nq,) and (nv,)."""
         solved = _Solved.of(self, t, q, v)
@@ -382,9 +388,18 @@ class _Solved:
         return self.equation.transmission.loads(self.t, self.q, self.v, a, lam, sizes)
 
     def _sizes(self) -> Array:
-        """Return frictions as large as the other efforts [N*m or N], powers of 2: differences lose no digits; (k,)."""
+        """Return frictions as large as the other efforts [N*m or N], powers of 2: differences lose no digits; (k,).
+
+        Efforts along a slip may cancel, or be rounding of weights across it. So its friction has at least the energy,
+        ``f^2 / M`` in equal times, that the effort of any joint and the weight have.
+        """
         along = np.abs(self.slips)
         sizes = along @ self.terms / np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
+        masses, moved = np.diag(self.equation.in_state(self.q, self.v).mass), np.diag(self.mobility)
+        some = masses > 0.0
+        energy = max(self.equation.weight, float((self.terms[some] ** 2 / masses[some]).max(initial=0.0)))
+        free = ~self.driven & (moved > 0.0)
+        sizes[free] = np.maximum(sizes[free], np.sqrt(energy / moved[free]))
         return np.exp2(np.round(np.log2(np.where(sizes > 0.0, sizes, 1.0))))
 
 

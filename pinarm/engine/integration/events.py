@@ -310,7 +310,7 @@ def _refined(
     if (at_low > 0.0) != above and (first > 0.0) == above:
         low, high, at_low, at_high = begins, low, first, at_low
     if (at_low > 0.0) == (at_high > 0.0):
-        return high if high >= float(solution.steps.until[index]) else None
+        return high if (at_low > 0.0) == above and high >= float(solution.steps.until[index]) else None
     return _sign_change(lambda t: value(t)[0], (low, high), (at_low, at_high))
 
 

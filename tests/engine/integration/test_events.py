@@ -107,6 +107,15 @@ def test_a_start_on_the_value_is_no_crossing():
     assert len(oscillator(4.0, [position(0.0)]).crossings) == 1
 
 
+def test_what_leaves_a_value_slowly_does_not_cross_it_later():
+    """``x = level + t^3``: for a while the digits of the level hide the motion, and its sign."""
+    cubic, found = [Interval(0.0, 1.0, lambda t, q, v: np.array([6.0 * t]))], []
+    for level in np.random.default_rng(5).uniform(-1.0, 1.0, 200):
+        state, watch = (np.array([level]), np.zeros(1)), position(level)
+        found += [one.t for one in integrate(cubic, LINE, *state, Adaptive(1e-9), watches=[watch]).crossings]
+    assert [t for t in found if t > 1e-5] == []  # 1e-5^3 is the rounding of the level
+
+
 def test_a_value_that_is_not_linear_in_the_state_is_found_too():
     rate = Watch(lambda t, q, v: np.sin(3 * q[:, 0]) * v[:, 0] - 0.5, 0, stops=False)
     found = oscillator(6.0, [rate]).crossings

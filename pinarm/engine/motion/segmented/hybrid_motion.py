@@ -16,7 +16,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.integration.driver import integrate as integrate_smooth
-from pinarm.engine.integration.events import Watch
+from pinarm.engine.integration.events import ROUNDED, SAME_INSTANT, Watch
 from pinarm.engine.integration.integrator import Solution
 from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
@@ -92,7 +92,7 @@ class HybridIntegration(Record, frozen=True):
         self._enter(t, q, v)
         if hybrid.frictions:
             hybrid.friction(separations).sliding(Slip(), hybrid.span(t)).equation.require_determined(q)
-        v = transitions.begun(t, q, v)
+        v = transitions.begun(motion, t, q, v)
         v, mode = transitions.settled(motion, t, q, v, transitions.mode(t, q, v), frozenset())
         while (end := self._segment(mode, t, q, v, first)) is not None:
             motion.require_progress(hybrid.cuts[-1])
@@ -135,6 +135,7 @@ class HybridIntegration(Record, frozen=True):
         shares = hybrid.sharing(mode.held | tied, q)
         system = hybrid.loaded(hybrid.stretch(mode, t, q, v), mode.held, shares, t, q)
         ends, acting = watched(hybrid, mode, system, touched, tied), hybrid.acting(system)
+        ends = [(key, self._from_there(watch, t, q, v) if isinstance(key, str) else watch) for key, watch in ends]
         if controls:
             ends += [(("control", index), watch) for index, watch in controls.watches(spans[0])]
             system = controls.around(system)
@@ -161,6 +162,19 @@ class HybridIntegration(Record, frozen=True):
         if controls:  # after all states in between have been asked for
             self._remember(system, solution)
         return end
+
+    def _from_there(self, watch: Watch, t: float, q: Array, v: Array) -> Watch:
+        """Return the watch of an event in a segment that begins in a state.
+
+        What has come to the value, as to a stop, and turns back there does not reach it again in leaving.
+        """
+        if not self.motion.segments or abs(here := float(watch.value(np.array([t]), q[None], v[None])[0])) > ROUNDED:
+            return watch
+        last = self.motion.segments[-1]
+        middle = np.array([0.5 * (float(last.solution.steps.t[-1]) + last.solution.end)])
+        before = float(watch.value(middle, *last.system.whole(middle, *last.solution.states(middle)))[0])
+        passes = abs(before) > ROUNDED and (before >= 0.0) == (here >= 0.0)
+        return watch if passes else replace(watch, begins=t)
 
     def _solution(
         self, system: System, spans: Sequence[tuple[float, float]], watches: Sequence[Watch], q: Array, v: Array
@@ -192,10 +206,18 @@ class HybridIntegration(Record, frozen=True):
             self.hybrid.controls.remember(system.integrals(v)[0])
 
     def _note_events(self, solution: Solution, system: System, keys: list[Key]) -> SegmentEnd | None:
-        """Add the events of the last segment to the motion; return the one that ended it."""
-        end = None
+        """Add the events of the last segment to the motion; return the one that ended it.
+
+        One at the instant at which the segment before ended, where rounding tells when it is, may be known from there.
+        """
+        end, start, known = None, float(solution.steps.t[0]), set[str]()
+        if before := self.motion.segments[:-1]:
+            start += SAME_INSTANT * max(abs(start), float(before[-1].solution.steps.h[-1]))
+            known = {event.name for event in self.motion.events if event.t >= 2.0 * before[-1].solution.end - start}
         for crossing in solution.crossings:
             key, t = keys[crossing.watch], crossing.t
+            if key in known and t <= start:
+                continue
             q, v = (rows[0] for rows in system.whole(np.array([t]), crossing.q[None], crossing.v[None]))
             if isinstance(key, str):
                 self.motion.events.append(EventRecord(key, t, q, v))

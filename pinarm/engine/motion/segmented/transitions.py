@@ -39,11 +39,13 @@ class Transitions(Record, frozen=True):
 
     hybrid: HybridSystem
 
-    def begun(self, t: float, q: Array, v: Array) -> Array:
+    def begun(self, motion: SegmentedMotion, t: float, q: Array, v: Array) -> Array:
         """Return the velocity with which a motion begins that may move towards stops that it touches, shape (nv,)."""
-        contacts = self.hybrid.contacts
+        contacts, bounds = self.hybrid.contacts, self.hybrid.bounds
         approached = [k for k in contacts.near(q) if self._approaches(k, q, v)]
-        return contacts.impact(t, q, v, self._slow(approached, t, q, v)) if approached else v
+        after = contacts.impact(t, q, v, self._slow(approached, t, q, v)) if approached else v
+        motion.events.extend(EventRecord(bounds[k].name, t, q, after, v) for k in approached)
+        return after
 
     def met(self, held: Held, end: SegmentEnd) -> list[int]:
         """Return the stops that are hit at the end of a segment, whatever ended it.

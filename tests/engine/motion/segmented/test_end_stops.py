@@ -9,7 +9,7 @@ import pytest
 from pinarm.mechanics.forces.joint_definitions import JointEffort
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.events import EndStop
+from pinarm.problems.events import EndStop, Event
 from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.time_grid import TimeGrid
 
@@ -93,6 +93,36 @@ def test_the_energy_that_impacts_take_is_told(mechanism, chain, restitution, los
     assert taken == pytest.approx(lost * MASS * G * 0.5, rel=1e-3, abs=1e-9)  # three digits are told
 
 
+def test_an_impact_with_which_a_motion_begins_is_told_with_the_others(mechanism, chain):
+    """All bounces together take ``m v^2 / 2``: the first one three quarters of it, with which the motion begins."""
+    model = mechanism(chain(WEIGHT), gravity={"direction": "-z", "magnitude": f"{G} m/s^2"})
+    problem = Forward(time=TimeGrid(end=2.0, samples=3), initial=InitialState(velocity={"weight": -3.0}),
+                      end_stops={"weight": EndStop(lower=0.0, restitution=0.5)})  # fmt: skip
+    found = problem.solve(model, Accuracy(), lambda *path: nullcontext())
+    assert [found.events[0].t, found.events[1].t] == pytest.approx([0.0, 3.0 / G], rel=1e-9)
+    assert f"the first at t = 0 s, take {0.5 * MASS * 9.0:.3g} J" in found.notes[0]
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+@pytest.mark.parametrize("side", ["lower", "upper"])
+def test_what_turns_back_at_a_value_reaches_it_once(mechanism, chain, side, restitution):
+    """``2 m sin 3t`` N push a weight to its stop and draw it off again: an event there takes place once an impact."""
+    way, model = {"lower": -1.0, "upper": 1.0}[side], mechanism(chain(WEIGHT), gravity="none")
+    problem = Forward(
+        time=TimeGrid(end=2.0, samples=3),
+        loads={"push": JointEffort(joint="weight", effort=Harmonic(amplitude=way * 2.0 * MASS, pulsation=3.0))},
+        end_stops={"weight": EndStop(**{side: way * 0.2}, restitution=restitution)},
+        events={name: Event(when="weight", reaches=way * 0.2, direction=name) for name in ("rising", "falling", "any")},
+    )
+    found = problem.solve(model, Accuracy(), lambda *path: nullcontext())
+    times = {name: [one.t for one in found.events if one.name == name] for name in ("rising", "falling", "any")}
+    hits = [one.t for one in found.events if one.before is not None]
+    into, back = ("falling", "rising") if side == "lower" else ("rising", "falling")
+    assert found.rows.q[-1, 0] * way < 0.1  # it has left
+    assert times[into] == times["any"] == pytest.approx(hits, rel=1e-12)
+    assert times[back] == []
+
+
 def test_a_motion_without_impacts_tells_none(mechanism, chain):
     model = mechanism(chain(WEIGHT), gravity={"direction": "-z", "magnitude": f"{G} m/s^2"})
     problem = Forward(time=TimeGrid(end=0.1, samples=3), initial=InitialState(position={"weight": 0.5}),
@@ -134,6 +164,19 @@ def test_stops_that_are_met_at_one_instant_are_all_met(mechanism, offset, restit
     told = [note for note in found.notes if note.startswith("end stop")]
     assert len(told) == 2
     assert all(" 9.81 J" in note for note in told)  # m g h of each weight, not of both
+
+
+@pytest.mark.parametrize("side", ["lower", "upper"])
+def test_what_passes_a_value_as_another_joint_meets_its_stop_reaches_it_once(mechanism, side):
+    """``v t`` of two weights at one t, with random digits: whichever comes first by rounding."""
+    way, free = {"lower": -1.0, "upper": 1.0}[side], two_weights(mechanism, gravity="none")
+    for t, one, two in np.random.default_rng(1).uniform(0.1, 1.0, (30, 3)).tolist():
+        problem = Forward(
+            time=TimeGrid(end=1.1, samples=3), initial=InitialState(velocity={"first": one, "second": way * two}),
+            end_stops={"first": EndStop(upper=one * t)}, events={"there": Event(when="second", reaches=way * two * t)},
+        )  # fmt: skip
+        found = problem.solve(free, Accuracy(), lambda *path: nullcontext())
+        assert [event.t for event in found.events] == pytest.approx([t, t], rel=1e-13)
 
 
 def test_stops_that_let_go_at_one_instant_all_let_go(mechanism):
