@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Collection, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Collection, Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -130,23 +129,25 @@ class Profile(ValueRecord, frozen=True):
             InputError: There are more than ``MANY``.
         """
         found: list[float] = []
-        for piece in drive.smooth_pieces:
-            low, high = max(piece.start, start), min(piece.end, end)
-            found += passing_times(self, piece.function, low, high)[0] if low < high else []
+        for breaks, _ in self._passed(drive, start, end):
+            found += breaks
             if len(found) > MANY:
                 raise InputError("the profile's breakpoints are passed too often", expected="a shorter motion")
         return found
 
     def marked(self, drive: MotionLaw, start: float, end: float) -> list[float]:
         """Return the instants at which a law over time passes breakpoints or knots; none where these are too many."""
-        found: list[float] = []
+        try:
+            return [t for passed in self._passed(drive, start, end) for places in passed for t in places]
+        except InputError:
+            return []
+
+    def _passed(self, drive: MotionLaw, start: float, end: float) -> Iterator[tuple[list[float], list[float]]]:
+        """Yield the instants at which each piece of a law over time passes breakpoints, and those of knots."""
         for piece in drive.smooth_pieces:
             low, high = max(piece.start, start), min(piece.end, end)
-            with suppress(InputError):
-                found += (
-                    [t for some in passing_times(self, piece.function, low, high) for t in some] if low < high else []
-                )
-        return found
+            if low < high:
+                yield passing_times(self, piece.function, low, high)
 
     def beside(self, middle: float, w: Array) -> Values:
         """Return f, f' and f'' at w by the piece at ``middle`` where w lies on it, otherwise by the piece at w."""
