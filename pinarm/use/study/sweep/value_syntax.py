@@ -40,6 +40,8 @@ _GRID = re.compile(rf"({DECIMAL}){_BETWEEN(':')}({DECIMAL}){_BETWEEN(':')}([0-9]
 _PAIR = rf"({DECIMAL}){_BETWEEN(',')}({DECIMAL})"
 _DISTRIBUTION = re.compile(rf"(normal|uniform|tolerance){_BETWEEN('[(]')}{_PAIR}{_BETWEEN('[)]')}(.*)")
 """Of stripped text; no repetition gives back what it took, so that they take linear time."""
+_THOUSANDS = re.compile(",0[0-9]")
+"""A number that begins with 0 right behind a comma, as thousands do: 1,000 would be 1 and 0."""
 SHOWN = 60
 """Characters of a value that a message repeats."""
 _TRUTH: Mapping[str, bool] = {"true": True, "false": False}
@@ -74,6 +76,11 @@ def read_axis(path: str, given: object, unit_of: UnitOf) -> Axis | Distribution:
                 f"'{given[:SHOWN]}' are no values", expected="20:100:81 kg, 20, 40 kg, or normal(40, 2) kg",
                 hint="the unit once, at the end",
             )  # fmt: skip
+        if _THOUSANDS.search(given):
+            raise InputError(
+                f"'{given[:SHOWN]}' has a comma between thousands, or a number that begins with 0",
+                expected="1000 kg for one value, 20, 40 kg for two",
+            )
         return Axis((_column(path, given.split(","), unit_of, last=True),))
     except InputError as error:
         raise error.at(Location(f"--over {path}={given}"[:200])) from None

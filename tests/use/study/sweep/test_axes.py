@@ -57,6 +57,7 @@ def test_every_form_gives_its_values(path: str, given: object, wanted: list[obje
         ("1, 1_0", r"unknown unit|is no number"),
         ("1, " + "9" * 400, "beyond all numbers"),
         ("1:2", "are no values"),
+        ("1,000 kg", "a comma between thousands"),
         ("1:2:1", "no grid"),
         ("1:1:5", "no grid"),
         ("1 kg:2 kg:5", "the unit once, at the end"),
