@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -131,7 +132,6 @@ def duty_of(
     names = [f"coordinate.{coordinate}.{part}" for part in ("velocity", "acceleration", "effort")]
     rates = [run.quantities.determined(name).values for name in names][:2]
     pace = np.array([[np.abs(rate).max()] for rate in rates])  # of the whole run, whichever states are looked at
-
     seen = list[tuple[Array, Array, Array, Array]]()
 
     def columns(rows: Quantities) -> tuple[Array, Array, Array]:
@@ -150,10 +150,13 @@ def duty_of(
         a, y = a / scale[0], y / scale[1]
         return np.stack([a * a, a * y, y * y], axis=1)
 
+    def size(k: int, rows: Quantities) -> Array:
+        return np.abs(columns(rows)[k])
+
     total, error = integrals(run, squares)
     sizes = np.array([scale[0] ** 2, scale[0] * scale[1], scale[1] ** 2])
     for k, what in enumerate(("velocity", "acceleration", "effort")):
-        run.highest(lambda rows, k=k: np.abs(columns(rows)[k]), f"the {what} of '{coordinate}'")  # type: ignore[misc]
+        run.highest(partial(size, k), f"the {what} of '{coordinate}'")
     t, v, inertia = _samples(run, lambda rows: (columns(rows)[0], load_inertia(rows.trajectory, coordinate, held)))
     worst = float(error.max() / max(np.abs(total).max(), np.finfo(float).tiny))
     a_square, product, y_square = (total * sizes).tolist()
