@@ -167,15 +167,15 @@ class Closure(Record, frozen=True):
 
     def split(self, rows: Array) -> SplitRows:
         """Return given rows G, shape (m, nv), taken apart: those of stops and couplings alone are always the same."""
-        last = self._split_last
-        if not last or not np.array_equal(last[0][0], rows):
-            last[:] = [(rows, split_rows(rows, self.reach))]
-        return last[0][1]
+        known = self._split_last[0]
+        if known is None or not np.array_equal(known[0], rows):
+            known = self._split_last[0] = rows, split_rows(rows, self.reach)  # other threads may ask for others
+        return known[1]
 
     @cached_property
-    def _split_last(self) -> list[tuple[Array, SplitRows]]:
+    def _split_last(self) -> list[tuple[Array, SplitRows] | None]:
         """The rows that were taken apart last, and their parts."""
-        return []
+        return [None]
 
     def with_guides(self, names: Sequence[str], coordinates: Sequence[Coordinate]) -> Closure:
         """Return the closure with the rows of guided coordinates after its own; the last ones are kept."""

@@ -54,6 +54,16 @@ def test_what_is_kept_is_of_the_configurations_that_are_asked_for(closure):
     assert closure.at(q)[1] is closure.at(q.copy())[1] and np.array_equal(closure.at(q)[1], first)
 
 
+def test_rows_that_stay_are_taken_apart_once(closure):
+    one, other = (
+        closure.rows(closure.state(q)) for q in np.random.default_rng(3).uniform(-1.0, 1.0, (2, closure.model.nv))
+    )
+    split = closure.split(one)
+    assert closure.split(one.copy()) is split
+    assert other @ closure.split(other).free == pytest.approx(0.0, abs=1e-14)
+    assert np.abs(other @ split.free).max() > 0.1
+
+
 def test_sparse_rows_are_those_of_each_state(closure):
     """Entries that are 0 are left out, and columns ascend, as in matrices that are made from dense ones."""
     q = np.random.default_rng(2).uniform(-1.0, 1.0, (3, closure.model.nv))
