@@ -103,6 +103,11 @@ class Document(ValueRecord, frozen=True):
                 return self.places[path[:length]]
         return Location(self.source)
 
+    def written(self, path: Path_) -> str:
+        """Return the text of the plain value at a path as it stands in the file; empty for what was built in Python."""
+        place = self.locate(path)
+        return place.text[place.column - 1 : place.column - 1 + place.width] if place.line else ""
+
     @contextmanager
     def locating(self, *path: str | int) -> Iterator[None]:
         """Locate errors raised in the block at ``path``, unless they have a more exact location."""
