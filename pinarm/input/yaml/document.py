@@ -184,7 +184,7 @@ class Document(ValueRecord, frozen=True):
                 return msgspec.convert(data, struct, dec_hook=convert)
             except msgspec.ValidationError as error:
                 path = failing_path(error, data, struct)
-                mistake = explain(error, data, path, struct)
+                mistake = explain(error, data, path, struct, self.written((*at, *path)))
                 place = self.locate((*at, *path, *map(Key, unknown_key(error)), *mistake.path))
                 raise mistake.at(place) from None
 
