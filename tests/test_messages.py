@@ -290,6 +290,8 @@ SCENARIOS = [
      ["s.yaml:17:5: give a value or a formula, not both"]),
     (SCENARIO, ENTRY, "{quantity: x, published: 0.2, source: s}",
      ["s.yaml:17:30: this is ", "expected: text", "'0.2'"]),
+    (SCENARIO, ENTRY, "{quantity: x, published: 0.20, source: s}",
+     ["s.yaml:17:30: this is ", "expected: text", "'0.20'"]),
     (SCENARIO, ENTRY, "{quantity: x, published: a lot, source: s}", ["s.yaml:17:30: 'a lot' is not a quantity"]),
     (SCENARIO, ENTRY, "{quantity: x, published: 1 m, verdict: misprint, source: s}",
      ["s.yaml:17:5: a misprint can only be confirmed"]),

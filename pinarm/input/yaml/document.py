@@ -103,6 +103,11 @@ class Document(ValueRecord, frozen=True):
                 return self.places[path[:length]]
         return Location(self.source)
 
+    def written(self, path: Path_) -> str:
+        """Return the text of the plain value at a path as it stands in the file; empty for what was built in Python."""
+        place = self.locate(path)
+        return place.text[place.column - 1 : place.column - 1 + place.width] if place.line else ""
+
     @contextmanager
     def locating(self, *path: str | int) -> Iterator[None]:
         """Locate errors raised in the block at ``path``, unless they have a more exact location."""
@@ -179,7 +184,7 @@ class Document(ValueRecord, frozen=True):
                 return msgspec.convert(data, struct, dec_hook=convert)
             except msgspec.ValidationError as error:
                 path = failing_path(error, data, struct)
-                mistake = explain(error, data, path, struct)
+                mistake = explain(error, data, path, struct, self.written((*at, *path)))
                 place = self.locate((*at, *path, *map(Key, unknown_key(error)), *mistake.path))
                 raise mistake.at(place) from None
 

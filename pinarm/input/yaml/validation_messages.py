@@ -55,8 +55,10 @@ def _failing_key(message: str, data: Any, path: list[str | int], struct: type[In
     return str(next(iter(node)))
 
 
-def explain(error: msgspec.ValidationError, data: Any, path: Keys, struct: type[InputStruct]) -> PinarmError:
-    """Return the error to raise for the value at a path."""
+def explain(
+    error: msgspec.ValidationError, data: Any, path: Keys, struct: type[InputStruct], written: str = ""
+) -> PinarmError:
+    """Return the error to raise for the value at a path, as it is ``written`` in a file."""
     cause, (message, _, _) = error.__cause__, str(error).partition(" - at `$")
     if isinstance(cause, PinarmError):
         mistake = type(cause)(cause.message, expected=cause.expected, hint=cause.hint, location=cause.location)
@@ -81,7 +83,7 @@ def explain(error: msgspec.ValidationError, data: Any, path: Keys, struct: type[
     expected, what = _in_words(wanted), _in_words(found_kind) or repr(shown)[:40]
     if found_kind == "`null`":
         what = "nothing" if path else "an empty file"
-    quoted = f"'{shown}'" if expected == "text" and isinstance(shown, int | float) else ""
+    quoted = f"'{written or shown}'" if expected == "text" and isinstance(shown, int | float) else ""
     return InputError(f"this is {what}", expected=expected, hint=quoted)
 
 

@@ -104,7 +104,7 @@ class Response(InputStruct, frozen=True):
                  "final": "final value", "peak": "peak", "error": "error at the end"}  # fmt: skip
         units = {**dict.fromkeys(names, measured), **self.units(result.quantities)}
         numbers = {name: Series(names[name], units[name] or DIMENSIONLESS, np.array([values[name]])) for name in names}
-        rows = [(names[name], f"{values[name]:.6g}", str(units[name] or "")) for name in names]
+        rows = [(names[name], values[name], str(units[name] or "")) for name in names]
         table = SectionTable("response", f"Step response of {self.of}", ("", "value", "unit"), (None,) * 3, rows,
                              row_unit=2)  # fmt: skip
         graph = Graph("response", f"Step response of {self.of}",
@@ -268,7 +268,7 @@ class _Step:
             known = f"times and the peak are those of rows, at most {apart:.3g} s apart"
             found.append(f"nothing is known between the rows: {known}")
         if asked.final is None:
-            found.append(f"the final value is that at the end of the run, {self.final:.6g}")
+            found.append("the final value is that at the end of the run")
         if np.isnan(values["settling_time"]):
             found.append(f"it has not settled to {100.0 * asked.band:g} % at the end of the run")
         if np.isnan(values["rise_time"]):

@@ -30,8 +30,10 @@ from pinarm.use.result.figures.peak_search import (
 )
 from pinarm.use.result.figures.quadrature import NODES
 from pinarm.use.result.instant import instant, located
+from pinarm.use.result.output_scales import ZERO, natural_sizes
 
 if TYPE_CHECKING:
+    from pinarm.input.units import Unit
     from pinarm.use.result.expectation import Expectation
 
 _HEIGHTS: dict[str, Callable[[Array], Array]] = {
@@ -46,6 +48,9 @@ _EXTREMES = {"max": "largest value", "min": "smallest value", "largest": "larges
 
 PLATEAU = 1e-12
 """Relative difference to an extreme below which a row of the table is the extreme: the first of them is."""
+
+DECIDED = 1e-6
+"""Relative difference between an extreme among other instants and solved alone from which on rounding decides it."""
 
 SAME = 1e-9
 """Relative difference between two sides of an instant below which there is no jump to be asked about."""
@@ -285,13 +290,28 @@ class Lookup(Record, frozen=True):
                 the extreme that is not passed by more.
 
         Raises:
-            InputError: It has no such value, as it passes through infinity.
+            InputError: It has no such value, as it passes through infinity, or rounding decides what it is.
         """
         places = self._rests if self._has_bands and not _plain(name) else []
         what = f"{name} has no {_EXTREMES[which]}"
         slack = max(slack, PLATEAU * float(np.max(self.quantities[name].terms, initial=0.0)))
         peak = self._highest(lambda rows: _HEIGHTS[which](rows[name].values), places, what, slack)
-        return self._row(peak.interval, peak.place), peak.error
+        row = self._row(peak.interval, peak.place)
+        self._require_reproduced(peak, float(_HEIGHTS[which](row[name].values)[0]), row[name].unit, what)
+        return row, peak.error
+
+    def _require_reproduced(self, peak: Peak, alone: float, unit: Unit | None, lacks: str) -> None:
+        """Raise where the state of an extreme has another value when it is solved without others beside it.
+
+        Next to singular positions rounding decides what accelerations and forces are.
+        """
+        off = abs(peak.height - alone) - DECIDED * max(abs(peak.height), abs(alone))
+        if off > 0.0 and off > ZERO * natural_sizes(self.run)(unit):
+            raise InputError(
+                f"{lacks} that is known: rounding decides what it is at {self.run.parameter} = {peak.place:.9g} "
+                f"{self.run.unit}, as next to a singular position",
+                expected="its value at a place, or a percentage such as @ p95",
+            )
 
     @property
     def _has_bands(self) -> bool:

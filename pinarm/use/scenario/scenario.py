@@ -102,6 +102,7 @@ class Scenario(Record, frozen=True):
         refuse_robot(Path(path))
         document, folder = Document.read(Path(path), source=str(path)), Path(path).parent
         refuse_mechanism(Path(path), document.data)
+        document = _with_digits(document)
         return cls.of(_varied(document, folder, values) if values else document, folder)
 
     @classmethod
@@ -598,6 +599,23 @@ class ScenarioSource(Record, frozen=True):
         """
         read = Scenario.of(self.document, self.folder)
         return replace(read, seed=self.seed, given=self.given, functions=self.functions)
+
+
+def _with_digits(document: Document) -> Document:
+    """Return a scenario whose answer key has its values as text, the last digit of which says how exact they are.
+
+    Of ``1.50`` and ``1.5e3`` a number keeps 1.5 and 1500.0.
+    """
+    entries = document.data.get("expect") if isinstance(document.data, dict) else None
+    if not isinstance(entries, list):
+        return document
+    values = [entry.get("value") if isinstance(entry, dict) else None for entry in entries]
+    written = [
+        {**entry, "value": document.written(("expect", k, "value"))}
+        if isinstance(value, float) and math.isfinite(value) else entry
+        for k, (entry, value) in enumerate(zip(entries, values, strict=True))
+    ]  # fmt: skip
+    return replace(document, data={**document.data, "expect": written})
 
 
 def _varied(document: Document, folder: Path, values: Values) -> Document:

@@ -161,3 +161,20 @@ def test_the_top_of_a_held_effort_is_in_the_interval_that_follows_a_jump(step):
         top = max(top, x + v * coasting + 0.5 * u * coasting**2)
         x, v = x + 1e-3 * v + 0.5e-6 * u, v + 1e-3 * u
     assert run.number("response.overshoot")[0] == pytest.approx(top - 1.0, abs=1e-9)
+
+
+def test_its_table_is_in_the_units_of_the_scenario(step, tmp_path):
+    """Numbers as text kept their digits beside the other unit: 0.66 s was told as 0.66 ms."""
+    shown = pinarm.run({**step, "units": {"x": "deg", "t": "ms"}})
+    (table,) = shown.shown_sections["response"].tables
+    rows = {row[0]: tuple(row[1:]) for row in table.rows}
+    assert rows["time of the peak"] == (pytest.approx(1000.0 * np.pi / DAMPED, abs=0.1), "ms")
+    assert rows["final value"] == (pytest.approx(180.0 / np.pi), "deg")
+    assert rows["peak"][0] == pytest.approx(np.degrees(1.0 + np.exp(-np.pi * DAMPING * PULSATION / DAMPED)), abs=1e-6)
+    folder = shown.save(tmp_path / "saved")
+    written = (folder / "response_response.csv").read_text(encoding="utf-8").splitlines()
+    (peak,) = (line.split(",") for line in written if line.startswith("time of the peak,"))
+    assert (float(peak[1]), peak[2]) == (pytest.approx(1000.0 * np.pi / DAMPED, abs=0.1), "ms")
+    again = pinarm.restore(folder).shown_sections["response"].tables[0]
+    assert [row[2] for row in again.rows] == [row[2] for row in table.rows]
+    assert [row[1] for row in again.rows] == [row[1] for row in table.rows]

@@ -257,6 +257,29 @@ def test_extremes_of_an_oscillation_do_not_depend_on_the_rows(tmp_path: Path, sa
 STEADY = {"problem.motion": {"pivot": {"law": "constant_speed", "speed": "1 rad/s"}}}
 
 
+@pytest.fixture(scope="module")
+def change_point():
+    """A four-bar that passes its aligned position at every turn: beside it rounding decides about accelerations."""
+    return pinarm.run(SCENARIOS / "change_point_four_bar_free.yaml")
+
+
+@pytest.mark.parametrize("name", ["joint.theta4.acceleration", "joint.theta2.force.x"])
+def test_an_extreme_is_no_less_than_a_row_or_is_refused(change_point, name):
+    """The search found peaks of rounding, where the state alone had another value: -17 rad/s^2 beside rows of 305."""
+    try:
+        value, error = change_point.number(f"{name} @ max")
+    except InputError as refused:
+        assert "rounding decides what it is at t" in str(refused) or "infinity at t" in str(refused)
+    else:
+        assert value + error >= change_point[name].max()
+
+
+def test_extremes_beside_a_singular_position_that_rounding_leaves_are_told(change_point):
+    """The velocity of the crank, whose square follows from the energy, is largest where the rows say."""
+    value, _ = change_point.number("omega2 @ max")
+    assert 0.0 <= value / change_point["omega2"].max() - 1.0 < 0.01
+
+
 @pytest.mark.parametrize("samples", [7, 41, 500])
 @pytest.mark.parametrize(
     ("name", "which"), [("tan(alpha)", "max"), ("tan(alpha)", "min"), ("1/sqrt(abs(cos(alpha)))", "largest")]

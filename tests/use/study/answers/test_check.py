@@ -45,6 +45,11 @@ AGREES, ROUNDING, MISPRINT, MODEL_ERROR, MISS = "agrees", "rounding", "misprint"
         ({"value": "20.4 N*m", "rtol": "0.02"}, AGREES), ({"value": "20.4 N*m", "rtol": "0.019"}, MISS),
         ({"value": "20.4 N*m", "atol": "0.41 N*m"}, AGREES), ({"value": "20.4 N*m", "atol": "390 N*mm"}, MISS),
         ({"value": "20.4 N*m", "rtol": "0", "atol": "0 N*m"}, MISS),
+        # without a unit too: YAML reads the number, the digits are those of the text
+        ({"quantity": "M/(1.02 N*m)", "value": "19.6"}, AGREES), ({"quantity": "M/(1.02 N*m)", "value": "19.60"}, MISS),
+        ({"quantity": "M/(1.02 N*m)", "value": "1.96e1"}, AGREES), ({"quantity": "M/(1.02 N*m)", "value": "1.960e1"},
+         MISS),
+        ({"quantity": "M/(0.98 mN*m)", "value": "2.0e4"}, AGREES), ({"quantity": "M/(1 mN*m)", "value": "2.1e4"}, MISS),
         # the last of 17 digits is below rounding
         ({"value": "20.000000000000007 N*m"}, AGREES), ({"published": "20.000000000000007 N*m"}, AGREES),
         ({"value": "20.00000000000004 N*m"}, MISS), ({"published": "20.00000000000004 N*m"}, MISS),
