@@ -97,15 +97,16 @@ def _watched(closure: Closure, coordinate: Coordinate, event: Event, begins: flo
     """
     half = abs(abs(float(event.reaches)) - np.pi) < REACHED
     distance = _distance(closure, coordinate, float(event.reaches))
-    direction, stops = DIRECTIONS[event.direction], event.then == "stop"
+    direction, stops, level = DIRECTIONS[event.direction], event.then == "stop", abs(float(event.reaches))
     if isinstance(coordinate, LinearCoordinate) or coordinate.unit != RADIAN:
-        return Watch(distance, direction, stops, begins=begins)
+        return Watch(distance, direction, stops, begins=begins, level=level)
 
     def counts(*states: Array) -> Flags:
         apart = np.abs(distance(*states))
         return np.asarray(np.minimum(apart, np.abs(apart - 2.0 * np.pi) if half else apart) < REACHED)
 
-    return Watch(lambda *states: np.sin(distance(*states)), direction, stops, counts=counts, begins=begins)
+    return Watch(lambda *states: np.sin(distance(*states)), direction, stops, counts=counts, begins=begins,
+                 level=level)  # fmt: skip
 
 
 def bounds_of(mechanism: Mechanism, stops: Mapping[str, EndStop], place: Place) -> tuple[Bound, ...]:

@@ -23,8 +23,16 @@ BESIDE = 1e-3
 """Part of a step up to which roots outside of it are told from those within: one at an end may be on either side. Signs
 between the roots decide what is a crossing."""
 
+NEAR = 1e-6
+"""Part of a value by which its series may keep one sign and the step still be looked at: it may come to 0 there but for
+rounding."""
+
 LEFT, ROUNDED = 1e-9, 1e-14
 """Value where a motion begins, relative to the largest in the step, and rounding [rad or m], up to which it is 0."""
+
+REACHED, DIGITS = 1e-13, 1e-15
+"""Rounding of a value, relative to the largest in the step, with that of a few impacts before it; and that of a
+difference, relative to the numbers."""
 
 SAME_INSTANT = 1e-13
 """Difference of two instants, relative to the time or the step, that is rounding of their roots: what is watched at the
@@ -50,6 +58,8 @@ class Watch(ValueRecord, frozen=True):
             motion lasts: where loads jump at a sample and it is negative then, the integration ends there.
         counts: ``(t, q, v) -> whether`` a crossing at these states counts, shape (n,); all do where it is ``None``.
         begins: Instant at which the motion begins [s]: a value that is 0 there does not cross it in leaving it.
+        level: Size of the numbers whose difference the value is. Where it turns back at 0, or the integration ends at
+            0, but for the rounding of these, it comes to 0 as where it crosses it. ``None`` where it has to cross it.
     """
 
     value: Callable[[Array, Array, Array], Array]
@@ -58,6 +68,7 @@ class Watch(ValueRecord, frozen=True):
     loaded: bool = False
     counts: Callable[[Array, Array, Array], Flags] | None = None
     begins: float = -math.inf
+    level: float | None = None
 
 
 def possible_crossings(solution: Solution, watches: Sequence[Watch], first: int, y: Array) -> Indices:
@@ -116,9 +127,9 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
                 break
             if not part.resolved:
                 solution.unresolved.append((start, start + length))
-            for low, high, above in _brackets(part.values, watch.direction):
+            for low, high, above in _brackets(part.values, watch.direction, watch.level):
                 bracket = start + length * low, start + length * high
-                instant = _refined(solution, index, watch, bracket, above=above)
+                instant = _refined(solution, index, watch, bracket, above=above) if low < high else bracket[0]
                 if instant is None or not _counts(solution, index, watch, instant):
                     continue
                 if start == watch.begins and _leaves(solution, index, watch, instant, part.values):
@@ -126,6 +137,11 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
                 crossings.append((instant, number))
                 latest = min(latest, instant) if watch.stops else latest
     within, stop = _until_stop(sorted(crossings), watches, slack)
+    if stop is not None or step.until >= solution.intervals[-1].end:
+        end, last = step.until if stop is None else stop, {number: instant for instant, number in within}
+        crossings += [(end, number) for number, watch in enumerate(watches)
+                      if _reaches(solution, index, watch, last.get(number, step.t), end)]  # fmt: skip
+        within, stop = _until_stop(sorted(crossings), watches, slack)
     for instant, number in within:
         q, v = solution.states_in(np.array([index]), np.array([instant]))
         solution.crossings.append(Crossing(number, instant, q[0], v[0]))
@@ -242,9 +258,12 @@ def _to_series(parts: int) -> Array:
 
 
 def keeps_sign(values: Array) -> Flags:
-    """Return for which rows of values at the nodes the Chebyshev series has one sign: ``|c_0| > sum |c_k|``; (m,)."""
+    """Return for which rows of values at the nodes the Chebyshev series has one sign: ``|c_0| > sum |c_k|``; (m,).
+
+    Of those that it may bring to 0 but for rounding that is not said.
+    """
     series = values @ _to_series(values.shape[1] // 2).T
-    return np.asarray(np.abs(series[:, 0]) > np.abs(series[:, 1:]).sum(axis=1))
+    return np.asarray((1.0 - NEAR) * np.abs(series[:, 0]) > np.abs(series[:, 1:]).sum(axis=1))
 
 
 def resolved(values: Array) -> Flags:
@@ -258,30 +277,32 @@ def resolved(values: Array) -> Flags:
     return np.asarray((series[:, 0] > FAR * rest) | one_sign | (error <= EXACT * size))
 
 
-def _brackets(values: Array, direction: int) -> list[tuple[float, float, bool]]:
+def _brackets(values: Array, direction: int, level: float | None = None) -> list[tuple[float, float, bool]]:
     """Return intervals in [0, 1], each with one zero crossing in the given direction of values at the nodes.
 
-    Also whether the values are positive before it.
+    Also whether the values are positive before it. Where they turn back at 0 both ends are the place at which they do.
     """
     series = _to_series(len(values) // 2) @ values
-    one_sided = abs(series[0]) > np.abs(series[1:]).sum()
-    if one_sided or not np.isfinite(series).all():
+    if keeps_sign(values[None])[0] or not np.isfinite(series).all():
         return []
-    significant = np.flatnonzero(np.abs(series) > NEGLIGIBLE * np.abs(series).max())
+    size = np.abs(series).max()
+    significant = np.flatnonzero(np.abs(series) > NEGLIGIBLE * size)
     roots = np.polynomial.chebyshev.chebroots(series[: significant[-1] + 1]) if len(significant) else np.zeros(0)
     real = np.sort(0.5 + 0.5 * roots.real[np.abs(roots.imag) < 1e-4])
     here = np.clip(real[(real > -BESIDE) & (real < 1.0 + BESIDE)], 0.0, 1.0)
     bounds = np.concatenate([[0.0], 0.5 * (here[1:] + here[:-1]), [1.0]])
     between = np.polynomial.chebyshev.chebval(2.0 * bounds - 1.0, series)
     between[0], between[-1] = values[0], values[-1]
-    above = between >= 0.0
+    rounded = np.abs(between) <= (NEGLIGIBLE * size if level is None else REACHED * size + DIGITS * level)
+    above, touches = between >= 0.0, np.zeros(len(bounds), dtype=bool)
     for k in range(1, len(bounds) - 1):  # two roots of a value that only touches 0 have rounding between them
-        if abs(between[k]) <= NEGLIGIBLE * np.abs(series).max():
+        if rounded[k]:
+            touches[k] = level is not None and not rounded[k - 1 : k + 2 : 2].any() and above[k - 1] == above[k + 1]
             above[k] = above[k - 1]
+    changes = [(bounds[k], bounds[k + 1], above[k]) for k in range(len(bounds) - 1) if above[k] != above[k + 1]]
+    changes += [(bounds[k], bounds[k], above[k]) for k in np.flatnonzero(touches)]
     return [
-        (float(bounds[k]), float(bounds[k + 1]), bool(above[k]))
-        for k in range(len(bounds) - 1)
-        if above[k] != above[k + 1] and direction in (0, 1 if above[k + 1] else -1)
+        (float(low), float(high), bool(one)) for low, high, one in sorted(changes) if direction in (0, -1 if one else 1)
     ]
 
 
@@ -325,6 +346,26 @@ def _leaves(solution: Solution, index: int, watch: Watch, instant: float, values
     t = watch.begins + np.array([0.0, 0.5, 1.0]) * (instant - watch.begins)
     before = watch.value(t, *solution.states_in(np.full(len(t), index), t))
     return bool(np.abs(before).max() <= LEFT * np.abs(values).max() + ROUNDED)
+
+
+def _reaches(solution: Solution, index: int, watch: Watch, start: float, end: float) -> bool:
+    """Tell whether a value comes to 0, but for rounding, where the integration ends; see ``Watch.level``.
+
+    Args:
+        solution: The solution.
+        index: Index of the last step.
+        watch: What is watched.
+        start: Start of the step, or the last crossing in it [s].
+        end: When the integration ends [s].
+    """
+    if watch.level is None or not start < end:
+        return False
+    t, step = np.array([0.5 * (start + end), end]), solution.steps[index]
+    middle, last = watch.value(t, *solution.states_in(np.full(2, index), t))
+    soon = SAME_INSTANT * max(abs(end), abs(step.h)) / (end - start)
+    rounding = (REACHED + soon) * abs(middle) + DIGITS * watch.level
+    there = abs(last) <= rounding < abs(middle) and watch.direction in (0, -1 if middle > 0.0 else 1)
+    return bool(there) and _counts(solution, index, watch, end)
 
 
 def _sign_change(value: Callable[[float], float], bracket: tuple[float, float], at_ends: tuple[float, float]) -> float:

@@ -221,3 +221,33 @@ def test_a_motion_that_begins_at_a_value_reaches_it_when_it_comes_back(position:
     expected = [back] if 0.0 < back < 6.0 else []
     for found in (pinarm.run(scenario), pinarm.batch(scenario, velocity={"x": [velocity, velocity]}).run(0)):
         assert [event.t for event in found.events] == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("direction", [-1, 0, 1])
+@pytest.mark.parametrize("turns", [False, True])
+def test_what_ends_or_turns_back_at_a_value_comes_to_it_once(direction: int, turns: bool) -> None:
+    """``x = x0 + v t + a t^2 / 2`` to its end, or past its turn, at the value of this: once, from its side."""
+    for x0, v, end in np.random.default_rng(4).uniform((-1.0, 0.1, 0.1), (1.0, 3.0, 3.0), (60, 3)).tolist():
+        for way in (-1.0, 1.0):
+            turn, a = (0.6 * end, -way * v / (0.6 * end)) if turns else (end, way)
+            level = x0 + way * v * turn + 0.5 * a * turn**2
+            there = Watch(lambda t, q, v, at=level: q[:, 0] - at, direction, stops=False, level=abs(level))
+            thrown = [Interval(0.0, end, lambda t, q, v, a=a: np.array([a]))]
+            start = np.array([x0]), np.array([way * v])
+            found = integrate(thrown, LINE, *start, Adaptive(1e-9), watches=[there]).crossings
+            assert [one.t for one in found] == pytest.approx([turn] if direction in (0, way) else [], rel=1e-7)
+
+
+def test_a_run_that_ends_at_a_value_reaches_it_and_so_do_batches() -> None:
+    model = str(Path(__file__).parents[3] / "models" / "servo" / "mechanism.yaml")
+    for end, speed in [(0.3, 1.0), (0.7, -1.0), *np.random.default_rng(6).uniform(0.1, 2.0, (4, 2)).tolist()]:
+        problem = {
+            "kind": "forward", "time": {"end": f"{end!r} s", "samples": 3},
+            "initial": {"velocity": {"x": f"{speed!r} rad/s"}},
+            "events": {"there": {"when": "x", "reaches": f"{speed * end!r} rad"}},
+        }  # fmt: skip
+        scenario = {"pinarm": 1, "mechanism": model, "arguments": {"J": "0.05 kg*m^2"}, "problem": problem,
+                    "outputs": ["x"]}  # fmt: skip
+        batch = pinarm.batch(scenario, velocity={"x": [speed, 0.9 * speed, speed]})
+        for found, count in ((pinarm.run(scenario), 1), *((batch.run(k), count) for k, count in enumerate((1, 0, 1)))):
+            assert [event.t for event in found.events] == pytest.approx([end] * count, rel=1e-12)

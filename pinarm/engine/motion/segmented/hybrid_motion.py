@@ -135,7 +135,7 @@ class HybridIntegration(Record, frozen=True):
         shares = hybrid.sharing(mode.held | tied, q)
         system = hybrid.loaded(hybrid.stretch(mode, t, q, v), mode.held, shares, t, q)
         ends, acting = watched(hybrid, mode, system, touched, tied), hybrid.acting(system)
-        ends = [(key, self._from_there(watch, t, q, v) if isinstance(key, str) else watch) for key, watch in ends]
+        ends = [(key, self._from_there(key, watch, t, q, v) if isinstance(key, str) else watch) for key, watch in ends]
         if controls:
             ends += [(("control", index), watch) for index, watch in controls.watches(spans[0])]
             system = controls.around(system)
@@ -163,15 +163,22 @@ class HybridIntegration(Record, frozen=True):
             self._remember(system, solution)
         return end
 
-    def _from_there(self, watch: Watch, t: float, q: Array, v: Array) -> Watch:
+    def _from_there(self, name: str, watch: Watch, t: float, q: Array, v: Array) -> Watch:
         """Return the watch of an event in a segment that begins in a state.
 
-        What has come to the value, as to a stop, and turns back there does not reach it again in leaving.
+        What has come to the value at the end of the segment before does not reach it again in leaving: an event there,
+        be it by rounding before it, or, of another direction, what turns back at the value as at a stop.
         """
-        if not self.motion.segments or abs(here := float(watch.value(np.array([t]), q[None], v[None])[0])) > ROUNDED:
+        if not self.motion.segments:
             return watch
         last = self.motion.segments[-1]
-        middle = np.array([0.5 * (float(last.solution.steps.t[-1]) + last.solution.end)])
+        begun, end = float(last.solution.steps.t[-1]), last.solution.end
+        slack = SAME_INSTANT * max(abs(end), float(last.solution.steps.h[-1]))
+        if any(event.name == name and event.t >= end - slack for event in self.motion.events):
+            return replace(watch, begins=t)
+        if abs(here := float(watch.value(np.array([t]), q[None], v[None])[0])) > ROUNDED:
+            return watch
+        middle = np.array([0.5 * (begun + end)])
         before = float(watch.value(middle, *last.system.whole(middle, *last.solution.states(middle)))[0])
         passes = abs(before) > ROUNDED and (before >= 0.0) == (here >= 0.0)
         return watch if passes else replace(watch, begins=t)
@@ -206,18 +213,10 @@ class HybridIntegration(Record, frozen=True):
             self.hybrid.controls.remember(system.integrals(v)[0])
 
     def _note_events(self, solution: Solution, system: System, keys: list[Key]) -> SegmentEnd | None:
-        """Add the events of the last segment to the motion; return the one that ended it.
-
-        One at the instant at which the segment before ended, where rounding tells when it is, may be known from there.
-        """
-        end, start, known = None, float(solution.steps.t[0]), set[str]()
-        if before := self.motion.segments[:-1]:
-            start += SAME_INSTANT * max(abs(start), float(before[-1].solution.steps.h[-1]))
-            known = {event.name for event in self.motion.events if event.t >= 2.0 * before[-1].solution.end - start}
+        """Add the events of the last segment to the motion; return the one that ended it."""
+        end = None
         for crossing in solution.crossings:
             key, t = keys[crossing.watch], crossing.t
-            if key in known and t <= start:
-                continue
             q, v = (rows[0] for rows in system.whole(np.array([t]), crossing.q[None], crossing.v[None]))
             if isinstance(key, str):
                 self.motion.events.append(EventRecord(key, t, q, v))

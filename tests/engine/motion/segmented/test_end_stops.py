@@ -179,6 +179,35 @@ def test_what_passes_a_value_as_another_joint_meets_its_stop_reaches_it_once(mec
         assert [event.t for event in found.events] == pytest.approx([t, t], rel=1e-13)
 
 
+def test_every_bounce_without_loss_comes_to_its_top_once(mechanism, chain):
+    """``v^2 / (2 g)`` at ``(2 k + 1) v / g``: rounding leaves it above or below."""
+    model = mechanism(chain(WEIGHT), gravity={"direction": "-z", "magnitude": f"{G} m/s^2"})
+    for speed in np.random.default_rng(3).uniform(1.0, 5.0, 20).tolist():
+        problem = Forward(
+            time=TimeGrid(end=6.0 * speed / G, samples=3), initial=InitialState(velocity={"weight": speed}),
+            end_stops={"weight": EndStop(lower=0.0, restitution=1.0)},
+            events={"top": Event(when="weight", reaches=speed**2 / (2.0 * G))},
+        )  # fmt: skip
+        found = problem.solve(model, Accuracy(), lambda *path: nullcontext())
+        tops = [event.t for event in found.events if event.name == "top"]
+        assert tops == pytest.approx(np.array([1.0, 3.0, 5.0]) * speed / G, rel=1e-9)
+
+
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+def test_what_friction_stops_at_a_value_reaches_it(mechanism, chain, way):
+    """After ``v^2 / (2 mu g)``."""
+    model = mechanism(
+        chain(WEIGHT), gravity={"direction": "-x", "magnitude": f"{G} m/s^2"}, friction={"weight": {"mu": 0.2}}
+    )
+    for speed in np.random.default_rng(3).uniform(1.0, 5.0, 20).tolist():
+        problem = Forward(
+            time=TimeGrid(end=speed / G * 7.0, samples=3), initial=InitialState(velocity={"weight": way * speed}),
+            events={"there": Event(when="weight", reaches=way * speed**2 / (0.4 * G))},
+        )  # fmt: skip
+        found = problem.solve(model, Accuracy(), lambda *path: nullcontext())
+        assert [event.t for event in found.events] == pytest.approx([speed / (0.2 * G)], rel=1e-7)
+
+
 def test_stops_that_let_go_at_one_instant_all_let_go(mechanism):
     lift = JointEffort(joint="first", effort=ConstantSpeed(start=0.0, speed=40.0))
     problem = Forward(
