@@ -91,8 +91,8 @@ class Limits(InputStruct, frozen=True):
         }
         remarks = [f"beyond its limit: {each.condition} is {each.text}" for each in compared if each.verdict == BEYOND]
         remarks += [
-            f"neither kept nor beyond: {each.condition} is {each.text}, with an error of {each.error:.1e} in SI"
-            for each in compared if each.verdict == OPEN and each.error is not None
+            f"neither kept nor beyond: {each.condition} is {each.text}, with an error of {each.known:.1e} in SI"
+            for each in compared if each.verdict == OPEN
         ]  # fmt: skip
         columns = ("", "value", "limit", "margin [%]", "error", "")
         table = SectionTable("limits", "Numbers and their limits", columns, (None,) * len(columns),
@@ -107,12 +107,14 @@ class _Compared:
     Attributes:
         condition: What it must keep to.
         value: The number, with its unit.
-        error: Bound of its error [SI]; ``None`` where it is not estimated.
+        bound: Bound of its error [SI]; ``None`` where it is not estimated.
+        known: What is known of its error [SI]: the bound, or where there is none what its quadrature leaves.
     """
 
     condition: Condition
     value: Series
-    error: float | None
+    bound: float | None
+    known: float
 
     @property
     def name(self) -> str:
@@ -137,7 +139,7 @@ class _Compared:
     def verdict(self) -> str:
         """``kept``, ``beyond``, or that the error does not allow to say which."""
         left = float(self.margin.values[0])
-        if self.error is not None and abs(left) < self.error:
+        if abs(left) < self.known:
             return OPEN
         return KEPT if left >= 0.0 else BEYOND
 
@@ -150,12 +152,13 @@ class _Compared:
     def row(self) -> tuple[Cell, ...]:
         """Return its row of the table."""
         bound = f"{self.condition.relation} {self.condition.bound_text}"
-        error: Cell = "not estimated" if self.error is None else f"{self.error:.1e}"
+        error: Cell = "not estimated" if self.bound is None else f"{self.bound:.1e}"
         return self.condition.number.label, self.text, bound, 100.0 * self.relative, error, self.verdict
 
 
 def _compared(condition: Condition, result: Result) -> _Compared:
-    return _Compared(condition, measured(condition.number, result)[0], global_error(result, condition.number))
+    (value, left), bound = measured(condition.number, result), global_error(result, condition.number)
+    return _Compared(condition, value, bound, left if bound is None else bound)
 
 
 def _unit(condition: Condition, quantities: Quantities) -> Unit | None:

@@ -49,6 +49,9 @@ STEPS, SETTLED = 30, 1e-9
 """Newton's steps from a sample, at most, and one, relative to the spacing of samples, that is the last: each doubles
 the digits, and three are enough but where the path turns sharply or is near rest."""
 
+PARABOLA = 2
+"""Newton's steps on the parabola through three samples."""
+
 ONE_INSTANT = 1e-9
 """Difference of instants, relative to the length of the run, below which they are one."""
 
@@ -220,13 +223,35 @@ class _Path:
         A path that closes may begin anywhere: every sample at which it is locally nearest to the first point is tried
         as its begin, and comes again at its end.
         """
-        squares = ((self.places[None, :, :] - self.wanted[:, None, :]) ** 2).sum(axis=2)
+        squares = self._squares()
         count = squares.shape[1]
         begins = [0, *(_local_minima(squares[0]) if self._closed else ())]
         along = np.arange(count + (AGAIN if self._closed else 0))
         found = [(*_monotone(squares[:, (begin + along) % count]), begin) for begin in begins]
         _, rows, begin = min(found, key=lambda each: each[0])
         return np.asarray((rows + begin) % count)
+
+    def _squares(self) -> Array:
+        """Return the squares of the distances of the points to the path about every sample [m²], shape (n, samples).
+
+        About a sample that is nearer than both beside it the path is the parabola through all three: the distances of
+        samples alone do not tell which of two passes of the path is the nearer one.
+        """
+        squares: Array = ((self.places - self.wanted[:, None, :]) ** 2).sum(axis=2)
+        within = self.interval[2:] == self.interval[:-2]
+        low = (squares[:, 1:-1] <= squares[:, :-2]) & (squares[:, 1:-1] <= squares[:, 2:]) & within
+        points, rows = low.nonzero()
+        before, middle, after = (self.places[rows + shift] for shift in range(3))
+        off, slope, bend = middle - self.wanted[points], 0.5 * (after - before), after - 2.0 * middle + before
+        s = np.zeros((len(rows), 1))
+        for _ in range(PARABOLA):
+            away, rate = off + s * (slope + 0.5 * s * bend), slope + s * bend
+            rise = (rate * rate + away * bend).sum(axis=1, keepdims=True)
+            step = (away * rate).sum(axis=1, keepdims=True) / np.where(rise > 0.0, rise, np.inf)
+            s = np.clip(s - step, -1.0, 1.0)
+        nearest = ((off + s * (slope + 0.5 * s * bend)) ** 2).sum(axis=1)
+        squares[points, rows + 1] = np.minimum(squares[points, rows + 1], nearest)
+        return squares
 
     def _refined(self, rows: Array) -> tuple[Array, Array]:
         """Return the instants near samples, shape (n,), at which the path is nearest, and its places there.

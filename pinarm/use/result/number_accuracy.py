@@ -10,7 +10,6 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit
-from pinarm.use.result.figures.curve_figures import is_figure
 from pinarm.use.result.measures import SOLVED
 from pinarm.use.result.output_scales import ZERO, natural_sizes, output_scales
 from pinarm.use.result.run_number import RunNumber
@@ -54,7 +53,8 @@ def rounding(result: Result, units: Sequence[Unit | None]) -> Array:
 def global_error(result: Result, number: AnyNumber) -> float | None:
     """Return the bound of a number's error [SI] that holds in 99 of 100 cases; ``None`` where it is not known.
 
-    A figure of a curve is no more wrong than its worst row, nor is an extreme, or the value at an instant.
+    A figure of a curve is no more wrong than its worst row, nor is an extreme, or the value at an instant; what its
+    quadrature or its search leaves comes on top.
     """
     if not isinstance(number, RunNumber) or number.quantity not in result.errors:
         return None
@@ -62,8 +62,7 @@ def global_error(result: Result, number: AnyNumber) -> float | None:
     if not of_instant and (isinstance(number.at, dict) or number.of != number.quantity):
         return None
     length = float(np.ptp(result.trajectory.grid.cuts)) if number.figure == "integral" else 1.0
-    quadrature = number.value(result)[1] if is_figure(number.figure) else 0.0
-    return result.errors[number.quantity] * output_scales(result)[number.quantity] * length + quadrature
+    return result.errors[number.quantity] * output_scales(result)[number.quantity] * length + number.value(result)[1]
 
 
 def _size(result: Result, number: AnyNumber) -> float:

@@ -125,6 +125,22 @@ def test_a_number_next_to_its_limit_is_not_judged(
     assert float(row[-2]) < 1e-2
 
 
+@pytest.mark.parametrize("verify", [False, True])
+def test_an_extreme_at_a_cusp_is_judged_by_the_error_of_its_place_too(
+    turned: pinarm.Scenario, tmp_path: Path, verify: bool
+) -> None:
+    """The root of a distance that becomes 0 has no least value but 0, and is known to the root of rounding."""
+    (tmp_path / "fall.yaml").write_text(FALL.replace("1e-4", "1e-9"))
+    cusp = "sqrt(abs((turn - 0.3 rad)*(1 rad)))"
+    keep = {"outputs": [cusp], "limits": {"keep": {f"{cusp} @ min": "< 1e-13 rad"}}}
+    scenario = pinarm.load(tmp_path / "fall.yaml", keep)
+    result = scenario.verified() if verify else scenario.run()
+    row = result.sections["limits"].tables[0].rows[0]
+    assert float(str(row[1]).split()[0]) > 1e-13
+    assert row[-1] == "within its error"
+    assert not verify or float(row[-2]) >= float(str(row[1]).split()[0])
+
+
 @pytest.mark.parametrize(
     ("keep", "message"),
     [

@@ -1,7 +1,8 @@
 """Paths of linkages whose curves are known: Peaucellier's line, Chebyshev's near one, and a coupler's curve."""
 
+from cmath import rect
 from collections.abc import Callable
-from math import acos, atan2, cos, hypot, pi, sin, sqrt
+from math import acos, atan2, cos, hypot, pi, radians, sin, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -287,3 +288,18 @@ def test_points_next_to_a_dwell_are_met(tmp_path: Path, off: float, rest: float)
     assert error < 1e-13
     u = instant - 1 - rest if off > 0 else 1 - instant
     assert u > 0 and pi / 3 * (3 * u**2 - 2 * u**3) == pytest.approx(abs(off), rel=1e-6)
+
+
+@pytest.mark.parametrize("at", [0.3501, 0.4247, 0.5013, 0.5779, 0.6348])
+def test_of_passes_nearer_to_each_other_than_samples_are_the_right_one_is_met(tmp_path: Path, at: float) -> None:
+    """A spiral of three turns in a second, 1 mm apart, and a point of the second turn: (0.3 + 0.2i e^(ia)) e^(io)."""
+    points = {"O": (0.0, 0.0), "A": (0.3, 0.0), "P": (0.3, 0.2)}
+    place = (0.3 + rect(0.2, radians(90.0 + at))) * rect(1.0, radians(1080.0 * at))
+    text = (
+        "problem:\n  kind: kinematics\n  time: {end: 1 s, samples: 11}\n  motion:\n"
+        "    O: {law: constant_speed, speed: 1080 deg/s}\n    A: {law: constant_speed, speed: 1 deg/s}\n"
+        f"outputs: [O]\npath_error: {{point: P, wanted: {{x: [{place.real!r} m], y: [{place.imag!r} m]}}}}\n"
+    )
+    result = pinarm.run(linkage(tmp_path, points, "O", {"upper": "O, A", "fore": "A, P"}, text))
+    assert result.number("path_error.peak")[0] < 1e-12
+    assert result.sections["path_error"].tables[0].rows[0][1] == pytest.approx(at, abs=1e-9)

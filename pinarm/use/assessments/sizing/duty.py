@@ -24,7 +24,7 @@ from pinarm.arrays import Array
 from pinarm.engine.motion.standstill import directions
 from pinarm.engine.quantities.names import Quantities
 from pinarm.use.assessments.sizing.load_inertia import load_inertia
-from pinarm.use.result.figures.curve_figures import integrals
+from pinarm.use.result.figures.curve_figures import ROUNDING, integrals
 from pinarm.use.result.row_lookup import Lookup
 
 SAMPLES = 2000
@@ -48,7 +48,7 @@ class Duty:
         load_inertia: Mean of what it feels of the masses, its own rotor left out, weighted with the square of the speed
             [kg*m^2 or kg]; see ``load_inertia``.
         squares: A, B and C.
-        error: Largest error of their quadrature, relative to the largest contribution.
+        errors: Of A, B and C, by their quadrature.
         rest: How long the joint is held by a brake after the motion, the motor without torque [s].
     """
 
@@ -58,7 +58,7 @@ class Duty:
     y: Array = field(repr=False)
     load_inertia: float
     squares: tuple[float, float, float]
-    error: float
+    errors: tuple[float, float, float]
     rest: float
 
     @property
@@ -70,11 +70,17 @@ class Duty:
         """Return the torque T of a motor [N*m], shape (n,)."""
         return inertia * ratio * self.a + self.y / ratio
 
-    def rms_torque(self, inertia: float, ratio: float) -> float:
-        """Return the root of the mean square of T over the cycle [N*m]."""
-        a, b, c = self.squares
-        square = (inertia * ratio) ** 2 * a + 2.0 * inertia * b + c / ratio**2
-        return float((max(square, 0.0) / self.length) ** 0.5)
+    def rms_torque(self, inertia: float, ratio: float) -> tuple[float, float]:
+        """Return the root of the mean square of T over the cycle, and its error [N*m].
+
+        Where the rotor and the load nearly cancel, as a spring in resonance does, few digits of the square are left:
+        with the error e of the square s the root is wrong by ``e / s^(1/2)`` at most, and by ``e^(1/2)``.
+        """
+        factors = np.array([(inertia * ratio) ** 2, 2.0 * inertia, 1.0 / ratio**2]) / self.length
+        terms = factors * self.squares
+        root = max(float(terms.sum()), 0.0) ** 0.5
+        error = float(factors @ self.errors + ROUNDING * np.abs(terms).sum())
+        return root, error**0.5 if error >= root**2 else error / root
 
     def best_ratio(self, inertia: float) -> float:
         """Return the ratio of the least rms torque for a rotor inertia; infinite without one."""
@@ -158,11 +164,10 @@ def duty_of(
     for k, what in enumerate(("velocity", "acceleration", "effort")):
         run.highest(partial(size, k), f"the {what} of '{coordinate}'")
     t, v, inertia = _samples(run, lambda rows: (columns(rows)[0], load_inertia(rows.trajectory, coordinate, held)))
-    worst = float(error.max() / max(np.abs(total).max(), np.finfo(float).tiny))
-    a_square, product, y_square = (total * sizes).tolist()
+    (a_square, product, y_square), (of_a, of_both, of_y) = (total * sizes).tolist(), (error * sizes).tolist()
     mean = _mean_inertia(t, v, inertia - armature)
     t, v, a, y = _in_order(run, columns, seen)
-    return Duty(t, v, a, y, mean, (a_square, product, y_square), worst, rest)
+    return Duty(t, v, a, y, mean, (a_square, product, y_square), (of_a, of_both, of_y), rest)
 
 
 def _samples(run: Lookup, columns: Callable[[Quantities], tuple[Array, ...]]) -> tuple[Array, ...]:

@@ -176,7 +176,7 @@ class Sizing(InputStruct, frozen=True):
 
     def _candidate(self, duty: Duty, motor: Motor, ratio: float) -> Candidate:
         torque, speed = duty.torque(motor.rotor_inertia, ratio), ratio * np.abs(duty.v)
-        rms = duty.rms_torque(motor.rotor_inertia, ratio)
+        rms, error = duty.rms_torque(motor.rotor_inertia, ratio)
         available = motor.short_torque(speed)
         with np.errstate(over="ignore"):
             needed, endless = np.abs(torque), np.full_like(torque, np.inf)
@@ -187,7 +187,7 @@ class Sizing(InputStruct, frozen=True):
         )
         given, taken = duty.energy(torque, ratio)
         return Candidate(
-            motor, ratio, float(np.abs(torque).max()), float(margin), rms, continuous / rms if rms else np.inf,
+            motor, ratio, float(np.abs(torque).max()), float(margin), rms, error, continuous / rms if rms else np.inf,
             float(speed.max()), motor.max_speed / float(speed.max()) if speed.any() else np.inf, winding,
             duty.load_inertia / (motor.rotor_inertia * ratio**2) if motor.rotor_inertia else np.inf, given, taken,
             self.safety,
@@ -203,7 +203,8 @@ class Sizing(InputStruct, frozen=True):
         remarks = [
             f"{fitting} of {len(ranked)} fit; motors with a gear of efficiency "
             f"{drive.efficiency if self.efficiency is None else self.efficiency:g} by direction of power",
-            f"rms torques: quadrature error {duty.error:.1e}; peaks are those of {len(duty.t)} instants",
+            f"rms torque of the first: quadrature error {best.rms_error:.1e} N*m; "
+            f"peaks are those of {len(duty.t)} instants",
         ]
         if not duty.a.any() and not duty.y.any():
             still = f"'{drive.coordinate}' carries no load and does not accelerate in this run"
@@ -211,7 +212,7 @@ class Sizing(InputStruct, frozen=True):
         if not fitting:
             remarks.insert(0, f"no motor fits; closest is {best.motor.name} at {best.ratio:g}: {best.verdict}")
         return Section("sizing", f"Motor and gear of {self.drive}", tables, numbers, remarks, [_cloud(duty, best)],
-                       {"rms_torque": duty.error * best.rms_torque})  # fmt: skip
+                       {"rms_torque": best.rms_error})  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -224,6 +225,7 @@ class Candidate:
         peak_torque: Largest torque [N*m].
         torque_margin: Smallest quotient of short-time torque and torque at an instant.
         rms_torque: Over the cycle [N*m].
+        rms_error: Its error by the quadrature [N*m].
         rms_margin: Continuous torque at the mean speed over the rms torque.
         peak_speed: Largest speed [rad/s].
         speed_margin: Largest speed of the motor over that.
@@ -239,6 +241,7 @@ class Candidate:
     peak_torque: float
     torque_margin: float
     rms_torque: float
+    rms_error: float
     rms_margin: float
     peak_speed: float
     speed_margin: float
@@ -286,7 +289,7 @@ def _best_ratios(duty: Duty, ranked: Sequence[Candidate]) -> SectionTable:
     """Return for every motor the ratio of the least rms torque."""
     motors = list({candidate.motor.name: candidate.motor for candidate in ranked}.values())
     best = [(motor, duty.best_ratio(motor.rotor_inertia)) for motor in motors]
-    rows = [(motor.name, ratio, duty.rms_torque(motor.rotor_inertia, ratio) if ratio < np.inf else 0.0)
+    rows = [(motor.name, ratio, duty.rms_torque(motor.rotor_inertia, ratio)[0] if ratio < np.inf else 0.0)
             for motor, ratio in best]  # fmt: skip
     return SectionTable("best_ratios", "Ratio of the least rms torque", ("motor", "ratio", "rms torque"),
                         (None, None, TORQUE), rows)  # fmt: skip

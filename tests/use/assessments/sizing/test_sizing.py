@@ -92,6 +92,23 @@ def test_a_blow_between_instants_that_are_evenly_apart_is_seen(sized: Callable[.
     assert 0.8 * found["energy"] - found["regenerated"] / 0.8 == pytest.approx(9.0 * work, rel=1e-3)
 
 
+@pytest.mark.parametrize("off", [0.0, 1e-6, 1e-3])
+def test_a_rotor_in_resonance_with_a_spring_needs_no_torque_within_the_error_told(
+    sized: Callable[..., Any], off: float
+) -> None:
+    """``T N = (J N² + I) a + k q`` is ``(k - (J N² + I) w²) A sin(w t)``: ``off k A sin(w t)`` here."""
+    ratio, stiffness, amplitude = 50.0, 40.0, 0.5
+    rate = sqrt((1.0 - off) * stiffness / (LOAD + 1e-4 * ratio**2))
+    motion = ("motion: {pivot: {law: harmonic, amplitude: 0.5 rad, pulsation: " + f"{rate!r} rad/s" + "}}\n"
+              "  loads: {spring: {kind: joint_spring, joint: pivot, stiffness: 40 N*m/rad}}")  # fmt: skip
+    turn = ("time: {end: 2 s, samples: 9}", f"time: {{end: {2.0 * np.pi / rate!r} s, samples: 9}}")
+    section = sized(f"ratios: [{ratio}], efficiency: 1", HEADING + SMALL, (MOTION, motion), turn)
+    exact = off * stiffness * amplitude / ratio / sqrt(2.0)
+    told, error = float(section.numbers["rms_torque"].values[0]), section.errors["rms_torque"]
+    assert abs(told - exact) <= error + 1e-15 * stiffness * amplitude / ratio
+    assert error <= 1e-7
+
+
 @pytest.mark.parametrize("own", ["1", "0.8"])
 def test_power_at_standstill_flows_as_in_the_motion_beside_it(scenario: Callable[..., Any], own: str) -> None:
     """The motor drives at the start and brakes at the end, whatever efficiency the drive of the mechanism has."""
@@ -135,9 +152,9 @@ def test_a_winding_warms_as_its_differential_equation_says() -> None:
     """Heat 1 for 2 s, then none for 6 s, for ever: the peak is ``(1 - e^(-2/5)) / (1 - e^(-8/5))``."""
     t = np.linspace(0.0, 2.0, 50)
     zero = np.zeros(50)
-    duty = Duty(t, zero, zero, zero, 0.0, (0.0, 0.0, 0.0), 0.0, rest=6.0)
+    duty = Duty(t, zero, zero, zero, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), rest=6.0)
     assert duty.warmest(np.ones(50), 5.0) == pytest.approx((1 - exp(-0.4)) / (1 - exp(-1.6)), rel=1e-13)
-    always = Duty(t, zero, zero, zero, 0.0, (0.0, 0.0, 0.0), 0.0, rest=0.0)
+    always = Duty(t, zero, zero, zero, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), rest=0.0)
     assert always.warmest(np.ones(50), 5.0) == pytest.approx(1.0, rel=1e-13)
 
 
