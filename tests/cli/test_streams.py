@@ -71,7 +71,11 @@ class Kept:
 sys.kept = Kept()
 atexit.register(print, "registered", file=sys.stderr, end=" ")
 if "threads" in sys.orig_argv[-1]:
-    threading.Timer(1.0, print, ["threads waited for"], {"file": sys.stderr, "end": " "}).start()
+    def wait():
+        threading.main_thread().join()
+        print("threads waited for", file=sys.stderr, end=" ")
+
+    threading.Thread(target=wait).start()
 """
 
 
