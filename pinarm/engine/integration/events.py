@@ -262,8 +262,12 @@ def keeps_sign(values: Array) -> Flags:
 
     Of those that it may bring to 0 but for rounding that is not said.
     """
-    series = values @ _to_series(values.shape[1] // 2).T
-    return np.asarray((1.0 - NEAR) * np.abs(series[:, 0]) > np.abs(series[:, 1:]).sum(axis=1))
+    return _is_one_sided(values @ _to_series(values.shape[1] // 2).T)
+
+
+def _is_one_sided(series: Array) -> Flags:
+    """Return the same of the series, shape (.., k) to (..)."""
+    return np.asarray((1.0 - NEAR) * np.abs(series[..., 0]) > np.abs(series[..., 1:]).sum(axis=-1))
 
 
 def resolved(values: Array) -> Flags:
@@ -283,7 +287,7 @@ def _brackets(values: Array, direction: int, level: float | None = None) -> list
     Also whether the values are positive before it. Where they turn back at 0 both ends are the place at which they do.
     """
     series = _to_series(len(values) // 2) @ values
-    if keeps_sign(values[None])[0] or not np.isfinite(series).all():
+    if _is_one_sided(series) or not np.isfinite(series).all():
         return []
     size = np.abs(series).max()
     significant = np.flatnonzero(np.abs(series) > NEGLIGIBLE * size)
