@@ -66,7 +66,7 @@ def compare(flow, closure, states):
         state = closure.state(q, v)
         force = -np.array(pin.nonLinearEffects(model, data, q, v))
         a = solve(closure.split(closure.rows(state)), mass_matrix(model, q), force, -closure.drift(state))
-        found = flow.slope(np.concatenate([q, v]))[model.nq :]
+        found = flow.slope(0.0, np.concatenate([q, v]))[model.nq :]
         assert np.abs(found - a).max() <= SHARP * max(1.0, np.abs(a).max())
 
 
@@ -129,10 +129,10 @@ def test_states_that_are_no_numbers_leave_nothing_behind(linkage, tmp_path):
     dynamics, nv = Dynamics.of(mechanism.model), mechanism.model.nv
     system = system_of(mechanism.closure, dynamics, FREE, Initial(np.zeros(nv), np.zeros(nv)))
     flow, y = system.interval(dynamics, 0.0, 1.0).compiled, np.concatenate([np.zeros(nv), np.ones(nv)])
-    first = flow.slope(y)
+    first = flow.slope(0.0, y)
     assert np.isfinite(first).all()
-    assert np.isnan(flow.slope(np.full(2 * nv, np.nan))).any()
-    assert np.array_equal(flow.slope(y), first)
+    assert np.isnan(flow.slope(0.0, np.full(2 * nv, np.nan))).any()
+    assert np.array_equal(flow.slope(0.0, y), first)
 
 
 def test_motion_of_a_scissor_on_a_hinge_is_that_of_python(tmp_path, calls, without):
@@ -352,7 +352,7 @@ class TestClosing:
         flow.take((True, python.rank))
         flow.system.structure.limits.rank = python.rank
         expected = python.acceleration(0.9, q, v)
-        found = flow.slope(np.concatenate([q, v]))[3:]
+        found = flow.slope(0.0, np.concatenate([q, v]))[3:]
         assert found == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
     @pytest.mark.parametrize("angle", 0.5 * np.pi + np.linspace(-4.6e-3, 4.6e-3, 93))
@@ -378,11 +378,13 @@ class TestClosing:
         open_, closed = (each(0.9, q, v)[:3] for each in (python.acceleration, python.since(0.5)))
         assert np.abs(open_ - closed).max() > 1e-4
         y = np.concatenate([q, v])
-        assert flow.slopes(np.array([0.5]), y[None])[0, 3:] == pytest.approx(closed, rel=1e-9, abs=1e-9)
-        assert flow.slope(y)[3:] == pytest.approx(open_, rel=1e-9, abs=1e-9)
+        assert flow.slopes(np.array([0.5]), np.array([0.5]), y[None])[0, 3:] == pytest.approx(
+            closed, rel=1e-9, abs=1e-9
+        )
+        assert flow.slope(0.0, y)[3:] == pytest.approx(open_, rel=1e-9, abs=1e-9)
         python.clear.add(0.5)
         assert python.since(0.5)(0.9, q, v)[:3] == pytest.approx(open_, rel=1e-12)
-        assert flow.slopes(np.array([0.5]), y[None])[0, 3:] == pytest.approx(open_, rel=1e-9, abs=1e-9)
+        assert flow.slopes(np.array([0.5]), np.array([0.5]), y[None])[0, 3:] == pytest.approx(open_, rel=1e-9, abs=1e-9)
 
 
 def settle(flow, t, y, slope):
@@ -418,7 +420,7 @@ def test_states_between_steps_are_closed_as_in_python(linkage, cut, tmp_path, ca
     q, v = segment.solution.states(t)
     flow.ready()
     before = bytes(flow.structure), bytes(flow.system.structure)
-    found = flow.settled(np.hstack([q, v]))
+    found = flow.settled(t, np.hstack([q, v]))
     assert (bytes(flow.structure), bytes(flow.system.structure)) == before
     expected = np.hstack(segment.system.general.settled(q, v, nothing, nothing, t)[:2])
     opened = np.abs(expected - np.hstack([q, v])).max()

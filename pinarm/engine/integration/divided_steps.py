@@ -109,7 +109,7 @@ def _rates(interval: Interval, manifold: Manifold, begin: Array, t: Array, y: Ar
     """Return projected states and their slopes, both of shape (n, nq + nv), in steps that begin at ``begin``."""
     y = _projected(manifold, y)
     if interval.compiled is not None:
-        return y, interval.compiled.slopes(begin, y)
+        return y, interval.compiled.slopes(begin, t, y)
     q, v = y[:, : manifold.nq], y[:, manifold.nq :]
     return y, np.concatenate([manifold.velocity(q, v), interval.accelerations(begin, t, q, v)], axis=1)
 

@@ -40,17 +40,21 @@ def links_are_sound(links: NDArray[np.void], nq: int, nv: int) -> bool:
 
 
 def loads_are_sound(
-    degrees: NDArray[np.void], balls: NDArray[np.void], lines: NDArray[np.void], links: int, nq: int
-) -> bool:
-    """Return whether what acts along velocities, at ball joints and between points is within the tree."""
+    degrees: NDArray[np.void], balls: NDArray[np.void], lines: NDArray[np.void], laws: NDArray[np.void], links: int,
+    nq: int,
+) -> bool:  # fmt: skip
+    """Return whether what acts along velocities, at ball joints, between points and by laws is within the tree."""
     nv = len(degrees)
     return (
-        all(map(finite, (degrees, balls, lines)))
+        all(map(finite, (degrees, balls, lines, laws)))
         and within(degrees["screw"]["axis"], 1, 3)
         and within(degrees["sprung"], 1, nq)
         and within(balls["q"], 4, nq)
         and within(balls["v"], 3, nv)
         and within(lines["link"] + 1, 1, links + 1)
+        and bool((laws["unit"] > 0.0).all())
+        and within(laws["v"], 1, nv)
+        and within(laws["q"] + 1, 1, nq + 1)
     )
 
 

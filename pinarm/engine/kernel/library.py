@@ -56,33 +56,44 @@ class Flow(Record, frozen=True):
     def ready(self) -> None:
         """Bring the system to the present state of the motion."""
 
-    def slope(self, y: Array) -> Array:
-        """Return the slope of a state [q, v], shape (nq + nv,)."""
+    def slope(self, t: float, y: Array) -> Array:
+        """Return the slope of a state [q, v], shape (nq + nv,), at an instant [s]."""
         self.ready()
-        return self._slope(y)
+        return self._slope(t, y)
 
-    def settled(self, y: Array) -> Array:
-        """Return states [q, v], shape (n, nq + nv), brought back onto constraints as accepted ones are, or as given."""
+    def settled(self, t: Array, y: Array) -> Array:
+        """Return states, brought back onto constraints as accepted ones are, or as given.
+
+        Args:
+            t: Their instants [s], shape (n,).
+            y: States [q, v], shape (n, nq + nv).
+        """
         settle, states, slope = SETTLE(self.structure.settle), np.array(y, order="C"), np.empty(self.structure.n)
         first, found, size = pointer(states), pointer(slope), states.itemsize * self.structure.n
         self.ready()
-        for place in range(0, size * len(y), size):
-            settle(self.structure.system, 0.0, first + place, found)
+        for place, instant in zip(range(0, size * len(y), size), t.tolist(), strict=True):
+            settle(self.structure.system, instant, first + place, found)
         self.ready()  # how the motion goes on is chosen by accepted states alone
         return states
 
-    def slopes(self, starts: Array, y: Array) -> Array:
-        """Return the slopes of states within steps, by the starts of these [s], shape (n, nq + nv)."""
+    def slopes(self, starts: Array, t: Array, y: Array) -> Array:
+        """Return the slopes of states within steps.
+
+        Args:
+            starts: Starts of the steps [s], shape (n,).
+            t: Instants of the states [s], shape (n,).
+            y: States [q, v], shape (n, nq + nv).
+        """
         found = np.empty_like(y)
-        for k, start in enumerate(starts.tolist()):
+        for k, (start, instant) in enumerate(zip(starts.tolist(), t.tolist(), strict=True)):
             self.within(start)
-            found[k] = self._slope(y[k])
+            found[k] = self._slope(instant, y[k])
         return found
 
-    def _slope(self, y: Array) -> Array:
+    def _slope(self, t: float, y: Array) -> Array:
         rates, state, slope, places = self._evaluation
         state[:] = y
-        rates(self.structure.system, 0.0, *places)
+        rates(self.structure.system, t, *places)
         return slope.copy()
 
     @cached_property
@@ -128,11 +139,12 @@ def library() -> ctypes.PyDLL | None:
         return None
     try:
         loaded = ctypes.PyDLL(str(PATH))
-        sizes = (ctypes.c_int * len(SIZES))()
-        count = loaded.kernel_sizes(len(SIZES), sizes)
-    except (OSError, AttributeError):  # it is of another system, or of another version
+        if ctypes.c_int.in_dll(loaded, "kernel_sizes").value != len(SIZES):
+            return None
+        sizes = (ctypes.c_int * (1 + len(SIZES))).in_dll(loaded, "kernel_sizes")
+    except (OSError, ValueError):  # it is of another system, or of another version
         return None
-    return loaded if (count, *sizes) == (len(SIZES), *SIZES) else None
+    return loaded if tuple(sizes[1:]) == SIZES else None
 
 
 def absence() -> str:

@@ -37,6 +37,16 @@ POINT_SPRING = np.dtype([
 ], align=True)  # fmt: skip
 """A spring between two points."""
 
+LAW_TERMS = 8
+"""Most coefficients of a law."""
+
+LAW = np.dtype([
+    ("v", np.intc), ("q", np.intc),
+    *((name, float) for name in ("steady", "start", "size", "origin", "unit", "amplitude", "phase")),
+    ("coefficients", float, LAW_TERMS),
+], align=True)  # fmt: skip
+"""What follows a law over time: an effort, or a coordinate."""
+
 LINK_STATE = np.dtype([
     ("in_parent", float, 12), ("rotation", float, (3, 3)), ("translation", float, 3), ("velocity", float, 6),
     ("acceleration", float, 6), ("change", float, 6), ("inertia", float, 21), ("bias", float, 6),
@@ -65,8 +75,8 @@ class TreeStructure(ctypes.Structure):
     """A tree of links with its buffers."""
 
     _fields_ = [
-        *((name, INT) for name in ("links", "nq", "nv", "rotation_springs", "point_springs")),
-        *((name, POINTER) for name in ("link", "degree", "rotation_spring", "point_spring")),
+        *((name, INT) for name in ("links", "nq", "nv", "rotation_springs", "point_springs", "laws")),
+        *((name, POINTER) for name in ("link", "degree", "rotation_spring", "point_spring", "law")),
         *((name, POINTER) for name in ("link_state", "degree_state", "tau")),
     ]  # fmt: skip
 
@@ -203,7 +213,7 @@ class CourseStructure(ctypes.Structure):
 
 
 ARRAYS = (
-    SCREW, BODY, LINK, DEGREE, ROTATION_SPRING, POINT_SPRING, LINK_STATE, DEGREE_STATE, LOOP, LOOP_STATE, FORCE,
+    SCREW, BODY, LINK, DEGREE, ROTATION_SPRING, POINT_SPRING, LAW, LINK_STATE, DEGREE_STATE, LOOP, LOOP_STATE, FORCE,
 )  # fmt: skip
 STRUCTURES = (
     TreeStructure, SkylineStructure, ConstraintsStructure, ClosingStructure, PairStructure, FlowStructure,

@@ -1,4 +1,4 @@
-"""Trees whose free motion the compiled library computes, under springs, dampers and steady efforts.
+"""Trees whose free motion the compiled library computes, under springs, dampers, and efforts that are polynomials.
 
 Pinocchio judges it: before the first step the accelerations of the two are compared, which share no code.
 """
@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.kernel.checks import links_are_sound, loads_are_sound
+from pinarm.engine.kernel.laws import EFFORT, Followed, laws_of
 from pinarm.engine.kernel.library import Flow, address, contiguous, library, pointer
 from pinarm.engine.kernel.links import links_of
 from pinarm.engine.kernel.structures import (
@@ -47,7 +48,7 @@ STATES = 3
 NO_FLOOR = np.zeros(1)
 """The smallest useful step of trees [s]."""
 
-DEGREES, WORLD = 1, 4
+DEGREES, WORLD = 1, 5
 """Places among the arrays of a loaded tree: of the velocities, with what acts along each, and of the links' buffers,
 before which is that of the world."""
 
@@ -73,8 +74,11 @@ class LoadedTree(Record, frozen=True):
         return cls(TreeStructure(*sizes, *map(pointer, arrays)), (*arrays, world)).copied()
 
     def copied(self) -> LoadedTree:
-        """Return the same tree with buffers of its own."""
-        return self.with_unknowns(self.structure.nv)
+        """Return the same tree with buffers of its own; efforts that follow laws are written to one of them."""
+        found = self.with_unknowns(self.structure.nv)
+        degrees = found.arrays[DEGREES].copy()
+        found.structure.degree = pointer(degrees)
+        return LoadedTree(found.structure, (*found.arrays[:DEGREES], degrees, *found.arrays[DEGREES + 1 :]))
 
     def with_unknowns(self, count: int) -> LoadedTree:
         """Return the same tree with buffers of its own, for velocities and the multipliers behind them."""
@@ -87,7 +91,7 @@ class LoadedTree(Record, frozen=True):
 
 
 class TreeFlow(Flow, frozen=True):
-    """The free motion of a tree under steady loads, springs and dampers.
+    """The free motion of a tree under springs, dampers, and efforts that are steady or follow laws.
 
     Attributes:
         system: The tree.
@@ -174,27 +178,39 @@ class CompiledTree(Record, frozen=True):
         """
         held = [load for force in changing if (load := force.held) is not None]
         compiled, tree = library(), self.loaded(steady, [force for force in changing if force.held is None])
-        if compiled is None or tree is None or len(held) > 1:
+        if compiled is None or tree is None or len(held) > 1 or (held and tree.structure.laws):
             return None
         free = TreeFlow.of(tree, address(compiled.tree_rates))
         return HeldFlow(free.structure, tree, held[0], steady, tree) if held else free
 
-    def loaded(self, steady: Array, changing: Sequence[ForceElement]) -> LoadedTree | None:
-        """Return the tree with its loads; ``None`` where the library does not know one of them, or a number is none."""
+    def loaded(
+        self, steady: Array, changing: Sequence[ForceElement], guided: Sequence[Followed] = ()
+    ) -> LoadedTree | None:  # fmt: skip
+        """Return the tree with its loads; ``None`` where the library does not know one of them, or a number is none.
+
+        Args:
+            steady: The sum of the steady loads [N*m or N], shape (nv,).
+            changing: The other force elements; springs and dampers at joints as one.
+            guided: Coordinates that follow laws, whose joints have armatures that outweigh the tree.
+        """
+        from pinarm.mechanics.forces.joint_efforts import AppliedEffort
         from pinarm.mechanics.forces.joint_springs import BallSpring, SpringDamper
         from pinarm.mechanics.forces.point import TwoPointSpring
 
+        efforts = [Followed(one.v, EFFORT, one.function) for one in changing if isinstance(one, AppliedEffort)]
         springs = [one for one in changing if isinstance(one, SpringDamper)]
         balls = [(one.q, one.v, one.stiffness) for one in changing if isinstance(one, BallSpring)]
         lines = [self._between_points(one) for one in changing if isinstance(one, TwoPointSpring)]
-        if len(springs) + len(balls) + len(lines) < len(changing) or len(springs) > 1:
+        laws = laws_of([*guided, *efforts], steady)
+        known = len(springs) + len(balls) + len(lines) + len(efforts)
+        if laws is None or known < len(changing) or len(springs) > 1:
             return None
         model, count = self.model, len(self.links)
-        loads = self._degrees(steady, springs), np.array(balls, ROTATION_SPRING), np.array(lines, POINT_SPRING)
+        loads = self._degrees(steady, springs), np.array(balls, ROTATION_SPRING), np.array(lines, POINT_SPRING), laws
         sound = links_are_sound(self.links, model.nq, model.nv) and loads_are_sound(*loads, count, model.nq)
         if not sound or not np.isfinite(model.gravity.linear).all():
             return None
-        sizes = count, model.nq, model.nv, len(balls), len(lines)
+        sizes = count, model.nq, model.nv, len(balls), len(lines), len(laws)
         return LoadedTree.of(sizes, (self.links.copy(), *loads), np.array(model.gravity.linear))
 
     def placed(self, joint: int, place: pin.SE3) -> tuple[int, Array, Array]:
@@ -219,7 +235,7 @@ class CompiledTree(Record, frozen=True):
 
 
 def disagreement(
-    model: pin.Model, flow: Flow, acceleration: Acceleration,
+    model: pin.Model, flow: Flow, acceleration: Acceleration, t: float,
     onto: Callable[[Array, Array], tuple[Array, Array]] = lambda q, v: (q, v),
 ) -> float:  # fmt: skip
     """Return the largest difference of a flow's accelerations to those of another route, relative to ``|a| + |v|^2``.
@@ -230,13 +246,14 @@ def disagreement(
         model: Pinocchio's model.
         flow: The motion in compiled code.
         acceleration: The other route.
+        t: The instant at which they are compared [s].
         onto: Brings a state onto the constraints.
     """
     k, differences = np.arange(model.nv), []
     for i in range(STATES):
         q = pin.integrate(model, pin.neutral(model), np.sin(1.0 + 7.1 * i + 1.3 * k))
         q, v = onto(q, np.cos(2.0 + 3.7 * i + 2.9 * k))
-        expected = acceleration(0.0, q, v)
-        apart = flow.slope(np.concatenate([q, v]))[model.nq :] - expected
+        expected = acceleration(t, q, v)
+        apart = flow.slope(t, np.concatenate([q, v]))[model.nq :] - expected
         differences.append(float(np.linalg.norm(apart) / (np.linalg.norm(expected) + v @ v)))
     return float(np.max(differences))

@@ -139,10 +139,14 @@ class IntegratedVariants:
 
 
 def compiled(hybrid: HybridSystem) -> TreeFlow | None:
-    """Return the motion of a free tree in compiled code; ``None`` where it is not, or steps are not those of a pair."""
+    """Return the motion of a free tree in compiled code.
+
+    ``None`` where it is not, where efforts follow laws, or where steps are not those of a pair.
+    """
     flow = hybrid.closed_system.interval(hybrid.dynamics, *hybrid.time).compiled
     flat = hybrid.closed_system.manifold.nq == hybrid.closed_system.manifold.nv
-    return flow if isinstance(flow, TreeFlow) and flat and hybrid.method.pair is not None else None
+    lasting = isinstance(flow, TreeFlow) and not flow.system.structure.laws
+    return flow if isinstance(flow, TreeFlow) and lasting and flat and hybrid.method.pair is not None else None
 
 
 def _integrated(hybrid: HybridSystem, flows: TreeVariants, motions: Sequence[FreeMotion]) -> VariantSolution:

@@ -19,7 +19,7 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, check_unit, measured_fields
-from pinarm.records import ValueRecord
+from pinarm.records import Record, ValueRecord
 
 FILE_KEYS = {"start": "from", "end": "to"}
 """Field -> key in files, where the key is a Python keyword or would shadow one of its meanings."""
@@ -74,17 +74,83 @@ class Piece(ValueRecord, frozen=True):
         return Piece(start, end, self.function, tuple(t for t in self.knots if start < t < end))
 
 
-def polynomial(origin: float, *coefficients: float) -> Callable[[Array], Values]:
-    """Return ``s(t) = sum_k c_k (t - origin)^k`` with its derivatives."""
-    c = [float(each) for each in coefficients]
-    dc = [k * each for k, each in enumerate(c)][1:]
-    ddc = [k * each for k, each in enumerate(dc)][1:]
+class PowerSeries(Record, frozen=True):
+    """``s(t) = sum_k c_k (t - origin)^k`` with its derivatives, as the function of a piece.
 
-    def function(t: Array) -> Values:
-        x = np.asarray(t, float) - origin
+    Attributes:
+        origin: Where the powers are 0 [s].
+        coefficients: c, from the constant one on.
+    """
+
+    origin: float
+    coefficients: tuple[float, ...]
+
+    def __call__(self, t: Array) -> Values:
+        """Return s, s' and s'' at instants, shape (n,)."""
+        x, (c, dc, ddc) = np.asarray(t, float) - self.origin, self._derivatives
         return _horner(c, x), _horner(dc, x), _horner(ddc, x)
 
-    return function
+    @cached_property
+    def _derivatives(self) -> tuple[Sequence[float], Sequence[float], Sequence[float]]:
+        c = self.coefficients
+        dc = [k * each for k, each in enumerate(c)][1:]
+        return c, dc, [k * each for k, each in enumerate(dc)][1:]
+
+
+class Stretched(Record, frozen=True):
+    """``s(t) = start + size p((t - begin) / duration)`` with its derivatives, p being a polynomial.
+
+    Attributes:
+        shape: p.
+        start: Value where p is 0.
+        size: Difference to that where p is 1.
+        begin: Where p has the argument 0 [s].
+        duration: How long it takes to 1 [s].
+    """
+
+    shape: PowerSeries
+    start: float
+    size: float
+    begin: float
+    duration: float
+
+    def __call__(self, t: Array) -> Values:
+        """Return s, s' and s'' at instants, shape (n,)."""
+        s, ds, dds = self.shape((t - self.begin) / self.duration)
+        rate = self.size / self.duration
+        return self.start + self.size * s, rate * ds, rate / self.duration * dds
+
+
+class Wave(Record, frozen=True):
+    """``s(t) = start + size (slope x + sin(x + phase))``, x = rate (t - begin), with its derivatives.
+
+    Attributes:
+        start: Mean of the wave, where x is 0.
+        size: Its amplitude.
+        slope: What it rises by beside, in a radian and relative to the amplitude.
+        rate: Angular frequency [rad/s].
+        phase: Angle at ``begin`` [rad].
+        begin: Where x is 0 [s].
+    """
+
+    start: float
+    size: float
+    slope: float
+    rate: float
+    phase: float
+    begin: float
+
+    def __call__(self, t: Array) -> Values:
+        """Return s, s' and s'' at instants, shape (n,)."""
+        x = self.rate * (t - self.begin)
+        s, c = self.size * np.sin(x + self.phase), self.size * np.cos(x + self.phase)
+        rise = self.size * self.slope
+        return self.start + (rise * x + s), self.rate * (rise + c), -self.rate * (self.rate * s)
+
+
+def polynomial(origin: float, *coefficients: float) -> PowerSeries:
+    """Return ``s(t) = sum_k c_k (t - origin)^k`` with its derivatives."""
+    return PowerSeries(float(origin), tuple(float(each) for each in coefficients))
 
 
 def _horner(c: Sequence[float], x: Array) -> Array:

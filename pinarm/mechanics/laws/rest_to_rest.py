@@ -6,12 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import ClassVar, Literal
 
-import numpy as np
-
-from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.input.yaml.schema import Abscissa, Extent, Level, Rate, SecondRate, ThirdRate
-from pinarm.mechanics.laws.motion_law import FILE_KEYS, ROUNDING, MotionLaw, Piece, Values, polynomial
+from pinarm.mechanics.laws.motion_law import FILE_KEYS, ROUNDING, MotionLaw, Piece, Stretched, Wave, polynomial
 
 
 def _rest_move_rest(begin: float, end: float, first: float, last: float, *moving: Piece) -> list[Piece]:
@@ -89,15 +86,8 @@ class Polynomial(MotionLaw, frozen=True, tag_field="law", tag="polynomial", rena
 
     def pieces(self) -> Sequence[Piece]:
         """Return rest, motion, rest."""
-        distance = self.end - self.start
-        shape = polynomial(0.0, *self._SHAPES[self.degree])
-
-        def function(t: Array) -> Values:
-            s, ds, dds = shape((t - self.begin) / self.duration)
-            rate = distance / self.duration
-            return self.start + distance * s, rate * ds, rate / self.duration * dds
-
-        stop = self.begin + self.duration
+        shape, stop = polynomial(0.0, *self._SHAPES[self.degree]), self.begin + self.duration
+        function = Stretched(shape, self.start, self.end - self.start, self.begin, self.duration)
         move = Piece(self.begin, stop, function)
         return _rest_move_rest(self.begin, stop, self.start, self.end, move)
 
@@ -121,14 +111,8 @@ class Cycloidal(MotionLaw, frozen=True, tag_field="law", tag="cycloidal", rename
 
     def pieces(self) -> Sequence[Piece]:
         """Return rest, motion, rest."""
-        distance, duration, w = self.end - self.start, self.duration, 2 * math.pi / self.duration
-
-        def function(t: Array) -> Values:
-            x = w * (t - self.begin)
-            s = self.start + distance / (2 * math.pi) * (x - np.sin(x))
-            return s, distance / duration * (1 - np.cos(x)), distance / duration * w * np.sin(x)
-
-        stop = self.begin + duration
+        wave, stop = (self.start - self.end) / (2 * math.pi), self.begin + self.duration
+        function = Wave(self.start, wave, -1.0, 2 * math.pi / self.duration, 0.0, self.begin)
         return _rest_move_rest(self.begin, stop, self.start, self.end, Piece(self.begin, stop, function))
 
 

@@ -5,11 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
-from pinarm.arrays import Array
 from pinarm.input.yaml.schema import Abscissa, Angle, Level, Pulsation, Rate, SecondRate
-from pinarm.mechanics.laws.motion_law import FILE_KEYS, MotionLaw, Piece, Values, polynomial
+from pinarm.mechanics.laws.motion_law import FILE_KEYS, MotionLaw, Piece, Wave, polynomial
 
 
 class Constant(MotionLaw, frozen=True, tag_field="law", tag="constant", rename=FILE_KEYS):
@@ -84,10 +81,5 @@ class Harmonic(MotionLaw, frozen=True, tag_field="law", tag="harmonic", rename=F
 
     def pieces(self) -> Sequence[Piece]:
         """Return the one piece."""
-
-        def function(t: Array) -> Values:
-            x = self.pulsation * (t - self.begin) + self.phase
-            s, c = self.amplitude * np.sin(x), self.amplitude * np.cos(x)
-            return self.mean + s, self.pulsation * c, -self.pulsation * (self.pulsation * s)
-
+        function = Wave(self.mean, self.amplitude, 0.0, self.pulsation, self.phase, self.begin)
         return [Piece(-math.inf, math.inf, function)]

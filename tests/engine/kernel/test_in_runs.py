@@ -59,7 +59,7 @@ class TestWrongKernel:
 
     def test_would_be_seen_by_the_energy(self, calls, monkeypatch):
         """The stamp is Pinocchio's: it sees the motion of another mechanism, even where the comparison is left out."""
-        monkeypatch.setattr(FreeSystem, "_compiled", lambda self, dynamics: (
+        monkeypatch.setattr(FreeSystem, "_compiled", lambda self, dynamics, t: (
             self._tree.flow(dynamics.steady, dynamics.changing), ""))  # fmt: skip
         found = pinarm.run(SWING)
         assert calls

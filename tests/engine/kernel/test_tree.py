@@ -29,7 +29,7 @@ def compare(model, tau=None):
     tau = np.zeros(model.nv) if tau is None else tau
     flow = CompiledTree.of(model).flow(tau, ())
     for q, v in states(model, 10):
-        slope, a = flow.slope(np.concatenate([q, v])), pin.aba(model, data, q, v, tau)
+        slope, a = flow.slope(0.0, np.concatenate([q, v])), pin.aba(model, data, q, v, tau)
         assert np.abs(slope[model.nq :] - a).max() <= ROUNDING * np.abs(a).max()
         turning = pin.tangentMap(model, q).reshape(model.nq, model.nv)  # of one velocity Pinocchio gives a vector
         assert slope[: model.nq] == pytest.approx(turning @ v, abs=1e-14)  # |v| is about 1
@@ -59,7 +59,7 @@ class TestAccelerations:
         model = tree(list(JOINTS), 5)
         data, flow = model.createData(), CompiledTree.of(model).flow(np.ones(model.nv), ())
         for q, v in states(model, 5):
-            a = flow.slope(np.concatenate([q, v]))[model.nq :]
+            a = flow.slope(0.0, np.concatenate([q, v]))[model.nq :]
             size = np.abs(pin.crba(model, data, q)) @ np.abs(a)
             assert np.abs(pin.rnea(model, data, q, v, a) - 1.0).max() <= ROUNDING * size.max()
 
@@ -69,7 +69,7 @@ class TestAccelerations:
         joint = model.addJoint(0, pin.JointModelHZ(p), pin.SE3.Identity(), "thread")
         body = pin.Inertia(mass, np.zeros(3), np.diag([1.0, 1.0, inertia]))
         model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-        a = CompiledTree.of(model).flow(np.zeros(1), ()).slope(np.array([0.7, 3.0]))[1]
+        a = CompiledTree.of(model).flow(np.zeros(1), ()).slope(0.0, np.array([0.7, 3.0]))[1]
         assert a == pytest.approx(-mass * 9.81 * p / (inertia + mass * p**2), rel=1e-14)
 
     def test_of_a_body_that_tumbles(self):
@@ -78,7 +78,7 @@ class TestAccelerations:
         joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "body")
         model.appendBodyToJoint(joint, pin.Inertia(2.0, np.zeros(3), np.diag(moments)), pin.SE3.Identity())
         (q, v), w = states(model, 1)[0], states(model, 1)[0][1][3:]
-        a = CompiledTree.of(model).flow(np.zeros(6), ()).slope(np.concatenate([q, v]))[7:]
+        a = CompiledTree.of(model).flow(np.zeros(6), ()).slope(0.0, np.concatenate([q, v]))[7:]
         turned = pin.Quaternion(q[3:]).toRotationMatrix()
         assert a[3:] == pytest.approx(-np.cross(w, moments * w) / moments, abs=1e-14)
         assert a[:3] == pytest.approx(turned.T @ [0.0, 0.0, -9.81] - np.cross(w, v[:3]), abs=1e-13)
@@ -93,7 +93,7 @@ class TestLoads:
         flow, acceleration = CompiledTree.of(model).flow(dynamics.steady, dynamics.changing), dynamics.acceleration()
         for q, v in states(model, 5):
             a = acceleration(0.0, q, v)
-            assert np.abs(flow.slope(np.concatenate([q, v]))[model.nq :] - a).max() <= ROUNDING * np.abs(a).max()
+            assert np.abs(flow.slope(0.0, np.concatenate([q, v]))[model.nq :] - a).max() <= ROUNDING * np.abs(a).max()
         return flow
 
     def test_of_springs_and_dampers_and_efforts(self):
@@ -121,8 +121,8 @@ class TestLoads:
         flow = self.compare(model, {"spring": BallSpring(0, 0, 20.0)})
         free = CompiledTree.of(model).flow(np.zeros(3), ())
         zero, (q, v) = np.array([0.0, 0.0, 0.0, 1.0, 0.1, 0.2, 0.3]), states(model, 1)[0]
-        assert np.array_equal(flow.slope(zero), free.slope(zero))
-        there, beyond = (flow.slope(np.concatenate([x, v]))[4:] for x in (q, -q))
+        assert np.array_equal(flow.slope(0.0, zero), free.slope(0.0, zero))
+        there, beyond = (flow.slope(0.0, np.concatenate([x, v]))[4:] for x in (q, -q))
         assert there == pytest.approx(beyond, rel=1e-12)
 
     def test_of_other_elements_are_left_to_python(self):
@@ -142,18 +142,18 @@ class TestStates:
             longer[11:13] *= 1.3
             longer[13:] *= 0.9
             assert space.project(longer) == pytest.approx(q, abs=1e-15)
-            found, expected = (flow.slope(np.concatenate([x, v])) for x in (longer, q))
+            found, expected = (flow.slope(0.0, np.concatenate([x, v])) for x in (longer, q))
             assert found == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
     def test_that_are_no_numbers_give_none(self):
         model = tree(["Spherical", "RX"], 6)
         flow = CompiledTree.of(model).flow(np.zeros(4), ())
-        assert not np.isfinite(flow.slope(np.full(model.nq + model.nv, math.nan))).any()
+        assert not np.isfinite(flow.slope(0.0, np.full(model.nq + model.nv, math.nan))).any()
 
     def test_of_a_body_without_mass_give_no_numbers(self):
         model = pin.Model()
         model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "idle")
-        assert not np.isfinite(CompiledTree.of(model).flow(np.zeros(1), ()).slope(np.zeros(2))[1])
+        assert not np.isfinite(CompiledTree.of(model).flow(np.zeros(1), ()).slope(0.0, np.zeros(2))[1])
 
 
 class TestChecks:
@@ -191,9 +191,9 @@ class TestChecks:
         model = tree(list(JOINTS), 7)
         dynamics = Dynamics.of(model)
         known = CompiledTree.of(model)
-        assert disagreement(model, known.flow(np.zeros(model.nv), ()), dynamics.acceleration()) <= AGREEMENT
+        assert disagreement(model, known.flow(np.zeros(model.nv), ()), dynamics.acceleration(), 0.0) <= AGREEMENT
         known.links["mass"][3] *= 1.0 + 1e-9
-        assert disagreement(model, known.flow(np.zeros(model.nv), ()), dynamics.acceleration()) > AGREEMENT
+        assert disagreement(model, known.flow(np.zeros(model.nv), ()), dynamics.acceleration(), 0.0) > AGREEMENT
 
     def test_there_is_no_tree_without_the_library(self, monkeypatch):
         monkeypatch.setattr(kernel_tree, "library", lambda: None)

@@ -263,14 +263,14 @@ class Stages:
         """Return the slope of a state, in compiled code where states need not be settled."""
         compiled, nq = self.interval.compiled, self.manifold.nq
         if compiled is not None and not compiled.settles:
-            return compiled.slope(y)
+            return compiled.slope(t, y)
         q, v = self.manifold.project(y[:nq]), y[nq:]
         return np.concatenate([self.manifold.velocity(q, v), self.interval.acceleration(t, q, v)])
 
     def trial_rates(self, t: float, y: Array) -> Array:
         """Return the slope of a state that no step reaches, in compiled code where that can solve for it."""
         compiled = self.interval.compiled
-        if compiled is not None and np.isfinite(slope := compiled.slope(y)).all():
+        if compiled is not None and np.isfinite(slope := compiled.slope(t, y)).all():
             return slope
         return self.rates(t, y)
 

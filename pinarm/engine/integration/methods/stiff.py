@@ -136,7 +136,7 @@ class RadauStepper:
         self.count.evaluations += len(y)
         compiled = self.interval.compiled
         if compiled is not None and not compiled.settles:
-            return np.array(list(map(compiled.slope, y)))
+            return np.array([compiled.slope(*state) for state in zip(t.tolist(), y, strict=True)])
         slopes, nq, acceleration = np.empty_like(y), self.manifold.nq, self.interval.acceleration
         q, v = self.manifold.project(y[:, :nq]), y[:, nq:]
         slopes[:, :nq] = self.manifold.velocity(q, v)

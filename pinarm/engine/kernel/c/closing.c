@@ -127,7 +127,7 @@ static double accelerations(closing *c, const double *y, double *a) {
 
 void closing_rates(void *system, double time, double *y, double *slope) {
     const closing *c = system;
-    (void)time;
+    tree_follow(c->rows.tree, time, NULL);
     tree_coordinate_rates(c->rows.tree, y, y + c->rows.tree->nq, slope);
     accelerations(system, y, slope + c->rows.tree->nq);
 }
@@ -151,7 +151,10 @@ int closing_settle(void *system, double time, double *y, double *slope) {
     closing *c = system;
     const closing before = *c;
     const tree *t = c->rows.tree;
+    if (c->corrections == 0)
+        return 0;
     copy(t->nq + t->nv, y, c->saved);
+    tree_follow(t, time, y);
     place(c, y);
     close_state(c, 0.0, y);
     if (look(c)) {
@@ -171,10 +174,5 @@ int closing_settle(void *system, double time, double *y, double *slope) {
     }
     copy(t->nq + t->nv, c->saved, y);
     *c = before;
-    return 0;
-}
-
-int closing_leave(void *system, double time, double *y, double *slope) {
-    (void)system, (void)time, (void)y, (void)slope;
     return 0;
 }

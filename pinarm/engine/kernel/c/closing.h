@@ -12,8 +12,8 @@ typedef struct {
     double vanished, accuracy;        /* squares that are 0, and how well they are known */
     double aside, across[8];          /* how far beside a singular position others are, and their weights */
     double passed;                    /* gap at the position so interpolated up to which it is passed [m] */
-    double floor;                     /* least step close to singular positions, relative to a regular one */
-    double clear;                     /* motion within a step, over the regularity, that reaches no singular position */
+    double floor, clear;              /* least step close to singular positions, relative to a regular one; and motion
+                                       * within a step, over the regularity, that reaches no singular position */
     int rank;
 } limits;
 
@@ -23,13 +23,12 @@ typedef struct {
     double projection;        /* proximal term of projections [1/kg] */
     double closed, stalled;   /* gaps that are rounding, and at which the iteration may end [m] */
     double torn;              /* largest length of G a + G' v at accepted states */
-    int corrections;          /* most corrections of a position */
+    int corrections;          /* most corrections of a position; 0 where states are settled elsewhere */
     limits limits;
     const double *scale;      /* unit of every velocity, nv */
     double *sum, *part, *aside; /* nv */
     double *state, *saved;    /* nq + nv */
-    int near;                 /* whether the stages of the next step are closed */
-    int clear;                /* whether the last step is clear of singular positions */
+    int near, clear;          /* whether stages of the next step are closed, and the last is clear of singular positions */
     double regular, open;     /* regularity of the last closed position; gap at a singular one that is near */
     double speed, acceleration; /* the largest velocity and acceleration there, in the units of velocities */
     double t, step, floor;    /* its time, the length of the last regular step, and the least one now */
@@ -41,6 +40,3 @@ void closing_rates(void *system, double time, double *y, double *slope);
 /* Bring an accepted state onto the constraints, write its slope, and return 1.
  * Where the rank has grown, or the accelerations leave the constraints, leave all as it was and return 0. */
 int closing_settle(void *system, double time, double *y, double *slope);
-
-/* Leave every accepted state to be settled elsewhere: return 0. */
-int closing_leave(void *system, double time, double *y, double *slope);

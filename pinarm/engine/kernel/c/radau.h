@@ -32,8 +32,7 @@ typedef struct {
     ptrdiff_t *pivot;       /* rows that were exchanged, m rows of n */
     double complex *right;  /* right sides and solutions, m rows of n */
     double *last, *change;  /* Z of the last step, and what is added to Z: s rows of n each */
-    double length;          /* of the last step in the interval; 0 before it */
-    double factorised;      /* length of the step whose systems these are; 0 if there are none */
+    double length, factorised; /* of the last step in the interval, and of that whose systems these are; 0 of none */
     double rate, promise;   /* of Newton's convergence, and rate / (1 - rate) */
     double before, worst;   /* length and error of the last accepted step */
     ptrdiff_t iterations;   /* that the last step took */

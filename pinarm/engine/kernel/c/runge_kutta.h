@@ -6,14 +6,12 @@
 
 /* The coefficients of a pair of s stages; k_s, behind the stages, is the slope at the end of the step. */
 typedef struct {
-    ptrdiff_t stages;                /* s */
-    ptrdiff_t estimates;             /* number of error estimates */
+    ptrdiff_t stages, estimates;     /* s, and number of error estimates */
     ptrdiff_t dense_stages;          /* e, further stages that only the dense output needs */
     ptrdiff_t dense_terms;           /* d, its terms beyond the first three */
     ptrdiff_t order;                 /* the error behaves like h^order */
     const double *a;                 /* s rows of s, row 0 not used */
-    const double *b;                 /* s weights of the step */
-    const double *c;                 /* s */
+    const double *b, *c;             /* s weights of the step, and s nodes */
     const double *error;             /* a row of s + 1 for each estimate */
     const double *dense_a, *dense_c; /* e rows of s + 1 + e, and e */
     const double *dense_d;           /* d rows of s + 1 + e */

@@ -118,6 +118,10 @@ static inline void add_symmetric(symmetric *sum, const symmetric *s) {
     sum->yy += s->yy, sum->yz += s->yz, sum->zz += s->zz;
 }
 
+static inline void add_matrix(matrix *sum, const matrix *m) {
+    sum->x = add(sum->x, m->x), sum->y = add(sum->y, m->y), sum->z = add(sum->z, m->z);
+}
+
 /* Add an inertia of the child to that of its parent. With the inertia turned into the parent's axes, M, H and I:
  * H_p = H + [r] M, I_p = I + [r] H_p' + ([r] H')'; equation 2.66 for articulated inertias, section A.4. */
 static inline void add_into_parent(articulated *parent, const placement *x, const articulated *child) {
@@ -137,9 +141,7 @@ static inline void add_into_parent(articulated *parent, const placement *x, cons
         i.yy + py.y + cy.y, i.yz + pz.y + cy.z, i.zz + pz.z + cz.z,
     };
     add_symmetric(&parent->mass, &m);
-    parent->coupling.x = add(parent->coupling.x, hp.x);
-    parent->coupling.y = add(parent->coupling.y, hp.y);
-    parent->coupling.z = add(parent->coupling.z, hp.z);
+    add_matrix(&parent->coupling, &hp);
     add_symmetric(&parent->inertia, &ip);
 }
 
@@ -154,7 +156,6 @@ static inline void subtract_square(articulated *i, double s, const force *u) {
     const symmetric ff = outer(f, u->linear), nn = outer(n, u->angular);
     add_symmetric(&i->mass, &ff);
     add_symmetric(&i->inertia, &nn);
-    i->coupling.x = add(i->coupling.x, scale(n.x, u->linear));
-    i->coupling.y = add(i->coupling.y, scale(n.y, u->linear));
-    i->coupling.z = add(i->coupling.z, scale(n.z, u->linear));
+    const matrix nf = {scale(n.x, u->linear), scale(n.y, u->linear), scale(n.z, u->linear)};
+    add_matrix(&i->coupling, &nf);
 }

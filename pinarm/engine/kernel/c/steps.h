@@ -29,8 +29,8 @@ typedef struct {
     double tolerance, size;                /* errors are relative to tolerance (size + |y|) */
     double safety, gain, slowest, fastest; /* of the next step */
     double lost, huge, tiny;               /* of errors that are infinite, or 0 */
-    double shortest;                       /* least step, in units in the last place of the time */
-    double noise;                          /* errors, relative to size + |y|, that amplified rounding explains */
+    double shortest, noise; /* least step, in units in the last place of the time; errors that amplified rounding
+                             * explains, relative to size + |y| */
 } control;
 
 /* A motion on an interval without jumps: where it is, and where its steps are written. */
@@ -38,16 +38,12 @@ typedef struct {
     double t, start, end;
     double h, ceiling;       /* next step, and the largest factor by which the one after it may be longer */
     ptrdiff_t tries, room;   /* steps that may be tried, rejected ones included, and that may be written */
-    ptrdiff_t written, rejected; /* steps that have been */
-    ptrdiff_t handed;        /* 1 where the steps ended because the last state is not settled */
-    double *y;               /* present state, n */
-    double *scratch;         /* as many as the method says */
+    ptrdiff_t written, rejected, handed; /* steps that have been; 1 where they ended as the last state is not settled */
+    double *y, *scratch;     /* present state, n; as many numbers as the method says */
     double *starts, *lengths, *ends; /* t, h and t + h of the written steps, room each */
     ptrdiff_t *rejections;   /* steps rejected before each, since the beginning of the call, room */
-    int *floored;            /* whether each was accepted as rounding, room */
-    int *clear;              /* whether each is known to be clear of singular positions, room */
-    double *states;          /* y at the start of each, room rows of n */
-    double *slopes;          /* of each a row of n for every stage, as the method says; room for one step more */
+    int *floored, *clear;    /* whether each was accepted as rounding, and is clear of singular positions, room */
+    double *states, *slopes; /* y at the start of each, room rows of n; rows of n for its stages, room for one more */
 } course;
 
 /* Whether a further step may be tried: the interval goes on, there are room and tries left, and the step is not too

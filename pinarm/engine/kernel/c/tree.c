@@ -2,6 +2,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <stddef.h>
 
 /* I m */
 static force inertia_times(const articulated *i, motion m) {
@@ -22,6 +23,22 @@ static void add_loads(const tree *t, const double *q, const double *v) {
         const double factor = n > 0.0 ? 2.0 * atan2(c < 0.0 ? -n : n, fabs(c)) / fmax(n, DBL_MIN) : 0.0;
         for (int i = 0; i < 3; i++)
             t->tau[s->v + i] -= s->stiffness * factor * x[i];
+    }
+}
+
+void tree_follow(const tree *t, double time, double *y) {
+    for (int i = 0; i < t->laws; i++) {
+        const law *l = &t->law[i];
+        const double x = (time - l->origin) / l->unit;
+        double s = 0.0, ds = 0.0, half = 0.0; /* half the second derivative: Horner's rule for a Taylor expansion */
+        for (int k = LAW_TERMS - 1; k >= 0; k--)
+            half = half * x + ds, ds = ds * x + s, s = s * x + l->c[k];
+        const double wave = l->amplitude * sin(x + l->phase);
+        s += wave, ds += l->amplitude * cos(x + l->phase), half -= 0.5 * wave;
+        const double inertial = t->degree[l->v].armature * 2.0 * l->size * half / (l->unit * l->unit);
+        t->degree[l->v].effort = l->steady + (l->q < 0 ? l->start + l->size * s : inertial);
+        if (y && l->q >= 0)
+            y[l->q] = l->start + l->size * s, y[t->nq + l->v] = l->size * ds / l->unit;
     }
 }
 
@@ -147,7 +164,7 @@ void tree_coordinate_rates(const tree *t, double *q, const double *v, double *ra
 
 void tree_rates(void *system, double time, double *y, double *slope) {
     const tree *t = system;
-    (void)time;
+    tree_follow(t, time, NULL);
     tree_coordinate_rates(t, y, y + t->nq, slope);
     tree_move(t, y, y + t->nq);
     for (int i = t->links - 1; i >= 0; i--)

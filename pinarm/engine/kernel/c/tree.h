@@ -21,6 +21,13 @@ typedef struct {
     double stiffness, damping, rest, pull;
 } point_spring;
 
+enum { LAW_TERMS = 8 };
+
+/* Something that follows s = start + size (sum_k c_k x^k + amplitude sin(x + phase)), x = (t - origin) / unit: the effort
+ * of a velocity v, s beside a steady one; or, where q is no -1, a coordinate q, whose armature outweighs the tree, so
+ * that an effort of armature s'' moves it. */
+typedef struct { int v, q; double steady, start, size, origin, unit, amplitude, phase, c[LAW_TERMS]; } law;
+
 /* What a link and its joint are at present: buffers of the passes. */
 typedef struct {
     placement in_parent, in_world;
@@ -32,15 +39,19 @@ typedef struct {
 typedef struct { force u; double inverse; } degree_state; /* U = I^A S and 1 / D */
 
 typedef struct {
-    int links, nq, nv, rotation_springs, point_springs;
+    int links, nq, nv, rotation_springs, point_springs, laws;
     const link *link;
-    const degree *degree;
+    degree *degree; /* laws write their efforts */
     const rotation_spring *rotation_spring;
     const point_spring *point_spring;
+    const law *law;
     link_state *link_state; /* the world, link -1, has the acceleration -gravity; nobody reads its inertia and bias */
     degree_state *degree_state;
     double *tau; /* nv loads, then u = tau - S' p^A */
 } tree;
+
+/* Write what follows laws at an instant: efforts, and coordinates and velocities to y = [q, v] where it is given. */
+void tree_follow(const tree *t, double time, double *y);
 
 /* Bring the links into the state q, v: with the accelerations that they have while their joints do not accelerate, the
  * forces p that these and the velocities need, and the loads tau, so that M q'' = tau - sum S' p. */

@@ -218,7 +218,8 @@ def _states(segment: MotionSegment, t: Array) -> tuple[Array, Array]:
     y = np.concatenate([q, v], axis=1)
     owners = np.searchsorted([interval.start for interval in solution.intervals[1:]], t, side="right")
     for number, flow in flows.items():
-        y[owners == number] = flow.settled(y[owners == number])
+        own = owners == number
+        y[own] = flow.settled(t[own], y[own])
     return y[:, : q.shape[1]], y[:, q.shape[1] :]
 
 

@@ -197,7 +197,7 @@ class ConstrainedSystem(Record, frozen=True):
                 return None, ""
             from pinarm.engine.motion.systems.compiled.compiled_rows import compiled_rows
 
-            return compiled_rows(self._motion(dynamics, start, end), dynamics.on(start, end), self.near)
+            return compiled_rows(self._motion(dynamics, start, end), dynamics.on(start, end), self.near, start)
 
         return lru_cache(maxsize=KEPT)(judged)
 

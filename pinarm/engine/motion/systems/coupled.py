@@ -58,7 +58,7 @@ class CoupledSystem:
         def acceleration(t: float, q: Array, v: Array) -> Array:
             return np.asarray(basis @ inner.acceleration(t, *part(q, v)))
 
-        flow, remark = self._compiled(dynamics.on(start, end), acceleration)
+        flow, remark = self._compiled(dynamics.on(start, end), acceleration, start)
         energy, batch = self._energy(inner.energy), self._batch(inner.batch)
         return Interval(start, end, acceleration, energy=energy, batch=batch, compiled=flow, remark=remark)
 
@@ -69,7 +69,9 @@ class CoupledSystem:
         basis = self.inner.reduction.basis
         return None if inner is None else lambda t, q, v: inner(t, *self._independent(q, v)) @ basis.T
 
-    def _compiled(self, dynamics: Dynamics, acceleration: Callable[..., Array]) -> tuple[Flow | None, str]:
+    def _compiled(
+        self, dynamics: Dynamics, acceleration: Callable[..., Array], t: float
+    ) -> tuple[Flow | None, str]:  # fmt: skip
         """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not."""
         from pinarm.engine.kernel.tree import AGREEMENT, DISAGREES, disagreement
         from pinarm.engine.motion.systems.compiled.compiled_couplings import coupled_flow
@@ -78,8 +80,11 @@ class CoupledSystem:
         flow = coupled_flow(dynamics.model, rows, dynamics.steady, dynamics.changing)
         if flow is None:
             return None, ""
-        apart = disagreement(dynamics.model, flow, acceleration, lambda q, v: self._filled(*self._independent(q, v)))
+        apart = disagreement(dynamics.model, flow, acceleration, t, self._onto)
         return (flow, "") if apart <= AGREEMENT else (None, DISAGREES.format(apart))
+
+    def _onto(self, q: Array, v: Array) -> tuple[Array, Array]:
+        return self._filled(*self._independent(q, v))
 
     def _independent(self, q: Array, v: Array) -> tuple[Array, Array]:
         reduction = self.inner.reduction

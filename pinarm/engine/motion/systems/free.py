@@ -47,20 +47,20 @@ class FreeSystem(Record, frozen=True):
 
     def _prepared(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         here = dynamics.on(start, end)
-        compiled, remark = self._compiled(here)
+        compiled, remark = self._compiled(here, start)
         return Interval(
             start, end, here.acceleration(), energy=dynamics.conserved, batch=here.accelerations(),
             unchecked_batch=here.unchecked(), compiled=compiled, remark=remark,
         )  # fmt: skip
 
-    def _compiled(self, dynamics: Dynamics) -> tuple[Flow | None, str]:
-        """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not."""
+    def _compiled(self, dynamics: Dynamics, t: float) -> tuple[Flow | None, str]:
+        """Return the motion in compiled code where Pinocchio agrees at t [s], and what is to be said where not."""
         from pinarm.engine.kernel.tree import AGREEMENT, DISAGREES, disagreement
 
         flow = self._tree.flow(dynamics.steady, dynamics.changing) if self._tree else None
         if flow is None:
             return None, ""
-        apart = disagreement(dynamics.model, flow, dynamics.acceleration())
+        apart = disagreement(dynamics.model, flow, dynamics.acceleration(), t)
         return (flow, "") if apart <= AGREEMENT else (None, DISAGREES.format(apart))
 
     @cached_property

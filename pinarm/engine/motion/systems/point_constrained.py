@@ -76,7 +76,8 @@ class PointSystem(Record, frozen=True):
         from pinarm.engine.motion.systems.compiled.compiled_points import judged_loops
 
         def judged(dynamics: Dynamics, start: float, end: float) -> tuple[LoadedLoops | None, str]:
-            return judged_loops(dynamics.on(start, end), self._motion(dynamics, start, end), self.general.near)
+            general, motion = self.general, self._motion(dynamics, start, end)
+            return judged_loops(dynamics.on(start, end), motion, general.near, general.prescribed.laws, (start, end))
 
         return lru_cache(maxsize=KEPT)(judged)
 

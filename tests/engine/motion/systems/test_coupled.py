@@ -81,7 +81,7 @@ def test_accelerations_of_the_kernel_satisfy_the_equation_of_motion():
     weights = system.inner.reduction.rows
     for _ in range(10):
         q, v = system.whole(np.zeros(1), random.normal(size=(1, model.nq)), random.normal(size=(1, model.nv)))
-        a = flow.slope(np.concatenate([q[0], v[0]]))[model.nq :]
+        a = flow.slope(0.0, np.concatenate([q[0], v[0]]))[model.nq :]
         left = pin.rnea(model, mechanism.dynamics.data, q[0], v[0], a) - mechanism.dynamics.loads(0.0, q[0], v[0])
         lam = np.linalg.lstsq(weights.T, left)[0]
         size = np.abs(a).max() * np.diag(pin.crba(model, mechanism.dynamics.data, q[0])).max()

@@ -35,7 +35,7 @@ def coupled_flow(
     compiled, tree = library(), CompiledTree.of(model)
     held = [load for one in changing if (load := one.held) is not None]
     loaded = tree.loaded(steady, [one for one in changing if one.held is None]) if tree else None
-    if compiled is None or tree is None or loaded is None or len(held) > 1:
+    if compiled is None or tree is None or loaded is None or len(held) > 1 or (held and loaded.structure.laws):
         return None
     loops, scale = CompiledLoops(tree, [Tied.coupling(row) for row in rows]).loaded(loaded), _scale(model, rows)
     if loops is None or not scale > 0.0:

@@ -97,24 +97,36 @@ def closed_states(q: Array, scale: Array, moved: Callable[[Array, Array], Array]
     return found
 
 
-def disagreement(flow: Flow, model: pin.Model, dynamics: Dynamics, rows: Rows, states: Sequence[State]) -> float:
+def disagreement(
+    flow: Flow, model: pin.Model, dynamics: Dynamics, rows: Rows, states: Sequence[State], t: float,
+    driven: Sequence[int] = (),
+) -> float:  # fmt: skip
     """Return how well the library's a and lam satisfy Pinocchio's equations in the worst of some states.
 
     ``M a + nle - tau - G^T lam`` and ``G a + G' v``, each relative to the sizes of its factors; in a the motion of the
     free tree and ``M^-1 G^T lam`` have cancelled, so that what G makes of the latter counts too. The condition of the
     equations, which grows without bound near singular positions, has no part in it.
+
+    Args:
+        flow: The motion in compiled code.
+        model: Pinocchio's model.
+        dynamics: The forces.
+        rows: The rows of the loops.
+        states: The states.
+        t: The instant at which they are compared [s].
+        driven: Velocities that follow laws: their efforts are not those of the forces.
     """
-    worst = 0.0
+    worst, free = 0.0, np.delete(np.arange(model.nv), driven)
     for q, v in states:
-        a, lam = flow.slope(np.concatenate([q, v]))[model.nq :], flow.system.loops.multipliers
-        load = dynamics.load()(0.0, q, v)
+        a, lam = flow.slope(t, np.concatenate([q, v]))[model.nq :], flow.system.loops.multipliers
+        load = dynamics.load()(t, q, v)
         nle = np.array(pin.nonLinearEffects(model, dynamics.data, q, v))
         inertial = np.array(pin.rnea(model, dynamics.data, q, v, a)) - nle
         matrix, drift = rows(q, v)
         held = matrix.T @ lam
         largest, forced = float(abs(matrix).max()), float(np.abs(_response(model, dynamics.data, q, held)).max())
-        sizes = np.abs(inertial).max(), largest * np.abs(lam).max(), np.abs(nle - load).max()
-        worst = _larger(worst, inertial + nle - load - held, *sizes)
+        sizes = np.abs(inertial[free]).max(), largest * np.abs(lam).max(), np.abs(nle - load).max()
+        worst = _larger(worst, (inertial + nle - load - held)[free], *sizes)
         worst = _larger(worst, matrix @ a + drift, largest * forced, largest * np.abs(a).max(), np.abs(drift).max())
     return worst
 

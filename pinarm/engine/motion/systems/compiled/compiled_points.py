@@ -12,6 +12,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.pinocchio_constraints import PROJECTION, CoincidentPoints
+from pinarm.engine.kernel.laws import Followed
 from pinarm.engine.kernel.library import Flow, library
 from pinarm.engine.kernel.loops import POINT, CompiledLoops, LoadedLoops, Tied
 from pinarm.engine.kernel.structures import LimitsStructure, ProximalStructure
@@ -24,6 +25,7 @@ from pinarm.engine.motion.systems.row_motion import LEAST, MET
 
 if TYPE_CHECKING:
     from pinarm.engine.dynamics.many_points import ManyCoincidentPoints
+    from pinarm.mechanics.laws.motion_law import MotionLaw
 
 NEWTON, CLOSED = 20, 1e-14
 """Most steps of Newton's method to close a state, and gap from which one more leaves rounding, relative to the extent:
@@ -94,35 +96,48 @@ class PointFlow(Flow, frozen=True):
         motion.require_known_way(motion.t)
 
 
-def judged_loops(dynamics: Dynamics, motion: PointMotion, near: Array) -> tuple[LoadedLoops | None, str]:
+def judged_loops(
+    dynamics: Dynamics, motion: PointMotion, near: Array, laws: Sequence[MotionLaw], interval: tuple[float, float]
+) -> tuple[LoadedLoops | None, str]:  # fmt: skip
     """Return the loops in compiled code where Pinocchio agrees, and what is to be said where it does not.
 
     Args:
         dynamics: The forces.
         motion: The motion in Python.
         near: A configuration near closed ones, shape (nq,).
+        laws: Those of the joints that are driven.
+        interval: Start and end of the motion [s].
     """
-    points, loops = motion.points, _loaded(motion.points.tied, dynamics)
+    points, t, driven = motion.points, interval[0], list(motion.points.tied.driven)
+    guided = [
+        Followed(v, q, law.on(*interval)) for v, q, law in zip(driven, motion.places, laws, strict=True)
+    ]  # fmt: skip
+    loops = _loaded(points.tied, dynamics, guided)
     flow = PointFlow.of(loops, motion) if loops else None
     if flow is None:
         return None, ""
 
     def rows(q: Array, v: Array) -> tuple[Array, Array]:
-        motion.free(0.0, q, v)
+        motion.free(t, q, v)
         drift = -points.right()
         points.factorise(q)
         return points.rows()[points.tied.acting], drift[points.tied.acting]
 
     states = closed_states(near, motion.scale, lambda q, x: pin.integrate(points.tied.model, q, x), _closed(motion))
     flow.choose(False, points.tied.rank)
-    apart = disagreement(flow, points.tied.model, dynamics, rows, states)
+    apart = disagreement(flow, points.tied.model, dynamics, rows, states, t, driven)
+    for q, v in states if driven else ():
+        a, expected = flow.slope(t, np.concatenate([q, v]))[len(q) :], motion.free(t, q, v)
+        apart = float(np.maximum(apart, np.abs((a - expected)[driven]).max() / np.abs(expected).max()))
     return (loops, "") if apart <= AGREEMENT else (None, DISAGREES.format(apart))
 
 
-def _loaded(tied: CoincidentPoints | ManyCoincidentPoints, dynamics: Dynamics) -> LoadedLoops | None:
-    """Return the loops under their loads; ``None`` where the library does not know one of them."""
+def _loaded(
+    tied: CoincidentPoints | ManyCoincidentPoints, dynamics: Dynamics, guided: Sequence[Followed]
+) -> LoadedLoops | None:  # fmt: skip
+    """Return the loops under their loads; ``None`` where the library does not know one of them, or a law."""
     loops = _loops(tied)
-    loaded = loops.tree.loaded(dynamics.steady, dynamics.changing) if loops else None
+    loaded = loops.tree.loaded(dynamics.steady, dynamics.changing, guided) if loops else None
     return loops.loaded(loaded) if loops and loaded else None
 
 
@@ -150,7 +165,7 @@ def _closed(motion: PointMotion) -> Any:
 def _loops(tied: CoincidentPoints | ManyCoincidentPoints) -> CompiledLoops | None:
     """Return the loops for the library; ``None`` where it is missing, or does not know a joint."""
     axes = np.eye(3)
-    tree = None if len(tied.driven) else CompiledTree.of(tied.model)
+    tree = CompiledTree.of(tied.model)
     held = [axes[acting] for acting in tied.acting.reshape(-1, 3)]
     loops = [
         Tied(POINT, (one.joint1_id, one.joint2_id), (one.joint1_placement, one.joint2_placement), along, 0.0 * along)

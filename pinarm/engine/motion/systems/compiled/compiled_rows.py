@@ -40,7 +40,7 @@ CLEAR = 1e-4
 """Singular value of rows of length 1, relative to the largest, above which they are independent beyond doubt."""
 
 
-def compiled_rows(motion: RowMotion, dynamics: Dynamics, near: Array) -> tuple[Flow | None, str]:
+def compiled_rows(motion: RowMotion, dynamics: Dynamics, near: Array, t: float) -> tuple[Flow | None, str]:
     """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not.
 
     There is none where a constraint is no loop joint, or where the library does not know a load or a joint. Nor is
@@ -51,6 +51,7 @@ def compiled_rows(motion: RowMotion, dynamics: Dynamics, near: Array) -> tuple[F
         motion: The motion in Python.
         dynamics: The forces.
         near: A configuration near closed ones, shape (nq,).
+        t: The instant at which they are compared [s].
     """
     loops, closure = _loops(motion.rows), motion.rows
     loaded = loops.tree.loaded(dynamics.steady, dynamics.changing) if loops else None
@@ -74,7 +75,7 @@ def compiled_rows(motion: RowMotion, dynamics: Dynamics, near: Array) -> tuple[F
         state = closure.state(q, v)
         return closure.rows(state), closure.drift(state)
 
-    apart = disagreement(flow, closure.model, dynamics, rows, states)
+    apart = disagreement(flow, closure.model, dynamics, rows, states, t)
     return (flow, "") if apart <= AGREEMENT else (None, DISAGREES.format(apart))
 
 
@@ -85,7 +86,7 @@ def _flow(loops: LoadedLoops, closure: Closure, configurations: Iterable[Array])
         return None
     solve = ProximalStructure(term, LEFT, ITERATIONS)
     system = LoopSystem.of(loops, closure.scale, closure.model.nq, solve)
-    return Flow(system.flow((compiled.closing_rates, compiled.closing_leave)), system) if system else None
+    return Flow(system.flow((compiled.closing_rates, compiled.closing_settle)), system) if system else None
 
 
 def _closed(settled: Settled, q: Array, v: Array) -> State:

@@ -1,0 +1,142 @@
+"""What follows laws over time in the compiled kernel: against the same without it, and closed forms."""
+
+import math
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import pinarm
+from pinarm.engine.kernel.laws import EFFORT, Followed, laws_of
+from pinarm.engine.kernel.tree import CompiledTree
+from pinarm.mechanics.forces.joint_efforts import AppliedEffort
+from pinarm.mechanics.laws import Constant
+from pinarm.mechanics.laws.motion_law import PowerSeries, Stretched, Wave, polynomial
+
+from .known_trees import tree
+
+LAWS = {
+    "steps": "{law: steps, points: [[0 s, 2 U], [0.3 s, -1 U]]}",
+    "constant_acceleration": "{law: constant_acceleration, from: 1 U, speed: -2 U/s, acceleration: 3 U/s^2}",
+    "harmonic": "{law: harmonic, amplitude: 2 U, pulsation: 7 rad/s, mean: 0.5 U, phase: 40 deg, begin: 0.1 s}",
+    "polynomial_3": "{law: polynomial, from: 0.2 U, to: 2 U, duration: 0.4 s, degree: 3, begin: 0.05 s}",
+    "polynomial_7": "{law: polynomial, from: 1 U, to: -2 U, duration: 0.7 s, degree: 7, begin: 0.05 s}",
+    "cycloidal": "{law: cycloidal, from: 1 U, to: -2 U, duration: 0.6 s, begin: 0.1 s}",
+    "s_curve": "{law: s_curve, from: 0 U, to: 1 U, jerk: 200 U/s^3, acceleration: 20 U/s^2, begin: 0.1 s}",
+    "trapezoidal": "{law: trapezoid, from: 0 U, to: 1 U, acceleration: 20 U/s^2, begin: 0.1 s}",
+}
+"""Laws with a unit U."""
+
+FOUR_BAR = """
+pinarm: 1
+title: Vibrator whose rotor follows a law
+mechanism: models/olive_vibrator/mechanism.yaml
+problem:
+  kind: forward
+  time: {end: 0.8 s, samples: 41}
+  motion: {phi: LAW}
+  start: {theta: -15 deg, X: 3.95 m}
+  initial: {position: {beta: 0 rad}}
+outputs: [beta, Y, theta, X, X53, Y53, Z53, joint.phi.acceleration]
+accuracy: {tolerance: 1e-10}
+"""
+
+ARM = """
+pinarm: 1
+title: Arm under a torque that follows a law
+mechanism: models/gen411_arm/mechanism.yaml
+problem:
+  kind: forward
+  time: {end: 0.8 s, samples: 41}
+  loads:
+    torque: {kind: joint_effort, joint: B, effort: LAW}
+outputs: [energy.total]
+accuracy: {tolerance: 1e-10}
+"""
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    """Return a function that writes a scenario beside the models, and returns its path."""
+    for name in ("olive_vibrator", "gen411_arm"):
+        shutil.copytree(Path("models") / name, tmp_path / "models" / name)
+    (tmp_path / ".pinarm-root").touch()
+
+    def write(text, law, unit):
+        path = tmp_path / "scenario.yaml"
+        path.write_text(text.replace("LAW", law.replace("U", unit)))
+        return path
+
+    return write
+
+
+def agree(found, expected, within):
+    for one, other in ((found.trajectory.q, expected.trajectory.q), (found.trajectory.v, expected.trajectory.v)):
+        assert np.abs(one - other).max() <= within * np.abs(other).max()
+
+
+@pytest.mark.usefixtures("compiled")
+class TestRuns:
+    @pytest.mark.parametrize("name", [name for name in LAWS if name != "steps"])
+    def test_of_a_loop_with_a_driven_joint_are_the_same_with_the_library_and_without(
+        self, name, scenario, calls, without
+    ):
+        """To rounding, as far as the motion amplifies it in 0.8 s: less than its tolerance."""
+        path = scenario(FOUR_BAR, LAWS[name], "rad")
+        found = pinarm.run(path)
+        assert calls
+        taken = len(calls)
+        expected = without(lambda: pinarm.run(path))
+        assert len(calls) == taken
+        assert found.figures["steps"] == pytest.approx(expected.figures["steps"], abs=1)
+        agree(found, expected, 1e-9)
+        assert not found.notes()
+
+    @pytest.mark.parametrize("name", LAWS)
+    def test_of_an_arm_with_a_torque_are_the_same_with_the_library_and_without(self, name, scenario, calls, without):
+        path = scenario(ARM, LAWS[name], "N*m")
+        found = pinarm.run(path)
+        assert calls
+        expected = without(lambda: pinarm.run(path))
+        agree(found, expected, 1e-9)
+        assert not found.notes()
+
+
+@pytest.mark.usefixtures("compiled")
+def test_a_mass_under_a_wave_and_a_steady_force_moves_as_in_its_textbook():
+    """``m x'' = F + A sin(w (t - t_0) + p)`` less the weight along the slide."""
+    model, steady = tree(["PX"], 0), 3.0
+    m = float(pin.crba(model, model.createData(), np.zeros(1))[0, 0])
+    wave = Wave(0.0, 2.0, 0.0, 5.0, 0.4, 0.2)
+    flow = CompiledTree.of(model).flow(np.array([steady]), (AppliedEffort(0, Constant(value=0.0), wave),))
+    weight = float(pin.rnea(model, model.createData(), np.zeros(1), np.zeros(1), np.zeros(1))[0])
+    for t in (0.0, 0.7, 9.0):
+        a = (steady + 2.0 * math.sin(5.0 * (t - 0.2) + 0.4) - weight) / m
+        assert flow.slope(t, np.array([0.3, -0.8]))[1] == pytest.approx(a, rel=1e-13)
+
+
+SERIES, WAVE = polynomial(0.3, 1.0, -2.0, 0.5, 4.0), Wave(0.3, -2.0, 0.7, 5.0, 0.4, 0.2)
+STRETCHED = Stretched(polynomial(0.0, 0.0, 0.0, 3.0, -2.0), 1.0, 4.0, 0.2, 0.6)
+
+
+class TestNumbers:
+    @pytest.mark.parametrize("function", [SERIES, WAVE, STRETCHED], ids=lambda one: type(one).__name__)
+    def test_say_the_same_as_the_function(self, function):
+        (law,) = laws_of([Followed(1, EFFORT, function)], np.array([3.0, 5.0]))
+        assert (law["v"], law["q"], law["steady"]) == (1, EFFORT, 5.0)
+        for t in (0.0, 0.33, 1.7):
+            x = (t - law["origin"]) / law["unit"]
+            shape = np.polyval(law["coefficients"][::-1], x) + law["amplitude"] * math.sin(x + law["phase"])
+            assert law["start"] + law["size"] * shape == pytest.approx(float(function(np.array(t))[0]), rel=1e-13)
+
+    @pytest.mark.parametrize("function", [
+        None, np.sin, PowerSeries(0.0, (1.0,) * 9), Wave(0.0, 1.0, 0.0, -2.0, 0.0, 0.0),
+        Stretched(polynomial(1.0, 1.0), 0.0, 1.0, 0.0, 1.0),
+    ])  # fmt: skip
+    def test_are_none_of_other_functions(self, function):
+        assert laws_of([Followed(0, EFFORT, function)], np.zeros(1)) is None
+
+    def test_are_none_of_two_laws_at_one_velocity(self):
+        assert laws_of([Followed(0, EFFORT, SERIES), Followed(0, EFFORT, WAVE)], np.zeros(1)) is None
