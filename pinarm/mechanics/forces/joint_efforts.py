@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -14,11 +13,10 @@ from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import MotionLaw, Values
 from pinarm.mechanics.laws.over_coordinate import Profile
-from pinarm.records import replace
+from pinarm.records import AbstractRecord, replace
 
 
-@dataclass(frozen=True)
-class AppliedEffort(ForceElement):
+class AppliedEffort(AbstractRecord, ForceElement, frozen=True):
     """A torque or force at a joint that follows a law of time; all of its power is supplied.
 
     Attributes:
@@ -67,8 +65,7 @@ class AppliedEffort(ForceElement):
         return self.function(np.asarray(t, float))[0]
 
 
-@dataclass(frozen=True)
-class ProfiledEffort(ForceElement):
+class ProfiledEffort(AbstractRecord, ForceElement, frozen=True):
     """A torque or force at a joint that depends on the coordinate of a joint, such as of gas on a crank.
 
     All of its power is supplied, also where it could be called a spring. Forward problems step over the profile's
@@ -118,8 +115,7 @@ class ProfiledEffort(ForceElement):
         return Pieces(self.profile.marks, self.profile.period)
 
 
-@dataclass(frozen=True)
-class MotorCurve(ForceElement):
+class MotorCurve(AbstractRecord, ForceElement, frozen=True):
     """A motor at full power: its effort is a function of its velocity, linear between points, constant beyond them.
 
     Attributes:
