@@ -86,7 +86,7 @@ def test_a_short_lift_of_a_cam_delays_its_shaft(write):
 
 
 @pytest.mark.parametrize("other", ["none", "held"])
-@pytest.mark.parametrize(("turns", "rows", "middle"), [(29, 639, 63.9666), (113, 2261, 180.5)])
+@pytest.mark.parametrize(("turns", "rows", "middle"), [(29, 639, 63.9666), (113, 2261, 180.5), (400, 801, 63.9666)])
 def test_the_largest_effort_of_a_blow_in_every_turn_is_found(write, other, turns, rows, middle):
     """A press that needs 10 N m in the middle of 2 deg of every turn, at a steady turn a second."""
     points = [(0.0, 0.0), *((middle + 0.8 * k, -10.0 * (k == 0)) for k in range(-6, 7)), (360.0, 0.0)]
