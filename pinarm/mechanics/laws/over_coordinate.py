@@ -190,7 +190,7 @@ class Profile(ValueRecord, frozen=True):
 
 
 class Driven(MotionLaw, frozen=True):
-    """A law over time by its pieces, such as of a profile along another one.
+    """A profile along a law over time, by its pieces.
 
     Attributes:
         parts: The pieces.
