@@ -135,3 +135,15 @@ def test_the_largest_power_of_a_blow_over_an_angle_that_a_loop_moves_is_found():
     highest = np.max(effort(rocker(phi) - drawn) * speed)
     assert result.number("force.blow.effort*joint.C.velocity @ max")[0] == pytest.approx(highest, rel=1e-6)
     assert result.number("force.blow.effort @ max")[0] == pytest.approx(10.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("ends", [(0, 3), (3, 0)])
+def test_the_largest_effort_of_a_blow_is_found_whichever_way_an_angle_is_swept(write, ends):
+    """A wheel that is held against 10 N m over 2e-5 rad of its angle."""
+    _, points = short(1.2345, 1e-5, -10.0)
+    loads = {"press": {"kind": "joint_effort", "joint": "wheel", "over": "wheel", "effort": law(points, "N*m")}}
+    over = {"from": f"{ends[0]} rad", "to": f"{ends[1]} rad", "samples": 11}
+    problem = {"kind": "statics", "over": {"wheel": over}, "loads": loads}
+    wheel = JOINT.format("wheel", "continuous", "base")
+    result = pinarm.run(write(wheel, "gravity: none\n", json.dumps(problem), "joint.wheel.effort"))
+    assert result.number("joint.wheel.effort @ max")[0] == pytest.approx(10.0, rel=1e-9)

@@ -160,7 +160,7 @@ class Lookup(Record, frozen=True):
 
     def _within(self, t: Array) -> list[Array]:
         """Return the instants that are within each interval."""
-        return [t[(t > start) & (t < end)] for start, end, _ in self.intervals]
+        return [t[(t > min(start, end)) & (t < max(start, end))] for start, end, _ in self.intervals]
 
     def cuts(self, interval: int) -> list[float]:
         """Return where an interval is cut into pieces that are looked into: ends of steps, as many in each piece."""
