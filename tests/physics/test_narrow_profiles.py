@@ -86,7 +86,7 @@ def test_a_short_lift_of_a_cam_delays_its_shaft(write):
 
 
 @pytest.mark.parametrize("other", ["none", "held"])
-@pytest.mark.parametrize(("turns", "rows", "middle"), [(29, 639, 63.9666), (113, 2261, 180.5)])
+@pytest.mark.parametrize(("turns", "rows", "middle"), [(29, 639, 63.9666), (113, 2261, 180.5), (400, 801, 63.9666)])
 def test_the_largest_effort_of_a_blow_in_every_turn_is_found(write, other, turns, rows, middle):
     """A press that needs 10 N m in the middle of 2 deg of every turn, at a steady turn a second."""
     points = [(0.0, 0.0), *((middle + 0.8 * k, -10.0 * (k == 0)) for k in range(-6, 7)), (360.0, 0.0)]
@@ -101,3 +101,49 @@ def test_the_largest_effort_of_a_blow_in_every_turn_is_found(write, other, turns
     turn = CubicSpline(*np.array(points).T, bc_type="clamped")
     pieces = [quad(lambda x: turn(x) ** 2, *pair, epsabs=1e-12)[0] for pair in pairwise([x for x, _ in points])]
     assert result.number("joint.wheel.effort @ rms")[0] == pytest.approx(np.sqrt(sum(pieces) / 360.0), rel=1e-6)
+
+
+def test_the_largest_power_of_a_blow_over_an_angle_that_a_loop_moves_is_found():
+    """10 N m on the rocker of a crank-rocker, over 2e-5 rad of its angle, which follows from two circles."""
+    a, b, c, d = 0.1, 0.25, 0.2, 0.3
+
+    def rocker(phi):
+        crank = a * np.exp(1j * phi)
+        along = d - crank
+        length = np.abs(along)
+        x = (b**2 - c**2 + length**2) / (2.0 * length)
+        return np.angle(crank + along / length * (x + 1j * np.sqrt(b**2 - x**2)) - d)
+
+    drawn = rocker(0.4)
+    ends = a * np.exp(0.4j), d + c * np.exp(1j * drawn)
+    places = {"O": 0.0, "A": ends[0], "B": ends[1], "C": d}
+    links = {"crank": "OA", "coupler": "AB", "rocker": "BC"}
+    planar = {
+        "points": {name: [f"{np.real(z):.17g} m", f"{np.imag(z):.17g} m"] for name, z in places.items()},
+        "ground": ["O", "C"], "links": {k: {"points": [*two], "mass": "1 kg"} for k, two in links.items()},
+    }  # fmt: skip
+    effort, points = short(float(rocker(1.37) - drawn), 1e-5, 10.0)
+    blow = {"kind": "joint_effort", "joint": "C", "over": "C", "effort": law(points, "N*m")}
+    result = pinarm.run({
+        "pinarm": 1, "title": "Blow", "mechanism": {"pinarm": 1, "title": "Crank-rocker", "planar": planar},
+        "problem": {"kind": "inverse", "time": {"end": "2 s", "samples": 41}, "drives": ["O"], "loads": {"blow": blow},
+                    "motion": {"O": {"law": "constant_speed", "speed": "6 rad/s"}}},
+        "outputs": ["C", "force.blow.effort"],
+    })  # fmt: skip
+    phi = 0.4 + np.concatenate([6.0 * np.linspace(0.0, 2.0, 400_001), 0.97 + np.linspace(-1e-4, 1e-4, 40_001)])
+    speed = 6.0 * (rocker(phi + 1e-6) - rocker(phi - 1e-6)) / 2e-6
+    highest = np.max(effort(rocker(phi) - drawn) * speed)
+    assert result.number("force.blow.effort*joint.C.velocity @ max")[0] == pytest.approx(highest, rel=1e-6)
+    assert result.number("force.blow.effort @ max")[0] == pytest.approx(10.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("ends", [(0, 3), (3, 0)])
+def test_the_largest_effort_of_a_blow_is_found_whichever_way_an_angle_is_swept(write, ends):
+    """A wheel that is held against 10 N m over 2e-5 rad of its angle."""
+    _, points = short(1.2345, 1e-5, -10.0)
+    loads = {"press": {"kind": "joint_effort", "joint": "wheel", "over": "wheel", "effort": law(points, "N*m")}}
+    over = {"from": f"{ends[0]} rad", "to": f"{ends[1]} rad", "samples": 11}
+    problem = {"kind": "statics", "over": {"wheel": over}, "loads": loads}
+    wheel = JOINT.format("wheel", "continuous", "base")
+    result = pinarm.run(write(wheel, "gravity: none\n", json.dumps(problem), "joint.wheel.effort"))
+    assert result.number("joint.wheel.effort @ max")[0] == pytest.approx(10.0, rel=1e-9)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,7 +21,8 @@ from pinarm.engine.motion.standstill import STANDSTILL, at_rest, directions, law
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import AssemblyError, InputError
 from pinarm.input.units import Unit
-from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.mechanics.joints import Joint
+from pinarm.mechanics.laws.motion_law import Grid, MotionLaw, Piece, Values
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
@@ -258,15 +260,33 @@ class PrescribedMotion(Record, frozen=True):
         return np.empty(0)
 
     def knots(self) -> Array:
-        """Return the points of laws of coordinates, of loads, and of profiles of cams; see ``SolvedMotion``."""
+        """Return the points of laws of coordinates, of loads, and of profiles of cams; see ``SolvedMotion``.
+
+        Raises:
+            InputError: Profiles have too many.
+        """
         known, laws = self.prescription, [*self.prescription.motion.laws]
         forces = known.dynamics.forces.values()
         if known.parameter == "t":
             laws += [law for force in forces for law in force.laws()]
-        ends, joints = sorted((self.cuts[0], self.cuts[-1])), known.motion.prescribed.joint_laws
+        ends, joints = sorted((self.cuts[0], self.cuts[-1])), self._joint_laws()
         passed = [t for force in forces for t in force.marked(joints, *ends)]
         passed += [t for one in known.mechanism.relations for t in one.marked(joints, *ends)]
         return distinct(np.array([*(knot for law in laws for knot in law.knots()), *passed]))
+
+    def _joint_laws(self) -> dict[int, MotionLaw]:
+        """Return how joints of one coordinate move, by index in v: by laws that they follow, or as has come out."""
+        known = self.prescription
+        laws: dict[int, MotionLaw] = {joint.v: _Way(self, joint) for joint in known.mechanism.joints.values()}
+        return {**laws, **known.motion.prescribed.joint_laws}
+
+    def moved(self, joint: Joint, way: tuple[float, float], t: Array) -> Values:
+        """Return the coordinate of a joint at values of the parameter of one interval, and its derivatives by it."""
+        t = np.asarray(t, float)
+        order = np.argsort(t if way[0] < way[1] else -t, kind="stable")
+        grid = Grid(t[order], way, (0, len(t)))
+        states, back = self.prescription.motion.follow(grid, self._near(grid)), np.argsort(order)
+        return states.q[back, joint.q], states.v[back, joint.v], states.a[back, joint.v]
 
     def jumps(self) -> Array:
         """Return nothing: laws jump between intervals only; see ``SolvedMotion``."""
@@ -294,3 +314,20 @@ class PrescribedMotion(Record, frozen=True):
         rows = slip_rows(mechanism.model, mechanism.frictions, run.q)
         rounding = np.zeros(rows.shape[:2]) if pace is None else STANDSTILL * np.matvec(np.abs(rows), pace[0])
         return np.asarray(np.matvec(rows, run.v)), rounding
+
+
+class _Way(MotionLaw, frozen=True):
+    """How a joint moves in a prescribed motion, solved where it is asked for.
+
+    Attributes:
+        motion: The ``PrescribedMotion``.
+        joint: The ``Joint``.
+    """
+
+    motion: Any
+    joint: Any
+
+    def pieces(self) -> list[Piece]:
+        """Return a piece for each interval."""
+        ways = [way for way in pairwise(self.motion.cuts) if way[0] != way[1]]
+        return [Piece(min(way), max(way), partial(self.motion.moved, self.joint, way)) for way in ways]

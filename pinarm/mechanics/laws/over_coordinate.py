@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -25,8 +25,8 @@ from pinarm.records import ValueRecord
 SAMPLES = 2049
 """Samples of a smooth piece of the driving law in the search for its reversals."""
 
-HALVINGS = 60
-"""Bisections of a bracket: enough to reach the resolution of a double."""
+MOST_STEPS, RESOLUTION = 100, 4e-16
+"""Steps towards a change of sign at most, of which ten are usual, and where they end, relative to the place."""
 
 ON_BREAKPOINT = 1e-12
 """Distance from a breakpoint, relative to the size of the breakpoints, below which a value is on it."""
@@ -35,7 +35,7 @@ MANY = 10_000
 """Largest number of breakpoints that a driven profile may pass."""
 
 MANY_KNOTS = 100_000
-"""Knots up to which a driven profile has them: beyond, steps are taken as if there were none."""
+"""Largest number of knots that a driven profile may pass: steps end there, and figures look between them."""
 
 
 class Profile(ValueRecord, frozen=True):
@@ -90,16 +90,15 @@ class Profile(ValueRecord, frozen=True):
         Raises:
             InputError: There are more than ``MANY``.
         """
-        found = self._repeated(self.starts, low, high, MANY)
-        if found is None:
-            turns = np.floor(high / self.period) - np.floor(low / self.period)
-            raise InputError(f"the profile is passed {turns:.3g} times", expected="a shorter motion")
-        return found
+        return self._repeated(self.starts, low, high, MANY)
 
     def knots(self, low: float, high: float) -> Array:
-        """Return the knots of pieces between two values of the coordinate, ascending; none where these are too many."""
-        found = self._repeated([knot for piece in self.pieces for knot in piece.knots], low, high, MANY_KNOTS)
-        return np.zeros(0) if found is None else found
+        """Return the knots of pieces between two values of the coordinate, ascending.
+
+        Raises:
+            InputError: There are more than ``MANY_KNOTS``.
+        """
+        return self._repeated([knot for piece in self.pieces for knot in piece.knots], low, high, MANY_KNOTS)
 
     @property
     def marks(self) -> Array:
@@ -111,14 +110,19 @@ class Profile(ValueRecord, frozen=True):
         """Where pieces begin, ascending; those of the first period where it repeats."""
         return [piece.start for piece in self.pieces if math.isfinite(piece.start)]
 
-    def _repeated(self, places: Sequence[float], low: float, high: float, most: int) -> Array | None:
-        """Return places of the first period in every one between two values; ``None`` where there are too many."""
+    def _repeated(self, places: Sequence[float] | Array, low: float, high: float, most: int) -> Array:
+        """Return places of the first period in every one between two values, ascending.
+
+        Raises:
+            InputError: There are too many.
+        """
         own = np.array(places)
         if self.period < math.inf and math.isfinite(low) and math.isfinite(high):
             with np.errstate(over="ignore", invalid="ignore"):
                 first, last = np.floor(low / np.float64(self.period)), np.floor(high / np.float64(self.period))
                 if not (last - first + 1) * len(own) <= most:
-                    return None
+                    raise InputError(f"the profile is passed {last - first:.3g} times, and has {len(own)} points",
+                                     expected=f"a shorter motion, that passes {most} points at most")  # fmt: skip
             own = (self.period * np.arange(first, last + 1)[:, None] + own).ravel()
         return own[(own > low) & (own < high)]
 
@@ -129,25 +133,31 @@ class Profile(ValueRecord, frozen=True):
             InputError: There are more than ``MANY``.
         """
         found: list[float] = []
-        for breaks, _ in self._passed(drive, start, end):
-            found += breaks
+        for piece in drive.smooth_pieces:
+            low, high = max(piece.start, start), min(piece.end, end)
+            if low < high:
+                t, w = _one_way(piece.function, low, high)
+                found += _passages(piece.function, t, w, self.breaks(float(w.min()), float(w.max())))
             if len(found) > MANY:
                 raise InputError("the profile's breakpoints are passed too often", expected="a shorter motion")
         return found
 
     def marked(self, drive: MotionLaw, start: float, end: float) -> list[float]:
-        """Return the instants at which a law over time passes breakpoints or knots; none where these are too many."""
-        try:
-            return [t for passed in self._passed(drive, start, end) for places in passed for t in places]
-        except InputError:
-            return []
+        """Return the instants at which a law over time passes breakpoints or knots, ascending [s].
 
-    def _passed(self, drive: MotionLaw, start: float, end: float) -> Iterator[tuple[list[float], list[float]]]:
-        """Yield the instants at which each piece of a law over time passes breakpoints, and those of knots."""
+        Raises:
+            InputError: There are more than ``MANY_KNOTS``.
+        """
+        found: list[float] = []
         for piece in drive.smooth_pieces:
             low, high = max(piece.start, start), min(piece.end, end)
             if low < high:
-                yield passing_times(self, piece.function, low, high)
+                t, w = _one_way(piece.function, low, high)
+                marks = self._repeated(self.marks, float(w.min()), float(w.max()), MANY_KNOTS)
+                found += _passages(piece.function, t, w, marks)
+            if len(found) > MANY_KNOTS:
+                raise InputError("the profile's points are passed too often", expected="a shorter motion")
+        return found
 
     def beside(self, middle: float, w: Array) -> Values:
         """Return f, f' and f'' at w by the piece at ``middle`` where w lies on it, otherwise by the piece at w."""
@@ -276,15 +286,20 @@ def passing_times(
     profile: Profile, drive: Callable[[Array], Values], low: float, high: float
 ) -> tuple[list[float], list[float]]:
     """Return the instants between low and high at which a smooth motion passes breakpoints and knots of a profile."""
-    t = np.linspace(low, high, SAMPLES)
-    speed = drive(t)[1]
-    back = np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
-    turns = _halved(lambda x: drive(x)[1], t[back], t[back + 1])
-    t = np.sort(np.concatenate([t, turns]))
-    w = drive(t)[0]
+    t, w = _one_way(drive, low, high)
     least, most = float(w.min()), float(w.max())
     breaks, knots = profile.breaks(least, most), profile.knots(least, most)
     return _passages(drive, t, w, breaks), _passages(drive, t, w, knots)
+
+
+def _one_way(drive: Callable[[Array], Values], low: float, high: float) -> tuple[Array, Array]:
+    """Return instants between which a smooth motion goes one way, ascending, and where it is then, both (n,)."""
+    t = np.linspace(low, high, SAMPLES)
+    speed = drive(t)[1]
+    back = np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
+    turns = _roots(lambda x: drive(x)[1], t[back], t[back + 1])
+    t = np.sort(np.concatenate([t, turns]))
+    return t, drive(t)[0]
 
 
 def _passages(drive: Callable[[Array], Values], t: Array, w: Array, places: Array) -> list[float]:
@@ -299,17 +314,38 @@ def _passages(drive: Callable[[Array], Values], t: Array, w: Array, places: Arra
     if not brackets:
         return []
     passed, before, after = (np.concatenate(part) for part in zip(*brackets, strict=True))
-    return sorted(_halved(lambda x: drive(x)[0] - passed, before, after).tolist())
+    return sorted(_roots(lambda x: drive(x)[0] - passed, before, after).tolist())
 
 
-def _halved(function: Callable[[Array], Array], low: Array, high: Array) -> Array:
-    """Return the sign changes of a function by bisection of brackets, shape (n,)."""
-    first = np.sign(function(low)) if len(low) else low
-    for _ in range(HALVINGS if len(low) else 0):
-        middle = 0.5 * (low + high)
-        left = np.sign(function(middle)) == first
-        low, high = np.where(left, middle, low), np.where(left, high, middle)
-    return np.asarray(0.5 * (low + high))
+def _roots(function: Callable[[Array], Array], low: Array, high: Array) -> Array:
+    """Return where a function changes its sign within brackets, at rounding, shape (n,).
+
+    By inverse quadratic interpolation where three values allow it, otherwise by bisection. T. R. Chandrupatla, *A new
+    hybrid quadratic/bisection algorithm* (1997).
+    """
+    if not len(low):
+        return low
+    a, b = high, low  # the newest place, and that on the other side; c is the one before
+    fa, fb = function(a), function(b)
+    c, fc, part = a, fa, np.full(len(low), 0.5)
+    for _ in range(MOST_STEPS):
+        t = a + part * (b - a)
+        ft = function(t)
+        same = np.sign(ft) == np.sign(fa)
+        c, fc = np.where(same, a, b), np.where(same, fa, fb)
+        b, fb = np.where(same, b, a), np.where(same, fb, fa)
+        a, fa = t, ft
+        best = np.where(np.abs(fa) < np.abs(fb), a, b)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            least = RESOLUTION * np.abs(best) / np.abs(b - a)
+            done = (least > 0.5) | (fa == 0.0) | (a == b)
+            xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
+            quadratic = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
+            smooth = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi) & np.isfinite(quadratic)
+        if done.all():
+            break
+        part = np.where(done, 0.0, np.where(smooth, np.clip(quadratic, least, 1.0 - least), 0.5))
+    return np.asarray(best)
 
 
 Motion = Law | Over

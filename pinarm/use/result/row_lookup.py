@@ -80,6 +80,9 @@ KEPT = 20
 TOGETHER = 100_000
 """Velocities of states that are solved together at most, and five times of those that are kept."""
 
+MOST_STATES = 20_000_000
+"""Velocities of the states that are looked at between the points of laws at most, those for one integral."""
+
 FITS = 1000
 """Curves between two places whose polynomials are kept: several numbers of one quantity look into the same ones."""
 
@@ -152,13 +155,12 @@ class Lookup(Record, frozen=True):
 
     @cached_property
     def knots(self) -> list[Array]:
-        """Points of the curves of laws, interval by interval, each ascending; none where these are many."""
-        knots = self.motion.knots() if self.motion else np.empty(0)
-        return self._within(knots if len(knots) * len(NODES) * self._width <= TOGETHER else knots[:0])
+        """Points of the curves of laws, interval by interval, each ascending."""
+        return self._within(self.motion.knots() if self.motion else np.empty(0))
 
     def _within(self, t: Array) -> list[Array]:
         """Return the instants that are within each interval."""
-        return [t[(t > start) & (t < end)] for start, end, _ in self.intervals]
+        return [t[(t > min(start, end)) & (t < max(start, end))] for start, end, _ in self.intervals]
 
     def cuts(self, interval: int) -> list[float]:
         """Return where an interval is cut into pieces that are looked into: ends of steps, as many in each piece."""
@@ -167,7 +169,15 @@ class Lookup(Record, frozen=True):
         return ends[np.arange(1, pieces) * len(ends) // pieces].tolist() if pieces > 1 else []
 
     def bounds(self, interval: int) -> list[float]:
-        """Return where an interval is cut so that quantities are smooth between the cuts, and do not change much."""
+        """Return where an interval is cut so that quantities are smooth between the cuts, and do not change much.
+
+        Raises:
+            InputError: Laws have more points than can be looked between.
+        """
+        points, most = sum(map(len, self.knots)), MOST_STATES // (len(NODES) * self._width)
+        if points > most:
+            raise InputError(f"laws and profiles have {points} points in this run: it cannot be looked between all",
+                             expected=f"at most {most}, as in a shorter run")  # fmt: skip
         found: list[float] = distinct(
             np.concatenate([self.cuts(interval), self.jumps[interval], self.knots[interval]])
         ).tolist()
@@ -398,12 +408,15 @@ class Lookup(Record, frozen=True):
             numbers.setdefault(interval, []).append(k)
         for interval, own in numbers.items():
             t, back = np.unique(np.concatenate([spots[k][1] for k in own]), return_inverse=True)
-            blocks = np.array_split(t, 1 + len(t) * self._width // TOGETHER)
-            values = np.concatenate([height(self.quantities_at(interval, block)) for block in blocks])[back]
+            values = np.concatenate([height(self.quantities_at(interval, block)) for block in self.blocks(t)])[back]
             ends = np.cumsum([len(spots[k][1]) for k in own])
             for k, part in zip(own, np.split(values, ends[:-1]), strict=True):
                 found[k] = part
         return found
+
+    def blocks(self, t: Array) -> list[Array]:
+        """Return places, shape (n,), in blocks of which states are solved together."""
+        return np.array_split(t, 1 + len(t) * self._width // TOGETHER)
 
     def _interval_of(self, row: int) -> int:
         return next(k for k, (_, _, rows) in enumerate(self.intervals) if rows.start <= row < rows.stop)

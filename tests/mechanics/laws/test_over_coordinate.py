@@ -20,6 +20,7 @@ from pinarm.mechanics.laws import (
     Trapezoid,
 )
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.mechanics.laws.over_coordinate import Profile
 
 CAM = Succession(segments=[
     Segment(duration=1.0, motion=Cycloidal(start=0.0, end=0.02, duration=1.0)),
@@ -148,3 +149,15 @@ def test_units_are_those_of_both_coordinates():
         with pytest.raises(UnitError) as caught:
             cam.check_units(unit(of), unit(along))
         assert caught.value.path == path
+
+
+def test_points_that_are_passed_too_often_are_refused():
+    """Steps and figures without them would miss what the profile does between two of them."""
+    wave = Spline(
+        points=[(0.05 * k, math.sin(0.1 * math.pi * k)) for k in range(21)], speeds=(2 * math.pi, 2 * math.pi)
+    )
+    profile, drive = Profile.of(wave, 1.0), ConstantSpeed(speed=1.0, start=0.5)
+    assert len(profile.marked(drive, 0.0, 3000.0)) == 20 * 3000 - 1
+    for passed in (profile.marked, Over(of="crank", profile=wave, period=1.0).along):
+        with pytest.raises(InputError, match="the profile is passed 6e\\+03 times"):
+            passed(drive, 0.0, 6000.0)

@@ -108,7 +108,7 @@ class Touch(Record, frozen=True):
         velocity: V, of the follower's material point there per way y, shape (n,).
         guided: Velocity per way y from which the pressure angle is meant: of the roller's centre, or V, shape (n,).
         radius: Radius of curvature of the cam there [m], negative where it is hollow, shape (n,).
-        eccentricity: Of the contact on a flat face, from the face's point [m]; 0 of a roller, shape (n,).
+        eccentricity: Of the contact on a flat face, from the face's point, along ``-i n`` [m]; 0 of a roller, (n,).
         slip: Velocity of the follower's material point against the cam along the tangent, per angle [m/rad], (n,).
         slip_rate: Derivative of the slip by alpha, shape (n,).
         tangent: The tangent along which the slip is meant, shape (n,).

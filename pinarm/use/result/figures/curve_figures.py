@@ -182,7 +182,8 @@ def _evaluated(run: Lookup, integrand: Callable[[Quantities], Array], interval: 
     Raises:
         _Unbounded: One is infinite at a point.
     """
-    values = integrand(run.quantities_at(interval, t))
+    blocks = run.blocks(t)
+    values = np.concatenate([integrand(run.quantities_at(interval, block)) for block in blocks])
     if not (finite := np.isfinite(values).all(axis=1)).all():
         raise _Unbounded(float(t[(~finite).argmax()]))
     return values

@@ -241,3 +241,18 @@ def test_what_is_over_at_the_begin_of_a_solved_motion_counts(tmp_path: Path, sam
     assert result.number("joint.a.acceleration @ rms")[0] == pytest.approx(sqrt(0.5e6), rel=1e-6)
     speed = "joint.a.velocity"
     assert result.number(f"{speed}*(1 rad/s - {speed}) @ max")[0] == pytest.approx(0.25, rel=1e-6)
+
+
+def test_more_points_of_laws_than_can_be_looked_between_are_refused(
+    scenario: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = [[f"{0.1 * k!r} s", f"{k % 2} rad"] for k in range(21)]
+    trapezoid = "{law: trapezoid, from: 0 rad, to: 1 rad, acceleration: 1 rad/s^2}"
+    build = scenario("inverse", "", (trapezoid, f"{{law: spline, points: {points}}}"))
+    spline = CubicSpline([0.1 * k for k in range(21)], [k % 2 for k in range(21)], bc_type="clamped")
+    speed, error = build.run().number("joint.pivot.velocity @ peak")
+    assert speed == pytest.approx(np.abs(spline(np.linspace(0.0, 2.0, 200_001), 1)).max(), rel=1e-6)
+    monkeypatch.setattr("pinarm.use.result.row_lookup.MOST_STATES", 21 * 18)
+    assert build.run().number("joint.pivot.velocity @ peak") == (speed, error)
+    with pytest.raises(InputError, match="19 points in this run"):
+        build.run().number("joint.pivot.velocity @ rms")
