@@ -126,13 +126,13 @@ def test_an_angle_that_jumps_from_180_to_minus_180_degrees_is_found_on_either_si
     result = found({"x": f"{start} deg"}, left, lambda x: 90.0 < math.degrees(x) < 270.0, angles=["q"])
     assert result.met
     assert math.degrees(result.values[0]) == pytest.approx(wanted, abs=1e-9)
-    assert not result.remarks() or wanted == 180.0
+    assert not result.remarks({}) or wanted == 180.0
 
 
 def test_an_angle_that_counts_its_turns_is_met_where_it_is_wanted_or_it_is_said():
     (two_turns,) = found({"x": "1 deg"}, lambda x: 0.5 * x - 4.0 * math.pi, angles=["q"]).values
     assert two_turns == pytest.approx(8.0 * math.pi)
     swings = found({"x": "20 deg"}, lambda x: math.sin(x) - 0.5 - 2.0 * math.pi, angles=["q"])
-    assert swings.remarks() == ["so_that is met but for whole turns of q"]
+    assert swings.remarks({}) == ["so_that is met but for whole turns of q"]
     assert swings.residuals["q"] == pytest.approx(2.0 * math.pi)
     assert math.sin(swings.values[0]) == pytest.approx(0.5)
