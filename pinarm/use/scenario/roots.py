@@ -34,7 +34,7 @@ SHORTER, BARRED, NEARER = 10, 5, 0.5
 can be run, after which a search ends; and what may be left of what was, where such a step counts as a good one."""
 
 MET = 1e-6
-"""What may be left of a wanted quantity, relative to what the values, or the way they went, change of it."""
+"""What may be left of a wanted quantity, relative to what has changed of it, or what values as at the start change."""
 
 INDEPENDENT = 1e-9
 """Smallest singular value of the scaled Jacobian, relative to the largest, with which the values are determined."""
@@ -206,10 +206,14 @@ class _Descent:
     def _ended(self, x: Array, jacobian: Array, steps: int) -> FoundValues:
         """Return the values at the end, and how much is left of what is wanted."""
         before, parts = self._parts(self.search.start), self._parts(x)
-        way = np.maximum(np.maximum(np.abs(x), np.abs(x - self.search.start)), self.differences.widths)
-        ends = np.cumsum([len(part) for part in parts.values()])[:-1]
-        each = zip(parts, np.split(self._joined(parts), ends), np.split(jacobian * way, ends), strict=True)
-        missed = [name for name, left, change in each if np.linalg.norm(left) > MET * np.linalg.norm(change)]
+        first, last, ends = self._joined(before), self._joined(parts), np.cumsum([len(part) for part in parts.values()])
+        slopes = jacobian * np.maximum(np.abs(self.search.start), self.differences.widths)
+        split = (np.split(each, ends[:-1]) for each in (last, last - first, slopes))
+        missed = [
+            name
+            for name, left, change, slope in zip(parts, *split, strict=True)
+            if np.linalg.norm(left) > MET * max(np.linalg.norm(change), np.linalg.norm(slope))
+        ]
         turned = [name for name in self.turning if name not in missed and (np.abs(parts[name]) > np.pi).any()]
         return FoundValues(x, _worst(parts), _worst(before), steps, missed, turned)
 

@@ -69,6 +69,13 @@ def test_slopes_are_those_near_the_point_and_not_across_several_turns():
     assert math.cos(*result.values) == pytest.approx(0.5, rel=1e-12)
 
 
+@pytest.mark.parametrize("start", ["1e-9 deg", "2e-9 deg", "1e-8 deg", "1e-7 deg", "3e-7 deg"])
+def test_an_angle_of_many_turns_is_not_taken_for_met_where_its_rounding_shows(start):
+    """cos x = 0.6 from where it has next to no slope: steps lead to 1e10 rad, which have 1e-6 rad of rounding."""
+    result = found({"x": start}, lambda x: 0.25 * math.cos(x) - 0.15)
+    assert result.met == (abs(math.cos(*result.values) - 0.6) < 1e-6)
+
+
 @pytest.mark.parametrize("order", [2, 3])
 def test_roots_of_higher_order_settle(order):
     result = found({"x": "1 kg"}, lambda x: (x - 2.0) ** order)
