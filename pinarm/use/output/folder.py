@@ -10,6 +10,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
+import re
 import shutil
 import signal
 import threading
@@ -38,6 +39,12 @@ LINKLESS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS)
 PATIENCE = 60.0
 """Seconds to wait for another process that replaces the files of a folder, which takes it milliseconds."""
 
+YOUNG = 60.0
+"""Seconds before a draft that is not locked counts as left behind: it may be about to be locked, or renamed."""
+
+LEFT_BEHIND = re.compile(re.escape(DRAFT) + r"[0-9a-f]{8}[.]part([.]d)?")
+"""Names of drafts."""
+
 
 @contextmanager
 def whole_folder(
@@ -56,17 +63,13 @@ def whole_folder(
     Raises:
         InputError: The folder cannot be written, or holds something else.
     """
-    draft = None
     try:
         check_replaceable(folder, kind, beside=beside)
-        draft = _draft(folder)
-        yield draft
-        _publish(draft, folder, Manifest(kind, {}, source=_from(folder, source) if source else ""), beside)
+        with _draft(folder) as draft:
+            yield draft
+            _publish(draft, folder, Manifest(kind, {}, source=_from(folder, source) if source else ""), beside)
     except OSError as error:
         raise InputError(f"the {kind} cannot be written to {folder}: {error.strerror or error}") from None
-    finally:
-        if draft is not None:
-            shutil.rmtree(draft, ignore_errors=True)
 
 
 def check_replaceable(folder: Path, kind: str, *, beside: Collection[str] = ()) -> None:
@@ -101,6 +104,7 @@ def write_file(path: Path, parts: Iterable[bytes], *, home: Path | None = None) 
             raise InputError(f"{path} is not a regular file", hint="another name: -o FILE")
         try:
             with open(draft, "xb") as stream:
+                _lock(stream.fileno(), fcntl.LOCK_SH)  # others see that it is being written
                 stream.writelines(parts)
             _add(draft, home, path)
         finally:
@@ -149,19 +153,15 @@ def claim_folder(folder: Path, kind: str, source: Path) -> bool:
     """
     if os.path.lexists(folder):
         return False
-    draft = None
     try:
-        draft = _draft(folder)
-        with _locked(draft, fcntl.LOCK_EX) as home:
-            write_manifest(home, Manifest(kind, {}, source=_from(folder, source)))
-        draft.rename(folder)
+        with _draft(folder) as draft:
+            with _locked(draft, fcntl.LOCK_SH) as home:
+                write_manifest(home, Manifest(kind, {}, source=_from(folder, source)))
+            draft.rename(folder)
     except OSError as error:
         if error.errno in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR):  # another process was faster
             return False
         raise InputError(f"the {kind} cannot be written to {folder}: {error.strerror or error}") from None
-    finally:
-        if draft is not None:
-            shutil.rmtree(draft, ignore_errors=True)
     return True
 
 
@@ -198,12 +198,38 @@ def _left_behind(manifest: Manifest | None) -> str:
     return "was killed while it replaced files" if manifest.arriving else "has not come to its end"
 
 
-def _draft(folder: Path) -> Path:
-    """Make an empty folder: inside of one that exists, which may be all that this user can write; else beside it."""
+@contextmanager
+def _draft(folder: Path) -> Iterator[Path]:
+    """Yield an empty folder: inside of one that exists, which may be all that this user can write; else beside it.
+
+    It goes at the end of the block, unless it was renamed. Until then it is locked: others see that it is in use.
+    """
     folder.parent.mkdir(parents=True, exist_ok=True)
-    draft = (folder if folder.exists() else folder.parent) / f"{DRAFT}{os.urandom(4).hex()}.part"
+    for place in (folder.parent, folder):
+        _clear(place)
+    home = folder if folder.exists() else folder.parent
+    draft = home / f"{DRAFT}{os.urandom(4).hex()}.part"
     draft.mkdir()
-    return draft
+    try:
+        with _locked(draft, fcntl.LOCK_SH):
+            yield draft
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def _clear(home: Path) -> None:
+    """Remove drafts that killed processes have left in a folder: not locked, and there for a while."""
+    for draft in home.glob(f"{DRAFT}*.part*"):
+        with suppress(OSError):
+            if not LEFT_BEHIND.fullmatch(draft.name) or time.time() - draft.lstat().st_mtime < YOUNG:
+                continue
+            descriptor = os.open(draft, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)  # raises without locks, too
+                remove = shutil.rmtree if draft.is_dir() else os.unlink
+                remove(draft)
+            finally:
+                os.close(descriptor)
 
 
 def _from(folder: Path, source: Path) -> str:
@@ -215,7 +241,7 @@ def _publish(draft: Path, folder: Path, empty: Manifest, beside: Collection[str]
     """Put a draft in its place: by renaming it where there is none yet, else file by file under a lock."""
     new = {name: str(digest(draft / name)) for name in file_names(draft)}
     if not os.path.lexists(folder):
-        with _locked(draft, fcntl.LOCK_EX) as home:
+        with _locked(draft, fcntl.LOCK_SH) as home:
             write_manifest(home, replace(empty, files=new))
         try:
             draft.rename(folder)

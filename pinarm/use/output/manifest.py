@@ -19,7 +19,7 @@ PARTIAL = "partial"
 """A folder in that of a result: what there was when a run failed. It has its own manifest."""
 
 DRAFT = ".pinarm-"
-"""How names of drafts begin; one that a killed process left behind is passed over."""
+"""How names of drafts begin; one that a killed process left behind is passed over, and removed by a later one."""
 
 MOST_BYTES = 500_000_000
 """Of a manifest: twice that of a million files."""

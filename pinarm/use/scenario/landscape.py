@@ -19,6 +19,9 @@ DIFFERENCE = 1e-4
 KEPT = 1e-6
 """Violation of a condition, relative to its size, up to which it counts as kept."""
 
+ACTIVE = 1e-4
+"""Margin of a condition, relative to its size, up to which it holds an optimum where it is."""
+
 REFUSED = 10.0
 """Scaled objective of runs that are refused, above the worst one that is not."""
 

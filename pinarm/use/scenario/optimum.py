@@ -2,7 +2,8 @@
 
 With the unknowns scaled to [0, 1] between their bounds, every start is followed down by sequential quadratic
 programming (SLSQP; Kraft, DFVLR-FB 88-28, 1988) along central differences, all side by side. Where the best of the ends
-lies in a kink, as peaks of curves have them, it is searched once more without slopes (COBYQA; Ragonneau, 2022).
+lies in a kink, as peaks of curves have them, it is searched once more without slopes (COBYQA; Ragonneau, 2022); where
+runs are refused beyond it, along the border of these: see ``border``.
 Global searches begin with differential evolution (Storn and Price, J. Global Optim. 11, 1997) in place of the starts.
 """
 
@@ -18,11 +19,9 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import IntegrationError
 from pinarm.records import replace
-from pinarm.use.scenario.landscape import DIFFERENCE, KEPT, Landscape, Trial
+from pinarm.use.scenario.border import Border, along_border
+from pinarm.use.scenario.landscape import ACTIVE, DIFFERENCE, KEPT, Landscape, Trial
 from pinarm.use.scenario.lockstep import Run, side_by_side
-
-ACTIVE = 1e-4
-"""Margin of a condition, relative to its size, up to which it holds the optimum where it is."""
 
 FLAT = 0.01
 """Change of the objective, relative to it, by which is told how flat an optimum is."""
@@ -97,7 +96,8 @@ class Optimum:
 
     Attributes:
         best: The best end.
-        descents: All starts and where they led; last, where there was one, the search without slopes from the best end.
+        descents: All starts and where they led; last, where there was one, the search from the best end without
+            slopes, or along the border of refused runs.
         active: Numbers of the conditions that hold it there.
         reaches: For every unknown, how far it may go until the objective is worse by ``allowance``.
         allowance: That change of the objective.
@@ -142,8 +142,8 @@ def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = 
         landscape = replace(landscape, size=abs(best.trial.objective))
         descents = _followed(landscape, descents)
         best = _best(descents)
-    if not best.trial.refusal and (best.status != SETTLED or landscape.kink(_scaled(landscape, best.end)) > KINK):
-        descents.append(_descent(landscape, _scaled(landscape, best.end), _cobyqa))
+    if search := _further(landscape, best):
+        descents.append(_descent(landscape, _scaled(landscape, best.end), search))
         best = descents[-1]
     if not best.valid:
         raise _nowhere(landscape, best, len(points))
@@ -181,6 +181,16 @@ def _descents(landscape: Landscape, points: Sequence[Array]) -> list[Descent]:
 
 def _best(descents: Sequence[Descent]) -> Descent:
     return min(descents, key=lambda one: (not one.valid, one.violation if not one.valid else 0.0, one.trial.objective))
+
+
+def _further(landscape: Landscape, best: Descent) -> Callable[[Landscape, Array], str] | None:
+    """Return the search that goes on from the best end; none where it is in a smooth valley."""
+    if best.trial.refusal:
+        return None
+    x = _scaled(landscape, best.end)
+    if Border.beside(landscape, x):
+        return along_border
+    return _cobyqa if best.status != SETTLED or landscape.kink(x) > KINK else None
 
 
 def _is_coarse(landscape: Landscape, best: Descent) -> bool:

@@ -7,6 +7,7 @@ import numpy as np
 from pinarm.engine.series import Series
 from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.use.result.section import Cell, Section, SectionTable
+from pinarm.use.scenario.border import ALONG_BORDER
 from pinarm.use.scenario.find import Find
 from pinarm.use.scenario.optimum import FLAT, WITHOUT_SLOPES, Descent, Optimum
 
@@ -94,7 +95,7 @@ def _remarks(search: Find, found: Optimum, objective: Series, value: float) -> l
             if abs(end - bound) <= 1e-6 * (one.high - one.low):
                 held.append(f"{path} at its {name} bound {one.written(bound)}")
     held += _edges(search, found)
-    starts = [one for one in found.descents if one.status != WITHOUT_SLOPES]
+    starts = [one for one in found.descents if one.status not in (ALONG_BORDER, WITHOUT_SLOPES)]
     gap = max(SAME * abs(found.best.trial.objective), 0.1 * found.allowance)
     same = sum(abs(one.trial.objective - found.best.trial.objective) <= gap for one in starts if one.valid)
     refused = sum(bool(one.trial.refusal) for one in starts)

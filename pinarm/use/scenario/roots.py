@@ -34,7 +34,7 @@ SHORTER, BARRED, NEARER = 10, 5, 0.5
 can be run, after which a search ends; and what may be left of what was, where such a step counts as a good one."""
 
 MET = 1e-6
-"""What may be left of what is wanted, relative to what the values, or the way they went, change."""
+"""What may be left of a wanted quantity, relative to what has changed of it, or what values as at the start change."""
 
 INDEPENDENT = 1e-9
 """Smallest singular value of the scaled Jacobian, relative to the largest, with which the values are determined."""
@@ -49,7 +49,7 @@ class FoundValues:
         residuals: Quantity -> what is left of it at the worst row, in SI.
         before: The same for the starts.
         steps: Number of Gauss-Newton steps.
-        met: Whether nothing is left of what is wanted, but for a small part of what the values bring about.
+        missed: Quantities of which more is left than a small part of what the values change them by.
         turned: Angles that are met but for whole turns.
     """
 
@@ -57,19 +57,29 @@ class FoundValues:
     residuals: Mapping[str, float]
     before: Mapping[str, float]
     steps: int
-    met: bool
+    missed: Sequence[str] = ()
     turned: Sequence[str] = ()
+
+    @property
+    def met(self) -> bool:
+        """Whether nothing is left of what is wanted, but for a small part of what the values bring about."""
+        return not self.missed
 
     def left(self) -> dict[str, float]:
         """Return what is left of every wanted quantity, by a text that names it and what it was at the start."""
         return {f"left of {name} (started with {self.before[name]:.3g})": x for name, x in self.residuals.items()}
 
-    def remarks(self) -> list[str]:
-        """Return a remark where no values near the start bring about what is wanted, or all but whole turns of it."""
-        if self.met:
-            return [f"so_that is met but for whole turns of {name}" for name in self.turned]
-        left = ", ".join(f"{name} by {x:.3g}" for name, x in self.residuals.items())
-        return [f"so_that is not met: the closest values that were found miss {left}, in SI"]
+    def remarks(self, noise: Mapping[str, float]) -> list[str]:
+        """Return a remark where no values near the start bring about what is wanted, or all but whole turns of it.
+
+        Args:
+            noise: Quantity -> what may be left of it by rounding and the tolerance of runs, in SI.
+        """
+        missed = {name: self.residuals[name] for name in self.missed}
+        left = ", ".join(f"{name} by {x:.3g}" for name, x in missed.items() if x > noise.get(name, 0.0))
+        if left:
+            return [f"so_that is not met: the closest values that were found miss {left}, in SI"]
+        return [f"so_that is met but for whole turns of {name}" for name in self.turned]
 
 
 Residuals = Callable[[Sequence[Mapping[str, str]]], Iterable["dict[str, Array] | Refused"]]
@@ -196,10 +206,16 @@ class _Descent:
     def _ended(self, x: Array, jacobian: Array, steps: int) -> FoundValues:
         """Return the values at the end, and how much is left of what is wanted."""
         before, parts = self._parts(self.search.start), self._parts(x)
-        left, way = self._joined(parts), np.maximum(np.abs(x), np.abs(x - self.search.start))
-        met = bool(np.linalg.norm(left) <= MET * np.linalg.norm(jacobian * np.maximum(way, self.differences.widths)))
-        turned = [name for name in self.turning if met and (np.abs(parts[name]) > np.pi).any()]
-        return FoundValues(x, _worst(parts), _worst(before), steps, met, turned)
+        first, last, ends = self._joined(before), self._joined(parts), np.cumsum([len(part) for part in parts.values()])
+        slopes = jacobian * np.maximum(np.abs(self.search.start), self.differences.widths)
+        split = (np.split(each, ends[:-1]) for each in (last, last - first, slopes))
+        missed = [
+            name
+            for name, left, change, slope in zip(parts, *split, strict=True)
+            if np.linalg.norm(left) > MET * max(np.linalg.norm(change), np.linalg.norm(slope))
+        ]
+        turned = [name for name in self.turning if name not in missed and (np.abs(parts[name]) > np.pi).any()]
+        return FoundValues(x, _worst(parts), _worst(before), steps, missed, turned)
 
 
 @dataclass(frozen=True)

@@ -19,10 +19,10 @@ from pinarm.use.cases.solving import solving
 from pinarm.use.progress import tell
 from pinarm.use.result.condition import Condition
 from pinarm.use.result.measures import RESIDUALS
-from pinarm.use.result.number_accuracy import rounding
+from pinarm.use.result.number_accuracy import noise, rounding
 from pinarm.use.result.result import Result
 from pinarm.use.result.run_number import RunNumber
-from pinarm.use.result.section_number import AnyNumber
+from pinarm.use.result.section_number import AnyNumber, measured, read_number
 from pinarm.use.scenario.differences import Refused
 from pinarm.use.scenario.find import Find
 from pinarm.use.scenario.landscape import Landscape, Trial
@@ -61,13 +61,14 @@ def solve_found(scenario: Scenario, search: Find) -> Result:
         search.check_names(bare.quantities(), bare.content.assessments)
         if search.wanted is not None:
             root = _root(bare, search)
-            values, left, remarks = root.values, root.left(), root.remarks()
+            values, left = root.values, root.left()
         else:
             best = _best(bare, search)
-            values, left, remarks = best.best.end, {}, []
+            values, left = best.best.end, {}
     result = bare.varied(search.text(values)).run() if search.objective else bare.varied(search.text(values)).solve()
     result = replace(result, figures={**result.figures, **search.figures(values), **left})
     if search.objective is None:
+        remarks = root.remarks(_noise(result, search, root.missed))
         return replace(result, outcome=replace(result.outcome, notes=(*result.outcome.notes, *remarks)))
     objective = search.objective.described(result.quantities, bare.content.assessments)
     (left,) = rounding(result, [objective.unit])
@@ -106,6 +107,13 @@ def _root(bare: Scenario, search: Find) -> FoundValues:
                 yield left(row) if sizes[-1] == sizes[0] else _of_other_rows
 
         return find_root(search, residuals, _angles(bare, numbers))
+
+
+def _noise(result: Result, search: Find, wanted: Sequence[str]) -> dict[str, float]:
+    """Return what may be left of wanted quantities, at any row, by rounding and the tolerance of the run, in SI."""
+    numbers = [search.number(name, result.numbered) or read_number(f"{name} @ start") for name in wanted]
+    errors = noise(result, numbers, [measured(number, result) for number in numbers])
+    return dict(zip(wanted, errors.tolist(), strict=True))
 
 
 def _of_other_rows() -> PinarmError:

@@ -1,6 +1,7 @@
 """Folders of results: whole or not at all, whatever ends the writer; nothing else is touched."""
 
 import errno
+import fcntl
 import os
 import resource
 import shutil
@@ -45,6 +46,38 @@ def test_an_older_folder_is_replaced_as_a_whole(out: Path) -> None:
     put(out, {"summary.json": "alone"})
     assert sorted(path.name for path in out.iterdir()) == ["manifest.json", "summary.json"]
     assert [path.name for path in out.parent.iterdir()] == ["out"]
+
+
+def test_drafts_that_killed_writers_left_are_removed_and_no_others(out: Path) -> None:
+    """Of old ones those that nobody has locked; names that no draft has, and young drafts, are left."""
+    names = [".pinarm-0123abc0.part", ".pinarm-0123abc1.part", ".pinarm-0123abc2.part", ".pinarm-mine.part"]
+    left, file, used, mine = (out / name for name in names)
+    for folder in (left, used, mine):
+        folder.mkdir()
+        (folder / "cases.csv").write_text("half")
+    file.write_text("half")
+    (out / ".pinarm-0123abc3.part").mkdir()
+    beside = out.parent / names[0]
+    beside.mkdir()
+    for old in (left, file, used, mine, beside):
+        os.utime(old, (1e9, 1e9))
+    descriptor = os.open(used, os.O_RDONLY)
+    fcntl.flock(descriptor, fcntl.LOCK_SH)
+    put(out, NEW)
+    os.close(descriptor)
+    assert not beside.exists()
+    assert sorted(path.name for path in out.glob(".pinarm-*")) == [*names[2:3], ".pinarm-0123abc3.part", *names[3:]]
+    put(out, OLD)
+    assert sorted(path.name for path in out.glob(".pinarm-*")) == [".pinarm-0123abc3.part", *names[3:]]
+    assert contents(out)[f"{names[3]}/cases.csv"] == "half"
+
+
+def test_a_draft_is_in_use_while_it_is_written(tmp_path: Path) -> None:
+    with whole_folder(tmp_path / "one", "result") as draft:
+        (draft / "a").write_text("1")
+        os.utime(draft, (1e9, 1e9))
+        put(tmp_path / "other", NEW)
+    assert contents(tmp_path / "one") == {"a": "1"}
 
 
 @pytest.mark.parametrize("name", ["plots/mine.png", "notes.txt", "partial/thesis", "replay.html", "summary.json"])

@@ -85,6 +85,14 @@ def test_what_cannot_be_met_is_met_as_nearly_as_can_be_and_the_rest_is_told(tmp_
     assert note.startswith("so_that is not met: the closest values that were found miss C_B by ")
 
 
+def test_what_is_missed_is_told_beside_what_is_met_and_far_larger(tmp_path):
+    """A mass gives a torque of 2 N*m, told in uN*m, and leaves A at l2 sin(30 deg) = 0.125 m."""
+    wanted = "C_B*1e6: 2e6 N*m, A_height - l0 - l1: 0.2 m, F_Bx: 0 N"
+    result = found(tmp_path, "arguments.m_A: 100 g", wanted, "30 deg", "{l1: 0 m}")
+    [note] = [note for note in result.notes() if note.startswith("so_that is not met")]
+    assert note.endswith("miss A_height - l0 - l1 by 0.075, in SI")
+
+
 def test_what_is_met_needs_no_remark(tmp_path):
     """From the solution, too, where all that is left is rounding."""
     for start in ("100 g", f"{1e3 * (2.0 / (9.81 * 0.25) - 0.5)!r} g"):

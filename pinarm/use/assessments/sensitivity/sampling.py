@@ -118,7 +118,8 @@ def sobol_indices(
     if not varies.any():
         raise InputError("no number varies within the tolerances: there are no Sobol' indices")
     centred = (values - values.mean(axis=0))[:, varies] / values.std(axis=0)[varies]
-    found = [analysis.analyze(problem, each, calc_second_order=False, seed=seed) for each in centred.T]
+    always = [seed]  # SALib takes 0 for no seed, and a list with it for one
+    found = [analysis.analyze(problem, each, calc_second_order=False, seed=always) for each in centred.T]
     indices = [np.full((len(varies), k), np.nan) for _ in SOBOL]
     for name, index in zip(SOBOL, indices, strict=True):
         index[varies] = [one[name] for one in found]

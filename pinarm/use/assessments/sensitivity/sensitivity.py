@@ -176,7 +176,7 @@ class Sensitivity(InputStruct, frozen=True):
             table, numbers = sobol_table(bands, variation.inputs, indices)
             drawn.tables.append(table)
             drawn.numbers.update(numbers)
-            drawn.remarks.extend(sobol_remarks(bands, indices))
+            drawn.remarks.extend(sobol_remarks(bands, indices, self.sobol))
         return drawn
 
 

@@ -122,6 +122,12 @@ def test_a_force_that_is_0_depends_on_nothing() -> None:
     found = section(ARM, asked, **FEW, **{"problem.hold.O": "37 deg"})
     for row in rows(found.tables[-2]).values():
         assert abs(row["derivative"]) <= row["its error"] < 1e-8  # N/kg, N/m
+        assert np.isnan(row["% of root-sum-square"])
+    assert sum(row["% of root-sum-square"] for row in rows(found.tables[-1]).values()) == pytest.approx(100.0)
+    assert [remark for remark in found.remarks if "no input has a share" in remark] == [
+        "all that the tolerances make of F_Bx @ max may be errors of its derivatives: no input has a share"
+    ]
+    assert any("fewer than 64 base samples" in remark for remark in found.remarks)
     assert not any("kink" in remark or "not linear" in remark for remark in found.remarks)
     assert np.isnan(values(found)["F_Bx_max.first.m_A"])
     assert any("F_Bx @ max does not vary within the tolerances" in remark for remark in found.remarks)
