@@ -29,6 +29,9 @@ from pinarm.input.formulas.dimensions import Measure, Rule, power, pure, root, s
 from pinarm.input.units import ANGLES, DIMENSIONLESS, Unit, unit
 from pinarm.records import AbstractRecord, replace
 
+ROUNDING = 1e-12
+"""Size relative to that of its terms below which all of a quantity is their rounding."""
+
 MOST = 60
 """Characters of the name of a result, which tells how it was computed."""
 
@@ -87,6 +90,11 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
         same([Measure(self.unit), Measure(wanted)])
         factor = (self.unit.factor if self.unit else 1.0) / wanted.factor
         return replace(self, unit=wanted, values=self.values * factor, terms=self.terms * factor)
+
+    def without_rounding(self) -> Series:
+        """Return the same, and 0 everywhere where all values are rounding of the terms."""
+        size, terms = (float(np.max(np.abs(x), initial=0.0)) for x in (self.values, self.terms))
+        return replace(self, values=np.zeros_like(self.values)) if size < ROUNDING * terms else self
 
     @property
     def shape(self) -> tuple[int, ...]:

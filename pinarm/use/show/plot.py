@@ -67,7 +67,7 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
     own_ticks = along.name == ROW and len(run) <= FEW
     panels = []
     for index, name in enumerate(names):
-        series = result[name]
+        series = result[name].without_rounding()
         factor, unit = shown(series, how)
         curve = Line(along.values / scale, series.values / factor, COLOURS[index % len(COLOURS)], **look)
         bounds = _bounds(result, curve, name, factor)
@@ -93,7 +93,7 @@ def graph(drawn: Graph, how: Presentation = PLAIN) -> Chart:
     """Return a graph of a section."""
     (scale, along), (own, measured) = shown(drawn.curves[0].across, how), shown(drawn.curves[0].up, how)
     lines = [
-        Line(curve.across.values / scale, curve.up.values / own, colour, label=plain(curve.label),
+        Line(curve.across.values / scale, curve.up.without_rounding().values / own, colour, label=plain(curve.label),
              **(POINTS if curve.points else {"style": style}))
         for curve, (style, colour) in zip(drawn.curves, cycle(product(STYLES, COLOURS)))
     ]  # fmt: skip

@@ -12,6 +12,7 @@ import pinarm
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import unit
+from pinarm.records import replace
 from pinarm.use.result.section import Curve, Graph
 from pinarm.use.show.plot import encoded, graph, save_plots
 
@@ -69,6 +70,17 @@ def test_a_constant_is_drawn_flat(scenario: Callable[..., Any]) -> None:
     [axis] = scenario("inverse").run().plot("sin(alpha)**2 + cos(alpha)**2").axes
     low, high = axis.get_ylim()
     assert high - low > 0.1
+
+
+def test_what_is_rounding_of_its_terms_is_drawn_as_zero() -> None:
+    """The two-rod arm is held against weights of 16 N: what is left across them is 0, and 2 pN of them would be too."""
+    across = pinarm.run(ROOT / "scenarios" / "gen411_arm_static.yaml")["F_Bx"]
+    assert across.terms == pytest.approx(15.696)  # 1.6 kg
+    assert not across.without_rounding().values.any()
+    assert not replace(across, values=np.full(241, 2e-12)).without_rounding().values.any()
+    small, unknown = replace(across, terms=1e-9), replace(across, values=np.full(241, 2e-12), terms=0.0)
+    assert np.array_equal(replace(small, values=across.values + 1e-12).without_rounding(), across.values + 1e-12)
+    assert np.array_equal(unknown.without_rounding(), unknown.values)
 
 
 @pytest.mark.parametrize("formula", ["alpha*1e300", "alpha*1e-300", "0*alpha"])
