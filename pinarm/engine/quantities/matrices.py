@@ -73,7 +73,7 @@ def pinocchio_data(mechanism: Mechanism, q: ArrayLike, v: ArrayLike | None, a: A
         raise InputError(f"q has the shape {np.shape(q)}", expected=f"one state, shape ({model.nq},)")
     still = np.zeros(model.nv)
     given = {"q": (q, model.nq), "v": (still if v is None else v, model.nv), "a": (still if a is None else a, model.nv)}
-    refuse_foreign(mechanism, q)
+    refuse_foreign(mechanism, q, v=v, a=a)
     leading, states = LeadingAxes.fold(**given)
     check_quaternions(mechanism, leading, states[0])
     configuration, velocity, acceleration = (rows[0] for rows in states)

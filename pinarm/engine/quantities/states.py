@@ -163,7 +163,7 @@ def quantities(
     if a is not None and tau is not None:
         raise InputError("accelerations and efforts are given", expected="one of them: the other one follows")
     rates = {name: (x, nv) for name, x in (("v", v), ("a", a), ("tau", tau)) if x is not None}
-    refuse_foreign(mechanism, q)
+    refuse_foreign(mechanism, q, v=v, a=a, tau=tau)
     leading, rows = LeadingAxes.fold(q=(q, nq), **rates)
     check_quaternions(mechanism, leading, rows[0])
     named = {name: x.copy() for name, x in zip(("q", *rates), rows, strict=True)}  # quantities are computed when asked
@@ -269,7 +269,7 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
         raise InputError(f"the joints of this mechanism are tied by {names}", expected="drives that carry the load",
                          hint="inverse(q, v, a, drives=[...])")  # fmt: skip
     nv, t = mechanism.model.nv, instant(t)
-    refuse_foreign(mechanism, q)
+    refuse_foreign(mechanism, q, v=v, a=a)
     leading, (q, v, a) = LeadingAxes.fold(q=(q, mechanism.model.nq), v=(v, nv), a=(a, nv))
     check_quaternions(mechanism, leading, q)
     demand = mechanism.dynamics.on(t, np.nextafter(t, np.inf)).inverse(t, q, v, a)
@@ -285,7 +285,7 @@ def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: floa
     t, nv = instant(t), mechanism.model.nv
     dynamics = mechanism.dynamics.on(t, np.nextafter(t, np.inf))
     given = {} if tau is None else {"tau": (tau, nv)}
-    refuse_foreign(mechanism, q)
+    refuse_foreign(mechanism, q, v=v, tau=tau)
     leading, (q, v, *efforts) = LeadingAxes.fold(q=(q, mechanism.model.nq), v=(v, nv), **given)
     check_quaternions(mechanism, leading, q)
     tau = efforts[0] if efforts else np.zeros_like(v)
