@@ -13,7 +13,7 @@ from pinarm.engine.constraints.batch_jacobians import rows_of
 from pinarm.engine.dynamics import mass_matrix
 from pinarm.engine.quantities.broadcasting import LeadingAxes, refuse_foreign
 from pinarm.engine.quantities.states import check_quaternions
-from pinarm.errors import InputError, choices
+from pinarm.errors import InputError, choices, require_name
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import UNIVERSE, frame_of
 
@@ -31,6 +31,7 @@ ALONG = ".along."
 
 def jacobian(mechanism: Mechanism, name: str, q: ArrayLike) -> Array:
     """Return the matrix J of ``x' = J v``; see ``Mechanism.jacobian``."""
+    require_name(name)
     leading, rows = _configurations(mechanism, q)
     of, _, axes = name.partition(ALONG)
     word, _, rest = of.partition(".")

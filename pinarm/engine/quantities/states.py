@@ -22,7 +22,7 @@ from pinarm.engine.quantities.broadcasting import LeadingAxes, refuse_foreign
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series, require_unit
 from pinarm.engine.statics.actuation import Actuation, actuation, everywhere
-from pinarm.errors import InputError
+from pinarm.errors import InputError, require_map
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.ball_joints import configuration, places_of, positions_of, unit_of, velocities_of
 from pinarm.mechanics.laws.motion_law import SECOND, Grid
@@ -87,6 +87,7 @@ def configurations(mechanism: Mechanism, positions: Mapping[str, ArrayLike]) -> 
     Raises:
         InputError: A joint does not exist, or the shapes differ.
     """
+    require_map(positions, "positions", "{'knee': 0.5}")
     model, joints, balls = mechanism.model, mechanism.joints, mechanism.balls
     shape, columns = columns_of(positions, {name: (of,) for name, of in positions_of(joints, balls).items()})
     if all(name in joints for name in positions):
@@ -104,6 +105,7 @@ def rates(mechanism: Mechanism, values: Mapping[str, ArrayLike]) -> Array:
 
     Those of a ball joint J are ``J.angular_velocity.x`` and so on, in the axes of the link, whatever they are.
     """
+    require_map(values, "values of joints", "{'knee': 0.5}")
     known, places = velocities_of(mechanism.joints, mechanism.balls), places_of(mechanism.joints, mechanism.balls)
     for name in values:
         unit_of(name, known)
