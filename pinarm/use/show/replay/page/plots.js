@@ -20,13 +20,15 @@ function fit(made, resize) {
   const aside = document.getElementById("plots");
   document.body.classList.add("picture");
   if (!made.length) return;
-  const caption = made[0].figure.offsetHeight - made[0].svg.clientHeight + 8;
-  const room = (columns) => (aside.clientHeight - 20) / Math.ceil(made.length / columns) - caption;
-  let columns = 1;
-  while (room(columns) < LEAST && columns < 4) columns += 1;
-  aside.style.setProperty("--columns", columns);
-  aside.style.setProperty("--share", `${[36, 46, 56, 62][columns - 1]}%`);
-  for (const plot of made) plot.height = Math.min(HEIGHT, Math.max(24, Math.floor(room(columns))));
+  const room = (columns) => {
+    aside.style.setProperty("--columns", columns);
+    aside.style.setProperty("--share", `${[36, 46, 56, 62][columns - 1]}%`);
+    const caption = Math.max(...made.map((plot) => plot.figure.firstChild.offsetHeight)) + 16;
+    return (aside.clientHeight - 20) / Math.ceil(made.length / columns) - caption;
+  };
+  let [columns, height] = [1, room(1)];
+  while (height < LEAST && columns < 4) height = room(columns += 1);
+  for (const plot of made) plot.height = Math.min(HEIGHT, Math.max(24, Math.floor(height)));
   resize();
 }
 
