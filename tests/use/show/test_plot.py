@@ -116,6 +116,13 @@ def test_published_figures_stand_over_the_curve_and_misprints_beside_it() -> Non
     assert np.abs(wrong.get_ydata() - curve.get_ydata()).min() > 1.0  # its sign is reversed
 
 
+def test_a_printed_formula_at_a_single_row_is_a_mark() -> None:
+    """A line through one point is none: 234.4 deg of the leg's printed angle stood in the legend and nowhere else."""
+    [axis] = pinarm.load(ROOT / "scenarios" / "exoskeleton_leg_state.yaml").run().plot("theta10").axes
+    [mark] = [line for line in axis.lines if line.get_label() == "printed formula, a misprint"]
+    assert (mark.get_marker(), mark.get_linestyle(), len(mark.get_xydata())) == ("x", "None", 1)
+
+
 def test_rows_that_stand_for_themselves_are_not_joined(scenario: Callable[..., Any]) -> None:
     [axis] = scenario("equilibria").run().plot("alpha").axes
     [line] = axis.lines
