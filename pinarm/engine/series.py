@@ -29,6 +29,9 @@ from pinarm.input.formulas.dimensions import Measure, Rule, power, pure, root, s
 from pinarm.input.units import ANGLES, DIMENSIONLESS, Unit, unit
 from pinarm.records import AbstractRecord, replace
 
+ROUNDING = 1e-12
+"""Size relative to that of its terms below which all of a quantity is their rounding."""
+
 MOST = 60
 """Characters of the name of a result, which tells how it was computed."""
 
@@ -88,6 +91,11 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
         factor = (self.unit.factor if self.unit else 1.0) / wanted.factor
         return replace(self, unit=wanted, values=self.values * factor, terms=self.terms * factor)
 
+    def without_rounding(self) -> Series:
+        """Return the same, and 0 everywhere where all values are rounding of the terms."""
+        size, terms = (float(np.max(np.abs(x), initial=0.0)) for x in (self.values, self.terms))
+        return replace(self, values=np.zeros_like(self.values)) if size < ROUNDING * terms else self
+
     @property
     def shape(self) -> tuple[int, ...]:
         """Shape of the values."""
@@ -146,6 +154,8 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
         return self.values.argmin(axis=axis, **options)
 
     def _reduced(self, how: str, axis: Any, options: Mapping[str, Any]) -> Any:
+        if isinstance(options.get("initial"), Series):
+            options = {**options, "initial": _alike({"own": self, "initial": options["initial"]})["initial"]}
         found = getattr(self.values, how)(axis=axis, **options)
         return replace(self, name=f"{how}({self.name})", values=found, terms=0.0) if np.ndim(found) else found
 
@@ -194,6 +204,8 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
             arrays, measured = _prepared(ufunc.__name__, inputs[:1] if folded else inputs, folded=folded)
         except UnitError as error:
             raise UnitError(f"{said}: {error.message}", expected=error.expected, hint=error.hint) from None
+        if isinstance(options.get("initial"), Series):
+            options["initial"] = _alike({"own": inputs[0], "initial": options["initial"]})["initial"]
         found = getattr(ufunc, method)(*arrays, *inputs[len(arrays) :], **options, **({"out": out} if out else {}))
         if measured is _PLAIN or out or (folded and not np.ndim(found)):
             return found
@@ -207,17 +219,19 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
             UnitError: It puts quantities of different dimensions side by side.
         """
         name = function.__name__
-        if options and (name in _METHODS or name in _TOGETHER):
-            args, options = _placed(function, args, options)
-        if name in _METHODS and isinstance(args[0], Series):
-            return getattr(args[0], _METHODS[name])(*args[1:], **options)
-        together = [args[k] for k in _TOGETHER.get(name, ()) if k < len(args)]
+        places = _parameters(function)[: len(args)] if name in _METHODS or name in _TOGETHER else ()
+        given = {**dict(zip(places, args, strict=True)), **options} if places or not args else dict(options)
+        if name in _METHODS and isinstance(given.get("a"), Series):
+            return getattr(given.pop("a"), _METHODS[name])(**given)
+        if name == "unwrap":
+            given.setdefault("period", _TURN)
         try:
-            common = same([Measure(x.unit) for x in _quantities([*together, *options.values()])]) if together else None
+            for group in _TOGETHER.get(name, ()):
+                given |= _alike({key: given[key] for key in group if key in given})
         except UnitError as error:
             raise UnitError(f"{name}: {error.message}", expected=error.expected, hint=error.hint) from None
-        given = [_bare(x, common.unit if common and k in _TOGETHER[name] else None) for k, x in enumerate(args)]
-        return function(*given, **{key: _bare(x, common.unit if common else None) for key, x in options.items()})
+        bare = [_bare(given.pop(key), None) for key in places] if places else [_bare(x, None) for x in args]
+        return function(*bare, **{key: _bare(x, None) for key, x in given.items()})
 
     __iadd__, __isub__ = NDArrayOperatorsMixin.__add__, NDArrayOperatorsMixin.__sub__
     __imul__, __itruediv__ = NDArrayOperatorsMixin.__mul__, NDArrayOperatorsMixin.__truediv__
@@ -301,26 +315,46 @@ _METHODS: Mapping[str, str] = {
 }  # fmt: skip
 """Functions of numpy that a ``Series`` has as methods."""
 
-_TOGETHER: Mapping[str, Sequence[int]] = {
-    **dict.fromkeys(("concatenate", "stack", "hstack", "vstack", "dstack", "column_stack", "block"), (0,)),
-    **dict.fromkeys(("append", "allclose", "isclose", "array_equal", "array_equiv", "isin", "union1d"), (0, 1)),
-    **dict.fromkeys(("intersect1d", "setdiff1d", "searchsorted", "digitize", "interp"), (0, 1)),
-    "where": (1, 2), "clip": (0, 1, 2), "insert": (0, 2), "linspace": (0, 1),
+_TOGETHER: Mapping[str, Sequence[Sequence[str]]] = {
+    **dict.fromkeys(("concatenate", "stack", "block"), (("arrays",),)),
+    **dict.fromkeys(("hstack", "vstack", "dstack", "column_stack"), (("tup",),)),
+    **dict.fromkeys(("allclose", "isclose"), (("a", "b", "atol"),)),
+    **dict.fromkeys(("array_equal", "array_equiv"), (("a1", "a2"),)),
+    **dict.fromkeys(("union1d", "intersect1d", "setdiff1d", "setxor1d"), (("ar1", "ar2"),)),
+    **dict.fromkeys(("linspace", "geomspace"), (("start", "stop"),)),
+    **dict.fromkeys(("histogram", "histogram_bin_edges"), (("a", "bins", "range"),)),
+    **dict.fromkeys(("nanmax", "nanmin", "nansum"), (("a", "initial"),)),
+    "append": (("arr", "values"),), "insert": (("arr", "values"),), "isin": (("element", "test_elements"),),
+    "searchsorted": (("a", "v"),), "digitize": (("x", "bins"),), "where": (("x", "y"),), "choose": (("choices",),),
+    "select": (("choicelist", "default"),), "clip": (("a", "a_min", "a_max", "min", "max"),),
+    "interp": (("x", "xp", "period"), ("fp", "left", "right"),), "diff": (("a", "prepend", "append"),),
+    "ediff1d": (("ary", "to_end", "to_begin"),), "pad": (("array", "constant_values", "end_values"),),
+    "nan_to_num": (("x", "nan", "posinf", "neginf"),), "unwrap": (("p", "discont", "period"),),
 }  # fmt: skip
-"""Functions that put quantities side by side or compare them -> which of their arguments have one unit."""
+"""Functions that put quantities side by side or compare them -> groups of their arguments, each of one unit."""
+
+_COMPILED: Mapping[str, Sequence[str]] = {"concatenate": ("arrays", "axis", "out"), "where": ("condition", "x", "y")}
+"""Parameters of functions that do not tell them before numpy 2.4."""
+
+_TURN = Series("turn", unit("rad"), np.array(2.0 * np.pi))
+"""What angles are unwrapped by, unless another period is said."""
 
 
-def _placed(
-    function: Any, args: Sequence[Any], options: Mapping[str, Any]
-) -> tuple[Sequence[Any], Mapping[str, Any]]:  # fmt: skip
-    """Return the arguments of a function, those that were given by name at their places as far as it says these."""
+def _parameters(function: Any) -> Sequence[str]:
+    """Return the names of the parameters of one of numpy's functions."""
     import inspect
 
-    try:
-        bound = inspect.signature(function).bind(*args, **options)
-    except (TypeError, ValueError):  # it has no signature, or refuses them itself
-        return args, options
-    return bound.args, bound.kwargs
+    return _COMPILED.get(function.__name__) or tuple(inspect.signature(function).parameters)
+
+
+def _alike(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return arguments as plain arrays, in the unit of the first that has one.
+
+    Raises:
+        UnitError: They are not of one dimension.
+    """
+    common = same([Measure(x.unit) for x in _quantities([*given.values()])])
+    return {key: _bare(x, common.unit) for key, x in given.items()}
 
 
 def _quantities(x: Any) -> Iterator[Series]:

@@ -17,6 +17,7 @@ ANGLE = Series("phi", unit("rad"), np.array([0.1, 0.2, -0.3, 0.4]))
 NUMBER = Series("k", unit("1"), np.array([1.0, 2.0, 3.0, 4.0]))
 UNKNOWN = Series("u", None, X)
 MILLIMETRES = Series("l", unit("mm"), np.array([1000.0, 2000.0, 500.0, 0.0]))
+TALL = Series("l", unit("mm"), np.array(9000.0))
 METRES = Series("h", unit("m"), np.array([1.0, 1.0, 0.5, 3.0]))
 
 
@@ -200,6 +201,21 @@ class TestAnArray:
         (np.allclose(METRES, METRES.to("mm")), True),
         (np.interp(METRES[:1], MILLIMETRES.to("mm")[[2, 0]], FORCE[:2]), [2.0]),
         (np.median(METRES[None], axis=(0, 1)), 1.0),
+        (np.allclose(METRES, METRES + 0.5, rtol=0.0, atol=TALL / 30), False),
+        (np.allclose(METRES, METRES + 0.5, 0.0, TALL / 30), False),
+        (np.isclose(METRES, METRES + 0.5, atol=TALL), [True] * 4),
+        (np.interp(METRES[3:], METRES[:2], FORCE[:2], right=Series("k", unit("kN"), np.array(0.007))), [7.0]),
+        (np.select([METRES > 0.9], [METRES], default=MILLIMETRES), [1, 1, 0.5, 3]),
+        (np.choose([0, 1, 1, 0], [METRES, MILLIMETRES]), [1, 2, 0.5, 3]),
+        (np.setxor1d(METRES, MILLIMETRES), [0, 2, 3]),
+        (np.diff(METRES, prepend=MILLIMETRES[1:2]), [-1, 0, -0.5, 2.5]),
+        (np.ediff1d(METRES[:2], to_begin=MILLIMETRES[1:2]), [2, 0]),
+        (np.histogram(METRES, bins=MILLIMETRES[[3, 2, 1]])[0], [0, 3]),
+        (np.pad(METRES[:1], 1, constant_values=TALL), [9, 1, 9]),
+        (np.nan_to_num(METRES / [1, 1, 1, np.nan], nan=TALL), [1, 1, 0.5, 9]),
+        (METRES.max(initial=TALL), 9.0), (np.nanmax(METRES, initial=TALL), 9.0), (np.max(METRES, initial=TALL), 9.0),
+        (np.add.reduce(METRES, initial=TALL), 14.5),
+        (np.unwrap(Series("x", unit("deg"), [0.0, 170.0, -20.0])), [0, 170, 340]),
     ],
 )  # fmt: skip
 def test_what_is_put_side_by_side_has_the_unit_of_the_first(found, expected):
@@ -212,7 +228,8 @@ def test_what_is_put_side_by_side_has_the_unit_of_the_first(found, expected):
     [
         lambda: np.concatenate([TORQUE, FORCE]), lambda: np.where(X > 0, METRES, FORCE),
         lambda: np.allclose(TORQUE, X * FORCE), lambda: np.clip(TORQUE, FORCE.min(), max=FORCE),
-        lambda: np.interp(METRES, ANGLE, FORCE),
+        lambda: np.interp(METRES, ANGLE, FORCE), lambda: np.interp(METRES, METRES, FORCE, left=METRES[:1]),
+        lambda: np.diff(TORQUE, prepend=FORCE[:1]), lambda: TORQUE.max(initial=TALL), lambda: np.unwrap(METRES),
     ],
 )  # fmt: skip
 def test_different_dimensions_do_not_stand_side_by_side(joined):

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
+from operator import truediv
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array, real
+from pinarm.engine.series import Series, require_unit
 from pinarm.errors import InputError
+from pinarm.input.units import DIMENSIONLESS, Unit, unit
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -17,17 +21,36 @@ if TYPE_CHECKING:
     from pinarm.mechanics.loading.pinocchio_layout import PinocchioLayout
 
 
-def refuse_foreign(mechanism: Mechanism, q: ArrayLike) -> None:
-    """Raise where configurations have the width of those of ``pin.buildModelFromUrdf``, and not pinarm's.
+def refuse_foreign(mechanism: Mechanism, q: ArrayLike, **rates: ArrayLike | None) -> None:
+    """Raise where arrays are not what the mechanism takes.
+
+    Args:
+        mechanism: The mechanism.
+        q: Configurations.
+        rates: ``v``, ``a`` and ``tau``, as far as they are given.
 
     Raises:
-        InputError: Says what converts them.
+        InputError: Configurations have the width of those of ``pin.buildModelFromUrdf``; says what converts them.
+        UnitError: A ``Series`` measures what no coordinate of the mechanism has.
     """
+    for name, x in {"q": q, **rates}.items():
+        if isinstance(x, Series):
+            require_unit(x, name, *_measures(mechanism, name))
     nq, shape = mechanism.model.nq, real(q, "q").shape
     layout = _foreign(mechanism) if shape and shape[-1] != nq else None
     if layout is not None and shape[-1] == layout.p_nq:
         raise InputError(f"q has the shape {shape}, as Pinocchio has it", expected=f"(..., {nq})",
                          hint=f"q, v = mechanism.from_pinocchio(q, v): {layout.words()}")  # fmt: skip
+
+
+def _measures(mechanism: Mechanism, name: str) -> set[Unit]:
+    """Return in what q, v, a or tau of the coordinates of a mechanism are measured."""
+    second, angles = unit("s"), [unit("rad")] if mechanism.balls else []
+    coordinates = {*(joint.unit for joint in mechanism.joints.values()), *angles}
+    if name == "tau":
+        return {unit("N*m" if own.dimension == DIMENSIONLESS.dimension else "N") for own in coordinates}
+    per = {"q": [], "v": [second], "a": [second, second]}[name]
+    return {reduce(truediv, per, own) for own in coordinates}
 
 
 def _foreign(mechanism: Mechanism) -> PinocchioLayout | None:

@@ -13,7 +13,7 @@ from pinarm.engine.constraints.batch_jacobians import rows_of
 from pinarm.engine.dynamics import mass_matrix
 from pinarm.engine.quantities.broadcasting import LeadingAxes, refuse_foreign
 from pinarm.engine.quantities.states import check_quaternions
-from pinarm.errors import InputError, choices
+from pinarm.errors import InputError, choices, require_name
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import UNIVERSE, frame_of
 
@@ -31,6 +31,7 @@ ALONG = ".along."
 
 def jacobian(mechanism: Mechanism, name: str, q: ArrayLike) -> Array:
     """Return the matrix J of ``x' = J v``; see ``Mechanism.jacobian``."""
+    require_name(name)
     leading, rows = _configurations(mechanism, q)
     of, _, axes = name.partition(ALONG)
     word, _, rest = of.partition(".")
@@ -73,7 +74,7 @@ def pinocchio_data(mechanism: Mechanism, q: ArrayLike, v: ArrayLike | None, a: A
         raise InputError(f"q has the shape {np.shape(q)}", expected=f"one state, shape ({model.nq},)")
     still = np.zeros(model.nv)
     given = {"q": (q, model.nq), "v": (still if v is None else v, model.nv), "a": (still if a is None else a, model.nv)}
-    refuse_foreign(mechanism, q)
+    refuse_foreign(mechanism, q, v=v, a=a)
     leading, states = LeadingAxes.fold(**given)
     check_quaternions(mechanism, leading, states[0])
     configuration, velocity, acceleration = (rows[0] for rows in states)

@@ -160,6 +160,10 @@ class Reactions:
         )
         return {"bodies": np.max([relative(left, size) for left, size in sizes], axis=0)}
 
+    def size(self) -> float:
+        """Return the largest sum of the terms of the forces on one body [N], of which reactions may be the rounding."""
+        return float(self.run.gather(self._balances)[:, 1, :, :3].max(initial=0.0))
+
     def _balances(self, dynamics: Dynamics, part: slice) -> Array:
         """Return what is missed and the sums of absolute terms, body by body, shape (k, 2, njoints - 1, 6)."""
         run, parents = self.run, self.model.parents.tolist()

@@ -22,7 +22,7 @@ from pinarm.engine.quantities.broadcasting import LeadingAxes, refuse_foreign
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series, require_unit
 from pinarm.engine.statics.actuation import Actuation, actuation, everywhere
-from pinarm.errors import InputError
+from pinarm.errors import InputError, require_map
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.ball_joints import configuration, places_of, positions_of, unit_of, velocities_of
 from pinarm.mechanics.laws.motion_law import SECOND, Grid
@@ -87,6 +87,7 @@ def configurations(mechanism: Mechanism, positions: Mapping[str, ArrayLike]) -> 
     Raises:
         InputError: A joint does not exist, or the shapes differ.
     """
+    require_map(positions, "positions", "{'knee': 0.5}")
     model, joints, balls = mechanism.model, mechanism.joints, mechanism.balls
     shape, columns = columns_of(positions, {name: (of,) for name, of in positions_of(joints, balls).items()})
     if all(name in joints for name in positions):
@@ -104,6 +105,7 @@ def rates(mechanism: Mechanism, values: Mapping[str, ArrayLike]) -> Array:
 
     Those of a ball joint J are ``J.angular_velocity.x`` and so on, in the axes of the link, whatever they are.
     """
+    require_map(values, "values of joints", "{'knee': 0.5}")
     known, places = velocities_of(mechanism.joints, mechanism.balls), places_of(mechanism.joints, mechanism.balls)
     for name in values:
         unit_of(name, known)
@@ -163,7 +165,7 @@ def quantities(
     if a is not None and tau is not None:
         raise InputError("accelerations and efforts are given", expected="one of them: the other one follows")
     rates = {name: (x, nv) for name, x in (("v", v), ("a", a), ("tau", tau)) if x is not None}
-    refuse_foreign(mechanism, q)
+    refuse_foreign(mechanism, q, v=v, a=a, tau=tau)
     leading, rows = LeadingAxes.fold(q=(q, nq), **rates)
     check_quaternions(mechanism, leading, rows[0])
     named = {name: x.copy() for name, x in zip(("q", *rates), rows, strict=True)}  # quantities are computed when asked
@@ -269,7 +271,7 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
         raise InputError(f"the joints of this mechanism are tied by {names}", expected="drives that carry the load",
                          hint="inverse(q, v, a, drives=[...])")  # fmt: skip
     nv, t = mechanism.model.nv, instant(t)
-    refuse_foreign(mechanism, q)
+    refuse_foreign(mechanism, q, v=v, a=a)
     leading, (q, v, a) = LeadingAxes.fold(q=(q, mechanism.model.nq), v=(v, nv), a=(a, nv))
     check_quaternions(mechanism, leading, q)
     demand = mechanism.dynamics.on(t, np.nextafter(t, np.inf)).inverse(t, q, v, a)
@@ -285,7 +287,7 @@ def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: floa
     t, nv = instant(t), mechanism.model.nv
     dynamics = mechanism.dynamics.on(t, np.nextafter(t, np.inf))
     given = {} if tau is None else {"tau": (tau, nv)}
-    refuse_foreign(mechanism, q)
+    refuse_foreign(mechanism, q, v=v, tau=tau)
     leading, (q, v, *efforts) = LeadingAxes.fold(q=(q, mechanism.model.nq), v=(v, nv), **given)
     check_quaternions(mechanism, leading, q)
     tau = efforts[0] if efforts else np.zeros_like(v)

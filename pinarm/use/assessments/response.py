@@ -273,4 +273,7 @@ class _Step:
             found.append(f"it has not settled to {100.0 * asked.band:g} % at the end of the run")
         if np.isnan(values["rise_time"]):
             found.append("it does not reach 90 % of the step")
+        if values["peak_time"] == self.end - self.begin and values["overshoot"] > PLATEAU:
+            found.append("it is farthest beyond its final value at the end of the run, and may go on: overshoot, peak "
+                         "and settling time are those of the run so far")  # fmt: skip
         return found

@@ -10,7 +10,7 @@ import numpy as np
 
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, choices
+from pinarm.errors import InputError, choices, require_name
 from pinarm.input.units import Unit
 from pinarm.records import ValueRecord, replace
 from pinarm.use.result.run_number import RunNumber
@@ -138,6 +138,7 @@ def read_number(text: str) -> AnyNumber:
     Raises:
         InputError: It cannot be read.
     """
+    require_name(text)
     key, dot, name = text.strip().partition(".")
     if key == EVENT and "@" not in text:
         return RunNumber(text.strip(), "start", text.strip())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -118,7 +118,7 @@ def refuse_keys_of_mechanism(values: Values) -> None:
     Raises:
         InputError: Says by which path a scenario changes them.
     """
-    for text in values:
+    for text in values if isinstance(values, Iterable) else ():  # what is none is refused where values are read
         path = str(text).partition("=")[0].strip()
         first = path.partition(".")[0]
         if first not in ScenarioFile.__struct_fields__ and (place := map_in_mechanism_file(first)) is not None:

@@ -21,7 +21,12 @@ WIDTH, HEIGHT, HEAD = 7.0, 1.7, 0.9
 """Inches: of a picture, of a panel, and for heading and horizontal labels."""
 
 FLAT = 1e-9
-"""Range below which a curve is drawn as constant: rounding must not be blown up to the height of the panel."""
+"""Range, relative to its size, below which a curve is drawn as constant: rounding must not be blown up to the height of
+the panel."""
+
+NOTHING = 1e-13
+"""Size below which it is drawn as 0: rounding of terms of some hundred, where nothing tells of those. What is known to
+be rounding is 0 before it is drawn; see ``Series.without_rounding``."""
 
 DRAWABLE = 1e300
 """Size from which on numbers are left out of pictures, as infinite ones are: ends of axes about them would overflow."""
@@ -168,13 +173,13 @@ def drawable(values: Array) -> Array:
 def limits(values: Array, margin: float = 0.0) -> tuple[float, float]:
     """Return the ends of an axis: those of the finite values and a margin; about a constant, where they are one.
 
-    What differs by rounding only is a constant: see ``FLAT``.
+    What differs by rounding only is a constant: see ``FLAT`` and ``NOTHING``.
     """
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
     size = max(abs(low), abs(high))
-    if high - low < FLAT * size or size < FLAT:
-        centre, half = ((low + high) / 2, 0.1 * size) if size >= FLAT else (0.0, 1.0)
+    if high - low < FLAT * size or size < NOTHING:
+        centre, half = ((low + high) / 2, 0.1 * size) if size >= NOTHING else (0.0, 1.0)
         return centre - half, centre + half
     return low - margin * (high - low), high + margin * (high - low)
 

@@ -67,11 +67,11 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
     own_ticks = along.name == ROW and len(run) <= FEW
     panels = []
     for index, name in enumerate(names):
-        series = result[name]
+        series = result[name].without_rounding()
         factor, unit = shown(series, how)
         curve = Line(along.values / scale, series.values / factor, COLOURS[index % len(COLOURS)], **look)
         bounds = _bounds(result, curve, name, factor)
-        marks = _marks([entry for entry in keys if entry.quantity == name], scale, factor)
+        marks = _marks([entry for entry in keys if entry.quantity == name], scale, factor, joined=not look)
         panels.append(Panel(
             (curve, *bounds, *marks), title=axis_label(series.name, unit, how), margin=0.05 if look else 0.01,
             across=axis_label(along.name, measured, how) if index == len(names) - 1 else "",
@@ -93,7 +93,7 @@ def graph(drawn: Graph, how: Presentation = PLAIN) -> Chart:
     """Return a graph of a section."""
     (scale, along), (own, measured) = shown(drawn.curves[0].across, how), shown(drawn.curves[0].up, how)
     lines = [
-        Line(curve.across.values / scale, curve.up.values / own, colour, label=plain(curve.label),
+        Line(curve.across.values / scale, curve.up.without_rounding().values / own, colour, label=plain(curve.label),
              **(POINTS if curve.points else {"style": style}))
         for curve, (style, colour) in zip(drawn.curves, cycle(product(STYLES, COLOURS)))
     ]  # fmt: skip
@@ -148,12 +148,15 @@ def _over_run(at: str | dict[str, str | int | float]) -> bool:
     return isinstance(at, str) and (at == "all" or is_figure(at))
 
 
-def _marks(printed: list[Printed], scale: float, own: float) -> Iterator[Line]:
-    """Yield published figures over a curve: circles where they hold, crosses and dashes where they are wrong."""
+def _marks(printed: list[Printed], scale: float, own: float, *, joined: bool) -> Iterator[Line]:
+    """Yield published figures over a curve: circles where they hold, crosses and dashes where they are wrong.
+
+    Formulas are dashes between rows that are ``joined``, and marks at rows that stand for themselves.
+    """
     labelled: set[str] = set()
     for one in printed:
-        curve, wrong = isinstance(one.y, np.ndarray), one.verdict in ERRATA
-        label = "printed formula" if curve else "published"
+        formula, wrong = isinstance(one.y, np.ndarray), one.verdict in ERRATA
+        curve, label = formula and joined, "printed formula" if formula else "published"
         label += f", a {one.verdict.replace('_', ' ')}" if wrong else ""
         yield Line(
             np.atleast_1d(one.x / scale), np.atleast_1d(one.y / own), WRONG if wrong else "#000000", 1.0,

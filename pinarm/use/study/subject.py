@@ -37,6 +37,8 @@ def subject(given: Subject, values: Values | None = None) -> Scenario | Mechanis
         return load(given, values)
     file = Path(given)
     refuse_ambiguous(file)
-    if file.suffix in (".yaml", ".yml") and "problem" in (Document.read(file).data or {}):
-        return Scenario.load(file, values)
+    if file.suffix in (".yaml", ".yml"):
+        data = Document.read(file).data
+        if isinstance(data, Mapping) and "problem" in data:
+            return Scenario.load(file, values)
     return Mechanism.load(given, values=values)

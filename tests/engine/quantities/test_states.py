@@ -107,6 +107,44 @@ def test_what_has_a_unit_is_taken_in_it(arm):
     assert np.array_equal(arm.inverse(q[0], v, v, t=measured(500.0, "ms")), arm.inverse(q[0], v, v, t=0.5))
 
 
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"q": "N"}, "q is in N\n  expected: a unit such as rad"), ({"q": "m"}, "q is in m"),
+        ({"v": "rad"}, "v is in rad"),
+        ({"v": "m/s"}, "v is in m/s"), ({"a": "rad/s"}, "a is in rad/s"), ({"tau": "N"}, "tau is in N\n"),
+    ],
+)  # fmt: skip
+def test_arrays_that_measure_something_else_are_refused(arm, given, message):
+    """Of two turning joints; those in units that fit are taken in these, as below."""
+    arrays = {name: measured([1.0, 2.0], given.get(name, own)) for name, own in FITS.items()}
+    q, v, a, tau = arrays.values()
+    calls = [
+        lambda: arm.inverse(q, v, a), lambda: arm.forward(q, v, tau), lambda: arm.at(q, v, a),
+        lambda: pinarm.result(arm, [0.0], q[None], v[None], a[None], tau[None]),
+    ]  # fmt: skip
+    found = [str(error) for call in calls for error in [refusal(call)] if error]
+    assert len(found) >= 2
+    assert all(message in text for text in found)
+
+
+FITS = {"q": "deg", "v": "rpm", "a": "deg/s^2", "tau": "N*mm"}
+
+
+def refusal(call):
+    try:
+        call()
+    except PinarmError as error:
+        return error
+    return None
+
+
+def test_arrays_in_other_units_are_those_in_si(arm):
+    q, v, a, tau = (measured([1.0, 2.0], own) for own in FITS.values())
+    assert arm.inverse(q, v, a) == pytest.approx(arm.inverse(q.si, v.si, a.si), rel=1e-14)
+    assert arm.forward(q, v, tau) == pytest.approx(arm.forward(q.si, v.si, [1e-3, 2e-3]), rel=1e-14)
+
+
 @pytest.mark.parametrize("t", ["1 s", np.nan, [0.0, 1.0], None, measured(1.0, "mm")])
 def test_what_is_no_instant_is_refused(arm, t):
     zero = np.zeros(2)

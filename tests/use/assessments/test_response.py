@@ -70,6 +70,16 @@ def test_what_the_run_does_not_come_to_is_told(step):
     assert any("not settled" in remark for remark in section.remarks)
 
 
+@pytest.mark.parametrize(("end", "told"), [(0.4, True), (0.35, False), (0.66, False), (4.0, False)])
+def test_a_run_that_ends_on_the_way_up_says_so(step, end, told):
+    """At 0.4 s it passes 1.0186 on its way to 1.3723, which it reaches at 0.6587 s; at 0.35 s it is at 0.86."""
+    step["problem"] = {**step["problem"], "time": {"end": f"{end} s", "samples": 11}}
+    section = pinarm.run(step).sections["response"]
+    assert any("may go on" in remark for remark in section.remarks) == told
+    reached = max(exact(np.linspace(0.0, end, 1_000_001)).max() - 1.0, 0.0)
+    assert section.numbers["overshoot"].values[0] == pytest.approx(reached, abs=1e-7)
+
+
 @pytest.mark.parametrize("asked, said", [
     ({"of": "y"}, "y"), ({"of": "x", "final": "1 m"}, "unit"), ({"of": "x", "begin": "9 s"}, "does not come"),
     ({"of": "x", "final": "0 rad"}, "no step"), ({"of": "x", "initial": "0 m"}, "not a unit"),

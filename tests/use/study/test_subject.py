@@ -36,3 +36,32 @@ def test_what_is_neither_is_told(about):
         about(3)
     with pytest.raises(InputError, match="the mechanism is given as such, which other values do not change"):
         about(pinarm.Mechanism.load("panda"), {"gravity": "none"})
+
+
+@pytest.mark.parametrize("about", [pinarm.quantities, pinarm.explain])
+@pytest.mark.parametrize("text", ["3", "true", "a problem", "2.5"])
+def test_a_file_that_holds_no_map_is_told(about, text, tmp_path):
+    (tmp_path / "m.yaml").write_text(text)
+    with pytest.raises(InputError, match="expected: a map of keys"):
+        about(tmp_path / "m.yaml")
+
+
+ARM = ROOT / "models" / "gen411_arm" / "mechanism.yaml"
+SWING = ROOT / "scenarios" / "gen411_arm_swing.yaml"
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: pinarm.Mechanism.load(ARM).configurations([1.0]), "no map of positions"),
+        (lambda: pinarm.Mechanism.load(ARM).rates(None), "no map of values of joints"),
+        (lambda: pinarm.Mechanism.load(ARM).jacobian(3, [0.0, 0.0]), "int is no name"),
+        (lambda: pinarm.run(SWING, 3), "other values are given as '3'"),
+        (lambda: pinarm.batch(SWING, 3), "3 is no map of position"),
+        (lambda: pinarm.batch(SWING, {"O": [0.1]}).reduced("O"), "O is no map of quantities"),
+        (lambda: pinarm.batch(SWING, {"O": [0.1]}).numbers(3), "int is no name"),
+    ],
+)
+def test_what_has_another_type_is_told(call, message):
+    with pytest.raises(InputError, match=message):
+        call()

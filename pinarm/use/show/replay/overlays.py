@@ -14,6 +14,7 @@ from pinarm.engine.constraints.nullspaces.nullspace import ACTS
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.reactions import Reactions
+from pinarm.engine.series import ROUNDING
 from pinarm.errors import InputError, choices
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.geometry.pinocchio_data import new_data
@@ -187,7 +188,7 @@ def arrows(run: Trajectory, nodes: Sequence[Node], kinds: Sequence[str]) -> list
             raise InputError(f"there are no arrows of '{kind}'", expected=expected, hint=hint)
     if wanted and run.no_efforts:
         raise InputError(f"arrows of {', '.join(wanted)}: {run.no_efforts}", hint="kind: inverse")
-    makers = {"forces": _forces, "torques": _torques, "reactions": _reactions}
+    makers = {"forces": _forces, "torques": _torques, "reactions": _felt}
     found = [arrow for kind in wanted for arrow in makers[kind](run, nodes)]
     return [arrow for arrow in found if arrow.largest > 0.0]
 
@@ -249,6 +250,13 @@ def _torques(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
     for joint in run.mechanism.joints.values():
         node = nodes[joint.index]
         yield Arrow("torques", BodyPoint(joint.index, np.zeros(3)), node.kind == "turn", run.tau[:, joint.v], node.axis)
+
+
+def _felt(run: Trajectory, nodes: Sequence[Node]) -> list[Arrow]:
+    """Return the reactions but for those that are rounding of what they balance, as those of a body that flies."""
+    found = list(_reactions(run, nodes))
+    least = ROUNDING * Reactions(run).size() if found else 0.0
+    return [arrow for arrow in found if arrow.largest > least]
 
 
 def _reactions(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:

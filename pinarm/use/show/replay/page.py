@@ -237,7 +237,7 @@ def _with_bounds(quantities: Quantities, names: Sequence[str]) -> Iterator[Serie
 
 def _curve(series: Series, how: Presentation, rows: Indices, colour: str, packing: Packing) -> Plain:
     """Return a plot: its values at the rows, as they are shown."""
-    drawn = how.shown(series)
+    drawn = how.shown(series.without_rounding())
     values: Array = drawn.values[rows]
     if not np.isfinite(values).all():
         raise InputError(f"{series.name} is not finite everywhere, and cannot be plotted")

@@ -14,7 +14,7 @@ from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.quantities.states import columns_of
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, choices
+from pinarm.errors import InputError, choices, require_map
 from pinarm.input.units import unit
 
 
@@ -44,6 +44,8 @@ class Starts:
         Raises:
             InputError: A joint has not one coordinate or follows a law, or the numbers of values differ.
         """
+        for given_as, values in (("position", position), ("velocity", velocity)):
+            require_map(values, given_as, f"{given_as}={{'knee': [0.1, 0.2]}}")
         for name in (*position, *velocity):
             if name not in mechanism.joints or name in hybrid.prescribed.names:
                 free = [joint for joint in mechanism.joints if joint not in hybrid.prescribed.names]

@@ -9,7 +9,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, NumericsError, choices
+from pinarm.errors import InputError, NumericsError, choices, require_map
 from pinarm.input.units import Unit
 from pinarm.use.study.batch.block import Block
 
@@ -53,6 +53,7 @@ class ColumnReduction:
         Raises:
             InputError: There is no such measure.
         """
+        require_map(given, "quantities and measures", "{'A_y': ['max', 95]}")
         found = []
         for name, measures in given.items():
             for measure in [measures] if isinstance(measures, str | int | float) else measures:

@@ -20,6 +20,7 @@ from pinarm.input.yaml.key_path import argument_of
 from pinarm.input.yaml.values import Values, written_unit
 from pinarm.use.cases.case import WORTH, Taken, Task, Wanted, WhereReached
 from pinarm.use.result.presentation import Presentation
+from pinarm.use.result.run_number import RunNumber
 from pinarm.use.result.section_number import SectionNumber
 from pinarm.use.scenario.scenario import Given, Scenario, declared_unit, load
 from pinarm.use.study.sweep.axes import MOST, Axis, Cases, Distribution, Sampling, draw
@@ -82,12 +83,14 @@ class Sweep:
         return {series.name: series for series in (*self.cases.table(), *self.columns)}
 
     def __getitem__(self, name: str) -> Series:
-        """Return a column by name.
+        """Return a column by name; that of a number as it may be asked for: ``C_B @ max(C_B)`` is ``C_B @ max``.
 
         Raises:
             InputError: There is none of that name; the message lists those there are.
         """
         require_name(name)
+        if name not in self.table and "@" in name:
+            name = RunNumber.read(name).label
         if name not in self.table:
             expected, hint = choices(name, self.table)
             raise InputError(f"the sweep has no column '{name}'", expected=expected, hint=hint)
@@ -293,7 +296,7 @@ def _axes(
         )
     if seed < 0:
         raise InputError(f"the seed is {seed}", expected="a whole number from 0")
-    if samples is not None and not drawn:
+    if (samples is not None or how != "random") and not drawn:
         raise InputError("there is nothing to draw samples of", expected="a distribution, such as normal(0.25, 0.01) m")
     if drawn and samples is not None:
         yield draw(drawn, samples, seed, how)

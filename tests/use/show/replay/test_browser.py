@@ -341,6 +341,47 @@ def test_names_do_not_cover_each_other(solved: Callable[..., Any], shown: Callab
         assert all(one[0] >= b[2] or one[2] <= b[0] or one[1] >= b[3] or one[3] <= b[1] for b in boxes[:k])
 
 
+def test_names_leave_the_legend_free(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
+    page = shown(solved("counterweighted_door_falling"), named=True, arrows=["all"])
+    page.evaluate("replay.picture(), replay.show(0.5)")
+    names, legend = (
+        page.evaluate(
+            f"[...document.querySelectorAll('{which}')].filter((e) => e.style.visibility !== 'hidden')"
+            ".map((e) => e.getBoundingClientRect()).map((r) => [r.left, r.top, r.right, r.bottom])"
+        )
+        for which in ("#names span", "#legend li")
+    )
+    assert len(names) > 5
+    assert len(legend) == 3
+    for one in names:
+        assert all(one[0] >= b[2] or one[2] <= b[0] or one[1] >= b[3] or one[3] <= b[1] for b in legend)
+
+
+def test_names_of_plots_are_whole(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
+    """joint.root.angular_velocity.x, y and z differ at their ends."""
+    page = shown(solved("brick_thrown"))
+    page.evaluate("replay.picture(), replay.show(0)")
+    cut = page.evaluate(
+        "[...document.querySelectorAll('figcaption span')]"
+        ".filter((e) => e.scrollWidth > e.clientWidth || e.scrollHeight > e.clientHeight + 1).map((e) => e.textContent)"
+    )
+    assert cut == []
+
+
+def test_numbers_of_any_size_are_told_and_drawn(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
+    """14.715 pN*m at phi = 0, half of it at the ends; and 1.5e-20 N*m, of which a curve might be rounding."""
+    result = solved("gen411_arm_static")
+    page = shown(result, "#phi=0", plots=["C_B*1e-11", "C_B*1e-20"])
+    page.evaluate("replay.show(0)")
+    told = "[...document.querySelectorAll('figcaption output')].map((one) => one.textContent)"
+    assert page.evaluate(told) == ["1.472e\u221211 N·m", "1.472e\u221220 N·m"]
+    heights = page.evaluate(
+        "document.querySelector('#plots .curve').getAttribute('d').match(/[0-9.]+ [0-9.]+/g)"
+        ".map((at) => +at.split(' ')[1])"
+    )
+    assert heights[0] - min(heights) > 50.0  # pixels
+
+
 @pytest.mark.slow
 def test_numbers_of_plots_are_whole(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
     """Forces of 2000 N that differ by some hundredths have numbers of seven digits, which stand in the picture."""

@@ -36,6 +36,14 @@ def test_reactions_that_rigid_bodies_do_not_determine_are_not_drawn(
     assert page.scene["arrows"] == []
 
 
+def test_a_body_that_flies_feels_no_reactions(solved: Callable[..., Any], read: Callable[..., Any]) -> None:
+    """Those of its floating joint are 4e-15 N of rounding, beside a weight of 20 N; and a hinge feels the weights."""
+    assert {arrow["of"] for arrow in read(solved("brick_thrown").replay(arrows=["all"]).html).scene["arrows"]} == {
+        "forces"
+    }
+    assert len(read(solved("gen411_arm_static").replay(arrows=["reactions"]).html).scene["arrows"]) == 2
+
+
 def test_of_planar_loops_the_forces_in_the_plane_are_drawn(
     solved: Callable[..., Any], read: Callable[..., Any]
 ) -> None:

@@ -269,6 +269,14 @@ def test_a_series_is_taken_in_its_unit(path: Path, unit: str, values: list[float
     assert str(swept["problem.over.pivot.to"].unit) == unit
 
 
+def test_a_column_is_named_as_it_was_asked_for(held: pinarm.Scenario) -> None:
+    swept = pinarm.sweep(held, {"arguments.m": [1.0, 2.0]}, results=["M @ max(M)", "M @  min"], workers=1)
+    assert swept["M @ max(M)"].tolist() == swept["M @ max"].tolist()
+    assert swept["M @  min"].tolist() == swept["M @ min"].tolist()
+    with pytest.raises(PinarmError, match="the sweep has no column 'M @ rms'"):
+        swept["M @ rms"]
+
+
 def test_samples_are_drawn_where_something_is_to_be_drawn(held: pinarm.Scenario) -> None:
     with pytest.raises(PinarmError, match=r"'arguments\.m' is to be drawn"):
         pinarm.sweep(held, {"arguments.m": "normal(2, 0.1)"})

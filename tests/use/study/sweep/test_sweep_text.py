@@ -57,6 +57,7 @@ def test_json_is_for_machines(capsys: pytest.CaptureFixture[str]) -> None:
         (["--over", "arguments.x=1, 2"], "the model has no argument 'x'"),
         (["--over", MASSES, "--result", "N"], "error: --result N: there is no quantity 'N'"),
         (["--over", MASSES, "--sample", "3"], "nothing to draw samples of"),
+        (["--over", MASSES, "--lhs"], "nothing to draw samples of"),
         (["--over", "arguments.m=normal(1, 2)"], "to be drawn"),
         (["--over", MASSES, "-j", "0"], "0 workers solve nothing"),
         (["--cases", "none.csv"], "there is no file none.csv"),

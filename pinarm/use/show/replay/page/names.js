@@ -38,6 +38,15 @@ class Names {
     document.getElementById("named").setAttribute("aria-pressed", String(this.shown));
   }
 
+  /** Return the boxes of what stands over the picture beside the names. */
+  others() {
+    const { left, top } = this.layer.getBoundingClientRect();
+    return Array.from(document.querySelectorAll("#legend li, #compass, #view button"), (element) => {
+      const box = element.getBoundingClientRect();
+      return [box.left - left, box.top - top, box.right - left, box.bottom - top];
+    });
+  }
+
   /** Put the names beside their points, or farther away with a line to them; those without room are hidden. */
   draw() {
     if (!this.shown) return;
@@ -47,7 +56,7 @@ class Names {
       const place = this.motion.point(node, point).applyMatrix4(world.matrixWorld).project(viewer.camera);
       return [((place.x + 1) / 2) * page[0], ((1 - place.y) / 2) * page[1], place.z];
     });
-    const taken = [];
+    const taken = this.others();
     const lines = [];
     this.entries.forEach((entry, k) => {
       const found = points[k][2] > 1 ? null : free(entry, points[k], points, taken, page);
@@ -62,7 +71,7 @@ class Names {
   }
 }
 
-/** Return the nearest place at which a name covers no other name and no other point, or null; its last one if it can. */
+/** Return the nearest place at which a name covers nothing else and no other point, or null; its last one if it can. */
 function free(entry, [x, y], points, taken, [width, height]) {
   const [wide, high] = [entry.element.offsetWidth, entry.element.offsetHeight];
   const place = (k) => {

@@ -4,6 +4,7 @@ const SVG = "http://www.w3.org/2000/svg";
 const MARGIN = { left: 50, right: 16, top: 5, bottom: 17 };
 const DIGIT = 6.5; // pixels: width of a digit of the numbers beside an axis
 const HEIGHT = 104;
+const NOTHING = 1e-13; // size below which a curve is drawn as 0: see `chart.py`
 const LEAST = 64; // pixels: height below which pictures get a further column of plots
 
 function plots(scene, array, motion, seek) {
@@ -19,13 +20,15 @@ function fit(made, resize) {
   const aside = document.getElementById("plots");
   document.body.classList.add("picture");
   if (!made.length) return;
-  const caption = made[0].figure.offsetHeight - made[0].svg.clientHeight + 8;
-  const room = (columns) => (aside.clientHeight - 20) / Math.ceil(made.length / columns) - caption;
-  let columns = 1;
-  while (room(columns) < LEAST && columns < 4) columns += 1;
-  aside.style.setProperty("--columns", columns);
-  aside.style.setProperty("--share", `${[36, 46, 56, 62][columns - 1]}%`);
-  for (const plot of made) plot.height = Math.min(HEIGHT, Math.max(24, Math.floor(room(columns))));
+  const room = (columns) => {
+    aside.style.setProperty("--columns", columns);
+    aside.style.setProperty("--share", `${[36, 46, 56, 62][columns - 1]}%`);
+    const caption = Math.max(...made.map((plot) => plot.figure.firstChild.offsetHeight)) + 16;
+    return (aside.clientHeight - 20) / Math.ceil(made.length / columns) - caption;
+  };
+  let [columns, height] = [1, room(1)];
+  while (height < LEAST && columns < 4) height = room(columns += 1);
+  for (const plot of made) plot.height = Math.min(HEIGHT, Math.max(24, Math.floor(height)));
   resize();
 }
 
@@ -52,6 +55,7 @@ class Plot {
     this.svg = svg("svg", { height: HEIGHT });
     this.figure.append(caption, this.svg);
     this.range = bounds(values);
+    this.noise = 1e-9 * largest(values);
     const drag = (event) => {
       if (!(event.buttons & 1) && event.type !== "pointerdown") return;
       const share = (event.clientX - this.svg.getBoundingClientRect().left - this.left) / this.width;
@@ -118,13 +122,17 @@ class Plot {
     if (!this.cursor) return;
     const [y] = this.motion.blend(this.values, 1, at);
     const x = this.x(this.motion.discrete ? this.motion.rows[at[0]] : value);
-    const noise = 1e-9 * Math.max(...this.range.map(Math.abs));
-    this.now.textContent = shown(Math.abs(y) < noise ? 0 : y) + suffix(this.plot.unit);
+    this.now.textContent = shown(Math.abs(y) < this.noise ? 0 : y) + suffix(this.plot.unit);
     this.cursor.setAttribute("x1", x);
     this.cursor.setAttribute("x2", x);
     this.dot.setAttribute("cx", x);
     this.dot.setAttribute("cy", this.y(y));
   }
+}
+
+/** Return the largest size of values. */
+function largest(values) {
+  return values.reduce((most, value) => Math.max(most, Math.abs(value)), 0);
 }
 
 /** Return the range of an axis: that of the values with a margin, or about a constant. */
@@ -135,8 +143,8 @@ function bounds(values) {
     high = Math.max(high, value);
   }
   const size = Math.max(Math.abs(low), Math.abs(high));
-  if (high - low < 1e-6 * size || size < 1e-9) { // rounding must not be blown up to the height of the axis
-    const [centre, half] = size < 1e-9 ? [0, 1] : [(low + high) / 2, 0.1 * size];
+  if (high - low < 1e-6 * size || size < NOTHING) { // rounding must not be blown up to the height of the axis
+    const [centre, half] = size < NOTHING ? [0, 1] : [(low + high) / 2, 0.1 * size];
     return [centre - half, centre + half];
   }
   const margin = 0.06 * (high - low);
