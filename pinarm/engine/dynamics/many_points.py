@@ -28,6 +28,7 @@ from pinarm.engine.constraints.nullspaces.sparse_rows import largest_eigenvalue
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import sparse_mass_matrix
 from pinarm.engine.dynamics.pinocchio_constraints import (
+    BESIDE,
     ITERATIONS,
     MET,
     NOISE,
@@ -277,6 +278,11 @@ class ManyPointConstraints:
     def exact(self) -> pin.ProximalSettings:
         """How accelerations are solved for."""
         return pin.ProximalSettings(MET, PROXIMAL * self.scale, ITERATIONS)
+
+    @property
+    def beside(self) -> pin.ProximalSettings:
+        """The same next to singular positions."""
+        return pin.ProximalSettings(MET, PROXIMAL * self.scale, BESIDE)
 
     def tolerant(self, q: Array, rank: int) -> pin.ProximalSettings:
         """Return the same for states whose redundant points are not quite closed, as they are within steps.

@@ -34,6 +34,11 @@ TiedPoint = tuple[int, pin.SE3, int, pin.SE3]
 PROXIMAL, ITERATIONS = 1e-10, 3
 """Proximal term of accelerations, relative to the smallest Delassus diagonal, and iterations."""
 
+BESIDE = 20
+"""Iterations next to singular positions, where the least eigenvalue of the Delassus matrix comes down to the proximal
+term: each leaves that term, over the sum of both, of what is missing. With 3 of them free four-bars whose masses are
+1e3 apart lost up to 1e-3 of their speed beside change points, at every tolerance."""
+
 MET = 1e-12
 """What the iteration may leave of the rows, where it ends [m/s^2]."""
 
@@ -159,6 +164,11 @@ class PointConstraints(Record, frozen=True):
     def exact(self) -> pin.ProximalSettings:
         """How accelerations are solved for."""
         return pin.ProximalSettings(MET, PROXIMAL * self.scale, ITERATIONS)
+
+    @property
+    def beside(self) -> pin.ProximalSettings:
+        """The same next to singular positions."""
+        return pin.ProximalSettings(MET, PROXIMAL * self.scale, BESIDE)
 
     def tolerant(self, q: Array, rank: int) -> pin.ProximalSettings:
         """Return the same for states whose redundant points are not quite closed, as they are within steps.

@@ -53,6 +53,9 @@ AGREED, SHORT = 1e-7, 1e-3
 """Largest disagreement of redundant rows, relative to their terms: loops closed to rounding leave 1e-12. And the length
 with which centripetal terms are compared that have vanished but for rounding."""
 
+PART = 0.1
+"""Part of a row in a combination of length 1 that all but vanishes, from which on it is named."""
+
 ITERATIONS, POLISHED = 60, 4
 """Most steps until a position is closed, and from there on until its gap is rounding."""
 
@@ -446,6 +449,20 @@ def _solve(rows: Array, right: Array) -> Array:
     )
 
 
+def tied(rows: Array, rank: int, names: Sequence[str]) -> str:
+    """Return what depends on each other: the names of the rows with a part in a combination that all but vanishes.
+
+    Args:
+        rows: Shape (m, nv).
+        rank: That of rows in a position of no special kind.
+        names: What they belong to.
+    """
+    size = np.linalg.norm(rows, axis=1)
+    units = np.where(size > RANK * size.max(), size, 1.0)  # a part does not hang on the unit of its row
+    weak = np.linalg.svd(rows / units[:, None])[0][:, rank - 1]
+    return ", ".join(dict.fromkeys(name for name, part in zip(names, weak, strict=True) if abs(part) > PART))
+
+
 def check_rank(rows: Array, names: Sequence[str], t: float) -> None:
     """Raise where rows do not determine the velocity of every joint.
 
@@ -460,10 +477,9 @@ def check_rank(rows: Array, names: Sequence[str], t: float) -> None:
     nv = rows.shape[1]
     singular = singular_values(rows)
     if len(rows) < nv or not singular[nv - 1] > SINGULAR * singular[0]:
-        weak = np.linalg.svd(rows)[0][:, min(len(rows), nv) - 1]
-        tied = dict.fromkeys(name for name, weight in zip(names, weak, strict=True) if abs(weight) > 0.1)
+        found = tied(rows, min(len(rows), nv), names)
         raise AssemblyError(
-            f"the position is singular at {instant(t)}: {', '.join(tied)} do not move independently there",
+            f"the position is singular at {instant(t)}: {found} do not move independently there",
             expected="prescribed coordinates that determine the velocity of every joint",
             hint="a motion that keeps clear of the straight or folded position; at a change point a start and rows "
             "beside it, between which the motion passes it; or other coordinates",

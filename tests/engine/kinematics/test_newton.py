@@ -1,3 +1,4 @@
+import math
 import re
 from contextlib import nullcontext
 from pathlib import Path
@@ -186,6 +187,14 @@ class TestUnreachable:
         )
         with pytest.raises(AssemblyError, match="first, angle do not move independently"):
             moved(arm, {"first": Constant(value=1.0), "angle": Constant(value=1.0)}, [0.0, 1.0], {})
+
+    def test_what_a_short_rod_holds_is_named_beside_it(self, mechanism, chain):
+        """Its row is as short as its lever, 1 mm: that of an angle is 1."""
+        short = {"kind": "rod", "between": ["base", "second_link"], "length": f"{math.hypot(1.0, 1e-3)} m"}
+        arms = chain({"name": "first", "at": "0 1e-3 0"}, {"name": "second", "at": "1 0 0"})
+        arm = mechanism(arms, loops={"L": short})
+        with pytest.raises(AssemblyError, match="singular at 0: L, first do not move independently"):
+            moved(arm, {"first": Constant(value=0.0)}, [0.0, 1.0], {})
 
     def test_a_coordinate_that_nothing_moves_is_refused(self, mechanism, chain):
         tilt = {"tilt": {"kind": "rotation", "body": "first_link", "about": "x"}}

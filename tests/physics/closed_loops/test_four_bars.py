@@ -171,6 +171,25 @@ def test_beside_a_change_point_the_linkage_turns_and_keeps_its_energy(solve, sho
     assert (crank.max() > 2.0 * np.pi) == (shorter > 0.0)
 
 
+@pytest.mark.parametrize(("lengths", "shorter", "masses"), [
+    ((0.187, 0.305, 0.307), 1.5e-7, (10.0, 170.0, 0.0069)), ((0.179, 0.430, 0.261), 2.9e-9, (2.1, 86.0, 0.11)),
+    ((0.144, 0.454, 0.422), 1.4e-9, (2.1, 48.0, 0.036)),
+])  # fmt: skip
+def test_bars_of_unlike_masses_turn_beside_a_change_point_as_their_energy_says(solve, lengths, shorter, masses):
+    """At any tolerance the accelerations there took up to 1e-3 of the speed."""
+    a, b, c = lengths
+    linkage = FourBar(a, b, c, b + c - a - shorter, *masses)
+    theta3, theta4 = linkage.angles(1.0)
+    named = {name: getattr(linkage, name) for name in ("a", "b", "c", "d", "m2", "m3", "m4")}
+    found = solve("crank_rocker", "forward", arguments=named, end=0.75, samples=61,
+                  start={"A": float(theta3) - 1.0, "theta4": float(theta4)},
+                  initial={"position": {"theta2": 1.0}, "velocity": {"theta2": 8.0}})  # fmt: skip
+    crank, energy = found["theta2"].values, 32.0 * linkage.inertia(1.0) + linkage.potential(1.0)
+    assert crank[-1] > 2.0 * np.pi
+    speed = np.sqrt(2.0 * (energy - linkage.potential(crank)) / linkage.inertia(crank))
+    assert found["omega2"].values == pytest.approx(speed, rel=1e-7)  # 1e-9 is left of rounding
+
+
 @pytest.mark.parametrize("shorter", [1e-9, -1e-9, 1e-10])
 def test_where_rounding_decides_whether_a_change_point_is_passed_the_motion_is_refused(outcome, shorter):
     with pytest.raises(NumericsError, match="goes through it or turns beside it"):

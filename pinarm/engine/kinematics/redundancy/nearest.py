@@ -30,7 +30,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.kinematics.abscissa import instant
-from pinarm.engine.kinematics.newton import CONTRACTION, CUTS_A_ROW, REACH, SINGULAR, SMALLEST, NewtonSolver
+from pinarm.engine.kinematics.newton import CONTRACTION, CUTS_A_ROW, REACH, SINGULAR, SMALLEST, NewtonSolver, tied
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.redundancy.posture import Posture
 from pinarm.errors import AssemblyError
@@ -158,7 +158,7 @@ class NearestSolver:
         u, s, vt = np.linalg.svd(rows)
         r = self.rank
         if len(s) < r or (r and not s[r - 1] > SINGULAR * s[0]):
-            raise self._singular(u[:, min(len(s), r) - 1], t)
+            raise self._singular(rows, min(len(s), r), t)
         return _Point(q, state, rows, vt[:r].T @ (u[:, :r] / s[:r]).T, vt[r:].T, self.posture.pull(q))
 
     def settled(self, q: Array, w: Array, t: float) -> Array:
@@ -336,9 +336,9 @@ class NearestSolver:
             point = self.point(state.q, state.t)
         except AssemblyError as error:
             return error
-        u, s, _ = np.linalg.svd(point.rows)
+        s = np.linalg.svd(point.rows, compute_uv=False)
         if self.rank and s[self.rank - 1] < WEAK * s[0]:
-            return self._singular(u[:, self.rank - 1], state.t)
+            return self._singular(point.rows, self.rank, state.t)
         if state.bent[1] < FLAT:
             return self._undetermined(point, state.bent[0], state.t)
         return AssemblyError(
@@ -346,10 +346,10 @@ class NearestSolver:
             expected="a path that moves by less than a turn between two rows", hint="more samples, or a slower law",
         )  # fmt: skip
 
-    def _singular(self, weak: Array, t: float) -> AssemblyError:
-        tied = dict.fromkeys(name for name, weight in zip(self.newton.names, weak, strict=True) if abs(weight) > 0.1)
+    def _singular(self, rows: Array, rank: int, t: float) -> AssemblyError:
+        found = tied(rows, rank, self.newton.names)
         return AssemblyError(
-            f"the position is singular at {instant(t)}: {', '.join(tied)} do not move independently there",
+            f"the position is singular at {instant(t)}: {found} do not move independently there",
             expected="a path on which the prescribed coordinates, and joints held at their limits, are independent",
             hint="a path that keeps clear of the stretched or folded arm, or another posture", t=t,
         )  # fmt: skip

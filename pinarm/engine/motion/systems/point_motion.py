@@ -70,6 +70,7 @@ class PointMotion:
         self.places = [joint_at(points.tied.model, v).idx_q for v in points.tied.driven]
         self.dynamics, self.exact = dynamics, points.exact
         self.free = points.acceleration(dynamics, targets, self.exact)
+        self.beside = points.acceleration(dynamics, targets, points.beside)
         self.tolerant: tuple[pin.ProximalSettings, Acceleration] | None = None
         self.near, self.rank, self.looked, self.rows = True, 0, False, np.empty((0, 0))
         self.regular, self.singular, self.open = 0.0, True, 0.0
@@ -98,7 +99,7 @@ class PointMotion:
                 self.begin(t, q, v)
             v = self.tangent(v)
         tolerant = self.tolerant if not self.near and self.rank < self.points.tied.rank else None
-        a = (tolerant[1] if tolerant else self.free)(t, q, v)
+        a = (self.beside if self.near else tolerant[1] if tolerant else self.free)(t, q, v)
         if t == self.unchecked:  # stages of steps that end there are not closed
             self.unchecked = np.nan
             require_closed_accelerations(self.rows, a, self.points.right(), t, q)
@@ -143,7 +144,7 @@ class PointMotion:
             beside = pin.integrate(model, q, k * aside)
             self.points.factorise(beside)
             closed = self.closed(beside)
-            accelerations.append(self.free(t, closed, self.tangent(v)).copy())
+            accelerations.append(self.beside(t, closed, self.tangent(v)).copy())
             changes.append(pin.difference(model, beside, closed))
         self.points.factorise(pin.integrate(model, q, ACROSS @ np.array(changes)))
         self.open = float(np.linalg.norm(self.points.gap()))

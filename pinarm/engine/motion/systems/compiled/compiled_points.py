@@ -183,7 +183,7 @@ def _system(loops: LoadedLoops, motion: PointMotion) -> LoopSystem | None:
         point_motion.PASSED * extent, point_motion.FLOOR, point_motion.CLEAR, points.tied.rank,
     )  # fmt: skip
     closing = PROJECTION * points.scale, ROUNDED * extent, point_motion.STALLED * extent, MET * LEAST, ITERATIONS
-    return LoopSystem.of(loops, motion.scale, points.tied.model.nq, _proximal(motion.exact), closing, limits)
+    return LoopSystem.of(loops, motion.scale, points.tied.model.nq, _proximal(points.beside), closing, limits)
 
 
 def _proximal(settings: pin.ProximalSettings) -> ProximalStructure:
