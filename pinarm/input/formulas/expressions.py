@@ -100,30 +100,39 @@ class _Values(ValueRecord, frozen=True):
         return value[()] if value.dtype.kind in "bf" else value.astype(float)[()]
 
     def unary(self, symbol: str, operand: Any) -> Any:
-        return _applied({"+": np.positive, "-": np.negative, "not": np.logical_not}[symbol], operand)
+        result = _applied({"+": np.positive, "-": np.negative, "not": np.logical_not}[symbol], operand)
+        return _unless(np.isnan(operand), result) if symbol == "not" else result
 
     def binary(self, symbol: str, left: Any, right: Any) -> Any:
         return _applied(_OPERATIONS[symbol], left, right)
 
     def compare(self, symbols: Sequence[str], operands: Sequence[Any]) -> Any:
         pairs = zip(symbols, operands, operands[1:], strict=False)
-        return reduce(np.logical_and, [_applied(_OPERATIONS[symbol], left, right) for symbol, left, right in pairs])
+        result = reduce(np.logical_and, [_applied(_OPERATIONS[symbol], left, right) for symbol, left, right in pairs])
+        return _unless(reduce(np.logical_or, map(np.isnan, operands)), result)
 
     def logic(self, symbol: str, operands: Sequence[Callable[[], Any]]) -> Any:
-        result = operands[0]()
-        for operand in operands[1:]:
-            if np.ndim(result) == 0 and bool(result) == (symbol == "or"):
+        decided, unknown = np.False_, np.False_
+        for operand in operands:
+            value = operand()
+            decided = _applied(np.logical_or, decided, (value == 0.0) if symbol == "and" else (np.abs(value) > 0.0))
+            unknown = np.logical_or(unknown, np.isnan(value))
+            if np.ndim(decided) == 0 and decided:
                 break
-            result = _applied(np.logical_and if symbol == "and" else np.logical_or, result, operand())
-        return np.asarray(result, dtype=bool)[()]
+        return _unless(unknown & ~decided, ~decided if symbol == "and" else decided)
 
     def choose(self, test: Any, then: Callable[[], Any], otherwise: Callable[[], Any]) -> Any:
         if np.ndim(test) == 0:
-            return then() if test else otherwise()
-        return _applied(np.where, test, then(), otherwise())
+            return test if np.isnan(test) else then() if test else otherwise()
+        return _unless(np.isnan(test), _applied(np.where, test, then(), otherwise()))
 
     def call(self, function: str, arguments: Sequence[Any]) -> Any:
         return _applied(_FUNCTIONS[function].apply, *arguments)
+
+
+def _unless(unknown: Any, result: Any) -> Any:
+    """Return a result, NaN where it is unknown: what hangs on a quantity that is no number is none."""
+    return np.where(unknown, np.nan, result)[()] if np.any(unknown) else result
 
 
 def _applied(function: Callable[..., Any], *operands: Any) -> Any:

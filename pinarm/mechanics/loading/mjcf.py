@@ -23,10 +23,11 @@ from pinarm.mechanics.loading.mjcf_equalities import EqualityReader, with_held, 
 from pinarm.mechanics.loading.mjcf_geoms import geom_inertia
 from pinarm.mechanics.loading.mjcf_joints import elements_of, joint_chain
 from pinarm.mechanics.loading.mjcf_names import GENERATED, MJCF
-from pinarm.mechanics.loading.mjcf_settings import Attributes, Settings, number, numbers
+from pinarm.mechanics.loading.mjcf_settings import ORIENTATIONS, Attributes, Settings, number, numbers
 from pinarm.mechanics.loading.model_tree import Tree, TreeJoint, checked_mimics, inertia, inertia_defect
 
 WORLD = "world"
+JOINTS = ("joint", "freejoint")
 
 
 @dataclass
@@ -111,7 +112,7 @@ def _bodies(reader: _Reader, element: Element, parent: str, frame: pin.SE3, chil
         elif child.tag == "site":
             given = reader.settings.attributes(child, childclass)
             if name := given.get("name"):
-                place = frame * _site(reader.settings, given, f"site '{name}'")
+                place = frame * reader.settings.shape_placement(given, f"site '{name}'")[0]
                 reader.sites.append(_fixed(f"{name}_fixed", parent, name, place))
                 bound("bodies, joints and sites", len(reader.joints) + len(reader.sites), MAX_LINKS)
         elif child.tag == "body":
@@ -132,7 +133,7 @@ def _body(reader: _Reader, body: Element, parent: str, frame: pin.SE3, childclas
         reader.note("gravity compensation is not modelled", name)
     childclass = body.get("childclass", childclass)
     place = frame * settings.placement(body.attrib, where)
-    joints = [*elements_of(settings, body, childclass, "joint", "freejoint")]
+    joints = [*elements_of(settings, body, childclass, *JOINTS)]
     reader.links[name], reader.places[name] = pin.Inertia.Zero(), reader.places[parent] * place
     if not joints:
         reader.add(_fixed(f"{name}_fixed", parent, name, place))
@@ -147,33 +148,33 @@ def _fixed(name: str, parent: str, child: str, place: pin.SE3) -> TreeJoint:
     return TreeJoint(name, "fixed", parent, child, place, np.array([0.0, 0.0, 1.0]))
 
 
-def _site(settings: Settings, given: Attributes, where: str) -> pin.SE3:
-    if "fromto" not in given:
-        return settings.placement(given, where)
-    ends = numbers(given, "fromto", where, 6)
-    return pin.SE3(np.eye(3), (ends[:3] + ends[3:]) / 2)
-
-
 def _inertia(reader: _Reader, body: Element, childclass: str, where: str, moves: bool) -> pin.Inertia:
     """Return the inertia of a body about its frame; zero for a body that never moves.
 
-    As in MuJoCo an ``<inertial>`` stays where ``inertiafromgeom`` is true, but no geom of the body has a mass.
+    As in MuJoCo an ``<inertial>`` stays where ``inertiafromgeom`` is true, but no geom of the body has a mass, and what
+    ``boundmass`` gives a body without mass stands at the body's ``pos``, though in the axes of the body.
     """
-    if not moves and not reader.settings.total_mass:
-        return pin.Inertia.Zero()
     settings = reader.settings
+    if not moves and not settings.total_mass:
+        return pin.Inertia.Zero()
     inertials = [*elements_of(settings, body, childclass, "inertial")]
     total = pin.Inertia.Zero()
     if settings.source == "geoms" or (settings.source == "auto" and not inertials):
         for geom in elements_of(settings, body, childclass, "geom"):
             shape = geom_inertia(geom.given, settings, f"{where}: geom '{geom.given.get('name', '')}'")
             total += geom.frame.act(shape)
-    elif not inertials:
-        raise ModelError(f"{where}: it has no <inertial>, and inertiafromgeom is false")
+    elif not inertials and any(elements_of(settings, body, childclass, *JOINTS, "geom")):
+        reader.note("without <inertial>, and their geoms have no mass, as inertiafromgeom is false", where)
     if inertials and not total.mass:
         if len(inertials) > 1:
             raise ModelError(f"{where}: it has {len(inertials)} <inertial>", expected="one, of all its mass")
         total = inertials[0].frame.act(_inertial(inertials[0].given, settings, where))
+    elif not total.mass and settings.least_mass:
+        total = inertia(0.0, numbers(body.attrib, "pos", where, 3, (0.0, 0.0, 0.0)), np.zeros((3, 3)))
+    if not moves and settings.fuses and total.mass:
+        raise ModelError(
+            f"{where}: its mass counts in settotalmass, or with fusestatic does not", expected="one of them"
+        )
     return _bounded(reader, total, where)
 
 
@@ -181,8 +182,11 @@ def _inertial(given: Attributes, settings: Settings, where: str) -> pin.Inertia:
     mass = number(given, "mass", f"{where}: inertial")
     if mass < 0.0:
         raise ModelError(f"{where}: the mass is negative ({mass:g} kg)")
+    numbers(given, "pos", f"{where}: inertial", 3)  # it has no default
     place = settings.placement(given, f"{where}: inertial")
     if "fullinertia" in given:
+        if twice := [key for key in ("diaginertia", *ORIENTATIONS) if key in given]:
+            raise ModelError(f"{where}: inertial: it has fullinertia and {', '.join(twice)}", expected="one of them")
         xx, yy, zz, xy, xz, yz = numbers(given, "fullinertia", where, 6)
         moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     else:

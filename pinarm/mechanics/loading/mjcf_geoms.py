@@ -10,7 +10,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import ModelError
 from pinarm.mechanics.loading.mjcf_settings import Attributes, Settings, number, numbers
-from pinarm.mechanics.loading.model_tree import from_z, inertia
+from pinarm.mechanics.loading.model_tree import inertia
 
 WATER = 1000.0
 """Density where none is given [kg/m^3]."""
@@ -61,21 +61,14 @@ def geom_inertia(given: Attributes, settings: Settings, where: str) -> pin.Inert
 
 
 def _shape(given: Attributes, kind: str, settings: Settings, where: str) -> tuple[pin.SE3, Array]:
-    """Return placement and size; with ``fromto`` the centre lies between the two points, z along their line."""
+    """Return placement and size; with ``fromto`` the length is that between the two points."""
     size = numbers(given, "size", where, len(given.get("size", "").split()), ())
     if len(size) > MOST_SIZES:
         raise ModelError(f"{where}: size='{given['size'][:60]}' has {len(size)} numbers",
                          expected=f"{SIZES[kind]} positive numbers, {MOST_SIZES} at most")  # fmt: skip
-    if "fromto" in given and kind != "sphere":
-        ends = numbers(given, "fromto", where, 6)
-        along = ends[3:] - ends[:3]
-        length = float(np.linalg.norm(along))
-        if not length or not len(size):
-            raise ModelError(f"{where}: it has no size")
-        place = pin.SE3(from_z(along / length), (ends[:3] + ends[3:]) / 2)
-        size = np.array([size[0], length / 2] if SIZES[kind] == 2 else [size[0], size[0], length / 2])
-    else:
-        place = settings.placement(given, where)
+    place, half = settings.shape_placement(given, where)
+    if half is not None and len(size):
+        size = np.array([size[0], half] if SIZES[kind] == 2 else [size[0], size[0], half])
     if len(size) < SIZES[kind] or not (size[: SIZES[kind]] > 0.0).all():
         raise ModelError(f"{where}: size='{given.get('size', '')}'", expected=f"{SIZES[kind]} positive numbers")
     return place, size[: SIZES[kind]]

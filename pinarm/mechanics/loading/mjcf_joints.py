@@ -162,6 +162,8 @@ def _range(given: Attributes, key: str, switch: str, settings: Settings, where: 
     if key not in given or limited == "false" or (limited == "auto" and not settings.limits_by_range):
         return np.array([-np.inf, np.inf])
     lower, upper = numbers(given, key, where, 2)
+    if lower == upper == 0.0 and limited == "auto":  # the format's own default
+        return np.array([-np.inf, np.inf])
     if lower >= upper:
         raise ModelError(f"{where}: {key}='{given[key]}'", expected="the lower number first")
     return np.array([lower, upper])

@@ -39,6 +39,7 @@ class Settings:
         least_mass: Lower bound of the mass of every body [kg].
         least_inertia: Lower bound of the principal moments of every body [kg*m^2].
         total_mass: Total to which all masses are scaled [kg]; 0 for no scaling.
+        fuses: Whether bodies that do not move become part of the world (``fusestatic``), which has no mass.
         gravity: Gravity field [m/s^2], world axes, shape (3,).
         off: The disabled ones of ``SWITCHES``.
         classes: Attributes by class and element, inherited ones included.
@@ -52,6 +53,7 @@ class Settings:
     least_mass: float
     least_inertia: float
     total_mass: float
+    fuses: bool
     gravity: Array
     off: frozenset[str]
     classes: Mapping[str, Mapping[str, Attributes]] = field(repr=False)
@@ -81,6 +83,7 @@ class Settings:
             math.pi / 180.0 if degrees else 1.0, sequence,
             one_of(compiler, "autolimits", ("true", "false"), "<compiler>") == "true", source, (first, last),
             least_mass, least_inertia, max(0.0, number(compiler, "settotalmass", "<compiler>", 0.0)),
+            one_of(compiler, "fusestatic", ("false", "true"), "<compiler>") == "true",
             numbers(option, "gravity", "<option>", 3, (0.0, 0.0, -9.81)),
             frozenset(name for name in SWITCHES if flags.get(name) == "disable"), _classes(model),
         )  # fmt: skip
@@ -100,18 +103,32 @@ class Settings:
         if name not in self.classes:
             expected, hint = choices(name, self.classes)
             raise ModelError(f"there is no default class '{name}'", expected=expected, hint=hint)
-        given = self.classes[name].get(kind or element.tag, {})
-        if any(key in element.attrib for key in (*ORIENTATIONS, "fromto")):
-            given = {key: value for key, value in given.items() if key not in (*ORIENTATIONS, "fromto")}
-        merged = {**given, **element.attrib}
-        if "size" in given and "size" in element.attrib:  # of several numbers, those not given are the class's
-            own = element.attrib["size"].split()
-            merged["size"] = " ".join([*own, *given["size"].split()[len(own) :]])
-        return merged
+        return _overridden(self.classes[name].get(kind or element.tag, {}), element.attrib)
 
     def placement(self, given: Attributes, where: str) -> pin.SE3:
         """Return the placement from ``pos`` and one of the ``ORIENTATIONS``."""
         return pin.SE3(self.rotation(given, where), numbers(given, "pos", where, 3, (0.0, 0.0, 0.0)))
+
+    def shape_placement(self, given: Attributes, where: str) -> tuple[pin.SE3, float | None]:
+        """Return the placement of a geom or site, and half of the length that ``fromto`` gives it.
+
+        With ``fromto`` it lies in the middle, its z from the second point to the first, whatever the orientation of
+        its class.
+
+        Raises:
+            ModelError: There is a ``pos`` beside ``fromto``, or it is a sphere, or both points are the same.
+        """
+        if "fromto" not in given:
+            return self.placement(given, where), None
+        if "pos" in given:
+            raise ModelError(f"{where}: its place is given by pos and fromto", expected="one of them, in its class too")
+        if given.get("type", "sphere") == "sphere":
+            raise ModelError(f"{where}: a sphere has no fromto", expected="a capsule, cylinder, ellipsoid or box")
+        ends = numbers(given, "fromto", where, 6)
+        back = ends[:3] - ends[3:]
+        if not (length := float(np.linalg.norm(back))):
+            raise ModelError(f"{where}: fromto='{given['fromto'][:60]}' has no length")
+        return pin.SE3(from_z(back / length), (ends[:3] + ends[3:]) / 2), length / 2
 
     def rotation(self, given: Attributes, where: str) -> Array:
         """Return an orientation as a matrix, shape (3, 3).
@@ -196,6 +213,20 @@ def _merged(elements: Sequence[Element]) -> dict[str, str]:
     return {key: value for element in elements for key, value in element.attrib.items()}
 
 
+def _overridden(above: Attributes, own: Attributes) -> Attributes:
+    """Return the attributes of an element or class over those of the class above it.
+
+    Another orientation takes the place of that above, in whatever way it is given; of the numbers of ``size``, those
+    that are not given are those above.
+    """
+    turned = any(key in own for key in ORIENTATIONS)
+    merged = {key: value for key, value in above.items() if not (turned and key in ORIENTATIONS)} | dict(own)
+    if "size" in above and "size" in own:
+        first = own["size"].split()
+        merged["size"] = " ".join([*first, *above["size"].split()[len(first) :]])
+    return merged
+
+
 def _classes(model: Element) -> dict[str, Mapping[str, Attributes]]:
     classes: dict[str, Mapping[str, Attributes]] = {"": {}}
     for top in model.findall("default"):
@@ -211,7 +242,7 @@ def _class(element: Element, above: Mapping[str, Attributes]) -> Iterator[tuple[
     for child in element:
         if child.tag != "default":
             kind = ACTUATOR if child.tag in ACTUATORS else child.tag
-            own[kind] = {**own.get(kind, {}), **child.attrib}
+            own[kind] = _overridden(own.get(kind, {}), child.attrib)
     yield element.get("class", "main"), own
     for child in element.findall("default"):
         if "class" not in child.attrib:

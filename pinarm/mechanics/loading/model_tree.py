@@ -249,10 +249,11 @@ def _followed(joint: str, leaders: Mapping[str, str], ending: Set[str]) -> Set[s
 def from_z(axis: Array) -> Array:
     """Return the smallest rotation that takes z to a unit vector, shape (3, 3); half a turn about x for -z.
 
-    ``R = 1 + [w] + [w]^2 / (1 + axis_z)`` with ``w = z x axis``.
+    ``R = 1 + r [n] + (1 - axis_z) [n]^2`` with ``r n = z x axis``, accurate beside -z too.
     """
-    if axis[2] <= -1.0 + 1e-15:
-        return np.diag([1.0, -1.0, -1.0])
     w = np.cross([0.0, 0.0, 1.0], axis)
-    skew = pin.skew(w)
-    return np.asarray(np.eye(3) + skew + skew @ skew / (1.0 + axis[2]))
+    r = float(np.linalg.norm(w))
+    if r < 1e-15:
+        return np.diag([1.0, 1.0, 1.0] if axis[2] > 0.0 else [1.0, -1.0, -1.0])
+    skew = pin.skew(w / r)
+    return np.asarray(np.eye(3) + r * skew + (1.0 - axis[2]) * skew @ skew)

@@ -68,6 +68,24 @@ def test_arrays_are_taken_elementwise_and_silently(text: str, value: np.ndarray)
         np.testing.assert_allclose(Expression.parse(text).evaluate(NAMES), value)
 
 
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("1 if x > 0 else 2", (1.0, np.nan, 2.0)),
+        ("1 if not x > 0 else 2", (2.0, np.nan, 1.0)),
+        ("x < 0", (0.0, np.nan, 1.0)),
+        ("x > 0 and x < 5", (1.0, np.nan, 0.0)),
+        ("x > 0 and 0 > 1", (0.0, 0.0, 0.0)),  # whatever x is
+        ("x > 0 or 1 > 0", (1.0, 1.0, 1.0)),
+        ("1 if x > 0 and 1/x > 0 else 7", (1.0, np.nan, 7.0)),
+    ],
+)
+def test_what_hangs_on_no_number_is_none(text: str, values: tuple[float, ...]) -> None:
+    x, expression = (1.0, np.nan, -1.0), Expression.parse(text)
+    np.testing.assert_array_equal(expression.evaluate({"x": np.array(x)}), values)
+    np.testing.assert_array_equal([expression.evaluate({"x": one}) for one in x], values)
+
+
 def test_names_are_flattened_and_win_over_constants() -> None:
     expression = Expression.parse("pi*joint.knee.effort + e + min(a, 2)")
     assert expression.names == {"pi", "joint.knee.effort", "e", "a"}

@@ -1,6 +1,7 @@
 """MJCF, held to MuJoCo itself: ``chain.json`` is what MuJoCo 4.0.0 computes for ``chain.xml`` at one state."""
 
 import json
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -282,6 +283,79 @@ def test_least_masses_and_moments_are_kept():
     assert np.sort(np.diag(inertia.inertia)) == pytest.approx([0.01, 0.01, 0.0105])
 
 
+@pytest.mark.parametrize(
+    ("place", "inside", "lever"),
+    [
+        ('pos="1 0 0"', "", [1.0, 0.0, 0.0]),
+        ('pos="1 2 3" euler="0 0 90"', "", [1.0, 2.0, 3.0]),
+        ('pos="1 0 0"', '<geom size="0.1" mass="0" pos="0 0 5"/>', [1.0, 0.0, 0.0]),
+        ('pos="1 0 0"', '<inertial pos="0 0 5" mass="0" diaginertia="0 0 0"/>', [0.0, 0.0, 5.0]),
+    ],
+)
+def test_a_least_mass_stands_where_mujoco_has_it(place, inside, lever):
+    """That of a body without mass is at its ``pos``, in its own axes: body_ipos of MuJoCo 4.0.0."""
+    bounds = '<compiler boundmass="0.5" boundinertia="0.01"/>'
+    light = build_model(model(body(HINGE + UNIT + body('<joint name="k"/>' + inside, "light", place)), before=bounds))
+    assert light.model.inertias[2].mass == 0.5
+    assert light.model.inertias[2].lever.tolist() == lever
+
+
+def test_what_static_bodies_count_in_a_total_is_not_guessed_where_they_are_fused():
+    """MuJoCo 4.0.0 has 10 kg and 1.67 kg of the body that moves, with and without."""
+    base = model(body('<geom size="0.1" mass="5"/>' + body(HINGE + UNIT, "arm")),
+                 before='<compiler settotalmass="10" fusestatic="{}"/>')  # fmt: skip
+    assert build_model(base.format("false")).model.inertias[1].mass == pytest.approx(10 / 6)
+    assert "fusestatic" in str(refusal(base.format("true")))
+
+
+def test_a_body_may_have_no_mass_where_geoms_have_none():
+    compiler = '<compiler inertiafromgeom="false"/>'
+    robot = build_model(model(body(HINGE + UNIT + body(SPHERE, "tip") + body("", "frame")), before=compiler))
+    assert robot.model.inertias[1].mass == 1.0
+    assert any("inertiafromgeom is false: body 'tip'" in note for note in robot.notes)
+
+
+PLACES = {"quat": "0.9 0.2 0.3 0.1", "axisangle": "1 2 0 30", "euler": "10 20 50", "xyaxes": "1 1 0 -1 1 0.5",
+          "zaxis": "1 0 1", "fromto": "0 0 0 1 0.5 0"}  # fmt: skip
+
+
+@pytest.mark.parametrize("tag", ["geom", "site"])
+def test_an_orientation_takes_the_place_of_that_of_a_class_but_not_of_two_points(tag):
+    mujoco = pytest.importorskip("mujoco")
+    for ways in product(("", "quat", "euler", "fromto"), ("", "axisangle", "xyaxes", "fromto"), ("", *PLACES)):
+        main, inner, own = (f'{way}="{PLACES[way]}"' if way else "" for way in ways)
+        classes = (f'<default><{tag} type="capsule" size="0.1 0.2" {main}/>'
+                   f'<default class="c"><{tag} {inner}/></default></default>')  # fmt: skip
+        xml = model(body(f'{HINGE}<{tag} name="part" class="c" {own}/>' + (UNIT if tag == "site" else "")),
+                    before=classes)  # fmt: skip
+        theirs, ours = mujoco.MjModel.from_xml_string(xml), build_model(xml).model
+        state = mujoco.MjData(theirs)
+        mujoco.mj_forward(theirs, state)
+        if tag == "geom":
+            axes = state.ximat[1].reshape(3, 3)
+            moments = axes @ np.diag(theirs.body_inertia[1]) @ axes.T
+            assert ours.inertias[1].inertia == pytest.approx(moments, rel=1e-6, abs=1e-6), ways
+            assert ours.inertias[1].lever == pytest.approx(theirs.body_ipos[1], abs=1e-9), ways
+        else:
+            place = ours.frames[ours.getFrameId("part", pin.FrameType.BODY)].placement
+            assert place.rotation.ravel() == pytest.approx(state.site_xmat[0], abs=1e-9), ways
+            assert place.translation == pytest.approx(state.site_xpos[0], abs=1e-9), ways
+
+
+def test_of_sizes_the_first_ones_may_be_given_in_classes_too():
+    classes = ('<default><geom type="box" size="0.1 0.2 0.3" mass="1"/>'
+               '<default class="c"><geom size="0.5"/></default></default>')  # fmt: skip
+    inertia = build_model(model(body(HINGE + '<geom class="c"/>'), before=classes)).model.inertias[1].inertia
+    assert np.diag(inertia) == pytest.approx(np.array([0.04 + 0.09, 0.25 + 0.09, 0.25 + 0.04]) / 3)
+
+
+def test_a_range_of_0_is_no_limit_unless_it_is_said_to_be():
+    assert build_model(model(body('<joint name="j" range="0 0"/>' + UNIT))).model.upperPositionLimit.tolist() == [
+        np.inf
+    ]
+    refusal(model(body('<joint name="j" range="0 0" limited="true"/>' + UNIT)))
+
+
 def test_all_masses_are_scaled_to_a_total():
     two = body(HINGE + SPHERE), body('<joint name="k"/>' + SPHERE.replace("0.1", "0.2"), "c")
     inertias = build_model(model(*two, before='<compiler settotalmass="9"/>')).model.inertias
@@ -308,6 +382,14 @@ def test_a_base_of_a_file_may_be_set_free():
         ('<joint name="j" axis="0 0"/>' + SPHERE, "joint 'j': axis='0 0' is not what is read here"),
         ('<joint name="j" damping="-1"/>' + SPHERE, "joint 'j': its damping is negative"),
         ('<joint name="j" stiffness="1 2"/>' + SPHERE, "joint 'j': stiffness='1 2' is not what is read here"),
+        (HINGE + '<geom type="capsule" size="0.1" fromto="0 0 0 1 0 0" pos="1 0 0"/>',
+         "body 'b': geom '': its place is given by pos and fromto"),
+        (HINGE + '<geom size="0.1" fromto="0 0 0 1 0 0"/>', "body 'b': geom '': a sphere has no fromto"),
+        (HINGE + '<geom type="capsule" size="0.1" fromto="1 0 0 1 0 0"/>',
+         "body 'b': geom '': fromto='1 0 0 1 0 0' has no length"),
+        (HINGE + '<inertial pos="0 0 0" mass="1" fullinertia="1 1 1 0 0 0" diaginertia="1 1 1"/>',
+         "body 'b': inertial: it has fullinertia and diaginertia"),
+        (HINGE + '<inertial mass="1" diaginertia="1 1 1"/>', "body 'b': inertial: pos is missing"),
         ('<joint name="j" range="1 -1"/>' + SPHERE, "joint 'j': range='1 -1'"),
         ('<joint name="j" springdamper="0.1 0"/>' + SPHERE, "joint 'j': springdamper='0.1 0'"),
         ('<joint name="j" springdamper="0.1 1"/>', "springdamper needs a mass that its joint moves"),

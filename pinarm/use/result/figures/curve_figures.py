@@ -29,11 +29,11 @@ from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.records import ValueRecord
 from pinarm.use.result.figures.percentile import percentile
-from pinarm.use.result.figures.quadrature import NODES, KnownValues, Panels, integrate
+from pinarm.use.result.figures.quadrature import NODES, AllowedErrors, KnownValues, Panels, integrate
 from pinarm.use.result.row_lookup import MOST_INTERVALS, PARTS, Lookup
 
 RELATIVE, ABSOLUTE = 1e-10, 1e-13
-"""Errors at which an integral is good enough, relative to itself and to the largest value times the length."""
+"""Errors at which an integral is good enough, relative to itself and to the integral of the size of what is summed."""
 
 PANELS, PER_STEP, ROWS = 600, 2, 4
 """Panels of 21 states that the integrals of a run may take in bisections, those for each of its intervals and each step
@@ -129,12 +129,13 @@ def _length(run: Lookup) -> float:
     return sum(abs(end - start) for start, end, _ in run.intervals)
 
 
-def integrals(run: Lookup, integrand: Callable[[Quantities], Array]) -> tuple[Array, Array]:
+def integrals(run: Lookup, integrand: Callable[[Quantities], Array], least: float = 1.0) -> tuple[Array, Array]:
     """Return the integrals of several functions over a run, and their errors, both of shape (k,).
 
     Args:
         run: The run; its rows are states of one motion.
         integrand: Quantities of n rows -> values of the functions there, of the size of 1 or less, shape (n, k).
+        least: Size of functions that are not to be told from 0.
     """
     parts, left = [], PANELS + PER_STEP * (len(run.intervals) + sum(map(len, run.steps))) + len(run.run) // ROWS
     rows, parts_of_each = integrand(run.quantities), PARTS if len(run.intervals) <= MOST_INTERVALS else 1
@@ -146,7 +147,7 @@ def integrals(run: Lookup, integrand: Callable[[Quantities], Array]) -> tuple[Ar
             bounds = distinct(np.append(np.linspace(low, high, 1 + parts_of_each), run.bounds(interval)))
             order = 1 if start < end else -1
             known = KnownValues(run.run.grid.t[own][::order], rows[own][::order])
-            parts += _integrals_between(curve, [low, high], bounds, known)
+            parts += _integrals_between(curve, [low, high], bounds, known, least)
             left -= allowed - curve.left
     total, error = (np.sum(of, axis=0) for of in zip(*parts, strict=True))
     return total, error + ROUNDING * np.abs(total)
@@ -189,7 +190,9 @@ def _evaluated(run: Lookup, integrand: Callable[[Quantities], Array], interval: 
     return values
 
 
-def _integrals_between(at: _Counted, cuts: list[float], bounds: Array, known: KnownValues) -> list[tuple[Array, Array]]:
+def _integrals_between(
+    at: _Counted, cuts: list[float], bounds: Array, known: KnownValues, least: float
+) -> list[tuple[Array, Array]]:
     """Return the integrals of functions of size 1 between cuts, and their errors; where one is infinite, it is cut.
 
     Args:
@@ -197,6 +200,7 @@ def _integrals_between(at: _Counted, cuts: list[float], bounds: Array, known: Kn
         cuts: Where they are cut, ascending.
         bounds: Between which there is at least one panel each, ascending.
         known: What is known of them: the rows.
+        least: As in ``integrals``.
 
     Raises:
         InputError: There is no end of such places.
@@ -205,7 +209,7 @@ def _integrals_between(at: _Counted, cuts: list[float], bounds: Array, known: Kn
     try:
         return [
             _integral_between(
-                at, np.array([low, *bounds[(bounds > low) & (bounds < high)], high]), len(cuts) - 1 - part, known
+                at, np.array([low, *bounds[(bounds > low) & (bounds < high)], high]), len(cuts) - 1 - part, known, least
             )
             for part, (low, high) in enumerate(pairwise(cuts))
         ]
@@ -215,10 +219,10 @@ def _integrals_between(at: _Counted, cuts: list[float], bounds: Array, known: Kn
                 f"it is not finite about {found.place:.9g}", expected="a quantity that is finite"
             ) from None
         at.left = allowed
-        return _integrals_between(at, sorted([*cuts, found.place]), bounds, known)
+        return _integrals_between(at, sorted([*cuts, found.place]), bounds, known, least)
 
 
-def _integral_between(at: _Counted, bounds: Array, parts: int, known: KnownValues) -> tuple[Array, Array]:
+def _integral_between(at: _Counted, bounds: Array, parts: int, known: KnownValues, least: float) -> tuple[Array, Array]:
     """Return the integrals of functions of size 1, and their errors, both of shape (k,).
 
     A function is not integrated to less than its own rounding.
@@ -228,6 +232,7 @@ def _integral_between(at: _Counted, bounds: Array, parts: int, known: KnownValue
         bounds: Where panels begin and end, ascending, shape (m + 1,).
         parts: How many integrals share the panels that are left.
         known: What is known of them: the rows.
+        least: As in ``integrals``.
     """
     low, high = float(bounds[0]), float(bounds[-1])
     low_of, high_of, clusters = bounds[:-1], bounds[1:], low + (high - low) * NEIGHBOURS
@@ -235,7 +240,7 @@ def _integral_between(at: _Counted, bounds: Array, parts: int, known: KnownValue
     values = at(np.concatenate([points, clusters.ravel()]))
     first = Panels.of(low_of, high_of, values[: len(points)])
     rounding = _rounding(values[len(points) :].reshape(*clusters.shape, -1))
-    return integrate(at, first, RELATIVE, (high - low) * np.maximum(rounding, ABSOLUTE), at.left // parts, known)
+    return integrate(at, first, AllowedErrors(RELATIVE, ABSOLUTE, least, rounding), at.left // parts, known)
 
 
 def _rounding(values: Array) -> Array:
@@ -257,7 +262,10 @@ NEIGHBOURS = np.add.outer((0.1127, 0.3819, 0.5, 0.7236, 0.9472), 1e-7 * np.arang
 
 
 def _moments(run: Lookup, quantity: str) -> tuple[Array, Array, float]:
-    """Return the integrals of x/c and (x/c)², their errors, both of shape (2,), and c, the largest |x| of the rows."""
+    """Return the integrals of x/c and (x/c)², their errors, both of shape (2,), and c, the largest |x| of the rows.
+
+    That may be one beside a pole, and all else small.
+    """
     rows = np.abs(run.quantities[quantity].values)
     scale = float(rows[np.isfinite(rows)].max(initial=0.0)) or 1.0
 
@@ -265,7 +273,7 @@ def _moments(run: Lookup, quantity: str) -> tuple[Array, Array, float]:
         x = rows[quantity].values / scale
         return np.stack([x, x * x], axis=1)
 
-    total, error = integrals(run, powers) if _length(run) else np.zeros((2, 2))
+    total, error = integrals(run, powers, least=0.0) if _length(run) else np.zeros((2, 2))
     return total, error, scale
 
 

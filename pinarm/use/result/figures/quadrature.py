@@ -39,14 +39,21 @@ NARROWEST = 1e-13
 """Part of an interval below which its parts are not bisected: their points would not differ."""
 
 PATIENCE, NOISE = 4, 1e-4
-"""Rounds of bisections within which the error has to be halved, where it is below this, relative to the largest value
-times the length: what they do not halve is rounding of the functions, not their shape."""
+"""Rounds of bisections within which the error has to be halved, where it is below this, relative to the integral of the
+size of a function: what they do not halve is rounding of the functions, not their shape."""
 
 SPREAD = 0.5
 """Part of an error that one panel has at most where it is rounding: that at a pole is the error of the panel there."""
 
 NARROW = 1e-9
 """Part of an interval from which on panels are so narrow that there is a pole in the last ones."""
+
+SMALLEST = 1e-290
+"""Integral below which there is nothing to be relative to."""
+
+ROUGH = 1e-3
+"""Part of the integral of a panel from which on its error is a matter of chance, as beside a pole: not the error bounds
+what the panel leaves, but the integral."""
 
 NEAR, FAR = 1e-12, 1e-7
 """Distances from a place, as parts of the interval, between which it is looked at how a function grows towards it."""
@@ -160,8 +167,33 @@ class Panels(Record, frozen=True):
         share = (self.errors / allowed).max(axis=1)
         order = share.argsort(kind="stable")
         worst = order[np.cumsum(share[order]) > 0.5]
-        wide = self.high - self.low > NARROWEST * (self.high[-1] - self.low[0])
-        return np.sort(worst[wide[worst]][-most:] if most > 0 else worst[:0])
+        return np.sort(worst[self._divisible[worst]][-most:] if most > 0 else worst[:0])
+
+    @property
+    def sizes(self) -> Array:
+        """Integrals of the sizes of the functions, shape (k,): where they cancel, more than their integrals."""
+        half = 0.5 * (self.high - self.low)
+        return np.asarray(np.einsum("m,p,mpk->k", half, KRONROD, np.abs(self.f)))
+
+    def deepened(self, at: Callable[[Array], Array], poor: Flags) -> Panels:
+        """Return them bisected towards where each poor function has its largest error, as far as bisections go.
+
+        Args:
+            at: As in ``integrate``.
+            poor: Which functions are.
+        """
+        panels = self
+        for k in np.flatnonzero(poor).tolist():
+            worst = int(panels.errors[:, k].argmax())
+            while panels._divisible[worst]:
+                panels = panels.refined(at, np.array([worst]))
+                worst += int(panels.errors[worst + 1, k] > panels.errors[worst, k])
+        return panels
+
+    @property
+    def _divisible(self) -> Flags:
+        """Which panels can be bisected, shape (m,)."""
+        return np.asarray(self.high - self.low > NARROWEST * (self.high[-1] - self.low[0]))
 
     @property
     def told_errors(self) -> Array:
@@ -179,7 +211,8 @@ class Panels(Record, frozen=True):
         """
         width = (self.high - self.low) / (self.high[-1] - self.low[0])
         least = width <= min(2.0 * float(width.min()), NARROW)
-        beside = self.errors + np.where(least[:, None], np.abs(self.values), 0.0)
+        unsure = least[:, None] | (self.errors > ROUGH * np.abs(self.values))
+        beside = self.errors + np.where(unsure, np.abs(self.values), 0.0)
         found = np.where(poor, beside.sum(axis=0), self.told_errors)
         for k in np.flatnonzero(poor).tolist() if least.any() else ():
             at = int(np.where(least, self.errors[:, k], 0.0).argmax())
@@ -193,10 +226,12 @@ class Panels(Record, frozen=True):
         distance = np.abs(middle - place) / (self.high[-1] - self.low[0])
         mean = np.abs(self.values[:, k]) / width
         near = (distance > NEAR) & (distance < FAR) & (mean > 0.0)
-        if np.count_nonzero(near) < FEWEST:
-            return False
-        power = np.polyfit(np.log(distance[near]), np.log(mean[near]), 1)[0]
-        return bool(power < DIVERGES - 1.0)
+        for side in (near, near & (middle < place), near & (middle > place)):  # it may be finite on one of them
+            if np.count_nonzero(side) >= FEWEST:
+                power = np.polyfit(np.log(distance[side]), np.log(mean[side]), 1)[0]
+                if power < DIVERGES - 1.0:
+                    return True
+        return False
 
 
 def _interpolated(x: Array, f: Array) -> Array:
@@ -212,20 +247,47 @@ def _interpolated(x: Array, f: Array) -> Array:
     return np.asarray(np.einsum("np,npk->nk", parts, f) / parts.sum(axis=1)[:, None])
 
 
+class AllowedErrors(Record, frozen=True):
+    """The errors of the integrals of k functions that are good enough: the largest of three.
+
+    Attributes:
+        relative: Relative to an integral.
+        absolute: Relative to the integral of the size of a function, or of ``least`` where that is more.
+        least: Size of functions that are not to be told from 0 beside others.
+        rounding: Rounding of every function, shape (k,).
+    """
+
+    relative: float
+    absolute: float
+    least: float
+    rounding: Array
+
+    def of(self, panels: Panels, sizes: Array) -> Array:
+        """Return the errors that are allowed, shape (k,), positive."""
+        rounding = (panels.high[-1] - panels.low[0]) * self.rounding
+        value = np.abs(panels.values.sum(axis=0))
+        return np.asarray(np.maximum(rounding, self.absolute * sizes) + self.relative * value)
+
+    def sizes(self, panels: Panels) -> Array:
+        """Return what errors are relative to beside the integrals, shape (k,), positive."""
+        length = float(panels.high[-1] - panels.low[0])
+        return np.maximum(panels.sizes, max(self.least * length, SMALLEST))
+
+
 def integrate(
-    at: Callable[[Array], Array], first: Panels, relative: float, absolute: Array, most: int, known: KnownValues
+    at: Callable[[Array], Array], first: Panels, allowance: AllowedErrors, most: int, known: KnownValues
 ) -> tuple[Array, Array]:
     """Return the integrals of k functions of size 1 over an interval, and bounds of their errors, both of shape (k,).
 
     Bisections end where every error is allowed, where no panel can be bisected, where they no longer help, or where
-    ``most`` panels have been evaluated: the bounds then tell what is left. Panels that do not agree with values which
-    are known beforehand are bisected as well.
+    ``most`` panels have been evaluated: the bounds then tell what is left, after a way down to the worst place of every
+    function, which shows whether it has an integral there. Panels that do not agree with values which are known
+    beforehand are bisected as well.
 
     Args:
         at: Points, ascending, shape (n,) -> values of the functions, shape (n, k).
         first: The panel of the whole interval.
-        relative: Allowed error relative to an integral.
-        absolute: Allowed error of every integral beside that, shape (k,), positive.
+        allowance: The errors that are allowed.
         most: Number of panels that are evaluated at most, those of all rounds together.
         known: What is known of the functions.
     """
@@ -234,28 +296,32 @@ def integrate(
     while True:
         value, error = panels.values.sum(axis=0), panels.told_errors
         before.append(panels.errors.sum(axis=0))
-        allowed, room = absolute + relative * np.abs(value), max(0, (most - evaluated) // 2)
+        sizes, room = allowance.sizes(panels), max(0, (most - evaluated) // 2)
+        allowed = allowance.of(panels, sizes)
         fine = bool((error <= allowed).all())
         poor = np.zeros(0, np.intp) if fine else panels.poor(allowed, room)
-        if not len(poor) or _noisy(before, panels, allowed):
+        if not len(poor) or _noisy(before, panels, allowed, NOISE * sizes):
             unseen, off = panels.unseen(known)
             if not len(unseen) or not room:
-                left = error if fine or len(poor) else panels.left_over(error > allowed)
-                return value, left + np.sum((panels.high - panels.low)[unseen, None] * off, axis=0)
+                off = np.sum((panels.high - panels.low)[unseen, None] * off, axis=0)
+                if fine or len(poor):
+                    return value, error + off
+                panels = panels.deepened(at, error > allowed)
+                return panels.values.sum(axis=0), panels.left_over(error > allowed) + off
             poor, before = unseen[:room], []
         panels, evaluated = panels.refined(at, poor), evaluated + 2 * len(poor)
 
 
-def _noisy(errors: list[Array], panels: Panels, allowed: Array) -> bool:
+def _noisy(errors: list[Array], panels: Panels, allowed: Array, small: Array) -> bool:
     """Tell whether the last rounds did not halve the errors that are not allowed, though all are small.
 
     Args:
         errors: Those of every round.
         panels: Those of the last one.
         allowed: Errors that are, shape (k,).
+        small: Errors that are small, shape (k,).
     """
-    length = panels.high[-1] - panels.low[0]
-    if len(errors) <= PATIENCE or (errors[-1] > NOISE * length).any():
+    if len(errors) <= PATIENCE or (errors[-1] > small).any():
         return False
     spread = panels.errors.max(axis=0) <= SPREAD * errors[-1]
     stalled = spread & (errors[-1] >= 0.5 * errors[-1 - PATIENCE])

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 from scipy.integrate import cubature
 
-from pinarm.use.result.figures.quadrature import GAUSS, KRONROD, NODES, PATIENCE, KnownValues, Panels, integrate
+from pinarm.use.result.figures.quadrature import (
+    GAUSS,
+    KRONROD,
+    NODES,
+    PATIENCE,
+    AllowedErrors,
+    KnownValues,
+    Panels,
+    integrate,
+)  # fmt: skip
 
 ROUNDING = 1e-14
 """Of sums of some hundred terms of size 1."""
@@ -28,8 +37,8 @@ def integrals(f, low, high, relative=1e-10, absolute=1e-13, most=2000, known=())
     bounds = np.array([low]), np.array([high])
     first = Panels.of(*bounds, f(Panels.points(*bounds)))
     width = first.values.shape[1]
-    value, error = integrate(at, first, relative, np.full(width, absolute * (high - low)), most,
-                             KnownValues(known, f(known).reshape(len(known), width)))  # fmt: skip
+    allowance = AllowedErrors(relative, absolute, 1.0, np.zeros(width))
+    value, error = integrate(at, first, allowance, most, KnownValues(known, f(known).reshape(len(known), width)))
     return value, error, asked
 
 
