@@ -191,12 +191,22 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         hybrid = prepared or self.prepare(mechanism, accuracy, place)
         with place("initial"):
             q, v = hybrid.start
-        return self.solve_from(mechanism, hybrid, q, v)
+        return self.solve_from(mechanism, hybrid, q, v, hybrid.initial.given_rates())
 
     def solve_from(
-        self, mechanism: Mechanism, hybrid: HybridSystem, q: Array, v: Array, first: FirstSegment | None = None
-    ) -> Outcome:
-        """Return the motion from an assembled state; see ``solve``, and ``hybrid_motion.integrate`` for ``first``."""
+        self, mechanism: Mechanism, hybrid: HybridSystem, q: Array, v: Array, given: Array,
+        first: FirstSegment | None = None,
+    ) -> Outcome:  # fmt: skip
+        """Return the motion from an assembled state; see ``solve``.
+
+        Args:
+            mechanism: The mechanism.
+            hybrid: What is integrated.
+            q: Configuration at the start, shape (nq,).
+            v: Velocity there, shape (nv,).
+            given: What was given of it; see ``Initial.given_rates``.
+            first: See ``hybrid_motion.integrate``.
+        """
         mechanism = self._losing(mechanism)
         try:
             motion = integrate_to_size(hybrid, q, v, first)
@@ -218,7 +228,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         energy = energy_balance(*accounts)
         notes = motion.diagnose() or _lost(energy.get("energy", 0.0))
         remarks = [
-            *_changed(mechanism, hybrid, v),
+            *_changed(mechanism, given, v),
             *_uncertain(hybrid.guided, q, v),
             *motion.remarks(),
             *_motors(hybrid, motion),
@@ -337,16 +347,15 @@ def _motors(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:
     return motor_remarks(motion)
 
 
-def _changed(mechanism: Mechanism, hybrid: HybridSystem, v: Array) -> list[str]:
+def _changed(mechanism: Mechanism, given: Array, v: Array) -> list[str]:
     """Return what is to be said of given velocities that loops do not allow; v are those of the start."""
-    given, changes = hybrid.initial, []
-    if len(v) < len(given.v):  # laws and couplings have been eliminated: what contradicts them is refused
+    changes = []
+    if len(v) < len(given):  # laws and couplings have been eliminated: what contradicts them is refused
         return []
-    for index in given.velocities:
-        if abs(v[index] - given.v[index]) > CONSISTENT * max(1.0, abs(v[index])):
-            joint = coordinate_name(mechanism.model, index)
-            measured = mechanism.joints[joint].unit if joint in mechanism.joints else "rad"
-            changes.append(f"{joint} has {v[index]:.6g} {measured}/s at the start where {given.v[index]:.6g} was given")
+    for index in np.flatnonzero(np.abs(v - given) > CONSISTENT * np.maximum(1.0, np.abs(v))).tolist():
+        joint = coordinate_name(mechanism.model, index)
+        measured = mechanism.joints[joint].unit if joint in mechanism.joints else "rad"
+        changes.append(f"{joint} has {v[index]:.6g} {measured}/s at the start where {given[index]:.6g} was given")
     return (
         [f"the loops do not allow the given velocities, the closest are taken: {', '.join(changes)}"] if changes else []
     )

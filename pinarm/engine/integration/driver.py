@@ -277,10 +277,10 @@ def _not_finite(solution: Solution, t: float, y: Array) -> IntegrationError:
 
 
 def _too_many(solution: Solution, t: float, h: float, most: int) -> IntegrationError:
-    notes, remedy = solution.method.diagnose(solution), solution.method.remedy
+    doubts, remedy = solution.method.diagnose(solution), solution.method.remedy
     return IntegrationError(
         f"the integration has taken {most} steps and is at t = {t:.9g} s; its steps are {h:.2g} s long",
-        hint=notes[0] if notes else (
+        hint=doubts[0].text if doubts else (
             f"{remedy}, a shorter time, softer springs, dry friction of a larger creep, or accuracy.max_steps"
         ),
         partial=solution, t=t,

@@ -210,6 +210,20 @@ class Stepper(Protocol):
         ...
 
 
+class Doubt(ValueRecord, frozen=True):
+    """What says that a method or its step was a poor choice.
+
+    Attributes:
+        kind: What it is about. Of a motion in several segments one of a kind is told.
+        size: How much it says; the largest is told.
+        text: The note.
+    """
+
+    kind: str
+    size: float
+    text: str
+
+
 class Method(Protocol):
     """An integration method with its settings."""
 
@@ -264,8 +278,8 @@ class Method(Protocol):
         """Return the dense output of steps in one interval."""
         ...
 
-    def diagnose(self, solution: Solution) -> list[str]:
-        """Return notes on a poor choice of method or step, judged from its solution."""
+    def diagnose(self, solution: Solution) -> list[Doubt]:
+        """Return what says that the method or its step was a poor choice, judged from its solution."""
         ...
 
 

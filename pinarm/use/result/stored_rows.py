@@ -17,12 +17,14 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import SolvedMotion
 from pinarm.engine.motion.standstill import lossy
-from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
+    import pinocchio as pin
+
     from pinarm.use.scenario.scenario import Scenario
 
 SAME = 1e-5
@@ -47,6 +49,37 @@ def states(run: Trajectory) -> dict[str, Any]:
         **{f"other.{k}.{name}": array
            for k, other in enumerate(run.others) for name, array in _of_efforts(other).items()},
     }  # fmt: skip
+
+
+def event_arrays(events: Sequence[EventRecord]) -> dict[str, Any]:
+    """Return the arrays from which ``events_of`` makes events and impacts again; none where there are none."""
+    if not events:
+        return {}
+    return {
+        "event.names": np.array([one.name for one in events], str), "event.t": np.array([one.t for one in events]),
+        "event.q": np.array([one.q for one in events]), "event.v": np.array([one.v for one in events]),
+        "event.before": np.array([one.v if one.before is None else one.before for one in events]),
+        "event.impact": np.array([one.before is not None for one in events], float),
+    }  # fmt: skip
+
+
+def events_of(arrays: Mapping[str, Array], model: pin.Model) -> tuple[EventRecord, ...]:
+    """Return the events and impacts of a result, in order of time; see ``event_arrays``.
+
+    Raises:
+        InputError: The arrays are not those of this model.
+    """
+    if "event.names" not in arrays:
+        return ()
+    names, n = arrays["event.names"].reshape(-1).tolist(), arrays["event.names"].size
+    wanted = {"t": (n,), "q": (n, model.nq), "v": (n, model.nv), "before": (n, model.nv), "impact": (n,)}
+    if any(arrays.get(f"event.{name}", NOTHING).shape != shape for name, shape in wanted.items()):
+        raise InputError("the events of this result are not those of its model", hint=AGAIN)
+    t, q, v, before, impact = (arrays[f"event.{name}"] for name in wanted)
+    return tuple(
+        EventRecord(str(name), float(t[k]), q[k], v[k], before[k] if impact[k] else None)
+        for k, name in enumerate(names)
+    )
 
 
 def _of_efforts(run: Trajectory) -> dict[str, Array]:

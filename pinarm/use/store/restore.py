@@ -27,7 +27,7 @@ from pinarm.records import replace
 from pinarm.use.output.folder import complete_folder
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.result import Result
-from pinarm.use.result.stored_rows import AGAIN, SolvedAnew, trajectory_of
+from pinarm.use.result.stored_rows import AGAIN, SolvedAnew, events_of, trajectory_of
 from pinarm.use.scenario.recorded import result as recorded_result
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.store.section_files import SECTIONS, read_sections
@@ -35,8 +35,13 @@ from pinarm.use.store.section_files import SECTIONS, read_sections
 if TYPE_CHECKING:
     from pinarm.use.show.replay.page import Replay
 
-FURTHER = re.compile(r"state\.(directions|other\.[0-9]{1,4}\.(?:tau|lam|further|endless))\.npy")
-"""Files that only some results have: directions of drives with losses, other frictions that hold the motion."""
+FURTHER = re.compile(
+    r"state\.(directions|other\.[0-9]{1,4}\.(?:tau|lam|further|endless)|event\.(?:names|t|q|v|before|impact))\.npy"
+)
+"""Files that only some results have: directions of drives with losses, other frictions that hold the motion, events."""
+
+TEXTS = {"guides", "event.names"}
+"""Arrays of names."""
 
 NEEDED = ("scenario.yaml", "mechanism.yaml", "trajectory.npz", "summary.json", "manifest.json")
 """Files without which a folder is no result."""
@@ -68,7 +73,8 @@ def restore(folder: str | Path) -> Result:
         mechanism = replace(_mechanism(folder, scenario), notes=tuple(summary["notes"]))
     scenario = scenario.with_mechanism(mechanism)
     rows = trajectory_of(scenario, mechanism, arrays)
-    outcome = Outcome(rows, None if rows.isolated else SolvedAnew(scenario, mechanism, rows))
+    motion = None if rows.isolated else SolvedAnew(scenario, mechanism, rows)
+    outcome = Outcome(rows, motion, events=events_of(arrays, mechanism.model))
     measured = {key: summary[key] for key in ("figures", "errors", "setting", "removals")}
     return replace(scenario.result(outcome), name=str(summary["scenario"]), known=known, **measured)
 
@@ -143,11 +149,11 @@ def _arrays(path: Path) -> dict[str, Array]:
         with zipfile.ZipFile(path) as archive:
             further = [match[1] for name in archive.namelist() if (match := FURTHER.fullmatch(name))]
             found = {name: _array(archive, f"state.{name}") for name in (*STATE, "further", "guides", *further)}
-        found = {name: array.astype(str if name == "guides" else float) for name, array in found.items()}
+        found = {name: array.astype(str if name in TEXTS else float) for name, array in found.items()}
     except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, SyntaxError) as error:
         raise InputError(f"{path} does not hold the states of a run ({error})", hint=AGAIN) from None
     unknown = {name for name in ("v", "a") if np.isnan(found[name]).all()}  # of recorded motions
-    if not all(np.isfinite(found[name]).all() for name in {*STATE, *further} & found.keys() - unknown):
+    if not all(np.isfinite(found[name]).all() for name in {*STATE, *further} & found.keys() - unknown - TEXTS):
         raise InputError(f"the states in {path} are not finite")
     return found
 

@@ -23,7 +23,7 @@ from pinarm.input.roots import contained_file, root_of
 from pinarm.mechanics.loading.pinocchio_model import file_suffix
 from pinarm.use.assessments import FILES
 from pinarm.use.output.folder import whole_folder
-from pinarm.use.result.stored_rows import states
+from pinarm.use.result.stored_rows import event_arrays, states
 from pinarm.use.store.files import cell, json_text, write, write_arrays, write_parts, yaml_text
 
 if TYPE_CHECKING:
@@ -117,7 +117,8 @@ def arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
         InputError: An output has the name of one of these.
     """
     units = np.array([[series.name, str(series.unit or "?")] for series in columns])
-    behind = {f"state.{name}": array for name, array in {**states(result.trajectory), "units": units}.items()}
+    stored = {**states(result.trajectory), **event_arrays(result.events), "units": units}
+    behind = {f"state.{name}": array for name, array in stored.items()}
     if taken := [series.name for series in columns if series.name in behind]:
         raise InputError(f"the output '{taken[0]}' has the name of an array of every result's trajectory.npz",
                          expected="another name, by a symbol",

@@ -38,6 +38,23 @@ def test_every_number_comes_back(tmp_path: Path, name: str) -> None:
     assert np.array_equal(again.trajectory.lam, result.trajectory.lam)
 
 
+def test_events_and_impacts_come_back(tmp_path: Path) -> None:
+    """Impacts are told from events by the velocity before, which the stop halves."""
+    given = {
+        "pinarm": 1, "mechanism": str(ROOT / "docs" / "kind_examples" / "events" / "lever.yaml"), "outputs": ["O"],
+        "problem": {"kind": "forward", "time": {"end": "0.6 s", "samples": 3},
+                    "events": {"half": {"when": "O", "reaches": "-45 deg"}},
+                    "end_stops": {"O": {"lower": "-60 deg", "restitution": 0.5}}},
+    }  # fmt: skip
+    result = pinarm.run(given)
+    events = pinarm.restore(result.save(tmp_path / "o", plots=False)).events
+    assert [event.name for event in events][:2] == ["half", "O lower"]
+    assert events[0].before is None
+    assert events[1].before is not None
+    assert events[1].v == pytest.approx(-0.5 * events[1].before, rel=1e-12)
+    assert repr(events) == repr(tuple(result.events))
+
+
 def test_estimates_of_the_error_come_back(tmp_path: Path) -> None:
     result = pinarm.load(ROOT / "scenarios" / "gen411_arm_static.yaml").verified()
     again = pinarm.restore(result.save(tmp_path / "elsewhere", plots=False))

@@ -11,7 +11,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.integration.dense_output import DenseOutput
 from pinarm.engine.integration.first_step import first_step
-from pinarm.engine.integration.integrator import BATCH_ROUNDING, Count, Interval, Manifold, Solution
+from pinarm.engine.integration.integrator import BATCH_ROUNDING, Count, Doubt, Interval, Manifold, Solution
 from pinarm.engine.integration.methods import for_all_motions
 from pinarm.engine.integration.methods.collocation_window import SlopePolynomial, Window
 from pinarm.engine.integration.methods.gauss_legendre import gauss
@@ -111,15 +111,16 @@ class Collocation:
         terms = steps.h[:, None, None] * (table.terms @ (table.series @ steps.slopes))
         return DenseOutput.whole(steps.y, terms)
 
-    def diagnose(self, solution: Solution) -> list[str]:
+    def diagnose(self, solution: Solution) -> list[Doubt]:
         """Return a note where the convergence of the sweeps, not the error, keeps windows short."""
         share = solution.count.limited / max(len(solution.steps), 1)
         if share < LIMITED:
             return []
-        return [
+        text = (
             f"stiff: on {share:.0%} of the windows {self.name} is limited by the convergence of its sweeps, not by "
             "accuracy; accuracy.method: stiff takes longer steps where motions decay, dop853 where they swing"
-        ]
+        )
+        return [Doubt("stiff", share, text)]
 
 
 class CollocationStepper:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pinarm.arrays import Array
+from pinarm.engine.integration.integrator import Doubt
 from pinarm.engine.integration.methods.explicit import Adaptive, AdaptiveStepper
 from pinarm.errors import MethodError
 from pinarm.records import replace
@@ -101,20 +102,21 @@ class Conserving:
         """Return the terms of the dense output."""
         return self.steps.dense_output(interval, manifold, steps)
 
-    def diagnose(self, solution: Solution) -> list[str]:
-        """Return notes where the stability limit, not the error, keeps steps short, or energies are rounding."""
+    def diagnose(self, solution: Solution) -> list[Doubt]:
+        """Return doubts where the stability limit, not the error, keeps steps short, or energies are rounding."""
         nq, energy = solution.manifold.nq, solution.intervals[0].energy
         states = [(y[:nq], y[nq:]) for y in solution.steps.y]
-        notes = self.steps.diagnose(solution)
+        doubts = self.steps.diagnose(solution)
         if energy and states:
             kinetic = max(energy(*state)[0] for state in states)
             rounding = _rounding(energy, *states[-1])
-            if not _is_resolved(kinetic, rounding, self.tolerance):
-                notes.append(
+            if kinetic and not _is_resolved(kinetic, rounding, self.tolerance):
+                text = (
                     f"conserving: rounding of the potential energy, {rounding:.1g} J, is too much beside the kinetic "
                     f"energy, {kinetic:.1g} J: the energy is not conserved better than by {self.steps.name}"
                 )
-        return notes
+                doubts.append(Doubt("conserving", kinetic, text))
+        return doubts
 
 
 def _rounding(energy: Energy, q: Array, v: Array) -> float:

@@ -16,7 +16,7 @@ from pinarm.arrays import Array, distinct
 from pinarm.engine.integration.dense_output import DenseOutput
 from pinarm.engine.integration.divided_steps import divided, terms_of
 from pinarm.engine.integration.first_step import first_step
-from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution
+from pinarm.engine.integration.integrator import Count, Doubt, Interval, Manifold, Solution
 from pinarm.engine.integration.step_control import FASTEST, HUGE, LOST, NOISE, TINY, growth, shrinkage
 from pinarm.engine.integration.steps import Step, StepTable
 from pinarm.engine.integration.tableaus import DOP853, DOPRI5, RK4, Tableau
@@ -27,7 +27,7 @@ STIFF = 0.3
 """Share of steps at the stability limit from which a motion is reported as stiff for an explicit method."""
 
 LIMITED = "stiff"
-"""Beginning of the note on stiffness."""
+"""Kind of the doubt on stiffness, with which its note begins."""
 
 HALVES = np.array([0.0, 0.5, 1.0])
 """Fractions of a step: start, middle, end."""
@@ -109,7 +109,7 @@ class Adaptive(ValueRecord, frozen=True):
         terms = terms_of(self.tableau.examined, interval, manifold, t, t, h, y, slopes)
         return divided(self.tableau, self.tolerance, interval, manifold, t, h, y, terms)
 
-    def diagnose(self, solution: Solution) -> list[str]:
+    def diagnose(self, solution: Solution) -> list[Doubt]:
         """Return a note where the stability limit, not the error, keeps steps short.
 
         The last stage and the end of the step share their time, so ``|k_s - k_(s-1)| / |y_new - Y_(s-1)|`` estimates
@@ -126,10 +126,11 @@ class Adaptive(ValueRecord, frozen=True):
         share = np.count_nonzero(limited) / len(limited)
         if share < STIFF:
             return []
-        return [
+        text = (
             f"{LIMITED}: on {share:.0%} of the steps {self.name} is limited by stability, not by accuracy; "
             "accuracy.method: stiff takes longer steps"
-        ]
+        )
+        return [Doubt(LIMITED, share, text)]
 
 
 def dopri5(tolerance: float) -> Adaptive:
@@ -183,7 +184,7 @@ class FixedStep(ValueRecord, frozen=True):
         t, h, y, slopes = steps.t, steps.h, steps.y, steps.slopes
         return DenseOutput.whole(y, terms_of(self.tableau, interval, manifold, t, t, h, y, slopes))
 
-    def diagnose(self, solution: Solution) -> list[str]:
+    def diagnose(self, solution: Solution) -> list[Doubt]:
         """Return notes where a step and its two halves differ, or where steps may have stepped over a load."""
         error, t, size = 0.0, 0.0, min(solution.size, 1.0)
         for index in distinct(np.linspace(0, len(solution.steps) - 1, SAMPLE).astype(int)):
@@ -192,14 +193,15 @@ class FixedStep(ValueRecord, frozen=True):
             if not difference <= error:  # NaN included
                 error, t = difference, step.t
         over = solution.count.stepped_over
-        stepped_over = [f"step too large: {over} steps go past whole pieces of a load; {self.remedy}"] if over else []
+        past = f"step too large: {over} steps go past whole pieces of a load; {self.remedy}"
+        stepped_over = [Doubt("stepped over", over, past)] if over else []
         if error < COARSE:
             return stepped_over
-        return [
-            *stepped_over,
+        text = (
             f"step too large: at t = {t:.6g} s a step of {self.name} over {self.step:g} s errs by {error:.1e}, "
-            f"relative to {size:.3g} + |y|; {self.remedy}",
-        ]
+            f"relative to {size:.3g} + |y|; {self.remedy}"
+        )
+        return [*stepped_over, Doubt("step too large", error if error < np.inf else np.inf, text)]
 
     def _error(self, solution: Solution, step: Step, size: float) -> float:
         """Return the largest difference between a step and its two halves, relative to ``size + |y|``.

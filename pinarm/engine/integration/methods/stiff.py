@@ -15,7 +15,7 @@ from pinarm.engine.integration.first_step import first_step
 from pinarm.engine.integration.methods.radau_coefficients import Complex, radau
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution
+    from pinarm.engine.integration.integrator import Count, Doubt, Interval, Manifold, Solution
     from pinarm.engine.integration.steps import StepTable
 
 STAGES = ((3e-5, 3), (1e-7, 5), (0.0, 7))
@@ -86,7 +86,7 @@ class Radau:
         terms = radau(self.stages).terms @ steps.slopes
         return DenseOutput.whole(steps.y, terms)
 
-    def diagnose(self, solution: Solution) -> list[str]:
+    def diagnose(self, solution: Solution) -> list[Doubt]:
         """Return nothing: its steps are neither limited by stability nor unchecked."""
         return []
 

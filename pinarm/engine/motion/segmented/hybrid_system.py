@@ -93,6 +93,10 @@ class HybridSystem(Record, frozen=True):
             replace(bound, size=size) if isinstance(bound, Bound) else bound for bound in self.bounds)  # fmt: skip
         return replace(self, size=size, bounds=bounds, max_steps=max_steps)
 
+    def beginning(self, initial: Initial) -> HybridSystem:
+        """Return the same with another initial state."""
+        return replace(self, initial=initial, _systems={}, _shares={})
+
     def system(self, held: Held = frozenset()) -> System:
         """Return what is integrated while joints rest on the given stops.
 

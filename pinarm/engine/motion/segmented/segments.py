@@ -20,7 +20,7 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.integrator import Solution
+    from pinarm.engine.integration.integrator import Doubt, Solution
     from pinarm.engine.motion.segmented.stop_shares import StopShares
 
 
@@ -203,9 +203,12 @@ class SegmentedMotion(Record, frozen=True):
         """Return what says that the integrator was a poor choice: stiff, where a good part of all steps is."""
         solutions = [segment.solution for segment in self.segments]
         doubts = [(doubt, len(each.steps)) for each in solutions for doubt in each.method.diagnose(each)]
-        limited = sum(steps for doubt, steps in doubts if doubt.startswith(LIMITED))
+        limited = sum(steps for doubt, steps in doubts if doubt.kind == LIMITED)
         seldom = limited < STIFF * sum(len(each.steps) for each in solutions)
-        return list(dict.fromkeys(doubt for doubt, _ in doubts if not (seldom and doubt.startswith(LIMITED))))
+        worst: dict[str, Doubt] = {}
+        for doubt, _ in doubts:
+            worst[doubt.kind] = max(worst.get(doubt.kind, doubt), doubt, key=lambda one: one.size)
+        return [doubt.text for doubt in worst.values() if not (seldom and doubt.kind == LIMITED)]
 
 
 def _states(segment: MotionSegment, t: Array) -> tuple[Array, Array]:

@@ -45,6 +45,12 @@ class Initial(Record, frozen=True):
     rates: tuple[tuple[Coordinate, float], ...] = ()
     followers: tuple[Follower, ...] = ()
 
+    def given_rates(self) -> Array:
+        """Return the given velocities, not a number where none is given, shape (nv,)."""
+        found = np.full(len(self.v), np.nan)
+        found[list(self.velocities)] = self.v[list(self.velocities)]
+        return found
+
 
 class Follower(ValueRecord, frozen=True):
     """A rotor behind an elastic gear, which begins without deflection where nothing else is said.

@@ -142,8 +142,12 @@ class _Search:
         if self.error(rung) <= target:
             while rung > FIRST and self.error(rung - 1) <= target:
                 rung -= 1
-        while target < self.error(rung) < np.inf and rung < last:
+        while (target < self.error(rung) < np.inf or self._diverges(rung)) and rung < last:
             rung += 1
+
+    def _diverges(self, rung: int) -> bool:
+        """Return whether there is no solution with the steps of a rung: shorter ones may have one."""
+        return self.ladder.halving and self.run(rung) is None
 
     def run(self, rung: int) -> Result | None:
         """Return the solution of a rung with other last digits, or that by another method."""

@@ -50,6 +50,7 @@ class Batch:
         starts: The initial values that were given.
         q: Configurations at the start, shape (b, nq).
         v: Velocities there, shape (b, nv).
+        given: What was given of these, not a number where nothing was.
         workers: Number of processes that solve them, or of the workers of the executor; without it 1 is this process.
         executor: Who solves them in place of processes of this machine.
     """
@@ -58,6 +59,7 @@ class Batch:
     starts: Starts
     q: Array
     v: Array
+    given: Array
     workers: int | None = None
     executor: Executor | None = None
     _blocks: dict[int, Block] = field(default_factory=dict)
@@ -243,15 +245,15 @@ class Batch:
         from pinarm.use.study.batch.worker_blocks import answers
 
         workers = chosen_workers(self.workers and min(self.workers, len(parts)), self.executor)
-        jobs = [(part.start, self.q[part], self.v[part]) for part in parts]
-        for (first, q, _), found, failures in answers(self.question.scenario, jobs, answer, workers):
+        jobs = [(part.start, self.q[part], self.v[part], self.given[part]) for part in parts]
+        for (first, q, *_), found, failures in answers(self.question.scenario, self.starts, jobs, answer, workers):
             yield slice(first, first + len(q)), found, failures
 
     def _block(self, begin: int, end: int) -> Block:
         """Return some of the motions; those of a small batch stay solved."""
         if begin in self._blocks:
             return self._blocks[begin]
-        block = Block(self.question, self.q[begin:end], self.v[begin:end], begin)
+        block = Block(self.question, self.q[begin:end], self.v[begin:end], self.given[begin:end], begin)
         if self._small:
             self._blocks[begin] = block
         return block
@@ -296,4 +298,5 @@ def batch(
     check_number(workers)
     question = Question.of(load(scenario, values))
     starts = Starts.of(question.scenario.simplification.solved, question.hybrid, position or {}, velocity or {})
+    question = question.giving(starts.position, starts.velocity)
     return Batch(question, starts, *question.begin(starts), workers, executor)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -24,6 +24,7 @@ from pinarm.errors import InputError, Interrupted, NumericsError
 from pinarm.mechanics.laws.motion_law import ROUNDING
 from pinarm.problems.batch_table import BatchTable
 from pinarm.problems.forward import Forward
+from pinarm.records import replace
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.batch.initial_states import Starts
@@ -63,19 +64,31 @@ class Question:
         place = partial(scenario.document.locating, "problem")
         return cls(scenario, problem, problem.prepare(scenario.simplification.solved, content.accuracy, place))
 
-    def begin(self, starts: Starts) -> tuple[Array, Array]:
-        """Return initial states, assembled, of shapes (b, nq) and (b, nv).
+    def giving(self, position: Collection[str], velocity: Collection[str]) -> Question:
+        """Return the question of motions of which initial values of these joints are given: they stay free if they can.
+
+        Args:
+            position: Joints whose coordinates are given.
+            velocity: Joints whose velocities are given.
+        """
+        joints, initial = self.scenario.simplification.solved.joints, self.hybrid.initial
+        positions = tuple(dict.fromkeys([*initial.positions, *(joints[name].v for name in position)]))
+        velocities = tuple(dict.fromkeys([*initial.velocities, *(joints[name].v for name in velocity)]))
+        return replace(self, hybrid=self.hybrid.beginning(replace(initial, positions=positions, velocities=velocities)))
+
+    def begin(self, starts: Starts) -> tuple[Array, Array, Array]:
+        """Return initial states, assembled, of shapes (b, nq) and (b, nv), and what was given of the velocities.
 
         Raises:
             InputError: One contradicts itself, the laws, or a stop.
             DynamicsError: Masses do not determine the accelerations there.
         """
-        given = self.problem.initial_states(
+        given = [*self.problem.initial_states(
             starts.mechanism, self.hybrid.prescribed, starts.position, starts.velocity, starts.size
-        )
-        q, v = (np.array(x) for x in zip(*(self.hybrid.begin(initial) for initial in given), strict=True))
+        )]  # fmt: skip
+        q, v = (np.array(x) for x in zip(*map(self.hybrid.begin, given), strict=True))
         self.hybrid.require_masses(q)
-        return q, v
+        return q, v, np.array([initial.given_rates() for initial in given])
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,12 +99,14 @@ class Block:
         question: What is the same in all of them.
         q: Configurations at the start, assembled, shape (b, nq).
         v: Velocities there, shape (b, nv).
+        given: What was given of these; see ``Initial.given_rates``.
         first: Number of the first of them in the batch.
     """
 
     question: Question
     q: Array = field(repr=False)
     v: Array = field(repr=False)
+    given: Array = field(repr=False)
     first: int = 0
     _followed: dict[int, Outcome | NumericsError] = field(default_factory=dict, repr=False)
 
@@ -216,8 +231,9 @@ class Block:
             first = None if ensemble is None else partial(ensemble.solution, number)
             try:
                 self._followed[number] = question.problem.solve_from(
-                    question.scenario.simplification.solved, question.hybrid, self.q[number], self.v[number], first
-                )
+                    question.scenario.simplification.solved, question.hybrid, self.q[number], self.v[number],
+                    self.given[number], first,
+                )  # fmt: skip
             except Interrupted:
                 raise
             except NumericsError as error:

@@ -14,13 +14,14 @@ from pinarm.errors import NumericsError, PinarmError
 from pinarm.input.roots import file_root, given_root
 from pinarm.use.scenario.scenario import Scenario, ScenarioSource
 from pinarm.use.study.batch.block import Block, Question, answered
+from pinarm.use.study.batch.initial_states import Starts
 from pinarm.use.workers.chunk_order import LostJob
 from pinarm.use.workers.distribute import Workers, distribute
 
 AnswerT = TypeVar("AnswerT")
 
-Job = tuple[int, Array, Array]
-"""The number of the first motion of a block, and the initial states of all."""
+Job = tuple[int, Array, Array, Array]
+"""The number of the first motion of a block, the initial states of all, and what was given of their velocities."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,30 +32,34 @@ class Remote(Generic[AnswerT]):
         source: What the scenario is read from.
         root: Folder that files may refer to; each file's own where it is ``None``.
         answer: What is asked; importable by its name.
+        position: Joints whose coordinates at the start are given.
+        velocity: Joints whose velocities there are given.
     """
 
     source: ScenarioSource
     root: Path | None
     answer: Callable[[Block], AnswerT]
+    position: tuple[str, ...]
+    velocity: tuple[str, ...]
 
     @cached_property
     def question(self) -> Question:
         """Return the question of the scenario."""
-        return Question.of(self.source.scenario())
+        return Question.of(self.source.scenario()).giving(self.position, self.velocity)
 
     def __call__(self, job: Job) -> tuple[AnswerT, dict[int, str]] | PinarmError:
         """Return the answer of a block and why motions of it failed, or why it has none."""
-        first, q, v = job
+        first, q, v, given = job
         try:
             with file_root(self.root):
-                return answered(self.answer, Block(self.question, q, v, first))
+                return answered(self.answer, Block(self.question, q, v, given, first))
         except PinarmError as error:
             error.__dict__.pop("partial", None)  # which stays in this process
             return error
 
 
 def answers(
-    scenario: Scenario, jobs: Sequence[Job], answer: Callable[[Block], AnswerT], workers: Workers
+    scenario: Scenario, starts: Starts, jobs: Sequence[Job], answer: Callable[[Block], AnswerT], workers: Workers
 ) -> Iterator[tuple[Job, AnswerT, dict[int, str]]]:
     """Yield the answers of blocks as they come, and why motions of each failed.
 
@@ -62,7 +67,7 @@ def answers(
         PinarmError: A block has no answer.
         NumericsError: Workers died with a block.
     """
-    remote = Remote(scenario.source, given_root(), answer)
+    remote = Remote(scenario.source, given_root(), answer, tuple(starts.position), tuple(starts.velocity))
     with closing(distribute(remote, iter(jobs), workers)) as found:
         for job, answered in found:
             if isinstance(answered, LostJob):

@@ -159,7 +159,7 @@ def test_a_stiff_problem_is_called_stiff_and_a_smooth_one_is_not():
 
     assert on_a_line(pulled, 1.0, tolerance=1e-7).count.limited > 100
     solution = on_a_line(pulled, 1.0, tolerance=1e-7)
-    assert [note.partition(":")[0] for note in solution.method.diagnose(solution)] == ["stiff"]
+    assert [doubt.kind for doubt in solution.method.diagnose(solution)] == ["stiff"]
     for tolerance in TOLERANCES:
         smooth = on_a_line(lambda t, q, v: -np.sin(q), 30.0, q=2.5, tolerance=tolerance)
         assert smooth.method.diagnose(smooth) == []

@@ -1,10 +1,12 @@
 """Segments of a motion: events that follow one another without end are no motion."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 import pinarm
+from pinarm.engine.integration.integrator import Doubt
 from pinarm.engine.motion.segmented.segments import CROWDED, MotionSegment, SegmentedMotion
 from pinarm.errors import IntegrationError
 
@@ -33,8 +35,25 @@ def test_a_motion_is_stiff_where_a_good_part_of_its_steps_is(few, many, told):
         method = SimpleNamespace(diagnose=lambda solution: doubts)
         return MotionSegment(None, SimpleNamespace(steps=[None] * steps, method=method), None, None, None)
 
-    motion = SegmentedMotion(None, [segment(few, ["stiff: on 100% of the steps"]), segment(many, ["other"])])
+    stiff, other = Doubt("stiff", 1.0, "stiff: on 100% of the steps"), Doubt("other", 0.0, "other")
+    motion = SegmentedMotion(None, [segment(few, [stiff]), segment(many, [other])])
     assert motion.diagnose() == ["stiff: on 100% of the steps"] * told + ["other"]
+
+
+@pytest.mark.parametrize(
+    ("accuracy", "told"),
+    [({"method": "conserving", "tolerance": 1e-9}, "conserving: "), ({"method": "rk4", "step": "0.1 s"}, "step too")],
+)
+def test_what_holds_of_many_segments_is_told_once(accuracy, told):
+    """Bounces of a lever that dies down on its stop: some twenty segments, each with numbers of its own."""
+    lever = Path(__file__).parents[4] / "docs" / "kind_examples" / "events" / "lever.yaml"
+    given = {
+        "pinarm": 1, "mechanism": str(lever), "outputs": ["O"], "accuracy": accuracy,
+        "problem": {"kind": "forward", "time": {"end": "1.5 s", "samples": 3},
+                    "end_stops": {"O": {"lower": "-60 deg", "restitution": 0.5}}},
+    }  # fmt: skip
+    notes = pinarm.run(given).notes()
+    assert len([note for note in notes if note.startswith(told)]) == 1
 
 
 URDF = """<robot name="arm"><link name="base"/>

@@ -118,3 +118,17 @@ def test_the_finest_setting_is_tried_before_a_target_is_missed(oscillator):
     assert not result.missed
     true = np.abs(result["joint.x.position"].values - np.cos(10.0 * result.trajectory.grid.t)).max()
     assert 1e-9 < true <= result.error <= 1e-8
+
+
+def test_shorter_steps_are_tried_where_the_first_diverges():
+    """A slide of 2 kg in a damper of 2 kN s/m: v = v0 exp(-1000 t), of which a step of a 64th second makes 2000 v0."""
+    given = {
+        "pinarm": 1, "mechanism": str(ROOT / "docs" / "kind_examples" / "laws" / "slide.yaml"),
+        "problem": {"kind": "forward", "time": {"end": "1 s", "samples": 3},
+                    "initial": {"velocity": {"x": "1 m/s"}},
+                    "loads": {"damper": {"kind": "joint_spring", "joint": "x", "damping": "2000 N*s/m"}}},
+        "outputs": ["x"], "accuracy": {"method": "rk4", "target": 1e-2},
+    }  # fmt: skip
+    result = pinarm.run(given)
+    assert not result.missed
+    assert result["x"].values == pytest.approx(1e-3 * -np.expm1(-1000.0 * result.trajectory.grid.t), abs=1e-5)

@@ -606,3 +606,25 @@ def test_motions_that_come_to_edges_of_a_load_are_the_motions_one_by_one():
         alone = pinarm.run(given, {"problem.initial.velocity.x": f"{speed} rad/s"})
         at_rows = [alone.number(f"x @ t={t} s, side=left")[0] for t in (0.0, 0.5, 1.0)]
         assert ours == pytest.approx(at_rows, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["in", "out"])
+def test_either_of_two_wheels_in_mesh_may_begin_elsewhere(name):
+    """They go on at their speeds, one at -0.5 of the other."""
+    given = {
+        "pinarm": 1, "mechanism": str(ROOT / "docs" / "kind_examples" / "couplings" / "gear_mechanism.yaml"),
+        "problem": {"kind": "forward", "time": {"end": "1 s", "samples": 3}}, "outputs": ["in", "out"],
+    }  # fmt: skip
+    found = pinarm.batch(given, {name: [0.4, -0.2]}, {name: [1.0, 2.0]})
+    assert found[name].values == pytest.approx(np.array([[0.4, 0.9, 1.4], [-0.2, 0.8, 1.8]]), abs=1e-9)
+    assert found["out"].values == pytest.approx(-0.5 * found["in"].values, abs=1e-12)
+
+
+def test_velocities_that_loops_change_are_told_of_each_motion(scenario):
+    """In a parallelogram both uprights turn alike, whatever the scenario gives of one."""
+    one = scenario(text=LOOP)
+    speeds = {"upright_0": [2.0, 1.0], "upright_1": [2.0, 0.0]}
+    notes = [pinarm.batch(one, velocity=speeds).run(number).notes() for number in range(2)]
+    assert notes[0] == []
+    assert "the loops do not allow the given velocities" in notes[1][0]
+    assert "where 1 was given" in notes[1][0]
