@@ -145,7 +145,7 @@ def integrals(run: Lookup, integrand: Callable[[Quantities], Array]) -> tuple[Ar
             allowed = curve.left
             bounds = distinct(np.append(np.linspace(low, high, 1 + parts_of_each), run.bounds(interval)))
             order = 1 if start < end else -1
-            known = KnownValues(run.run.grid.t[own][::order], rows[own][::order])
+            known = KnownValues(run.run.grid.t[own][::order], rows[own][::order], run.bounds(interval))
             parts += _integrals_between(curve, [low, high], bounds, known)
             left -= allowed - curve.left
     total, error = (np.sum(of, axis=0) for of in zip(*parts, strict=True))
