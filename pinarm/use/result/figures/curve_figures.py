@@ -30,7 +30,7 @@ from pinarm.input.units import Unit
 from pinarm.records import ValueRecord
 from pinarm.use.result.figures.percentile import percentile
 from pinarm.use.result.figures.quadrature import NODES, KnownValues, Panels, integrate
-from pinarm.use.result.row_lookup import MOST_INTERVALS, PARTS, Lookup
+from pinarm.use.result.row_lookup import MOST_INTERVALS, PARTS, PLATEAU, Lookup
 
 RELATIVE, ABSOLUTE = 1e-10, 1e-13
 """Errors at which an integral is good enough, relative to itself and to the largest value times the length."""
@@ -312,7 +312,7 @@ def _integral(run: Lookup, quantity: str) -> tuple[float, float]:
 def _peak(run: Lookup, quantity: str) -> tuple[float, float]:
     row, error = run.extreme("largest", quantity)
     value = abs(float(row[quantity].values[0]))
-    return value, max(error, ROUNDING * value)
+    return value, max(error, PLATEAU * value)
 
 
 def _single(run: Lookup, quantity: str) -> tuple[float, float]:
