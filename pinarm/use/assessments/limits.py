@@ -7,7 +7,7 @@ limit; its margin is not known, and so the least of all is not either.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
@@ -97,7 +97,8 @@ class Limits(InputStruct, frozen=True):
         columns = ("", "value", "limit", "margin [%]", "error", "")
         table = SectionTable("limits", "Numbers and their limits", columns, (None,) * len(columns),
                              [each.row() for each in compared])  # fmt: skip
-        return Section("limits", "Limits", [table], numbers, remarks)
+        errors = {each.name: each.known for each in compared} | {"least_margin": _error_of_least(compared)}
+        return Section("limits", "Limits", [table], numbers, remarks, errors=errors)
 
 
 @dataclass(frozen=True)
@@ -154,6 +155,15 @@ class _Compared:
         bound = f"{self.condition.relation} {self.condition.bound_text}"
         error: Cell = "not estimated" if self.bound is None else f"{self.bound:.1e}"
         return self.condition.number.label, self.text, bound, 100.0 * self.relative, error, self.verdict
+
+
+def _error_of_least(compared: Sequence[_Compared]) -> float:
+    """Return the error of the least relative margin: of all that may be it."""
+    sizes = [abs(float(each.condition.bound)) for each in compared]
+    known = [(each.relative, each.known / size) for each, size in zip(compared, sizes, strict=True) if size]
+    least = min((margin for margin, _ in known), default=0.0)
+    most = min((margin + error for margin, error in known), default=0.0)
+    return max((least - margin + error for margin, error in known if margin - error <= most), default=0.0)
 
 
 def _compared(condition: Condition, result: Result) -> _Compared:

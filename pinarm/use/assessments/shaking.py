@@ -83,7 +83,7 @@ class Shaking(InputStruct, frozen=True):
         given = self._figures(result.lookup)
         numbers = {name: Series(name, each.unit, np.array([each.value])) for name, each in given.items()}
         units = [given[f"{part}.peak"].unit for part in PARTS]
-        tables = [_figures_table(numbers, units)]
+        tables = [_figures_table(given, units)]
         remarks = [f"the moment is taken about {self.about or 'the origin of the world'}"]
         if result.trajectory.mechanism.model.armature.any():
             remarks.append("the spin of rotors has no part in it: only their drives' joints have their inertia")
@@ -112,14 +112,14 @@ class Shaking(InputStruct, frozen=True):
         return found
 
 
-def _figures_table(numbers: dict[str, Series], units: Sequence[Unit | None]) -> SectionTable:
+def _figures_table(given: Mapping[str, CurveFigure], units: Sequence[Unit | None]) -> SectionTable:
     rows: list[tuple[str | float, ...]] = []
     for part, measured in zip(("force.norm", *PARTS[:3], "moment.norm", *PARTS[3:]),
                               (units[0], *units[:3], units[3], *units[3:]), strict=True):  # fmt: skip
-        peak, rms = (float(numbers[f"{part}.{name}"].values[0]) for name in ("peak", "rms"))
-        rows.append((part, str(measured), peak, rms))
-    return SectionTable("figures", "Peak and rms value", ("", "unit", "peak", "rms"), (None, None, None, None), rows,
-                        row_unit=1)  # fmt: skip
+        peak, rms = (given[f"{part}.{name}"] for name in PEAKS)
+        rows.append((part, str(measured), peak.value, peak.error, rms.value, rms.error))
+    columns = ("", "unit", "peak", "its error", "rms", "its error ")
+    return SectionTable("figures", "Peak and rms value", columns, (None,) * len(columns), rows, row_unit=1)
 
 
 def _terms(result: Result) -> float:

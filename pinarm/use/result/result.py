@@ -523,7 +523,7 @@ class Result(Record, frozen=True):
         """
         if self.kind != "forward":
             with suppress(PinarmError):  # it has no end, or a saved result cannot be solved any more
-                return self.lookup.highest(lambda rows: height(rows.trajectory), "the pull").trajectory
+                return self.lookup.highest(lambda rows: height(rows.trajectory), "the pull")[0].trajectory
         return highest_row(self.trajectory, height)
 
     def digest(self) -> str:

@@ -333,8 +333,8 @@ class Lookup(Record, frozen=True):
         """Intervals, and where in them joints with friction are at rest for an instant."""
         return [*enumerate(self.motion.rests())] if self.motion else []
 
-    def highest(self, height: Callable[[Quantities], Array], name: str, slack: float = 0.0) -> Quantities:
-        """Return the row at which a function of the quantities is largest, refined between the samples.
+    def highest(self, height: Callable[[Quantities], Array], name: str, slack: float = 0.0) -> tuple[Quantities, float]:
+        """Return the row at which a function of the quantities is largest, and by how much it may be more elsewhere.
 
         Args:
             height: Quantities of n rows -> values, shape (n,).
@@ -345,7 +345,7 @@ class Lookup(Record, frozen=True):
             InputError: It has no largest value, as it passes through infinity.
         """
         peak = self._highest(height, [], f"{name} has no largest value", slack)
-        return self._row(peak.interval, peak.place)
+        return self._row(peak.interval, peak.place), max(peak.error, slack, PLATEAU * abs(peak.height))
 
     def _highest(self, height: Callable[[Quantities], Array], places: Spots, lacks: str, slack: float = 0.0) -> Peak:
         """Return the largest value of a function of the quantities.

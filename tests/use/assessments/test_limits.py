@@ -48,6 +48,14 @@ def test_margins_are_those_of_the_closed_form(turned: pinarm.Scenario) -> None:
     assert section.remarks == [f"beyond its limit: joint.turn.effort @ rms < 10 N*m is {RMS:.6g} N*m"]
 
 
+def test_margins_are_told_with_the_errors_of_their_numbers(turned: pinarm.Scenario) -> None:
+    result = limited(turned, peak="< 30 N*m", rms="< 10 N*m", turn="> 80 deg").run()
+    margin, error = result.number("limits.joint_turn_effort_rms.margin")
+    assert error == result.number("joint.turn.effort @ rms")[1] > 0.0
+    assert result.number("limits.least_margin")[1] == pytest.approx(error / 10.0, rel=1e-12)
+    assert abs(margin - (10.0 - RMS)) <= error
+
+
 def test_a_sweep_takes_margins(turned: pinarm.Scenario) -> None:
     asked = limited(turned, peak="< 30 N*m")
     end = "problem.motion.turn.duration"

@@ -21,6 +21,9 @@ def test_an_unbalanced_rotor_shakes_with_m_e_w2_once_a_turn() -> None:
     assert numbers["force.norm.peak"] == pytest.approx(force, rel=ROUNDING)
     assert numbers["force.x.rms"] == pytest.approx(force / 2**0.5, rel=ROUNDING)
     assert numbers["moment.norm.rms"] == pytest.approx(moment, rel=ROUNDING)
+    section = result.sections["shaking"]
+    told = {row[0]: row for row in section.tables[0].rows}["force.norm"]
+    assert told[2:] == tuple(of[f"force.norm.{name}"] for name in ("peak", "rms") for of in (numbers, section.errors))
     first, *higher = np.array(result.sections["shaking"].tables[1].rows)[:, 2:]
     assert first == pytest.approx([force, force, 0, moment, moment, 0], rel=ROUNDING, abs=1e-9)
     assert np.abs(higher).max() < ROUNDING * force

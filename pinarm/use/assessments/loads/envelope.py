@@ -15,7 +15,7 @@ from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.use.assessments.loads.joint import LoadedJoint
 from pinarm.use.assessments.loads.number import LoadNumber, rounding, worst_row
-from pinarm.use.result.row_lookup import Lookup
+from pinarm.use.result.row_lookup import PLATEAU, Lookup
 from pinarm.use.result.section import SectionTable
 
 BY_AXIS = {"radial": "force.radial", "axial": "force.axial", "overturning": "moment.radial"}
@@ -24,15 +24,15 @@ SIZES = {"force": "force.norm", "moment": "moment.norm"}
 """Peaks of all joints."""
 
 
-EnvelopeRow = tuple[str, str, str, float, float, float, float]
-"""Joint, component, unit, least value and where, largest value and where."""
+EnvelopeRow = tuple[str, str, str, float, float, float, float, float]
+"""Joint, component, unit, least value and where, largest value and where, and the error of both."""
 
 
 def envelope_table(rows: Sequence[EnvelopeRow], at: Unit) -> SectionTable:
     """Return the table of the components, for the unit of the run's parameter."""
-    columns = ("joint", "component", "unit", "min", "min at", "max", "max at")
+    columns = ("joint", "component", "unit", "min", "min at", "max", "max at", "error")
     return SectionTable("envelope", "Envelope of the components, body axes", columns,
-                        (None, None, None, None, at, None, at), rows, row_unit=2)  # fmt: skip
+                        (None, None, None, None, at, None, at, None), rows, row_unit=2)  # fmt: skip
 
 
 def envelope(run: Lookup, joint: LoadedJoint) -> tuple[list[EnvelopeRow], list[str]]:
@@ -45,8 +45,10 @@ def envelope(run: Lookup, joint: LoadedJoint) -> tuple[list[EnvelopeRow], list[s
         shown = name.replace(f".along.{joint.body}", "")
         least = rounding(run, name, series)
         slack = least if np.ptp(series.values) <= least else 0.0
-        low, high = (_value(run.extreme(which, series.name, slack)[0], series.name) for which in ("min", "max"))
-        rows.append((joint.name, shown, str(series.unit), *low, *high))
+        ends = [run.extreme(which, series.name, slack) for which in ("min", "max")]
+        low, high = ((float(row[series.name].values[0]), _place(row)) for row, _ in ends)
+        error = max(slack, PLATEAU * max(abs(low[0]), abs(high[0])), *(error for _, error in ends))
+        rows.append((joint.name, shown, str(series.unit), *low, *high, error))
     return rows, remarks
 
 
@@ -65,10 +67,9 @@ def peaks(run: Lookup, joint: LoadedJoint) -> Mapping[str, tuple[LoadNumber, Qua
         if name in known:
             full, unit, least = known[name].name, known[name].unit, rounding(run, name, known[name])
             assert unit is not None
-            row = worst_row(run, partial(_size, name=full), least)
-            value, place = _value(row, full)
-            if abs(value) > least:
-                found[part] = LoadNumber(abs(value), unit, place, doubt=row[full].doubt), row
+            row, value, error = worst_row(run, partial(_size, name=full), least)
+            if value > least:
+                found[part] = LoadNumber(value, unit, _place(row), error, row[full].doubt), row
     return found
 
 
@@ -95,6 +96,5 @@ def _size(rows: Quantities, name: str) -> Array:
     return np.abs(rows[name].values)
 
 
-def _value(row: Quantities, name: str) -> tuple[float, float]:
-    """Return the value of a quantity in one row, and where the row is."""
-    return float(row[name].values[0]), float(row.trajectory.grid.t[0])
+def _place(row: Quantities) -> float:
+    return float(row.trajectory.grid.t[0])

@@ -137,5 +137,5 @@ def _numbers_table(numbers: Mapping[str, LoadNumber], at: Unit) -> SectionTable:
         (name, str(each.unit), each.value, each.at if each.at is not None else "", each.error)
         for name, each in numbers.items()
     ]
-    return SectionTable("numbers", "Peaks, lives and grades", ("", "unit", "value", "at", "quadrature error"),
+    return SectionTable("numbers", "Peaks, lives and grades", ("", "unit", "value", "at", "error"),
                         (None, None, None, at, None), rows, row_unit=1)  # fmt: skip

@@ -16,13 +16,13 @@ from pinarm.use.result.row_lookup import PLATEAU, Lookup
 
 @dataclass(frozen=True)
 class LoadNumber:
-    """A number, where it stands in the run, and what the quadrature leaves of it.
+    """A number, where it stands in the run, and what its quadrature, or the search for its peak, leaves of it.
 
     Attributes:
         value: The number [SI].
         unit: Its unit.
         at: The instant, or another parameter of the run; ``None`` for numbers of the whole run.
-        error: Estimate of the error of the quadrature [SI]; 0 for numbers of an instant.
+        error: Estimate of what is left [SI]; 0 for numbers of the model.
         doubt: Why it is one choice of many; empty where it is determined.
     """
 
@@ -49,8 +49,8 @@ CONSTANT = 1e-9
 """Relative change below which a curve is constant but for rounding, and its peak is at the start."""
 
 
-def worst_row(run: Lookup, size: Callable[[Quantities], Array], least: float = 0.0) -> Quantities:
-    """Return the row of a run at which a size is largest; the first one where it is constant.
+def worst_row(run: Lookup, size: Callable[[Quantities], Array], least: float = 0.0) -> tuple[Quantities, float, float]:
+    """Return the row of a run at which a size is largest, the first one where it is constant; the size, and its error.
 
     Args:
         run: The run.
@@ -58,15 +58,18 @@ def worst_row(run: Lookup, size: Callable[[Quantities], Array], least: float = 0
         least: Up to which size it is rounding.
     """
     start = run.at("start", run.run.parameter)
-    constant = max(least, (1.0 + CONSTANT) * float(size(start)[0]))
-    worst = run.highest(size, "the load", least if float(size(run.quantities).max()) <= least else 0.0)
-    return start if float(size(worst)[0]) <= constant else worst
+    first = float(size(start)[0])
+    worst, error = run.highest(size, "the load", least if float(size(run.quantities).max()) <= least else 0.0)
+    largest = float(size(worst)[0])
+    if largest <= max(least, (1.0 + CONSTANT) * first):
+        return start, first, error + max(largest - first, 0.0)
+    return worst, largest, error
 
 
 def peak(run: Lookup, measured: Unit, size: Callable[[Quantities], Array], least: float = 0.0) -> LoadNumber:
     """Return the largest of a size, see ``worst_row``, and where it is."""
-    row = worst_row(run, size, least)
-    return LoadNumber(float(size(row)[0]), measured, float(row.trajectory.grid.t[0]))
+    row, largest, error = worst_row(run, size, least)
+    return LoadNumber(largest, measured, float(row.trajectory.grid.t[0]), error)
 
 
 def rounding(run: Lookup, name: str, series: Series) -> float:

@@ -144,9 +144,10 @@ class Sensitivity(InputStruct, frozen=True):
 
     def _section(self, variation: Varied, bands: Sequence[Band]) -> Section:
         drawn, inputs = self._drawn(variation, bands), variation.inputs
-        numbers = dict[str, Series]()
+        numbers, errors = dict[str, Series](), dict[str, float]()
         for band in bands:
             numbers |= band.numbers(inputs)
+            errors |= band.errors(inputs)
         tables = [band_table(bands, inputs), *drawn.tables, *(effect_table(band, inputs) for band in bands)]
         remarks = [
             "bands are what the tolerances make of a number; its numerical error is another thing, and in none of them"
@@ -155,7 +156,7 @@ class Sensitivity(InputStruct, frozen=True):
         if any(band.error is None for band in bands):
             remarks.append("numerical errors are not estimated; run --verify bounds them")
         title = "Sensitivity to tolerances"
-        return Section("sensitivity", title, tables, numbers | drawn.numbers, remarks, drawn.graphs)
+        return Section("sensitivity", title, tables, numbers | drawn.numbers, remarks, drawn.graphs, errors)
 
     def _drawn(self, variation: Varied, bands: Sequence[Band]) -> _Drawn:
         """Return what drawn inputs show, where that is asked."""

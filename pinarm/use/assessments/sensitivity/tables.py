@@ -99,6 +99,13 @@ class Band:
             found[f"{name}.by.{each.name}"] = _single(unit_over(unit, each.si), slope.value)
         return found
 
+    def errors(self, inputs: Sequence[Input]) -> dict[str, float]:
+        """Return the errors of bands and derivatives by name: those of bands are what errors of derivatives make."""
+        name, wrong = slug(self.number), np.array([slope.error for slope in self.slopes])
+        parts = wrong * np.array([each.tolerance for each in inputs])
+        found = {f"{name}.worst_case": float(parts.sum()), f"{name}.rss": float(np.linalg.norm(parts))}
+        return found | {f"{name}.by.{each.name}": slope.error for each, slope in zip(inputs, self.slopes, strict=True)}
+
     def remarks(self, inputs: Sequence[Input]) -> list[str]:
         """Return where the linear band is not the whole answer."""
         label, worst = self.number.label, self.worst_case(inputs)

@@ -22,10 +22,13 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.motion.standstill import directions
+from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
+from pinarm.errors import InputError
 from pinarm.use.assessments.sizing.load_inertia import load_inertia
+from pinarm.use.assessments.sizing.samples import left_of_trapezia, rise_between
 from pinarm.use.result.figures.curve_figures import ROUNDING, integrals
-from pinarm.use.result.row_lookup import Lookup
+from pinarm.use.result.row_lookup import PLATEAU, Lookup
 
 SAMPLES = 2000
 """Instants at which peaks and temperatures are looked at, spread over the intervals of a run by their lengths, besides
@@ -34,6 +37,9 @@ eight in each, and all at which integrals and the largest velocity, acceleration
 
 Columns = Callable[[Quantities], tuple[Array, Array, Array]]
 """Rows -> velocity, acceleration and y of the joint, each of shape (n,)."""
+
+Known = tuple[float, float]
+"""A number and its error."""
 
 
 @dataclass(frozen=True)
@@ -46,20 +52,22 @@ class Duty:
         a: Its acceleration, shape (n,).
         y: Effort at the gear's input times the ratio, efficiency included [N*m or N], shape (n,).
         load_inertia: Mean of what it feels of the masses, its own rotor left out, weighted with the square of the speed
-            [kg*m^2 or kg]; see ``load_inertia``.
-        squares: A, B and C.
-        errors: Of A, B and C, by their quadrature.
+            [kg*m^2 or kg], and its error; see ``load_inertia``.
+        fastest: Largest size of the velocity, and its error.
+        integrals: A, B, C and the integral of the size of the velocity, and their errors, shape (2, 4).
         rest: How long the joint is held by a brake after the motion, the motor without torque [s].
+        course: The cycle itself; ``None`` where the instants are all that is known of it.
     """
 
     t: Array = field(repr=False)
     v: Array = field(repr=False)
     a: Array = field(repr=False)
     y: Array = field(repr=False)
-    load_inertia: float
-    squares: tuple[float, float, float]
-    errors: tuple[float, float, float]
+    load_inertia: Known
+    fastest: Known
+    integrals: Array
     rest: float
+    course: Course | None = field(default=None, repr=False)
 
     @property
     def length(self) -> float:
@@ -70,47 +78,126 @@ class Duty:
         """Return the torque T of a motor [N*m], shape (n,)."""
         return inertia * ratio * self.a + self.y / ratio
 
-    def rms_torque(self, inertia: float, ratio: float) -> tuple[float, float]:
-        """Return the root of the mean square of T over the cycle, and its error [N*m].
+    def terms(self, inertia: float, ratio: float) -> float:
+        """Return the size of the terms that the torque of a motor sums [N*m]."""
+        return float(inertia * ratio * np.abs(self.a).max() + np.abs(self.y).max() / ratio)
+
+    def rms_torque(self, inertia: float, ratio: float) -> Known:
+        """Return the root of the mean square of T over the cycle [N*m].
 
         Where the rotor and the load nearly cancel, as a spring in resonance does, few digits of the square are left:
         with the error e of the square s the root is wrong by ``e / s^(1/2)`` at most, and by ``e^(1/2)``.
         """
         factors = np.array([(inertia * ratio) ** 2, 2.0 * inertia, 1.0 / ratio**2]) / self.length
-        terms = factors * self.squares
+        squares, errors = self.integrals[:, :3]
+        terms = factors * squares
         root = max(float(terms.sum()), 0.0) ** 0.5
-        error = float(factors @ self.errors + ROUNDING * np.abs(terms).sum())
+        error = float(factors @ errors + ROUNDING * np.abs(terms).sum())
         return root, error**0.5 if error >= root**2 else error / root
 
     def best_ratio(self, inertia: float) -> float:
         """Return the ratio of the least rms torque for a rotor inertia; infinite without one."""
-        a, _, c = self.squares
+        a, _, c, _ = self.integrals[0]
         return float((c / a) ** 0.25 / inertia**0.5) if a * inertia > 0.0 else float("inf")
 
-    def mean_speed(self) -> float:
+    def mean_speed(self) -> Known:
         """Return the mean size of the velocity over the cycle, its rest included."""
-        return float(np.trapezoid(np.abs(self.v), self.t) / self.length)
+        way, error = self.integrals[:, 3]
+        return float(way / self.length), float(error / self.length)
 
-    def energy(self, torque: Array, ratio: float) -> tuple[float, float]:
-        """Return the energy that a motor gives in a cycle, and what it takes back [J], both positive."""
-        power = torque * ratio * self.v
-        given, taken = (float(np.trapezoid(np.maximum(sign * power, 0.0), self.t)) for sign in (1.0, -1.0))
+    def largest(self, height: Height, terms: float) -> Known:
+        """Return the largest of a function of velocity, acceleration and y at the instants, shape (n,).
+
+        Args:
+            height: The function; it is not negative.
+            terms: Size of what it sums.
+        """
+        values = height(self.v, self.a, self.y)
+        return float(values.max()), rise_between(self.t, values) + PLATEAU * terms
+
+    def energy(self, inertia: float, ratio: float) -> tuple[Known, Known]:
+        """Return the energy that a motor gives in a cycle, and what it takes back [J], both positive, of instants."""
+        power = self.torque(inertia, ratio) * ratio * self.v
+        given, taken = (
+            (float(np.trapezoid(part, self.t)), left_of_trapezia(self.t, part))
+            for part in (np.maximum(power, 0.0), np.maximum(-power, 0.0))
+        )
         return given, taken
 
-    def warmest(self, load: Array, time_constant: float) -> float:
+    def warmest(self, load: Array, time_constant: float) -> Known:
         """Return the peak of ``x' = (u - x) / T`` when cycles of the heat u follow each other for ever.
+
+        Its error is what the trapezia through u leave of the heat, that of a mean for the course of u between two
+        instants, ``h² |Δu| / (6 T)``, and how far x may be above both ends there where u falls below it,
+        ``h |Δu| / (8 T)``.
 
         Args:
             load: u at the instants, shape (n,); 0 while the joint rests.
             time_constant: T [s].
         """
-        steps = np.diff(self.t) / time_constant
+        h, rise = np.diff(self.t), np.abs(np.diff(load))
+        steps = h / time_constant
         fade, mean = np.exp(-steps), 0.5 * (load[:-1] + load[1:])
         course = np.concatenate([[0.0], _recursion(fade, -np.expm1(-steps) * mean)])
         decay = np.exp(-(self.t - self.t[0]) / time_constant)
-        rest = np.exp(-self.rest / time_constant)
-        start = course[-1] * rest / -np.expm1(-self.length / time_constant)
-        return float((course + start * decay).max())
+        rest, returned = np.exp(-self.rest / time_constant), -np.expm1(-self.length / time_constant)
+        start = course[-1] * rest / returned
+        heat = left_of_trapezia(self.t, load) + float((h * steps * rise).sum()) / 6.0
+        above = float((steps * rise).max(initial=0.0)) / 8.0
+        peak = float((course + start * decay).max())
+        return peak, heat / time_constant / float(returned) + above + ROUNDING * len(load) * peak
+
+
+Height = Callable[[Array, Array, Array], Array]
+"""Velocity, acceleration and y of the joint -> values, all of shape (n,)."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """The cycle itself, between instants too.
+
+    Attributes:
+        run: The run.
+        columns: What gives velocity, acceleration and y of its rows.
+    """
+
+    run: Lookup
+    columns: Columns
+
+    def largest(self, height: Height, terms: float) -> Known:
+        """Return the largest of a function of velocity, acceleration and y.
+
+        Args:
+            height: The function; it is not negative.
+            terms: Size of what it sums.
+
+        Raises:
+            InputError: It has no largest value.
+        """
+
+        def heights(rows: Quantities) -> Array:
+            return height(*self.columns(rows))
+
+        row, error = self.run.highest(heights, "the load of the motor", PLATEAU * terms)
+        return float(heights(row)[0]), error
+
+    def parts(self, product: Height, scale: float) -> tuple[Known, Known]:
+        """Return the integrals of the positive and of the negative part of a function, both positive.
+
+        Args:
+            product: The function.
+            scale: Its size, or that of the terms that it sums.
+        """
+        scale = scale or 1.0
+
+        def parts(rows: Quantities) -> Array:
+            values = product(*self.columns(rows)) / scale
+            return np.stack([np.maximum(values, 0.0), np.maximum(-values, 0.0)], axis=1)
+
+        total, error = integrals(self.run, parts)
+        rounding = ROUNDING * float(np.ptp(self.run.run.grid.cuts))
+        given, taken = zip((scale * total).tolist(), (scale * (error + rounding)).tolist(), strict=True)
+        return given, taken
 
 
 def _recursion(factors: Array, terms: Array) -> Array:
@@ -148,49 +235,65 @@ def duty_of(
         seen.append((rows.trajectory.grid.t, v, a, y))
         return v, a, y
 
-    _, a, y = columns(run.quantities)
-    scale = np.array([np.abs(a).max() or 1.0, np.abs(y).max() or 1.0])
+    v, a, y = columns(run.quantities)
+    scale = np.array([np.abs(of).max() or 1.0 for of in (v, a, y)])
 
-    def squares(rows: Quantities) -> Array:
-        _, a, y = columns(rows)
-        a, y = a / scale[0], y / scale[1]
-        return np.stack([a * a, a * y, y * y], axis=1)
+    def products(rows: Quantities) -> Array:
+        v, a, y = (of / size for of, size in zip(columns(rows), scale, strict=True))
+        return np.stack([a * a, a * y, y * y, np.abs(v)], axis=1)
 
     def size(k: int, rows: Quantities) -> Array:
         return np.abs(columns(rows)[k])
 
-    total, error = integrals(run, squares)
-    sizes = np.array([scale[0] ** 2, scale[0] * scale[1], scale[1] ** 2])
-    for k, what in enumerate(("velocity", "acceleration", "effort")):
+    sizes = np.array([scale[1] ** 2, scale[1] * scale[2], scale[2] ** 2, scale[0]])
+    found = sizes * integrals(run, products)
+    fastest, *_ = (
         run.highest(partial(size, k), f"the {what} of '{coordinate}'")
-    t, v, inertia = _samples(run, lambda rows: (columns(rows)[0], load_inertia(rows.trajectory, coordinate, held)))
-    (a_square, product, y_square), (of_a, of_both, of_y) = (total * sizes).tolist(), (error * sizes).tolist()
-    mean = _mean_inertia(t, v, inertia - armature)
-    t, v, a, y = _in_order(run, columns, seen)
-    return Duty(t, v, a, y, mean, (a_square, product, y_square), (of_a, of_both, of_y), rest)
+        for k, what in enumerate(("velocity", "acceleration", "effort"))
+    )
+    speed = float(size(0, fastest[0])[0]), fastest[1]
+    t, v, a, y = _in_order(run, columns, [*seen, *_evenly(run, columns)])
+    felt, error = _mean_inertia(run, names[0], lambda rows: load_inertia(rows, coordinate, held))
+    inertia = felt - armature, error + ROUNDING * armature
+    return Duty(t, v, a, y, inertia, speed, found, rest, Course(run, columns))
 
 
-def _samples(run: Lookup, columns: Callable[[Quantities], tuple[Array, ...]]) -> tuple[Array, ...]:
-    """Return instants all over a run, both sides of jumps among them, and the columns there."""
+def _evenly(run: Lookup, columns: Columns) -> list[tuple[Array, Array, Array, Array]]:
+    """Return instants all over a run, and the columns there, interval by interval."""
     whole = run.run.grid.cuts[-1] - run.run.grid.cuts[0]
     parts = []
     for interval, (start, end, _) in enumerate(run.intervals):
         if end > start:
             t = np.linspace(start, end, 8 + round(SAMPLES * (end - start) / whole))
             parts.append((t, *columns(run.quantities_at(interval, t))))
-    return tuple(np.concatenate(each) for each in zip(*parts, strict=True))
+    return parts
 
 
-def _mean_inertia(t: Array, v: Array, inertia: Array) -> float:
+def _mean_inertia(run: Lookup, velocity: str, inertia: Callable[[Trajectory], Array]) -> Known:
     """Return the mean of an inertia, weighted with the square of the speed; of the time where it rests.
 
     Twice the mean kinetic energy over the mean square of the speed: finite where the motion passes a dead point.
+
+    Args:
+        run: The run.
+        velocity: Name of the velocity.
+        inertia: Rows -> the inertia, shape (n,).
     """
-    squares = v**2
-    if not squares.any():
-        return float(np.trapezoid(inertia, t) / (t[-1] - t[0]))
-    energies = np.multiply(inertia, squares, out=np.zeros_like(squares), where=squares > 0.0)
-    return float(np.trapezoid(energies, t) / np.trapezoid(squares, t))
+    fastest = float(np.abs(run.quantities[velocity].values).max())
+    size = inertia(run.run)
+    scale = float(size[np.isfinite(size)].max(initial=0.0)) or 1.0
+
+    def products(rows: Quantities) -> Array:
+        weights = (rows[velocity].values / fastest) ** 2 if fastest else np.ones(len(rows.trajectory))
+        felt, energies = inertia(rows.trajectory) / scale, np.zeros_like(weights)
+        return np.stack([np.multiply(felt, weights, out=energies, where=weights > 0.0), weights], axis=1)
+
+    try:
+        (energy, square), errors = integrals(run, products)
+    except InputError:  # the coordinate is held by other drives
+        return np.inf, 0.0
+    mean = scale * float(energy / square)
+    return mean, float((scale * errors[0] + abs(mean) * errors[1]) / square)
 
 
 def _in_order(run: Lookup, columns: Columns, seen: Sequence[tuple[Array, ...]]) -> tuple[Array, ...]:

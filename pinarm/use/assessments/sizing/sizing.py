@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,7 +19,7 @@ from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Pause, current_folder
 from pinarm.use.assessments.sizing.catalogue import GREATEST, SMALLEST, Motor, read_catalogue
-from pinarm.use.assessments.sizing.duty import Duty, duty_of
+from pinarm.use.assessments.sizing.duty import Course, Duty, Known, duty_of
 from pinarm.use.result.figures.curve_figures import made_a_motion
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable
 
@@ -37,8 +37,8 @@ COLUMNS = (
     "speed margin", "winding", "inertia ratio", "energy", "regenerated",
 )  # fmt: skip
 NUMBERS = {
-    "fitting": DIMENSIONLESS, "peak_torque": TORQUE, "rms_torque": TORQUE, "peak_speed": SPEED, "ratio": DIMENSIONLESS,
-    "reserve": DIMENSIONLESS,
+    "fitting": DIMENSIONLESS, "ratio": DIMENSIONLESS, "reserve": DIMENSIONLESS, "peak_torque": TORQUE,
+    "rms_torque": TORQUE, "peak_speed": SPEED, "energy": ENERGY, "regenerated": ENERGY, "inertia_ratio": DIMENSIONLESS,
 }  # fmt: skip
 """How many fit, and what is said of the first of them in the ranking: name -> unit."""
 
@@ -172,25 +172,26 @@ class Sizing(InputStruct, frozen=True):
         candidates = [self._candidate(duty, motor, ratio) for motor in read_catalogue(Path(self.catalogue))
                       for ratio in self.ratios_tried]  # fmt: skip
         ranked = sorted(candidates, key=lambda each: each.order)
+        while not ranked[0].refined:
+            ranked[0] = _refined(duty, ranked[0])
+            ranked.sort(key=lambda each: each.order)
         return self._section(duty, ranked, drive)
 
     def _candidate(self, duty: Duty, motor: Motor, ratio: float) -> Candidate:
-        torque, speed = duty.torque(motor.rotor_inertia, ratio), ratio * np.abs(duty.v)
-        rms, error = duty.rms_torque(motor.rotor_inertia, ratio)
-        available = motor.short_torque(speed)
-        with np.errstate(over="ignore"):
-            needed, endless = np.abs(torque), np.full_like(torque, np.inf)
-            margin = np.divide(available, needed, out=endless, where=needed > 0.0).min()
-        continuous = motor.continuous_torque(ratio * duty.mean_speed())
-        winding = self.ambient_temperature + motor.temperature_rise * duty.warmest(
-            (torque / motor.stall_torque) ** 2, motor.time_constant
+        """Return what is known of a motor at a ratio by instants."""
+        inertia = motor.rotor_inertia
+        rms, (mean, off) = duty.rms_torque(inertia, ratio), duty.mean_speed()
+        continuous = [motor.continuous_torque(ratio * speed) for speed in (mean, mean - off, mean + off)]
+        speed, winding = (
+            _times(duty.fastest, ratio),
+            duty.warmest((duty.torque(inertia, ratio) / motor.stall_torque) ** 2, motor.time_constant),
         )
-        given, taken = duty.energy(torque, ratio)
+        warmest, doubt = _times(winding, motor.temperature_rise)
         return Candidate(
-            motor, ratio, float(np.abs(torque).max()), float(margin), rms, error, continuous / rms if rms else np.inf,
-            float(speed.max()), motor.max_speed / float(speed.max()) if speed.any() else np.inf, winding,
-            duty.load_inertia / (motor.rotor_inertia * ratio**2) if motor.rotor_inertia else np.inf, given, taken,
-            self.safety,
+            motor, ratio, self.safety, *_torques(duty, duty, motor, ratio), rms,
+            _over((continuous[0], float(np.ptp(continuous))), rms), speed, _over((motor.max_speed, 0.0), speed),
+            (self.ambient_temperature + warmest, doubt),
+            _over(duty.load_inertia, (inertia * ratio**2, 0.0)), *duty.energy(inertia, ratio),
         )  # fmt: skip
 
     def _section(self, duty: Duty, ranked: Sequence[Candidate], drive: Drive) -> Section:
@@ -198,13 +199,15 @@ class Sizing(InputStruct, frozen=True):
         tables = [SectionTable("motors", f"Motors and ratios for {self.drive}, the lightest that fits first", COLUMNS,
                                UNITS_OF, rows), _best_ratios(duty, ranked)]  # fmt: skip
         best, fitting = ranked[0], sum(not candidate.reasons for candidate in ranked)
-        values = {"fitting": float(fitting)} | {name: getattr(best, name) for name in NUMBERS if name != "fitting"}
-        numbers = {name: Series(name.replace("_", " "), NUMBERS[name], np.array([x])) for name, x in values.items()}
+        known = {"fitting": (float(fitting), 0.0), "ratio": (best.ratio, 0.0)}
+        known |= {name: getattr(best, name) for name in NUMBERS if name not in known}
+        numbers = {name: Series(name.replace("_", " "), NUMBERS[name], np.array([x])) for name, (x, _) in known.items()}
+        tables.append(_first_table(best, known))
         remarks = [
             f"{fitting} of {len(ranked)} fit; motors with a gear of efficiency "
             f"{drive.efficiency if self.efficiency is None else self.efficiency:g} by direction of power",
-            f"rms torque of the first: quadrature error {best.rms_error:.1e} N*m; "
-            f"peaks are those of {len(duty.t)} instants",
+            f"errors of the first: {_errors(best)}",
+            *_errors_of_others(ranked[1:], len(duty.t)),
         ]
         if not duty.a.any() and not duty.y.any():
             still = f"'{drive.coordinate}' carries no load and does not accelerate in this run"
@@ -212,20 +215,20 @@ class Sizing(InputStruct, frozen=True):
         if not fitting:
             remarks.insert(0, f"no motor fits; closest is {best.motor.name} at {best.ratio:g}: {best.verdict}")
         return Section("sizing", f"Motor and gear of {self.drive}", tables, numbers, remarks, [_cloud(duty, best)],
-                       {"rms_torque": best.rms_error})  # fmt: skip
+                       {name: error for name, (_, error) in known.items()})  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A motor at a ratio. Margins are available over needed; torques at the motor.
+    """A motor at a ratio. Margins are available over needed; torques at the motor; all with their errors.
 
     Attributes:
         motor: The motor.
         ratio: The ratio.
+        safety: Factor that margins have to reach.
         peak_torque: Largest torque [N*m].
         torque_margin: Smallest quotient of short-time torque and torque at an instant.
         rms_torque: Over the cycle [N*m].
-        rms_error: Its error by the quadrature [N*m].
         rms_margin: Continuous torque at the mean speed over the rms torque.
         peak_speed: Largest speed [rad/s].
         speed_margin: Largest speed of the motor over that.
@@ -233,37 +236,53 @@ class Candidate:
         inertia_ratio: Mean inertia that the drive feels of the load, at the motor, over that of the rotor.
         energy: Given in a cycle [J].
         regenerated: Taken back in a cycle [J].
-        safety: Factor that margins have to reach.
+        refined: Whether torques and energies are those of the motion, not of instants.
     """
 
     motor: Motor = field(repr=False)
     ratio: float
-    peak_torque: float
-    torque_margin: float
-    rms_torque: float
-    rms_error: float
-    rms_margin: float
-    peak_speed: float
-    speed_margin: float
-    winding: float
-    inertia_ratio: float
-    energy: float
-    regenerated: float
     safety: float
+    peak_torque: Known
+    torque_margin: Known
+    rms_torque: Known
+    rms_margin: Known
+    peak_speed: Known
+    speed_margin: Known
+    winding: Known
+    inertia_ratio: Known
+    energy: Known
+    regenerated: Known
+    refined: bool = False
 
     @property
-    def reserve(self) -> float:
-        """Smallest of the margins of torque, rms torque and speed."""
-        return min(self.torque_margin, self.rms_margin, self.speed_margin)
+    def margins(self) -> dict[str, Known]:
+        """Margins of torque, rms torque and speed, by name."""
+        return {"peak torque": self.torque_margin, "rms torque": self.rms_margin, "speed": self.speed_margin}
+
+    @property
+    def reserve(self) -> Known:
+        """Smallest of the margins."""
+        least = min(margin for margin, _ in self.margins.values())
+        if not np.isfinite(least):
+            return least, 0.0
+        low, high = (min(margin + sign * error for margin, error in self.margins.values()) for sign in (-1.0, 1.0))
+        return least, max(least - low, high - least)
 
     @property
     def reasons(self) -> list[str]:
         """Why it does not fit; empty where it does."""
-        margins = {"peak torque": self.torque_margin, "rms torque": self.rms_margin, "speed": self.speed_margin}
-        short = {what: margin for what, margin in margins.items() if margin < self.safety}
+        short = {what: margin for what, (margin, _) in self.margins.items() if margin < self.safety}
         said = [f"{what} {1.0 / margin:.2f} times what it has" if margin else f"{what} where it has none"
                 for what, margin in short.items()]  # fmt: skip
-        return said + [f"winding at {self.winding:.0f} degC"] * (self.winding > self.motor.max_temperature)
+        warmest, _ = self.winding
+        return said + [f"winding at {warmest:.0f} degC"] * (warmest > self.motor.max_temperature)
+
+    @property
+    def undecided(self) -> bool:
+        """Whether a margin is nearer to the safety, or the winding to its largest temperature, than its error."""
+        compared = [*((margin, self.safety) for margin in self.margins.values()),
+                    (self.winding, self.motor.max_temperature)]  # fmt: skip
+        return any(abs(value - bound) <= error for (value, error), bound in compared if error and np.isfinite(value))
 
     @property
     def verdict(self) -> str:
@@ -273,26 +292,115 @@ class Candidate:
     @property
     def order(self) -> tuple[bool, float, float]:
         """Key to rank by: those that fit by mass, the others by how far they are from it; then by reserve."""
-        fails = bool(self.reasons)
-        return fails, -self.reserve if fails else self.motor.mass, -self.reserve
+        fails, (reserve, _) = bool(self.reasons), self.reserve
+        return fails, -reserve if fails else self.motor.mass, -reserve
+
+    @property
+    def known(self) -> dict[str, Known]:
+        """What is told of it, by name of its column."""
+        return {
+            "peak torque": self.peak_torque, "torque margin": self.torque_margin, "rms torque": self.rms_torque,
+            "rms margin": self.rms_margin, "peak speed": self.peak_speed, "speed margin": self.speed_margin,
+            "winding": self.winding, "inertia ratio": self.inertia_ratio, "energy": self.energy,
+            "regenerated": self.regenerated,
+        }  # fmt: skip
 
     def row(self, number: int) -> tuple[str | float, ...]:
         """Return its row of the table."""
-        return (
-            float(number), self.motor.name, self.ratio, self.verdict, self.peak_torque, self.torque_margin,
-            self.rms_torque, self.rms_margin, self.peak_speed, self.speed_margin, self.winding, self.inertia_ratio,
-            self.energy, self.regenerated,
-        )  # fmt: skip
+        return (float(number), self.motor.name, self.ratio, self.verdict, *(value for value, _ in self.known.values()))
+
+
+def _torques(duty: Duty, of: Duty | Course, motor: Motor, ratio: float) -> tuple[Known, Known]:
+    """Return the largest torque [N*m], and the least of the quotients of what the motor has and torque.
+
+    Args:
+        duty: The cycle.
+        of: What looks for them.
+        motor: The motor.
+        ratio: The ratio.
+    """
+    inertia, terms = motor.rotor_inertia, duty.terms(motor.rotor_inertia, ratio)
+
+    def torque(v: Array, a: Array, y: Array) -> Array:
+        return np.abs(inertia * ratio * a + y / ratio)
+
+    def used(v: Array, a: Array, y: Array) -> Array:
+        return torque(v, a, y) / motor.short_torque(np.minimum(ratio * np.abs(v), motor.max_speed))
+
+    beyond = ratio * np.abs(duty.v) > motor.max_speed
+    peak = of.largest(torque, terms)
+    if duty.torque(inertia, ratio)[beyond].any():
+        return peak, (0.0, 0.0)
+    return peak, _over((1.0, 0.0), of.largest(used, terms / motor.rated_torque))
+
+
+def _refined(duty: Duty, candidate: Candidate) -> Candidate:
+    """Return a candidate of which instants tell torques and energies with those of the motion, between instants too."""
+    assert duty.course is not None
+    motor, ratio = candidate.motor, candidate.ratio
+    inertia = motor.rotor_inertia
+
+    def power(v: Array, a: Array, y: Array) -> Array:
+        return (inertia * ratio * a + y / ratio) * ratio * v
+
+    peak, margin = _torques(duty, duty.course, motor, ratio)
+    given, taken = duty.course.parts(power, duty.terms(inertia, ratio) * ratio * duty.fastest[0])
+    return replace(candidate, peak_torque=peak, torque_margin=margin, energy=given, regenerated=taken, refined=True)
+
+
+def _times(known: Known, factor: float) -> Known:
+    value, error = known
+    return factor * value, factor * error
+
+
+def _over(known: Known, divisor: Known) -> Known:
+    """Return a quotient and its error; infinite where the divisor is 0."""
+    (above, off), (below, doubt) = known, divisor
+    if not below or not np.isfinite(above):
+        return np.inf, np.inf if doubt else 0.0
+    value = above / below
+    return value, (off + abs(value) * doubt) / (below - doubt) if below > doubt else np.inf
+
+
+def _first_table(best: Candidate, known: Mapping[str, Known]) -> SectionTable:
+    """Return the numbers of the first in the ranking, with their errors."""
+    rows = [(name.replace("_", " "), str(NUMBERS[name]), *known[name]) for name in NUMBERS]
+    rows.append(("winding", "degC", *best.winding))
+    return SectionTable("first", "Numbers of the first, and their errors", ("", "unit", "value", "error"),
+                        (None,) * 4, rows, row_unit=1)  # fmt: skip
+
+
+def _errors(best: Candidate) -> str:
+    units = dict(zip(COLUMNS, UNITS_OF, strict=True)) | {"winding": "K"}
+    said = [f"{what} {error:.1e} {units[what] or ''}".rstrip() for what, (_, error) in best.known.items()]
+    return ", ".join(said)
+
+
+def _errors_of_others(others: Sequence[Candidate], count: int) -> list[str]:
+    """Return how well other motors are known, of which instants tell torques and energies."""
+    if not others:
+        return []
+    said = []
+    for what in ("peak torque", "torque margin", "energy", "regenerated"):
+        known = [one.known[what] for one in others]
+        errors = [error / abs(value) for value, error in known if error and value and np.isfinite(error / value)]
+        said.append(f"{what} {100.0 * max(errors, default=0.0):.1e} %")
+    winding = max(one.winding[1] for one in others)
+    undecided = sum(one.undecided for one in others)
+    return [
+        f"errors of the others, of {count} instants, at most: {', '.join(said)}, winding {winding:.1e} K",
+        *([f"{undecided} of them fit or do not within these errors"] if undecided else []),
+    ]
 
 
 def _best_ratios(duty: Duty, ranked: Sequence[Candidate]) -> SectionTable:
     """Return for every motor the ratio of the least rms torque."""
     motors = list({candidate.motor.name: candidate.motor for candidate in ranked}.values())
     best = [(motor, duty.best_ratio(motor.rotor_inertia)) for motor in motors]
-    rows = [(motor.name, ratio, duty.rms_torque(motor.rotor_inertia, ratio)[0] if ratio < np.inf else 0.0)
+    rows = [(motor.name, ratio, *(duty.rms_torque(motor.rotor_inertia, ratio) if ratio < np.inf else (0.0, 0.0)))
             for motor, ratio in best]  # fmt: skip
-    return SectionTable("best_ratios", "Ratio of the least rms torque", ("motor", "ratio", "rms torque"),
-                        (None, None, TORQUE), rows)  # fmt: skip
+    return SectionTable("best_ratios", "Ratio of the least rms torque", ("motor", "ratio", "rms torque", "error"),
+                        (None, None, TORQUE, TORQUE), rows)  # fmt: skip
 
 
 def _cloud(duty: Duty, best: Candidate) -> Graph:
@@ -306,7 +414,9 @@ def _cloud(duty: Duty, best: Candidate) -> Graph:
         return Curve(across, Series("torque of the motor", TORQUE, values), label, points)
 
     cloud = curve(best.ratio * np.abs(duty.v), torque, "torque at all instants", points=True)
-    point = curve(np.array([best.ratio * duty.mean_speed()]), np.array([best.rms_torque]), "rms torque", points=True)
+    point = curve(
+        np.array([best.ratio * duty.mean_speed()[0]]), np.array([best.rms_torque[0]]), "rms torque", points=True
+    )
     return Graph(
         "torque_speed", f"{motor.name}, ratio {best.ratio:g}",
         [curve(speeds, motor.short_torque(speeds), "for a short time"), curve(speeds, continuous, "for ever"), cloud,

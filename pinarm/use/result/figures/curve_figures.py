@@ -30,7 +30,7 @@ from pinarm.input.units import Unit
 from pinarm.records import ValueRecord
 from pinarm.use.result.figures.percentile import percentile
 from pinarm.use.result.figures.quadrature import NODES, AllowedErrors, KnownValues, Panels, integrate
-from pinarm.use.result.row_lookup import MOST_INTERVALS, PARTS, Lookup
+from pinarm.use.result.row_lookup import MOST_INTERVALS, PARTS, PLATEAU, Lookup
 
 RELATIVE, ABSOLUTE = 1e-10, 1e-13
 """Errors at which an integral is good enough, relative to itself and to the integral of the size of what is summed."""
@@ -146,7 +146,7 @@ def integrals(run: Lookup, integrand: Callable[[Quantities], Array], least: floa
             allowed = curve.left
             bounds = distinct(np.append(np.linspace(low, high, 1 + parts_of_each), run.bounds(interval)))
             order = 1 if start < end else -1
-            known = KnownValues(run.run.grid.t[own][::order], rows[own][::order])
+            known = KnownValues(run.run.grid.t[own][::order], rows[own][::order], run.bounds(interval))
             parts += _integrals_between(curve, [low, high], bounds, known, least)
             left -= allowed - curve.left
     total, error = (np.sum(of, axis=0) for of in zip(*parts, strict=True))
@@ -321,7 +321,7 @@ def _integral(run: Lookup, quantity: str) -> tuple[float, float]:
 def _peak(run: Lookup, quantity: str) -> tuple[float, float]:
     row, error = run.extreme("largest", quantity)
     value = abs(float(row[quantity].values[0]))
-    return value, max(error, ROUNDING * value)
+    return value, max(error, PLATEAU * value)
 
 
 def _single(run: Lookup, quantity: str) -> tuple[float, float]:

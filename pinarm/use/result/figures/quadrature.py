@@ -6,12 +6,12 @@ from far above. R. Piessens and others, *QUADPACK* (1983), dqk21.f.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.records import Record
+from pinarm.records import Record, replace
 
 _HALF = (
     (0.995657163025808080735527280689003, 0.011694638867371874278064396062192, 0.0),
@@ -34,6 +34,24 @@ GAUSS: Array = np.concatenate([_POSITIVE[:, 2], [0.0], _POSITIVE[::-1, 2]])
 
 BARYCENTRIC: Array = 1.0 / np.prod(np.subtract.outer(NODES, NODES) + np.eye(len(NODES)), axis=1)
 """Weights of the polynomial through values at the nodes."""
+
+EDGES: Array = BARYCENTRIC / np.subtract.outer((-1.0, 1.0), NODES)
+EDGES /= EDGES.sum(axis=1, keepdims=True)
+"""Values at the nodes -> those of the polynomial through them at both ends of a panel, shape (2, 21)."""
+
+COEFFICIENTS: Array = np.linalg.inv(np.cos(np.outer(np.arccos(NODES), np.arange(len(NODES)))))
+"""Values at the nodes -> coefficients of the Chebyshev polynomials that are equal to them there, shape (21, 21)."""
+
+TAIL, HEAD = slice(17, 21), slice(6, 9)
+"""Of the coefficients: the last ones, and those of degree 6 to 8."""
+
+KINKS, KINK = (0.02, 0.4), 1.5
+"""Last coefficients relative to those of degree 6 to 8 between which there may be a kink in a panel: its place decides
+how near K and G are; and the error of K over half the width and the last coefficients, of which 99 % are less at kinks,
+corners of roots and jumps, wherever they are. At poles and of rounding coefficients fall less."""
+
+OUTER = 0.5 * float(1.0 - NODES[-1])
+"""Part of a panel beyond the outer node at either end: K and G agree on a jump there, which none sees."""
 
 NARROWEST = 1e-13
 """Part of an interval below which its parts are not bisected: their points would not differ."""
@@ -83,16 +101,23 @@ class KnownValues(Record, frozen=True):
     Attributes:
         t: The points, ascending, shape (n,).
         f: The values there, shape (n, k).
+        jumps: Bounds of panels at which functions may jump.
     """
 
     t: Array
     f: Array
+    jumps: Sequence[float] = ()
 
     def between(self, bounds: Array) -> KnownValues:
-        """Return those strictly between bounds, shape (m,), at which functions may jump, and finite."""
+        """Return those strictly between bounds, shape (m,), at which functions may jump, that are finite."""
         places = np.searchsorted(bounds, self.t)
         inside = (places > 0) & (places < len(bounds)) & ~np.isin(self.t, bounds) & np.isfinite(self.f).all(axis=1)
         return KnownValues(self.t[inside], self.f[inside])
+
+    def at(self, t: float) -> Array:
+        """Return the values at a place, shape (1, k); NaN where they are not known."""
+        here = self.f[self.t == t]
+        return here[:1] if len(here) else np.full((1, self.f.shape[1]), np.nan)
 
 
 class Panels(Record, frozen=True):
@@ -123,7 +148,8 @@ class Panels(Record, frozen=True):
         f = f.reshape(len(low), len(NODES), -1)
         half = 0.5 * (high - low)[:, None]
         kronrod = half * np.einsum("p,mpk->mk", KRONROD, f)
-        return cls(low, high, kronrod, np.abs(kronrod - half * np.einsum("p,mpk->mk", GAUSS, f)), f)
+        errors = np.abs(kronrod - half * np.einsum("p,mpk->mk", GAUSS, f))
+        return cls(low, high, kronrod, np.maximum(errors, KINK * half * _kinks(f)), f)
 
     def refined(self, at: Callable[[Array], Array], poor: Indices) -> Panels:
         """Return them with some bisected: those whose numbers are given, ascending."""
@@ -156,6 +182,24 @@ class Panels(Record, frozen=True):
         most = np.zeros((len(numbers), off.shape[1]))
         np.maximum.at(most, places, off[found])
         return numbers, most
+
+    def with_jumps(self, known: KnownValues) -> Panels:
+        """Return them with larger errors where functions may jump at their ends."""
+        return replace(self, errors=self.errors + self.jumps_at_ends(known))
+
+    def jumps_at_ends(self, known: KnownValues) -> Array:
+        """Return what jumps beyond the outer nodes of panels may change in their integrals, shape (m, k).
+
+        The polynomials of two neighbours differ by a jump where they meet, and so do those at the ends of the interval
+        from the values there.
+        """
+        edges, width = np.append(self.low, self.high[-1]), (self.high - self.low)[:, None]
+        begin, end = np.einsum("ep,mpk->emk", EDGES, self.f)
+        slack = UNSEEN + EXPLAINED * np.sqrt(self.errors / width)
+        off = np.abs(np.concatenate([known.at(edges[0]), end]) - np.concatenate([begin, known.at(edges[-1])]))
+        slacks = np.concatenate([slack, slack[-1:]]) + np.concatenate([slack[:1], slack])
+        off = np.where(np.isfinite(off) & (off > slacks) & ~np.isin(edges, known.jumps)[:, None], off, 0.0)
+        return np.asarray(OUTER * width * (off[1:] + off[:-1]))
 
     def poor(self, allowed: Array, most: int) -> Indices:
         """Return the numbers of those that have to be bisected, as few as leave half of the allowed error, ascending.
@@ -211,7 +255,7 @@ class Panels(Record, frozen=True):
         """
         width = (self.high - self.low) / (self.high[-1] - self.low[0])
         least = width <= min(2.0 * float(width.min()), NARROW)
-        unsure = least[:, None] | (self.errors > ROUGH * np.abs(self.values))
+        unsure = least[:, None] | ((self.errors > ROUGH * np.abs(self.values)) & (_kinks(self.f) == 0.0))
         beside = self.errors + np.where(unsure, np.abs(self.values), 0.0)
         found = np.where(poor, beside.sum(axis=0), self.told_errors)
         for k in np.flatnonzero(poor).tolist() if least.any() else ():
@@ -232,6 +276,16 @@ class Panels(Record, frozen=True):
                 if power < DIVERGES - 1.0:
                     return True
         return False
+
+
+def _kinks(f: Array) -> Array:
+    """Return the last coefficients of functions in panels that may have a kink there, and 0 in others, shape (m, k).
+
+    Args:
+        f: The functions at the nodes, shape (m, 21, k).
+    """
+    tail, head = (np.abs(np.einsum("np,mpk->mnk", COEFFICIENTS[part], f)).max(axis=1) for part in (TAIL, HEAD))
+    return np.where((KINKS[0] * head < tail) & (tail < KINKS[1] * head), tail, 0.0)
 
 
 def _interpolated(x: Array, f: Array) -> Array:
@@ -291,23 +345,24 @@ def integrate(
         most: Number of panels that are evaluated at most, those of all rounds together.
         known: What is known of the functions.
     """
-    known = known.between(np.append(first.low, first.high[-1]))
+    inside = known.between(np.append(first.low, first.high[-1]))
     panels, before, evaluated = first, list[Array](), 0
     while True:
-        value, error = panels.values.sum(axis=0), panels.told_errors
-        before.append(panels.errors.sum(axis=0))
+        told = panels.with_jumps(known)
+        value, error = told.values.sum(axis=0), told.told_errors
+        before.append(told.errors.sum(axis=0))
         sizes, room = allowance.sizes(panels), max(0, (most - evaluated) // 2)
         allowed = allowance.of(panels, sizes)
         fine = bool((error <= allowed).all())
-        poor = np.zeros(0, np.intp) if fine else panels.poor(allowed, room)
-        if not len(poor) or _noisy(before, panels, allowed, NOISE * sizes):
-            unseen, off = panels.unseen(known)
+        poor = np.zeros(0, np.intp) if fine else told.poor(allowed, room)
+        if not len(poor) or _noisy(before, told, allowed, NOISE * sizes):
+            unseen, off = panels.unseen(inside)
             if not len(unseen) or not room:
                 off = np.sum((panels.high - panels.low)[unseen, None] * off, axis=0)
                 if fine or len(poor):
                     return value, error + off
-                panels = panels.deepened(at, error > allowed)
-                return panels.values.sum(axis=0), panels.left_over(error > allowed) + off
+                told = panels.deepened(at, error > allowed).with_jumps(known)
+                return told.values.sum(axis=0), told.left_over(error > allowed) + off
             poor, before = unseen[:room], []
         panels, evaluated = panels.refined(at, poor), evaluated + 2 * len(poor)
 

@@ -56,6 +56,17 @@ def test_runs_with_other_arguments_laws_or_initial_states_are_of_one_kind() -> N
     assert kinds[4] != kinds[0]
 
 
+def test_derivatives_and_bands_are_within_their_errors() -> None:
+    """``g l2 (m_A + m_BA/2)``: ``g l2`` and ``g l2/2`` by the masses, with 5 % and 10 g of these."""
+    found = section(ARM, {"of": ["C_B @ max"], "to": {"m_A": "5 %", "m_BA": "0.01 kg"}}, **FEW)
+    slopes = {"m_A": G * L, "m_BA": 0.5 * G * L}
+    parts = np.array([G * L * 0.05 * M_A, 0.5 * G * L * 0.01])
+    exact = {f"C_B_max.by.{name}": slope for name, slope in slopes.items()}
+    exact |= {"C_B_max.worst_case": parts.sum(), "C_B_max.rss": np.linalg.norm(parts)}
+    for name, value in exact.items():
+        assert abs(values(found)[name] - value) <= found.errors[name] < 1e-6 * value
+
+
 def test_the_torque_of_an_arm_by_length_and_masses() -> None:
     found = section(ARM, {"of": ["C_B @ max"], "to": {"l2": "250 ± 2 mm", "m_A": "5 %", "m_BA": "0.01 kg"}}, **FEW)
     effects = rows(found.tables[1])

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 import pinarm
 from pinarm.use.assessments.sizing.duty import duty_of
@@ -65,9 +66,13 @@ def test_other_drives_are_held_and_weights_springs_and_losses_have_no_part(tmp_p
     rotor = 1e-4 * 50.0**2
     assert load_inertia(result.trajectory, "a") == pytest.approx(rotor + locked(result["b"].values), rel=1e-13)
     duty = duty_of(result.lookup, "a", rotor, 0.7, 0.0)
-    t = np.linspace(0.0, 1.0, 20001)
-    mean = np.average(locked(1.0 + 0.5 * np.sin(3.0 * t)), weights=np.cos(3.0 * t) ** 2)
-    assert duty.load_inertia == pytest.approx(mean, rel=1e-4)  # the mean of 20,001 instants
+    energy, square = (
+        quad(lambda t, of=of: of(t) * np.cos(3.0 * t) ** 2, 0.0, 1.0, epsabs=1e-14, epsrel=1e-14)[0]
+        for of in (lambda t: locked(1.0 + 0.5 * np.sin(3.0 * t)), lambda t: 1.0)
+    )
+    mean, error = duty.load_inertia
+    assert mean == pytest.approx(energy / square, abs=error + 1e-14)  # of quad
+    assert error < 1e-12
 
 
 def test_a_joint_that_is_held_still_is_held_whether_it_is_solved_for_or_not(tmp_path: Path) -> None:

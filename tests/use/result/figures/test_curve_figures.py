@@ -105,7 +105,7 @@ def test_a_jump_in_the_middle_of_a_run_is_no_rounding(scenario: Callable[..., An
     result = scenario("inverse", "", hanging).run()
     mean, error = result.number("joint.pivot.effort/drive.motor.torque @ mean")
     assert mean == pytest.approx(50.0 * (0.8 + 1.0 / 0.8), rel=1e-9)  # jumps are enclosed to 1e-10 of an integral
-    assert error < 1e-7
+    assert error < 1e-5
 
 
 @pytest.mark.parametrize("way", ["from: 0 deg, to: 180 deg", "from: 180 deg, to: 0 deg"])
@@ -171,6 +171,35 @@ def test_numbers_are_told_with_the_error_of_their_quadrature(scenario: Callable[
     assert result.summary()["numbers"]["M @ rms"]["value"] == pytest.approx(20 / sqrt(2), rel=1e-12)
 
 
+@pytest.mark.parametrize("pulsation", [7.0, 6.7])
+@pytest.mark.parametrize("begin", [-1e-5, 1e-4, 3e-4, 1e-3])
+def test_a_jump_just_beside_the_places_of_a_quadrature_is_in_the_number_or_in_its_error(
+    scenario: Callable[..., Any], pulsation: float, begin: float
+) -> None:
+    """The sign of a velocity that turns back next to the start and at the end of each half of a period.
+
+    Its mean is that of ``sign(cos(w (t - b)))`` over 3 s.
+    """
+    law = {"law": "harmonic", "amplitude": "1 rad", "pulsation": f"{pulsation} rad/s", "phase": "90 deg"}
+    motion = {"problem.motion": {"pivot": {**law, "begin": f"{begin} s"}}, "problem.time": {"end": "3 s", "samples": 2}}
+    result = scenario("inverse").varied(motion).run()
+    number, error = result.number("joint.pivot.velocity/abs(joint.pivot.velocity) @ integral")
+    turns = begin + np.pi / pulsation * np.arange(-1, 8)
+    cuts = np.array([0.0, *turns[(turns > 0.0) & (turns < 3.0)], 3.0])
+    exact = float(np.diff(cuts) @ -np.sign(np.sin(pulsation * (0.5 * (cuts[1:] + cuts[:-1]) - begin))))
+    assert abs(number - exact) <= error < 1e-8
+
+
+def test_a_row_that_counts_as_the_peak_is_off_by_no_more_than_is_told(scenario: Callable[..., Any]) -> None:
+    """Of ``sin t``, with a row 8e-7 s behind its top: 3.2e-13 below it."""
+    law = {"law": "harmonic", "amplitude": "1 rad", "pulsation": "1 rad/s"}
+    time = {"end": f"{np.pi + 1.6e-6!r} s", "samples": 3}
+    value, error = scenario("inverse").varied({"problem.motion": {"pivot": law}, "problem.time": time}).run().number(
+        "joint.pivot.position @ peak"
+    )  # fmt: skip
+    assert 1e-13 < 1.0 - value <= error < 1e-11
+
+
 STEADY = {"problem.motion": {"pivot": {"law": "constant_speed", "speed": "1 rad/s"}}}
 
 
@@ -179,8 +208,8 @@ STEADY = {"problem.motion": {"pivot": {"law": "constant_speed", "speed": "1 rad/
     ("quantity", "value", "slack"),
     [
         ("abs(cos(alpha))", 2.0 - sin(3.0), 1e-9),
-        ("1/sqrt(abs(cos(alpha)))", 5.10228506128805, 1e-4),  # of 2/sqrt(sinc(u^2/pi)), x = pi/2 -+ u^2, by SciPy
-        ("1/sqrt(abs(sin(alpha - 1.5)))", 5.102463263113763, 1e-4),
+        ("1/sqrt(abs(cos(alpha)))", 5.10228506128805, 2e-4),  # of 2/sqrt(sinc(u^2/pi)), x = pi/2 -+ u^2, by SciPy
+        ("1/sqrt(abs(sin(alpha - 1.5)))", 5.102463263113763, 2e-4),
     ],
 )
 def test_integrals_of_cusps_and_roots_are_within_their_errors(

@@ -113,6 +113,24 @@ class TestIntegrate:
         assert error[0] <= 1e-13 * 2.0 + 1e-10 * exact
         assert len(asked) <= 60
 
+    @pytest.mark.parametrize(
+        ("f", "exact", "beyond"),
+        [
+            (lambda t, p: np.cos(t) + (t > p), lambda p: math.sin(1.0) + 1.0 - p, 0.0),
+            (lambda t, p: np.cos(t) + abs(t - p), lambda p: math.sin(1.0) + 0.5 * (p**2 + (1.0 - p) ** 2), 0.03),
+            (lambda t, p: np.sqrt(abs(t - p)), lambda p: (p**1.5 + (1.0 - p) ** 1.5) / 1.5, 0.03),
+        ],
+    )
+    def test_jumps_and_kinks_are_within_the_error_wherever_they_are(self, f, exact, beyond):
+        """Jumps beside the ends of panels, which no node sees, too; of kinks, 99 of 100, and nearly."""
+        random = np.random.default_rng(2)
+        places = np.concatenate([random.uniform(0.0, 1.0, 150), 10.0 ** random.uniform(-6.0, -2.0, 50)])
+        excess = []
+        for p in places.tolist():
+            value, error, _ = integrals(lambda t, p=p: f(t, p)[:, None], 0.0, 1.0, known=[0.0, 1.0])
+            excess.append((abs(value[0] - exact(p)) - ROUNDING) / error[0])
+        assert np.mean(np.array(excess) > 1.0) <= beyond
+
     def test_it_is_that_of_scipy(self):
         def f(t):
             return np.stack([np.abs(np.sin(7.0 * t)), np.sin(40.0 * t) ** 2], 1)
