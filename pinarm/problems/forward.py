@@ -226,7 +226,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         integrated = IntegratedMotion(mechanism, hybrid, motion)
         whole = integrated.outcome(grid)
         energy = energy_balance(*accounts)
-        notes = [*motion.diagnose(), *_lost(energy.get("energy", 0.0))]
+        notes = motion.diagnose() or _lost(energy.get("energy", 0.0))
         remarks = [
             *_changed(mechanism, given, v),
             *_uncertain(hybrid.guided, q, v),

@@ -51,6 +51,11 @@ def laws_of(followed: Sequence[Followed], steady: Array) -> NDArray[np.void] | N
     )  # fmt: skip
 
 
+def is_known(function: Callable[[Array], Values] | None) -> bool:
+    """Return whether the library knows a piece of a law."""
+    return _numbers(function) is not None
+
+
 def _numbers(function: Callable[[Array], Values] | None) -> tuple[object, ...] | None:
     """Return start, size, origin, unit, amplitude, phase and coefficients; ``None`` where the function is another."""
     if isinstance(function, Wave):

@@ -169,15 +169,18 @@ class CompiledTree(Record, frozen=True):
         known = links_of(model) if library() is not None and model.nv else None
         return cls(model, known.links, known.screws, known.axes) if known else None
 
-    def flow(self, steady: Array, changing: Sequence[ForceElement]) -> Flow | None:
+    def flow(
+        self, steady: Array, changing: Sequence[ForceElement], guided: Sequence[Followed] = ()
+    ) -> Flow | None:  # fmt: skip
         """Return the free motion under loads; ``None`` where the library does not know one of them, or refuses.
 
         Args:
             steady: The sum of the steady loads [N*m or N], shape (nv,).
             changing: The other force elements; springs and dampers at joints as one, see ``forces.summed``.
+            guided: See ``loaded``.
         """
         held = [load for force in changing if (load := force.held) is not None]
-        compiled, tree = library(), self.loaded(steady, [force for force in changing if force.held is None])
+        compiled, tree = library(), self.loaded(steady, [one for one in changing if one.held is None], guided)
         if compiled is None or tree is None or len(held) > 1 or (held and tree.structure.laws):
             return None
         free = TreeFlow.of(tree, address(compiled.tree_rates))

@@ -17,6 +17,7 @@ from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.systems import Initial, system_of
+from pinarm.engine.motion.systems.driven import DrivenSystem
 from pinarm.engine.motion.systems.partitioned import FreeCoordinates
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import coordinates_of
@@ -214,6 +215,12 @@ def carousel():
     return model
 
 
+@pytest.fixture
+def alone(monkeypatch):
+    """Independent coordinates are integrated alone, also where compiled code knows all."""
+    monkeypatch.setattr(DrivenSystem, "of", classmethod(lambda *_: None))
+
+
 class TestQuaternions:
     def test_indices_keep_q_and_v_apart(self, carousel):
         reduction = CoordinatePartition.of(
@@ -225,6 +232,7 @@ class TestQuaternions:
         assert reduction.configuration(ball, np.array([0.7, -0.4])).tolist() == [0.7, 0.1, 0.2, 0.3, 0.9, -0.4]
 
     @pytest.mark.parametrize("names", [("turn",), ("wheel",), ("turn", "wheel")])
+    @pytest.mark.usefixtures("alone")
     def test_motion_is_that_of_multipliers(self, carousel, names):
         dynamics, joints = Dynamics.of(carousel, {}), joints_of(carousel)
         laws = {"turn": Harmonic(mean=0.3, amplitude=0.9, pulsation=3.0),
@@ -316,6 +324,7 @@ class TestRefusals:
             solve(robot, {"tipp": Constant(value=0.0)})
 
 
+@pytest.mark.usefixtures("alone")
 def test_the_free_space_is_flat_where_it_can_be(arm):
     dynamics = arm.dynamics
     prescribed = PrescribedCoordinates.some(arm, {"B": Constant(value=0.0)})

@@ -2,7 +2,6 @@
 
 #include <float.h>
 #include <math.h>
-#include <stddef.h>
 
 /* I m */
 static force inertia_times(const articulated *i, motion m) {
@@ -164,7 +163,7 @@ void tree_coordinate_rates(const tree *t, double *q, const double *v, double *ra
 
 void tree_rates(void *system, double time, double *y, double *slope) {
     const tree *t = system;
-    tree_follow(t, time, NULL);
+    tree_follow(t, time, y);
     tree_coordinate_rates(t, y, y + t->nq, slope);
     tree_move(t, y, y + t->nq);
     for (int i = t->links - 1; i >= 0; i--)

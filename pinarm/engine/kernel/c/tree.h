@@ -86,5 +86,5 @@ static inline force tree_beyond(const tree *t, int n, force f, double x) {
 /* Normalise the coordinates q, and write q' of the velocities v. */
 void tree_coordinate_rates(const tree *t, double *q, const double *v, double *rates);
 
-/* The rates of a state y = [q, v], for the integrator: normalise q within y, and write [q', a]. */
+/* The rates of a state y = [q, v], for the integrator: normalise q and bring it onto laws within y, write [q', a]. */
 void tree_rates(void *system, double time, double *y, double *slope);

@@ -93,13 +93,15 @@ def _partitioned(
     given = tuple(sorted({*initial.positions, *initial.velocities}))
     reduction = CoordinatePartition.of(closure.model, np.array(rows), held.names, given)
     nq, nv = len(reduction.free_q), len(reduction.free_v)
-    if closure.model.nq == closure.model.nv:
-        partitioned = PartitionedSystem(held, reduction, Flat(nq, nv), closure)
-        if linear:
-            return partitioned
+    flat, neutral = closure.model.nq == closure.model.nv, np.asarray(pin.neutral(closure.model))
+    space = Flat(nq, nv) if flat else FreeCoordinates(dynamics.manifold, reduction, neutral, nq, nv)
+    partitioned = PartitionedSystem(held, reduction, space, closure)
+    if flat and not linear:
         from pinarm.engine.motion.systems.coupled import CoupledSystem
 
         return CoupledSystem(partitioned, dynamics.manifold)
-    neutral = np.asarray(pin.neutral(closure.model))
-    space = FreeCoordinates(dynamics.manifold, reduction, neutral, nq, nv)
-    return PartitionedSystem(held, reduction, space, closure)
+    if couplings:
+        return partitioned
+    from pinarm.engine.motion.systems.driven import DrivenSystem
+
+    return DrivenSystem.of(partitioned, dynamics, linear) or partitioned
