@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
@@ -18,12 +18,12 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.integrator import Accelerations, Energy, Interval, Manifold
 from pinarm.engine.kernel.library import Flow
 from pinarm.engine.motion.systems.partitioned import PartitionedSystem
-from pinarm.engine.motion.systems.system import KEPT, CompletedStates, Initial
+from pinarm.engine.motion.systems.system import CompletedStates, Initial, KeptIntervals
 from pinarm.mechanics.laws.motion_law import Grid
 
 
 @dataclass(frozen=True)
-class CoupledSystem:
+class CoupledSystem(KeptIntervals):
     """All coordinates of a tree with couplings are integrated; no coordinate follows a law.
 
     Attributes:
@@ -43,14 +43,6 @@ class CoupledSystem:
         """Return the state of the mechanism that belongs to the initial one."""
         q, v = self.inner.begin(initial, start, end)
         return self._filled(q, v)
-
-    def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
-        """Return the motion of all coordinates; that of the last few intervals is kept."""
-        return self._interval(dynamics, start, end)
-
-    @cached_property
-    def _interval(self) -> Callable[[Dynamics, float, float], Interval]:
-        return lru_cache(maxsize=KEPT)(self._prepared)
 
     def _prepared(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         inner, part, basis = self.inner.interval(dynamics, start, end), self._independent, self.inner.reduction.basis

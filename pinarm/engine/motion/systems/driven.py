@@ -7,7 +7,7 @@ armature that outweighs the tree, and stands where its law says; states are take
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +21,7 @@ from pinarm.engine.integration.integrator import Accelerations, Energy, Interval
 from pinarm.engine.kernel.laws import Followed, is_known
 from pinarm.engine.kernel.links import links_of
 from pinarm.engine.motion.systems.partitioned import PartitionedSystem
-from pinarm.engine.motion.systems.system import KEPT, CompletedStates, Initial
+from pinarm.engine.motion.systems.system import CompletedStates, Initial, KeptIntervals
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.forces.joint_efforts import AppliedEffort
 from pinarm.mechanics.forces.joint_springs import BallSpring, SpringDamper
@@ -36,7 +36,7 @@ IMMOVABLE = 1e20
 """Armature of a driven joint, relative to the largest inertia of the tree: what else acts there is below rounding."""
 
 
-class DrivenSystem(Record, frozen=True):
+class DrivenSystem(Record, KeptIntervals, frozen=True):
     """All coordinates of a tree are integrated, some of whose joints follow laws.
 
     Attributes:
@@ -73,33 +73,25 @@ class DrivenSystem(Record, frozen=True):
         """Return the state of the mechanism that belongs to the initial one."""
         return self._filled(self.inner.prescribed.on(start, end)(start), *self.inner.begin(initial, start, end))
 
-    def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
-        """Return the motion of all coordinates; that of the last few intervals is kept."""
-        return self._interval(dynamics, start, end)
-
-    @cached_property
-    def _interval(self) -> Callable[[Dynamics, float, float], Interval]:
-        return lru_cache(maxsize=KEPT)(self._prepared)
-
     def _prepared(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         inner, reduction = self.inner.interval(dynamics, start, end), self.inner.reduction
         targets = self.inner.prescribed.on(start, end)
 
         def acceleration(t: float, q: Array, v: Array) -> Array:
-            return reduction.velocity(inner.acceleration(t, *self._independent(q, v)), targets(t)[2])
+            return reduction.velocity(inner.acceleration(t, *self.inner.part(q, v)), targets(t)[2])
 
         flow, remark = self._compiled(dynamics, start, end, acceleration)
         energy, batch = self._energy(inner.energy), self._batch(inner.batch, start, end)
         return Interval(start, end, acceleration, energy=energy, batch=batch, compiled=flow, remark=remark)
 
     def _energy(self, inner: Energy | None) -> Energy | None:
-        return None if inner is None else lambda q, v: inner(*self._independent(q, v))
+        return None if inner is None else lambda q, v: inner(*self.inner.part(q, v))
 
     def _batch(self, inner: Accelerations | None, start: float, end: float) -> Accelerations | None:
         reduction, targets = self.inner.reduction, self.inner.prescribed.along(start, end)
         if inner is None:
             return None
-        return lambda t, q, v: reduction.velocity(inner(t, *self._independent(q, v)), targets(t)[2])
+        return lambda t, q, v: reduction.velocity(inner(t, *self.inner.part(q, v)), targets(t)[2])
 
     def _compiled(
         self, dynamics: Dynamics, start: float, end: float, acceleration: Callable[..., Array]
@@ -115,7 +107,7 @@ class DrivenSystem(Record, frozen=True):
             return None, ""
 
         def onto(q: Array, v: Array) -> tuple[Array, Array]:
-            return self._filled(targets(start), *self._independent(q, v))
+            return self._filled(targets(start), *self.inner.part(q, v))
 
         apart = disagreement(dynamics.model, flow, acceleration, start, onto)
         return (flow, "") if apart <= AGREEMENT else (None, DISAGREES.format(apart))
@@ -126,9 +118,6 @@ class DrivenSystem(Record, frozen=True):
         model, held = pin.Model(self.inner.reduction.model), [v for v, _ in self.joints]
         model.armature[held] += IMMOVABLE * float(np.diag(mass_matrix(model, pin.neutral(model))).max())
         return model
-
-    def _independent(self, q: Array, v: Array) -> tuple[Array, Array]:
-        return self.inner.part(q, v)
 
     def _filled(self, targets: tuple[Array, Array, Array], q: Array, v: Array) -> tuple[Array, Array]:
         """Return states from their independent part and what the laws say."""
@@ -141,11 +130,11 @@ class DrivenSystem(Record, frozen=True):
 
     def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the states, with the driven joints where the laws say."""
-        return self.inner.whole(t, *self._independent(q, v))
+        return self.inner.whole(t, *self.inner.part(q, v))
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
         """Return the whole motion; see ``PartitionedSystem.complete``."""
-        return self.inner.complete(dynamics, grid, *self._independent(q, v))
+        return self.inner.complete(dynamics, grid, *self.inner.part(q, v))
 
 
 def _known(dynamics: Dynamics, laws: Sequence[MotionLaw]) -> bool:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +12,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.integration.integrator import Interval, Manifold
-from pinarm.engine.motion.systems.system import KEPT, CompletedStates, Initial
+from pinarm.engine.motion.systems.system import CompletedStates, Initial, KeptIntervals
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record
 
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from pinarm.engine.kernel.tree import CompiledTree
 
 
-class FreeSystem(Record, frozen=True):
+class FreeSystem(Record, KeptIntervals, frozen=True):
     """All coordinates are integrated; no drive acts.
 
     Attributes:
@@ -36,14 +35,6 @@ class FreeSystem(Record, frozen=True):
     def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
         """Return the state itself."""
         return initial.q, initial.v
-
-    def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
-        """Return the motion of the free tree; that of the last few intervals is kept."""
-        return self._interval(dynamics, start, end)
-
-    @cached_property
-    def _interval(self) -> Callable[[Dynamics, float, float], Interval]:
-        return lru_cache(maxsize=KEPT)(self._prepared)
 
     def _prepared(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         here = dynamics.on(start, end)

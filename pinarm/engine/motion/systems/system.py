@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -24,6 +25,21 @@ if TYPE_CHECKING:
 KEPT = 16
 """Number of intervals of a system kept for the next run: a motion mostly has one, and one more for every jump of a
 load."""
+
+
+class KeptIntervals:
+    """A system that keeps the motion of its last few intervals, for the next run."""
+
+    def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
+        """Return the motion of all coordinates on an interval without jumps."""
+        return self._interval(dynamics, start, end)
+
+    @cached_property
+    def _interval(self) -> Callable[[Dynamics, float, float], Interval]:
+        return lru_cache(maxsize=KEPT)(self._prepared)
+
+    def _prepared(self, dynamics: Dynamics, start: float, end: float) -> Interval:
+        raise NotImplementedError
 
 
 class Initial(Record, frozen=True):
