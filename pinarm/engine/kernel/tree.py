@@ -1,4 +1,4 @@
-"""Trees whose free motion the compiled library computes, under springs, dampers, and efforts that are polynomials.
+"""Trees whose free motion the compiled library computes, under springs, dampers and efforts: steady, or by laws.
 
 Pinocchio judges it: before the first step the accelerations of the two are compared, which share no code.
 """
