@@ -415,11 +415,6 @@ class Scenario(Record, frozen=True):
             return None
         return cast("PrescribingProblem", self.problem).table(self.mechanism, self.content.accuracy, self.place)
 
-    def solved_outcome(self) -> Outcome:
-        """Return what comes out for the whole mechanism; nothing is measured or checked."""
-        _, outcome = self.simplification.solve()
-        return outcome
-
     def _solve_once(self) -> Result:
         """Solve, measure the accuracy, and refuse what is not finite."""
         with one_run(), one_blas_thread(self.mechanism.model.nv):
