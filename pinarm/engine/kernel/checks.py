@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinarm.engine.kernel.structures import MOST_ROWS
+from pinarm.engine.kernel.structures import LAW_BOUNDS, MOST_ROWS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -16,10 +16,10 @@ COORDINATES, VELOCITIES = np.array([1, 2, 4, 7, 4, 3]), np.array([1, 1, 3, 6, 3,
 
 
 def finite(records: NDArray[Any]) -> bool:
-    """Return whether all numbers of records are finite, those of records in them too."""
+    """Return whether all numbers of records are finite, those of records in them too; bounds of laws need not be."""
     if records.dtype.names is None:
         return bool(np.isfinite(records).all())
-    return all(finite(records[name]) for name in records.dtype.names)
+    return all(finite(records[name]) for name in records.dtype.names if name not in LAW_BOUNDS)
 
 
 def within(first: NDArray[Any], count: NDArray[Any] | int, size: int) -> bool:

@@ -40,9 +40,12 @@ POINT_SPRING = np.dtype([
 LAW_TERMS = 8
 """Most coefficients of a law."""
 
+LAW_BOUNDS = ["from", "until"]
+"""The instants from and until which a law holds; infinite where nothing bounds it."""
+
 LAW = np.dtype([
     ("v", np.intc), ("q", np.intc),
-    *((name, float) for name in ("steady", "start", "size", "origin", "unit", "amplitude", "phase")),
+    *((name, float) for name in (*LAW_BOUNDS, "steady", "start", "size", "origin", "unit", "amplitude", "phase")),
     ("coefficients", float, LAW_TERMS),
 ], align=True)  # fmt: skip
 """What follows a law over time: an effort, or a coordinate."""

@@ -7,12 +7,16 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 import pinarm
-from pinarm.engine.kernel.laws import EFFORT, Followed, laws_of
+from pinarm.engine.kernel.laws import EFFORT, MOST_CUBICS, Followed, laws_of
 from pinarm.engine.kernel.tree import CompiledTree
+from pinarm.engine.motion.systems.free import FreeSystem
 from pinarm.mechanics.forces.joint_efforts import AppliedEffort
 from pinarm.mechanics.laws import Constant
+from pinarm.mechanics.laws.clamped_spline import ClampedSpline
 from pinarm.mechanics.laws.motion_law import PowerSeries, Stretched, Wave, polynomial
 
 from .known_trees import tree
@@ -25,6 +29,7 @@ LAWS = {
     "polynomial_7": "{law: polynomial, from: 1 U, to: -2 U, duration: 0.7 s, degree: 7, begin: 0.05 s}",
     "cycloidal": "{law: cycloidal, from: 1 U, to: -2 U, duration: 0.6 s, begin: 0.1 s}",
     "s_curve": "{law: s_curve, from: 0 U, to: 1 U, jerk: 200 U/s^3, acceleration: 20 U/s^2, begin: 0.1 s}",
+    "spline": "{law: spline, points: [[0.1 s, 0 U], [0.25 s, 1 U], [0.6 s, 0.5 U]], speeds: [0 U/s, 2 U/s]}",
     "trapezoidal": "{law: trapezoid, from: 0 U, to: 1 U, acceleration: 20 U/s^2, begin: 0.1 s}",
 }
 """Laws with a unit U."""
@@ -117,6 +122,52 @@ def test_a_mass_under_a_wave_and_a_steady_force_moves_as_in_its_textbook():
         assert flow.slope(t, np.array([0.3, -0.8]))[1] == pytest.approx(a, rel=1e-13)
 
 
+@pytest.mark.usefixtures("compiled")
+def test_a_mass_under_the_forces_of_a_spline_moves_as_scipys_says():
+    """At its knots, between them, and beyond its ends on the first and the last cubic."""
+    model = tree(["PX"], 0)
+    weight = float(pin.rnea(model, model.createData(), np.zeros(1), np.zeros(1), np.zeros(1))[0])
+    m = float(pin.crba(model, model.createData(), np.zeros(1))[0, 0])
+    x, y = np.array([0.0, 0.3, 0.7, 1.5, 1.6]), np.array([1.0, -2.0, 4.0, 4.5, 0.0])
+    expected = CubicSpline(x, y, bc_type=((1, 3.0), (1, -5.0)))
+    spline = ClampedSpline.through(x, y, (3.0, -5.0))
+    flow = CompiledTree.of(model).flow(np.array([3.0]), (AppliedEffort(0, Constant(value=0.0), spline),))
+    for t in (-0.2, 0.0, 0.1, 0.3, 0.5, 0.7, 1.2, 1.5, 1.55, 1.6, 1.8):
+        a = (3.0 + expected(t) - weight) / m
+        assert flow.slope(t, np.array([0.3, -0.8]))[1] == pytest.approx(a, rel=1e-12, abs=1e-12)
+
+
+PENDULUM = """<robot name="pendulum"><link name="base"/><link name="rod"><inertial><origin xyz="0.4 0 0"/>
+  <mass value="2"/><inertia ixx="0.01" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="theta" type="continuous"><parent link="base"/><child link="rod"/><axis xyz="0 -1 0"/></joint></robot>"""
+
+
+def test_a_pendulum_under_a_table_of_torques_is_prepared_once_and_moves_as_its_equation(tmp_path, monkeypatch):
+    """``(I + m c^2) theta'' = tau(t) - m g c cos(theta)``, by SciPy with its own spline: 200 rows are 199 cubics."""
+    t = np.linspace(0.0, 2.0, 200)
+    tau = 9.0 * np.sin(3.0 * t) + 4.0 * np.cos(11.0 * t)
+    rows = "\n".join(f"{one!r},{other!r}" for one, other in zip(t.tolist(), tau.tolist(), strict=True))
+    (tmp_path / "tau.csv").write_text(f"t [s],tau [N*m]\n{rows}\n")
+    (tmp_path / "pendulum.urdf").write_text(PENDULUM)
+    (tmp_path / "m.yaml").write_text("pinarm: 1\nrobot: pendulum.urdf\n")
+    (tmp_path / "s.yaml").write_text(
+        "pinarm: 1\nmechanism: m.yaml\noutputs: [theta]\naccuracy: {tolerance: 1e-11}\n"
+        "problem: {kind: forward, time: {end: 2 s, samples: 21}, initial: {position: {theta: 20 deg}},\n"
+        "  loads: {motor: {kind: joint_effort, joint: theta, effort: {law: table, file: tau.csv}}}}\n"
+    )
+    prepared = []
+    whole = FreeSystem._prepared
+    monkeypatch.setattr(FreeSystem, "_prepared", lambda *args: prepared.append(args[2:]) or whole(*args))
+    found = pinarm.run(tmp_path / "s.yaml")
+    assert prepared == [(0.0, 2.0)]
+    spline = CubicSpline(t, tau, bc_type="clamped")
+    expected = solve_ivp(
+        lambda t, y: (y[1], (spline(t) - 2.0 * 9.81 * 0.4 * math.cos(y[0])) / (0.1 + 2.0 * 0.4**2)), (0.0, 2.0),
+        (math.radians(20.0), 0.0), "DOP853", found.trajectory.grid.t, rtol=1e-12, atol=1e-12, max_step=t[1],
+    )  # fmt: skip
+    assert np.abs(found.trajectory.q[:, 0] - expected.y[0]).max() < 1e-9
+
+
 SERIES, WAVE = polynomial(0.3, 1.0, -2.0, 0.5, 4.0), Wave(0.3, -2.0, 0.7, 5.0, 0.4, 0.2)
 STRETCHED = Stretched(polynomial(0.0, 0.0, 0.0, 3.0, -2.0), 1.0, 4.0, 0.2, 0.6)
 
@@ -137,6 +188,10 @@ class TestNumbers:
     ])  # fmt: skip
     def test_are_none_of_other_functions(self, function):
         assert laws_of([Followed(0, EFFORT, function)], np.zeros(1)) is None
+
+    def test_are_none_of_a_spline_of_too_many_cubics(self):
+        x = np.arange(MOST_CUBICS + 2.0)
+        assert laws_of([Followed(0, EFFORT, ClampedSpline.through(x, np.sin(x), (0.0, 0.0)))], np.zeros(1)) is None
 
     def test_are_none_of_two_laws_at_one_velocity(self):
         assert laws_of([Followed(0, EFFORT, SERIES), Followed(0, EFFORT, WAVE)], np.zeros(1)) is None

@@ -28,6 +28,7 @@ static void add_loads(const tree *t, const double *q, const double *v) {
 void tree_follow(const tree *t, double time, double *y) {
     for (int i = 0; i < t->laws; i++) {
         const law *l = &t->law[i];
+        if (time < l->from || time >= l->until) continue;
         const double x = (time - l->origin) / l->unit;
         double s = 0.0, ds = 0.0, half = 0.0; /* half the second derivative: Horner's rule for a Taylor expansion */
         for (int k = LAW_TERMS - 1; k >= 0; k--)

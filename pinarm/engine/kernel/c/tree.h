@@ -23,10 +23,10 @@ typedef struct {
 
 enum { LAW_TERMS = 8 };
 
-/* Something that follows s = start + size (sum_k c_k x^k + amplitude sin(x + phase)), x = (t - origin) / unit: the effort
- * of a velocity v, s beside a steady one; or, where q is no -1, a coordinate q, whose armature outweighs the tree, so
- * that an effort of armature s'' moves it. */
-typedef struct { int v, q; double steady, start, size, origin, unit, amplitude, phase, c[LAW_TERMS]; } law;
+/* Something that follows s = start + size (sum_k c_k x^k + amplitude sin(x + phase)), x = (t - origin) / unit, where
+ * from <= t < until: the effort of a velocity v, s beside a steady one; or, where q is no -1, a coordinate q, whose
+ * armature outweighs the tree, so that an effort of armature s'' moves it. Each cubic of a spline is one. */
+typedef struct { int v, q; double from, until, steady, start, size, origin, unit, amplitude, phase, c[LAW_TERMS]; } law;
 
 /* What a link and its joint are at present: buffers of the passes. */
 typedef struct {
