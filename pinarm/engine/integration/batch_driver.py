@@ -51,9 +51,8 @@ def integrate_batch(
         threads: Number of threads that may take steps in compiled code.
     """
     y, zero = np.vstack([manifold.project(q).T, v.T]), np.zeros(len(q), dtype=np.intp)
-    ensemble = Ensemble(
-        method, manifold, intervals, np.full(len(q), -np.inf), y.copy(), zero, zero.copy(), [[] for _ in q]
-    )
+    parts = [part for interval in intervals for part in interval.parts()]
+    ensemble = Ensemble(method, manifold, parts, np.full(len(q), -np.inf), y.copy(), zero, zero.copy(), [[] for _ in q])
     _BatchDriver(ensemble, max_steps, watches, steps_over, threads).run(y)
     return ensemble
 

@@ -5,6 +5,7 @@ No module of this package knows mechanisms.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol
@@ -94,7 +95,7 @@ class Flat(ValueRecord, frozen=True):
 
 
 class Interval(ValueRecord, frozen=True):
-    """A time interval on which the acceleration is smooth.
+    """A time interval on which the acceleration is smooth, but for derivatives of it at knots.
 
     Attributes:
         start: First instant [s].
@@ -111,6 +112,7 @@ class Interval(ValueRecord, frozen=True):
         unchecked_batch: ``batch`` without its comparison with ``acceleration``, for callers that compare themselves.
         size: Errors of a step are relative to ``size + |y|``: 1 in SI, or the size of a motion that is much smaller.
         compiled: The same motion in compiled code; ``None`` where there is none.
+        knots: Instants within it at which steps have to end, since a derivative of the acceleration jumps, ascending.
         sampling: Instants at which steps have to end, since the acceleration may jump there; ``None`` for none.
         remark: What is to be said to the user of how the motion is computed; mostly empty.
         outlook: Start of an accepted step [s] -> whether it is known to stay clear of singular positions, and the rank
@@ -128,16 +130,24 @@ class Interval(ValueRecord, frozen=True):
     unchecked_batch: Accelerations | None = None
     size: float = 1.0
     compiled: Flow | None = None
+    knots: tuple[float, ...] = ()
     sampling: SampleTimes | None = None
     remark: str = ""
     outlook: Callable[[float], tuple[bool, int]] | None = None
 
     def span(self, t: float) -> Interval:
-        """Return the part from t [s] on in which the acceleration does not jump: up to the next sample."""
+        """Return the part from t [s] on in which steps need not end: up to the next knot or sample."""
         end = min(self.sampling.next(t), self.end) if self.sampling else self.end
+        if self.knots and (knot := bisect_right(self.knots, t)) < len(self.knots):
+            end = min(end, self.knots[knot])
         if (t, end) == (self.start, self.end):
             return self
         return replace(self, start=t, end=end)
+
+    def parts(self) -> list[Interval]:
+        """Return the parts between its knots."""
+        ends = pairwise([self.start, *self.knots, self.end])
+        return [replace(self, start=start, end=end, knots=()) for start, end in ends]
 
     def of_step(self, start: float) -> Acceleration:
         """Return the acceleration that an accepted step used, by its start [s]."""

@@ -8,7 +8,7 @@ from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.integrator import Flat, Interval
 from pinarm.engine.integration.methods.collocation import Collocation
-from pinarm.engine.integration.methods.explicit import Adaptive
+from pinarm.engine.integration.methods.explicit import Adaptive, FixedStep
 from pinarm.engine.integration.methods.stiff import radau_of
 from pinarm.engine.integration.tableaus import DOPRI5
 from pinarm.errors import IntegrationError, Interrupted
@@ -24,6 +24,34 @@ def deviation(solution, t):
 @pytest.fixture
 def top():
     return body()
+
+
+class TestKnots:
+    """A force that rests but for a pulse, ``x'' = 6 u (1 - u)`` with u from 0 to 1 in 1e-3 s of 6 s: x' gains 1e-3."""
+
+    PULSE = (2.0, 2.001)
+
+    def pulse(self, t, q, v):
+        u = np.clip((t - self.PULSE[0]) / (self.PULSE[1] - self.PULSE[0]), 0.0, 1.0)
+        return np.full(1, 6.0 * u * (1.0 - u))
+
+    @pytest.mark.parametrize("method", [Adaptive(1e-9), radau_of(1e-6), FixedStep(0.7)], ids=lambda one: one.name)
+    def test_steps_end_there(self, method):
+        interval = Interval(0.0, 6.0, self.pulse, knots=self.PULSE)
+        solution = integrate([interval], Flat(1, 1), np.zeros(1), np.zeros(1), method)
+        assert {*self.PULSE, 6.0} <= {*solution.steps.until.tolist()}
+        assert set(solution.steps.interval.tolist()) == {0}
+        q, v = solution.states(np.array([1.0, 2.0005, 6.0]))
+        assert v[:, 0] == pytest.approx([0.0, 5e-4, 1e-3], abs=1e-12)  # of rounding of u
+        assert q[2, 0] == pytest.approx(1e-3 * (6.0 - 2.0005), rel=1e-9)
+
+    def test_parts_meet_there(self):
+        parts = Interval(0.0, 6.0, self.pulse, knots=self.PULSE).parts()
+        assert [(one.start, one.end, one.knots) for one in parts] == [
+            (0.0, 2.0, ()),
+            (2.0, 2.001, ()),
+            (2.001, 6.0, ()),
+        ]
 
 
 class TestDenseOutput:

@@ -291,17 +291,15 @@ class HybridSystem(Record, frozen=True):
         require_masses(self.guided, q if known else self.initial.q[None], self.time[0])
 
     def intervals(self, system: System, spans: Iterable[tuple[float, float]]) -> list[Interval]:
-        """Return what a system integrates in spans of time [s] without jumps, parted at knots of laws."""
-        return [part for low, high in spans for part in self._parted(system, low, high)]
-
-    def _parted(self, system: System, low: float, high: float) -> list[Interval]:
-        """Return the parts of an interval between the knots in it, which share what is prepared for all of it."""
-        whole = replace(system.interval(self.dynamics, low, high), size=self.size)
-        whole = self.controls.interval(whole, system) if self.controls else whole
-        inner = [knot for knot in self.knots if low < knot < high]
-        if not inner:
-            return [whole]
-        return [replace(whole, start=start, end=end) for start, end in pairwise([low, *inner, high])]
+        """Return what a system integrates in spans of time [s] without jumps."""
+        found = [
+            replace(
+                system.interval(self.dynamics, low, high), size=self.size,
+                knots=tuple(knot for knot in self.knots if low < knot < high),
+            )
+            for low, high in spans
+        ]  # fmt: skip
+        return [self.controls.interval(each, system) for each in found] if self.controls else found
 
     @cached_property
     def free_intervals(self) -> list[Interval]:
