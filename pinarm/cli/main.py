@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, NoReturn
 from pinarm import __version__
 from pinarm.cli.options import EXAMPLES, add
 from pinarm.cli.streams import flush_output, give_up, leave, open_streams, unwritable
-from pinarm.errors import InputError, NumericsError, PinarmError, choices, printable
+from pinarm.errors import InputError, NumericsError, PinarmError, choices, of_interrupt, printable
 from pinarm.input.roots import file_root
 
 if TYPE_CHECKING:
@@ -44,8 +44,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if "_ARGCOMPLETE" in os.environ:
         _complete(os.environ.get("COMP_LINE", ""))
     open_streams()
-    options = _parser(given).parse_args(given)
     try:
+        return _ended(given)
+    except KeyboardInterrupt:
+        pass
+    except Exception as error:
+        if not of_interrupt(error):
+            raise
+    _say("interrupted")
+    return INTERRUPTED
+
+
+def _ended(arguments: Sequence[str]) -> int:
+    """Run one command and return its exit code; what went wrong has been told."""
+    options = argparse.Namespace(traceback=False)
+    try:
+        try:
+            options = _parser(arguments).parse_args(arguments)
+        except SystemExit:  # help has been printed, or what is wrong with the arguments
+            flush_output()
+            raise
         with file_root(options.root):
             code = int(options.command(options))
         flush_output()
@@ -60,9 +78,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         known = unwritable(error) if isinstance(error, OSError) else error
         _tell(known)
         return _keep_partial(known, options)
-    except KeyboardInterrupt:
-        _say("interrupted")
-        return INTERRUPTED
     return code
 
 

@@ -578,6 +578,35 @@ def test_help_has_examples_that_parse(capsys: pytest.CaptureFixture[str], comman
 # ------------------------------------------------------------------------------------------ number of drives
 
 
+class Interrupted:
+    """Interrupts the making of the class that it is an attribute of."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        raise KeyboardInterrupt
+
+
+def interrupted_class(*_: object) -> None:
+    type("Made", (), {"part": Interrupted()})
+
+
+def interrupted(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("part", ["validate", "_parser"])
+@pytest.mark.parametrize("made", [interrupted_class, interrupted])
+def test_an_interrupt_at_any_moment_is_exit_130(
+    part: str, made: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Also where Python 3.11 makes a RuntimeError of it: in the making of a class, as imports do."""
+    if part == "_parser":
+        monkeypatch.setattr("pinarm.cli.main._parser", made)
+    else:
+        monkeypatch.setitem(COMMANDS, "validate", (made, ""))
+    assert main(["validate", "x.yaml"]) == 130
+    assert capsys.readouterr().err == "interrupted\n"
+
+
 @pytest.mark.parametrize(
     ("template", "key", "drives"),
     [("four_bar", "drives: [O]", "drives: [O, C]"), ("slider_crank", "drives: [O]", "drives: [O, x]"),
