@@ -11,6 +11,7 @@ import argparse
 import gc
 import os
 import re
+import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -34,7 +35,17 @@ OK, MISSED, BAD_INPUT, NUMERICS_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
 
 def program() -> NoReturn:
     """Run one command as a program of its own."""
+    sys.unraisablehook = _once_more
     leave(main())
+
+
+def _once_more(lost: sys.UnraisableHookArgs) -> None:
+    """Raise an interrupt again that came where nothing can be raised, as in a callback at the end of an import."""
+    if not isinstance(lost.exc_value, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
+        return
+    signal.signal(signal.SIGALRM, signal.default_int_handler)
+    signal.setitimer(signal.ITIMER_REAL, 0.01)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -607,6 +607,32 @@ def test_an_interrupt_at_any_moment_is_exit_130(
     assert capsys.readouterr().err == "interrupted\n"
 
 
+LOST = """
+import signal, sys, time, weakref
+from pinarm.cli import main as module
+
+class Kept:
+    pass
+
+def validate(options):
+    kept = Kept()
+    watched = weakref.ref(kept, lambda _: signal.raise_signal(signal.SIGINT))
+    del kept
+    time.sleep(30.0)
+    return 0
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+module.COMMANDS["validate"] = validate, ""
+sys.argv = ["pinarm", "validate", "x.yaml"]
+module.program()
+"""
+
+
+def test_an_interrupt_that_comes_where_nothing_can_be_raised_comes_again() -> None:
+    ended = subprocess.run([sys.executable, "-c", LOST], capture_output=True, text=True, timeout=60, check=False)
+    assert (ended.returncode, ended.stderr) == (130, "interrupted\n")
+
+
 @pytest.mark.parametrize(
     ("template", "key", "drives"),
     [("four_bar", "drives: [O]", "drives: [O, C]"), ("slider_crank", "drives: [O]", "drives: [O, x]"),
