@@ -73,9 +73,9 @@ def save(
         if timing:
             write(draft / "timing.json", json_text(timing) + "\n")
         if plots:
-            from pinarm.use.show.plot import save_plots
+            from pinarm.use.show.plot import picture_format, save_plots
 
-            save_plots(result, draft, "svg" if plots is True else plots, dpi)
+            save_plots(result, draft, picture_format(plots, dpi), dpi)
     return folder
 
 
