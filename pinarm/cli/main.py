@@ -273,9 +273,9 @@ def _sweep(options: argparse.Namespace) -> int:
         _executor(options.cluster) as executor, progress_bar(sys.stderr) as progress,
     ):  # fmt: skip
         swept = sweep(
-            scenario, _assignments(options.over), cases=options.cases, samples=options.sample, seed=options.seed,
-            sampling=options.sampling, results=options.results, workers=options.workers, executor=executor,
-            folder=target.folder, parquet=options.parquet, progress=progress,
+            scenario, _assignments(options.over), values=options.values, cases=options.cases, samples=options.sample,
+            seed=options.seed, sampling=options.sampling, results=options.results, workers=options.workers,
+            executor=executor, folder=target.folder, parquet=options.parquet, progress=progress,
         )  # fmt: skip
         swept.save(target.folder, plots=options.plots, dpi=options.dpi, parquet=options.parquet)
     if options.json:
