@@ -177,10 +177,6 @@ def read_cases(path: Path, unit_of: UnitOf) -> Axis:
     """
     heads, below = table(path, str(path))
     lines = [*below]
-    for line, row in ((1, heads), *lines):
-        if row and row[0].lstrip().startswith("#"):
-            raise InputError("a file of cases has no comments", expected="a heading and cases",
-                             hint="remove the line").at(Location(str(path), line, 1, ",".join(row)))  # fmt: skip
     if not lines:
         raise InputError("there are no cases", expected="a heading and at least one line").at(Location(str(path)))
     texts = [*zip(*(row for _, row in lines), strict=False)]
