@@ -59,7 +59,7 @@ def restore(folder: str | Path) -> Result:
     Raises:
         InputError: The folder is no result, or its files do not belong together.
     """
-    folder = Path(folder)
+    folder = Path(folder).resolve() if Path(folder).is_symlink() else Path(folder)
     for name in NEEDED:
         if not (folder / name).is_file():
             problem = f"{folder} is no result: it has no {name}" if folder.is_dir() else f"there is no folder {folder}"

@@ -84,6 +84,16 @@ def test_what_is_saved_again_tells_the_file_that_it_came_of(tmp_path: Path) -> N
         assert (tmp_path / second / told).resolve() == given.resolve()
 
 
+def test_a_link_to_a_folder_is_read_and_not_written_through(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder, link = tmp_path / "one", tmp_path / "latest"
+    pinarm.run(ROOT / "scenarios" / "gen411_arm_equilibria.yaml").save(folder, plots=False)
+    link.symlink_to(folder, target_is_directory=True)
+    assert len(pinarm.restore(link)) == len(pinarm.restore(folder))
+    assert main(["replay", str(link)]) == 2
+    assert f"{link} is a symbolic link" in capsys.readouterr().err
+    assert main(["replay", str(link), "-o", str(tmp_path / "r.html")]) == 0
+
+
 def test_other_instants_are_solved_anew(scenario: Callable[..., Any], folder: Path) -> None:
     result = scenario("forward").run()
     again = pinarm.restore(result.save(folder / "out", plots=False))
