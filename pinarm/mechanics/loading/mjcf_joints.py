@@ -137,6 +137,8 @@ def _joint(settings: Settings, part: BodyElement, name: str, kind: Kind, notes: 
         if given.get("range") and given.get("limited") != "false":
             notes.setdefault("the range of ball joints is not watched", []).append(name)
         return joint
+    if given.get("range") and given.get("limited", "auto") == "auto" and not settings.limits_by_range:
+        notes.setdefault("their range is no limit, as autolimits is false and limited is not said", []).append(name)
     measured = _measured(settings, joint, given, where)
     if measured.drawn:
         notes.setdefault("drawn at their ref, but begin at 0 where nothing is said", []).append(name)

@@ -488,6 +488,8 @@ ALIGNED = "free bodies whose frame MuJoCo moves to their inertia (align): here i
         ('<joint name="j" type="ball" range="0 30"/>' + SPHERE, "", "the range of ball joints is not watched: j"),
         ("<freejoint/>" + SPHERE, '<compiler alignfree="true"/>', ALIGNED),
         ('<freejoint align="true"/>' + SPHERE, "", ALIGNED),
+        ('<joint name="j" range="-1 1"/>' + SPHERE, '<compiler autolimits="false"/>',
+         "their range is no limit, as autolimits is false and limited is not said: j"),
         ('<joint name="j" ref="30"/>' + SPHERE, "", "drawn at their ref, but begin at 0 where nothing is said: j"),
         (HINGE + SPHERE + body(SPHERE, "c", 'gravcomp="1"'), "", "gravity compensation is not modelled: c"),
         (HINGE + SPHERE, '<worldbody><body name="h" mocap="true"/></worldbody>',
