@@ -13,6 +13,7 @@ Where the file has another unit (mm, deg, rpm) it is refused, since 200 might be
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -48,12 +49,15 @@ def varied(document: Document, values: Values, declared: Callable[[str], str] = 
 
 
 def require_apart(data: Any, values: Values, others: Iterable[str]) -> None:
-    """Raise where a value leads to, or below, what other paths replace: it would have no effect.
+    """Raise where a value leads to, or below, what other paths replace, or one of these to what another does.
 
     Raises:
         InputError: One does.
     """
     replaced = [(other, steps_of(other, data, Location(other))) for other in others]
+    for (first, one), (second, two) in combinations(replaced, 2):
+        if one == two:
+            raise InputError(f"'{first}' and '{second}' are one path, and varied twice", expected="each path once")
     for path, _, place in _assignments(values):
         steps = steps_of(path, data, place)
         for other, above in replaced:

@@ -90,4 +90,6 @@ def test_what_is_varied_is_not_set_too() -> None:
         for over in ("problem.time.end", "problem.time", 'problem."time".end'):
             with pytest.raises(InputError, match=f"'{re.escape(over)}' is varied, and"):
                 require_apart(data, values, ["problem.speed", over])
+    with pytest.raises(InputError, match="are one path, and varied twice"):
+        require_apart(data, (), ["problem.time.end", "title", 'problem."time".end'])
     require_apart(data, ["problem.time={end: 4 s}", "problem.speed=3 rpm"], ["problem.time.end", "title", "list.0"])
