@@ -154,6 +154,11 @@ class Interrupted(NumericsError):
     exit_code: ClassVar[int] = 130
 
 
+def of_interrupt(error: BaseException) -> bool:
+    """Tell whether an error stands for an interrupt, as Python 3.11 makes one of it while a class is made."""
+    return isinstance(error.__cause__, KeyboardInterrupt)
+
+
 class Key(str):
     """The last step of a path that leads to a key itself, not to what stands beside it."""
 

@@ -286,6 +286,10 @@ SCENARIOS = [
     (SCENARIO, ENTRY, "{quantity: x, value: 1 m}", ["s.yaml:17:5: the key 'source' is missing"]),
     (SCENARIO, ENTRY, "{quantity: x, source: s}",
      ["s.yaml:17:5: an expectation needs a value, a formula or a published"]),
+    *((SCENARIO, ENTRY, f"{{quantity: '{asked}', value: 1 m, source: s}}",
+       [f"s.yaml:17:16: '{asked}' has its place behind it", f"expected: quantity: {said}"])
+      for asked, said in (("x @ max", "x, at: max"), ("x @ p95", "x, at: p95"), ("t @ max(x)", "C_B, at: max"),
+                          ("x @ t=1 s, side=left", "x, at: {t: 1 s, side: left}"), ("x @", "C_B, at: max"))),
     (SCENARIO, ENTRY, "{quantity: x, value: 1 m, formula: x, source: s}",
      ["s.yaml:17:5: give a value or a formula, not both"]),
     (SCENARIO, ENTRY, "{quantity: x, published: 0.2, source: s}",

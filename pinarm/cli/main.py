@@ -11,6 +11,7 @@ import argparse
 import gc
 import os
 import re
+import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -21,7 +22,7 @@ from typing import TYPE_CHECKING, NoReturn
 from pinarm import __version__
 from pinarm.cli.options import EXAMPLES, add
 from pinarm.cli.streams import flush_output, give_up, leave, open_streams, unwritable
-from pinarm.errors import InputError, NumericsError, PinarmError, choices, printable
+from pinarm.errors import InputError, NumericsError, PinarmError, choices, of_interrupt, printable
 from pinarm.input.roots import file_root
 
 if TYPE_CHECKING:
@@ -34,7 +35,17 @@ OK, MISSED, BAD_INPUT, NUMERICS_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
 
 def program() -> NoReturn:
     """Run one command as a program of its own."""
+    sys.unraisablehook = _once_more
     leave(main())
+
+
+def _once_more(lost: sys.UnraisableHookArgs) -> None:
+    """Raise an interrupt again that came where nothing can be raised, as in a callback at the end of an import."""
+    if not isinstance(lost.exc_value, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
+        return
+    signal.signal(signal.SIGALRM, signal.default_int_handler)
+    signal.setitimer(signal.ITIMER_REAL, 0.01)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,8 +55,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if "_ARGCOMPLETE" in os.environ:
         _complete(os.environ.get("COMP_LINE", ""))
     open_streams()
-    options = _parser(given).parse_args(given)
     try:
+        return _ended(given)
+    except KeyboardInterrupt:
+        pass
+    except Exception as error:
+        if not of_interrupt(error):
+            raise
+    _say("interrupted")
+    return INTERRUPTED
+
+
+def _ended(arguments: Sequence[str]) -> int:
+    """Run one command and return its exit code; what went wrong has been told."""
+    options = argparse.Namespace(traceback=False)
+    try:
+        try:
+            options = _parser(arguments).parse_args(arguments)
+        except SystemExit:  # help has been printed, or what is wrong with the arguments
+            flush_output()
+            raise
         with file_root(options.root):
             code = int(options.command(options))
         flush_output()
@@ -60,9 +89,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         known = unwritable(error) if isinstance(error, OSError) else error
         _tell(known)
         return _keep_partial(known, options)
-    except KeyboardInterrupt:
-        _say("interrupted")
-        return INTERRUPTED
     return code
 
 
@@ -247,9 +273,9 @@ def _sweep(options: argparse.Namespace) -> int:
         _executor(options.cluster) as executor, progress_bar(sys.stderr) as progress,
     ):  # fmt: skip
         swept = sweep(
-            scenario, _assignments(options.over), cases=options.cases, samples=options.sample, seed=options.seed,
-            sampling=options.sampling, results=options.results, workers=options.workers, executor=executor,
-            folder=target.folder, parquet=options.parquet, progress=progress,
+            scenario, _assignments(options.over), values=options.values, cases=options.cases, samples=options.sample,
+            seed=options.seed, sampling=options.sampling, results=options.results, workers=options.workers,
+            executor=executor, folder=target.folder, parquet=options.parquet, progress=progress,
         )  # fmt: skip
         swept.save(target.folder, plots=options.plots, dpi=options.dpi, parquet=options.parquet)
     if options.json:

@@ -81,8 +81,10 @@ def _resolution(text: str) -> int:
     Raises:
         ArgumentTypeError: They are none that pictures have.
     """
-    if not text.isdecimal() or not 20 <= int(text) <= 1200:
-        raise ArgumentTypeError(f"'{text}' is no resolution: expected a whole number from 20 to 1200")
+    from pinarm.use.show.plot import COARSEST, FINEST
+
+    if not text.isdecimal() or not COARSEST <= int(text) <= FINEST:
+        raise ArgumentTypeError(f"'{text}' is no resolution: expected a whole number from {COARSEST} to {FINEST}")
     return int(text)
 
 

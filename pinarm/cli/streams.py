@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import io
 import os
+import signal
 import sys
 import threading
 from contextlib import suppress
@@ -45,6 +46,10 @@ def flush_output() -> None:
     except OSError as error:
         give_up(sys.stdout)
         raise error if isinstance(error, BrokenPipeError) else unwritable(error) from None
+    try:
+        sys.stderr.flush()
+    except OSError:  # the exit code says the rest
+        give_up(sys.stderr)
 
 
 def unwritable(error: OSError) -> InputError:
@@ -64,8 +69,10 @@ def leave(code: int) -> NoReturn:
     """End the program with an exit code, without taking the interpreter apart, which takes 10 ms.
 
     What was registered for the exit is done. Where other threads run, or a profiler or debugger has started the
-    command, the program ends in the usual way.
+    command, the program ends in the usual way. An interrupt ends it at once, as nothing is left to be told.
     """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     if threading.active_count() > 1 or sys.flags.inspect or not _started_alone():
         raise SystemExit(code)
     atexit._run_exitfuncs()

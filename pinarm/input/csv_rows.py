@@ -24,11 +24,14 @@ def table(path: Path, source: str) -> tuple[list[str], Iterator[Row]]:
     """Return the heading of a CSV file, and its rows with the numbers of their lines; see ``rows``.
 
     Raises:
-        InputError: The cells are separated by something else than commas, or a row has more cells than the heading, as
-            where numbers have decimal commas; located at the line.
+        InputError: The cells are separated by something else than commas, a comment stands above them, or a row has
+            more cells than the heading, as where numbers have decimal commas; located at the line.
     """
     found = rows(path, source)
     line, heads = next(found, (1, []))
+    if heads and heads[0].lstrip().startswith("#") and "[" not in "".join(heads):
+        raise InputError("the first line is a comment, which tables do not have", expected="a heading",
+                         hint="remove the line").at(Location(source, line, 1, ",".join(heads)))  # fmt: skip
     for mark, name in SEPARATORS.items():
         if len(heads) == 1 and mark in heads[0]:
             raise InputError(f"the cells of this table are separated by {name}",
@@ -70,7 +73,7 @@ def rows(path: Path, source: str) -> Iterator[Row]:
                 if reader.line_num > last + 1:
                     raise _unclosed(source, last + 1)
                 last += 1
-                if row:
+                if len(row) > 1 or (row and row[0].strip()):
                     yield last, row
     except csv.Error as error:
         raise (

@@ -578,6 +578,61 @@ def test_help_has_examples_that_parse(capsys: pytest.CaptureFixture[str], comman
 # ------------------------------------------------------------------------------------------ number of drives
 
 
+class Interrupted:
+    """Interrupts the making of the class that it is an attribute of."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        raise KeyboardInterrupt
+
+
+def interrupted_class(*_: object) -> None:
+    type("Made", (), {"part": Interrupted()})
+
+
+def interrupted(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("part", ["validate", "_parser"])
+@pytest.mark.parametrize("made", [interrupted_class, interrupted])
+def test_an_interrupt_at_any_moment_is_exit_130(
+    part: str, made: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Also where Python 3.11 makes a RuntimeError of it: in the making of a class, as imports do."""
+    if part == "_parser":
+        monkeypatch.setattr("pinarm.cli.main._parser", made)
+    else:
+        monkeypatch.setitem(COMMANDS, "validate", (made, ""))
+    assert main(["validate", "x.yaml"]) == 130
+    assert capsys.readouterr().err == "interrupted\n"
+
+
+LOST = """
+import signal, sys, time, weakref
+from pinarm.cli import main as module
+
+class Kept:
+    pass
+
+def validate(options):
+    kept = Kept()
+    watched = weakref.ref(kept, lambda _: signal.raise_signal(signal.SIGINT))
+    del kept
+    time.sleep(30.0)
+    return 0
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+module.COMMANDS["validate"] = validate, ""
+sys.argv = ["pinarm", "validate", "x.yaml"]
+module.program()
+"""
+
+
+def test_an_interrupt_that_comes_where_nothing_can_be_raised_comes_again() -> None:
+    ended = subprocess.run([sys.executable, "-c", LOST], capture_output=True, text=True, timeout=60, check=False)
+    assert (ended.returncode, ended.stderr) == (130, "interrupted\n")
+
+
 @pytest.mark.parametrize(
     ("template", "key", "drives"),
     [("four_bar", "drives: [O]", "drives: [O, C]"), ("slider_crank", "drives: [O]", "drives: [O, x]"),

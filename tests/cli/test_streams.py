@@ -31,6 +31,17 @@ def test_streams_that_are_closed_or_full(tail: str, code: int, said: str) -> Non
     assert len(done.stderr.strip()) == len(said) and (len(said) == 1 or done.stderr.strip() == said)
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+@pytest.mark.parametrize(("arguments", "said"), [
+    ("--help >/dev/full", "error: the output: No space left on device\n"), ("run --help >/dev/full 2>&1", ""),
+    ("--version >/dev/full", "error: the output: No space left on device\n"), ("nonsense 2>/dev/full", ""),
+])  # fmt: skip
+def test_help_and_mistakes_that_cannot_be_written_are_exit_2(arguments: str, said: str) -> None:
+    command = f"'{sys.executable}' -m pinarm {arguments}"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (2, said)
+
+
 def test_a_file_that_the_system_refuses_is_named() -> None:
     from pinarm.cli.streams import unwritable
 

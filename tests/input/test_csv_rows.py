@@ -68,3 +68,10 @@ def test_empty_cells_beyond_the_heading_are_none(tmp_path: Path) -> None:
     heads, below = table(written(tmp_path, "a,b\n1,2,, \n3\n"), "t.csv")
     assert heads == ["a", "b"]
     assert [*below] == [(2, ["1", "2", "", " "]), (3, ["3"])]
+
+
+def test_a_comment_above_a_table_is_called_one_and_lines_of_blanks_are_none(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"t\.csv:1:1: the first line is a comment"):
+        table(written(tmp_path, "# measured, in May\na [m],b [m]\n1,2\n"), "t.csv")
+    heads, below = table(written(tmp_path, "# a [m],b [m]\n1,2\n  \n"), "t.csv")
+    assert (heads, [*below]) == (["# a [m]", "b [m]"], [(2, ["1", "2"])])

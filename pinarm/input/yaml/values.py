@@ -12,7 +12,8 @@ Where the file has another unit (mm, deg, rpm) it is refused, since 200 might be
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,24 @@ def varied(document: Document, values: Values, declared: Callable[[str], str] = 
     for path, value, place in _assignments(values):
         document = document.assigned(path, _with_unit(document, path, value, place, declared), place)
     return document
+
+
+def require_apart(data: Any, values: Values, others: Iterable[str]) -> None:
+    """Raise where a value leads to, or below, what other paths replace, or one of these to what another does.
+
+    Raises:
+        InputError: One does.
+    """
+    replaced = [(other, steps_of(other, data, Location(other))) for other in others]
+    for (first, one), (second, two) in combinations(replaced, 2):
+        if one == two:
+            raise InputError(f"'{first}' and '{second}' are one path, and varied twice", expected="each path once")
+    for path, _, place in _assignments(values):
+        steps = steps_of(path, data, place)
+        for other, above in replaced:
+            if steps[: len(above)] == above:
+                raise InputError(f"'{other}' is varied, and what is set there would have no effect",
+                                 expected="a path that is set or varied, not both").at(place)  # fmt: skip
 
 
 def written_unit(data: Any, path: str) -> str:

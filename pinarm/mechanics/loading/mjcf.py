@@ -21,7 +21,7 @@ from pinarm.input.xml_text import MAX_LINKS, bound
 from pinarm.mechanics.loading.mjcf_actuators import with_actuators
 from pinarm.mechanics.loading.mjcf_equalities import EqualityReader, with_held, with_hinges
 from pinarm.mechanics.loading.mjcf_geoms import geom_inertia
-from pinarm.mechanics.loading.mjcf_joints import elements_of, joint_chain
+from pinarm.mechanics.loading.mjcf_joints import aligned, elements_of, joint_chain
 from pinarm.mechanics.loading.mjcf_names import GENERATED, MJCF
 from pinarm.mechanics.loading.mjcf_settings import ORIENTATIONS, Attributes, Settings, number, numbers
 from pinarm.mechanics.loading.model_tree import Tree, TreeJoint, checked_mimics, inertia, inertia_defect
@@ -81,6 +81,10 @@ def mjcf_tree(model: Element) -> Tree:
     settings = Settings.of(model)
     reader = _Reader(settings)
     for world in model.findall("worldbody"):
+        if any(elements_of(settings, world, "", *JOINTS)):
+            raise ModelError(
+                "<worldbody> has a joint of its own", expected="joints in its bodies: the world stands still"
+            )
         _bodies(reader, world, WORLD, pin.SE3.Identity(), "", moves=False)
     sites = [site for site in reader.sites if site.child not in reader.links]  # points, unless a body is called so
     links = {**_scaled(reader.links, settings.total_mass), **{site.child: pin.Inertia.Zero() for site in sites}}
@@ -139,6 +143,8 @@ def _body(reader: _Reader, body: Element, parent: str, frame: pin.SE3, childclas
         reader.add(_fixed(f"{name}_fixed", parent, name, place))
     for joint in joint_chain(settings, joints, parent, name, place, reader.notes):
         reader.add(joint)
+    if any(aligned(settings, joint) for joint in joints) and sum(1 for _ in body.iter("body")) == 1:
+        reader.note("free bodies whose frame MuJoCo moves to their inertia (align): here it stays as drawn", name)
     moves = moves or bool(joints)
     reader.links[name] = _inertia(reader, body, childclass, where, moves)
     _bodies(reader, body, name, pin.SE3.Identity(), childclass, moves=moves)
@@ -195,14 +201,16 @@ def _inertial(given: Attributes, settings: Settings, where: str) -> pin.Inertia:
 
 
 def _bounded(reader: _Reader, body: pin.Inertia, where: str) -> pin.Inertia:
-    """Return an inertia raised to the least mass and moments of ``boundmass`` and ``boundinertia``."""
-    settings = reader.settings
-    if wrong := inertia_defect(body.inertia):
-        reader.defects.append(f"{where}: {wrong}")
-    moments = body.inertia
+    """Return an inertia raised to the least mass and moments of ``boundmass`` and ``boundinertia``, and balanced."""
+    settings, moments = reader.settings, body.inertia
     if settings.least_inertia:
         values, axes = np.linalg.eigh(moments)
         moments = axes @ np.diag(np.maximum(values, settings.least_inertia)) @ axes.T
+    if wrong := inertia_defect(moments):
+        if settings.balances and np.linalg.eigvalsh(moments)[0] >= 0.0:
+            moments = np.trace(moments) / 3.0 * np.eye(3)
+        else:
+            reader.defects.append(f"{where}: {wrong}")
     return inertia(max(body.mass, settings.least_mass), body.lever, moments)
 
 

@@ -105,6 +105,9 @@ class EqualityReader:
         text = given.get("polycoef", "0 1 0 0 0").split()
         curve = numbers({"polycoef": " ".join([*text, *["0"] * (5 - len(text))])}, "polycoef", where, 5)
         drawn = {name: joint.drawn for name, joint in self.joints.items()}
+        if follower in said.held or any(mimic.joint == follower for mimic in said.mimics):
+            raise ModelError(f"{where}: '{follower}' is held or coupled by another equality already",
+                             expected="one equality for each 'joint1'")  # fmt: skip
         if leader is None:
             if follower not in self.joints:
                 expected, hint = choices(follower, self.joints)

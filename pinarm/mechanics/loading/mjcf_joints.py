@@ -24,6 +24,10 @@ SWITCHES: dict[str, frozenset[str]] = {
 """Coefficients of joints, and the flags of the model that switch them off."""
 
 
+POLYNOMIALS = ("stiffness", "damping")
+"""Coefficients that may be followed by those of the second and the third power."""
+
+
 @dataclass(frozen=True)
 class BodyElement:
     """An element that belongs to a body.
@@ -90,13 +94,24 @@ def joint_chain(
         parent, place = child, pin.SE3.Identity()
 
 
+def aligned(settings: Settings, joint: BodyElement) -> bool:
+    """Tell whether MuJoCo moves the frame of a free body without bodies on it to its inertia."""
+    if joint.tag != "freejoint":
+        return settings.aligns and joint.given.get("type") == "free"
+    said = one_of(joint.given, "align", ("auto", "true", "false"), "freejoint")
+    return settings.aligns if said == "auto" else said == "true"
+
+
 def coefficient(given: Attributes, key: str, settings: Settings, where: str) -> float:
     """Return one of the coefficients in ``SWITCHES``; 0 where it is not given, or the model disables it.
 
     Raises:
         ModelError: It is negative.
     """
-    value = number(given, key, where, 0.0)
+    value, *higher = numbers(given, key, where, len(given.get(key, "0").split()) if key in POLYNOMIALS else 1, (0.0,))
+    if any(higher):
+        raise ModelError(f"{where}: {key}='{given[key][:60]}' is a polynomial, which is not read",
+                         expected="one number", hint=f"no {key} here, and 'forces:' in the mechanism file")  # fmt: skip
     if value < 0.0:
         raise ModelError(f"{where}: its {key} is negative")
     return 0.0 if SWITCHES[key] & settings.off else value
@@ -122,6 +137,8 @@ def _joint(settings: Settings, part: BodyElement, name: str, kind: Kind, notes: 
         if given.get("range") and given.get("limited") != "false":
             notes.setdefault("the range of ball joints is not watched", []).append(name)
         return joint
+    if given.get("range") and given.get("limited", "auto") == "auto" and not settings.limits_by_range:
+        notes.setdefault("their range is no limit, as autolimits is false and limited is not said", []).append(name)
     measured = _measured(settings, joint, given, where)
     if measured.drawn:
         notes.setdefault("drawn at their ref, but begin at 0 where nothing is said", []).append(name)
@@ -159,6 +176,8 @@ def _tuned(joint: TreeJoint, given: Attributes, settings: Settings, where: str) 
 def _range(given: Attributes, key: str, switch: str, settings: Settings, where: str) -> Array:
     """Return a range if it is a limit, otherwise an infinite one, shape (2,)."""
     limited = one_of(given, switch, ("auto", "true", "false"), where)
+    if limited == "true" and key not in given:
+        raise ModelError(f"{where}: {switch}='true', and it has no {key}", expected=f"a {key}, or {switch}='false'")
     if key not in given or limited == "false" or (limited == "auto" and not settings.limits_by_range):
         return np.array([-np.inf, np.inf])
     lower, upper = numbers(given, key, where, 2)

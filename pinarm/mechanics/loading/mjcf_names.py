@@ -65,8 +65,8 @@ _SETTINGS: dict[str, ElementNames | Content] = {
     "compiler": names(
         "angle autolimits eulerseq coordinate inertiafromgeom inertiagrouprange boundmass boundinertia settotalmass "
         "fusestatic strippath meshdir texturedir assetdir discardvisual usethread fitaabb alignfree saveinertial "
-        "conflict passthrough savecanonical savecompiled convexhull exactmeshinertia",
-        {"lengthrange": Content.IDLE}, unread="balanceinertia",
+        "conflict passthrough savecanonical savecompiled convexhull exactmeshinertia balanceinertia",
+        {"lengthrange": Content.IDLE},
     ),
     "option": names(
         "gravity density viscosity wind magnetic timestep apirate impratio tolerance ls_tolerance noslip_tolerance "

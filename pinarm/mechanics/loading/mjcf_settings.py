@@ -38,8 +38,10 @@ class Settings:
         groups: First and last group of the geoms with mass.
         least_mass: Lower bound of the mass of every body [kg].
         least_inertia: Lower bound of the principal moments of every body [kg*m^2].
+        balances: Whether moments that no body can have are replaced by their mean (``balanceinertia``).
         total_mass: Total to which all masses are scaled [kg]; 0 for no scaling.
         fuses: Whether bodies that do not move become part of the world (``fusestatic``), which has no mass.
+        aligns: Whether MuJoCo moves the frames of free bodies to their inertia (``alignfree``).
         gravity: Gravity field [m/s^2], world axes, shape (3,).
         off: The disabled ones of ``SWITCHES``.
         classes: Attributes by class and element, inherited ones included.
@@ -52,8 +54,10 @@ class Settings:
     groups: tuple[float, float]
     least_mass: float
     least_inertia: float
+    balances: bool
     total_mass: float
     fuses: bool
+    aligns: bool
     gravity: Array
     off: frozenset[str]
     classes: Mapping[str, Mapping[str, Attributes]] = field(repr=False)
@@ -82,8 +86,10 @@ class Settings:
         return cls(
             math.pi / 180.0 if degrees else 1.0, sequence,
             one_of(compiler, "autolimits", ("true", "false"), "<compiler>") == "true", source, (first, last),
-            least_mass, least_inertia, max(0.0, number(compiler, "settotalmass", "<compiler>", 0.0)),
+            least_mass, least_inertia, one_of(compiler, "balanceinertia", ("false", "true"), "<compiler>") == "true",
+            max(0.0, number(compiler, "settotalmass", "<compiler>", 0.0)),
             one_of(compiler, "fusestatic", ("false", "true"), "<compiler>") == "true",
+            one_of(compiler, "alignfree", ("false", "true"), "<compiler>") == "true",
             numbers(option, "gravity", "<option>", 3, (0.0, 0.0, -9.81)),
             frozenset(name for name in SWITCHES if flags.get(name) == "disable"), _classes(model),
         )  # fmt: skip

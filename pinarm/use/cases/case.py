@@ -15,7 +15,7 @@ from pinarm.arrays import Array
 from pinarm.engine.checks.figures import plain
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
-from pinarm.errors import DynamicsError, InputError, Interrupted, Location, NumericsError, PinarmError
+from pinarm.errors import DynamicsError, InputError, Interrupted, Location, NumericsError, PinarmError, of_interrupt
 from pinarm.input.roots import file_root, given_root, note_files, noting_files
 from pinarm.input.units import Unit
 from pinarm.records import replace
@@ -354,6 +354,8 @@ def solved_case(task: Task, values: Case) -> Solved:
         except PinarmError as error:
             return Solved(Row((), _one_line(error), _names(files)))
         except Exception as error:  # a fault of the program costs one case, and is told as what it is
+            if of_interrupt(error):
+                raise KeyboardInterrupt from None
             said = f"the program failed: {type(error).__name__}: {error}"
             return Solved(Row((), said, _names(files), final=False))
 

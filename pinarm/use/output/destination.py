@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pinarm.errors import InputError, printable
 from pinarm.records import ValueRecord
-from pinarm.use.output.folder import claim_folder, release_folder
+from pinarm.use.output.folder import claim_folder, release_folder, source_from
 from pinarm.use.output.manifest import PARTIAL, read_manifest
 
 RESULTS = Path("results")
@@ -50,10 +50,12 @@ def destination(given: Path | None, scenario: Path, name: str, kind: str = "resu
         kind: What is written: a key of ``ENDINGS``.
 
     Raises:
-        InputError: All these folders hold what came of other files, or none can be made.
+        InputError: All these folders hold what came of other files, or none can be made, or the name of the scenario
+            file is no text.
     """
     own = os.path.realpath(scenario)
     if given is not None:
+        source_from(given, scenario)  # what cannot be written down is told before the work
         other = _other(given, own)
         yield Destination(given, f"in place of {other}" if other else "")
         return

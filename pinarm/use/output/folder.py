@@ -28,6 +28,7 @@ from pinarm.use.output.manifest import (
     Manifest,
     digest,
     file_names,
+    no_text,
     own_files,
     read_manifest,
     write_manifest,
@@ -67,7 +68,7 @@ def whole_folder(
         check_replaceable(folder, kind, beside=beside)
         with _draft(folder) as draft:
             yield draft
-            _publish(draft, folder, Manifest(kind, {}, source=_from(folder, source) if source else ""), beside)
+            _publish(draft, folder, Manifest(kind, {}, source=source_from(folder, source) if source else ""), beside)
     except OSError as error:
         raise InputError(f"the {kind} cannot be written to {folder}: {error.strerror or error}") from None
 
@@ -156,7 +157,7 @@ def claim_folder(folder: Path, kind: str, source: Path) -> bool:
     try:
         with _draft(folder) as draft:
             with _locked(draft, fcntl.LOCK_SH) as home:
-                write_manifest(home, Manifest(kind, {}, source=_from(folder, source)))
+                write_manifest(home, Manifest(kind, {}, source=source_from(folder, source)))
             draft.rename(folder)
     except OSError as error:
         if error.errno in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR):  # another process was faster
@@ -232,9 +233,18 @@ def _clear(home: Path) -> None:
                 os.close(descriptor)
 
 
-def _from(folder: Path, source: Path) -> str:
-    """Return the path of a file from a folder, which need not exist, with no links on the way."""
-    return os.path.relpath(os.path.realpath(source), os.path.realpath(folder))
+def source_from(folder: Path, source: Path) -> str:
+    """Return the path of a file from a folder, which need not exist, with no links on the way.
+
+    Raises:
+        InputError: It is no text that a manifest can hold.
+    """
+    path = os.path.relpath(os.path.realpath(source), os.path.realpath(folder))
+    try:
+        path.encode()
+    except UnicodeEncodeError as error:
+        raise no_text(error) from None
+    return path
 
 
 def _publish(draft: Path, folder: Path, empty: Manifest, beside: Collection[str]) -> None:
@@ -331,6 +341,8 @@ def _locked(folder: Path, how: int) -> Iterator[int]:
     Raises:
         OSError: Another process keeps it locked.
     """
+    if folder.is_symlink():  # which the system calls no directory
+        raise OSError(errno.ELOOP, f"{folder} is a symbolic link")
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     deadline = time.monotonic() + PATIENCE
     try:

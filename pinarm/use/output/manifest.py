@@ -44,6 +44,13 @@ class Manifest(msgspec.Struct, frozen=True):
     source: str = ""
 
 
+def no_text(error: UnicodeEncodeError) -> InputError:
+    """Return the error of a name that is no Unicode, such as that of a file whose name is not UTF-8."""
+    name = str(error.object).encode(errors="surrogateescape").decode(errors="replace")
+    hint = "another name for it, or results in a folder below: -o DIR"
+    return InputError(f"the name {name} is no text that a file of results can hold", hint=hint)
+
+
 def own_files(folder: Path, kind: str, beside: Collection[str]) -> dict[str, str]:
     """Return the digests of the files of a folder that were written here, without its manifest.
 

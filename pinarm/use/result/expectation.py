@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
@@ -72,6 +73,9 @@ class Expectation(InputStruct, frozen=True):
         if self.published is not None:
             with within("published"):
                 read_quantity(self.published)
+        if "@" in self.quantity:
+            with within("quantity"):
+                raise self._placed_twice()
         self._check_place()
         if self.value is not None and self.formula is not None:
             raise InputError("give a value or a formula, not both")
@@ -89,6 +93,19 @@ class Expectation(InputStruct, frozen=True):
         if self.erratum and self.verdict not in ERRATA:
             raise InputError(f"an erratum is a misprint or a model error, not '{self.verdict}'",
                              expected="verdict: misprint, or model_error")  # fmt: skip
+
+    def _placed_twice(self) -> InputError:
+        """Return the error of a quantity that has its place behind it, and how it is written here."""
+        from pinarm.use.result.run_number import RunNumber
+
+        quantity, at = "C_B", "max, or {t: 1.5 s}"
+        with suppress(InputError):
+            asked = RunNumber.read(self.quantity)
+            if asked.of == asked.quantity:
+                pairs = [f"{key}: {value}" for key, value in asked.at.items()] if isinstance(asked.at, dict) else []
+                quantity, at = asked.quantity, f"{{{', '.join(pairs)}}}" if pairs else str(asked.at)
+        return InputError(f"'{self.quantity}' has its place behind it: here that is a key of its own",
+                          expected=f"quantity: {quantity}, at: {at}")  # fmt: skip
 
     def _check_place(self) -> None:
         if isinstance(self.at, dict) or self.at in PLACES:

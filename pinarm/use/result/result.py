@@ -62,6 +62,7 @@ class Result(Record, frozen=True):
         removals: Joints of the mechanism that were not solved for.
         known: Sections that are there already, by key: what the search for the values of the scenario tells, and what
             was read from a folder.
+        source: The scenario file that it came of, where it was read from a folder.
     """
 
     name: str
@@ -73,6 +74,7 @@ class Result(Record, frozen=True):
     setting: str = ""
     removals: Sequence[Removal] = ()
     known: Mapping[str, Section] = field(default_factory=dict)
+    source: Path | None = None
 
     def __repr__(self) -> str:
         """Return its name, its kind, how many rows it has, and its outputs."""

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from itertools import cycle, product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
 import numpy as np
 
@@ -48,8 +48,8 @@ WRONG = "#D00000"
 PictureFormat = Literal["svg", "png", "pdf"]
 """Of the files that are written; SVG is written without matplotlib, and so at once."""
 
-RESOLUTION = 200
-"""Pixels per inch of PNG files, unless another is asked for."""
+RESOLUTION, COARSEST, FINEST = 200, 20, 1200
+"""Pixels per inch of PNG files: unless another number is asked for, at least, and at most."""
 
 
 def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) -> Chart:
@@ -191,19 +191,31 @@ def save_plots(result: Result, folder: Path, form: PictureFormat = "svg", dpi: i
     return files
 
 
+def picture_format(asked: object, dpi: object = RESOLUTION) -> PictureFormat:
+    """Return the format of pictures that is asked for, ``True`` for the usual one.
+
+    Raises:
+        InputError: There is none of that name, or pictures have no such resolution.
+    """
+    for form in get_args(PictureFormat):
+        if asked == form or (asked is True and form == "svg"):
+            if not isinstance(dpi, int) or not COARSEST <= dpi <= FINEST:
+                raise InputError(f"{dpi!r} is no resolution", expected=f"a whole number from {COARSEST} to {FINEST}")
+            return cast(PictureFormat, form)
+    expected, hint = choices(str(asked), get_args(PictureFormat))
+    raise InputError(f"pictures are not written as '{asked}'", expected=expected, hint=hint)
+
+
 def encoded(chart: Chart, form: str, dpi: int = RESOLUTION) -> bytes:
     """Return the file of a chart: SVG, PNG with so many pixels per inch, or PDF; the same chart gives the same bytes.
 
     Raises:
-        InputError: There is no such format.
+        InputError: There is no such format, or resolution.
     """
-    if form == "svg":
+    if picture_format(form, dpi) == "svg":
         from pinarm.use.show.svg import svg
 
         return svg(chart).encode()
-    if form not in get_args(PictureFormat):
-        expected, hint = choices(form, get_args(PictureFormat))
-        raise InputError(f"pictures are not written as '{form}'", expected=expected, hint=hint)
     from pinarm.use.show.figure import UNDATED, figure
 
     stream = io.BytesIO()

@@ -13,7 +13,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from pinarm.errors import InputError
+from pinarm.use.output.manifest import no_text
 
 
 def write(path: Path, text: str) -> None:
@@ -46,9 +46,7 @@ def yaml_text(data: Any) -> str:
     try:
         return str(yaml.dump(data, Dumper=_dumper(), sort_keys=False, allow_unicode=True, width=WIDTH))
     except UnicodeEncodeError as error:
-        name = str(error.object).encode(errors="surrogateescape").decode(errors="replace")
-        hint = "another name for it, or results in a folder below: -o DIR"
-        raise InputError(f"the name {name} is no text that a file of results can hold", hint=hint) from None
+        raise no_text(error) from None
 
 
 @cache

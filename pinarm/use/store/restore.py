@@ -25,6 +25,7 @@ from pinarm.errors import InputError
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.records import replace
 from pinarm.use.output.folder import complete_folder
+from pinarm.use.output.manifest import read_manifest
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.result import Result
 from pinarm.use.result.stored_rows import AGAIN, SolvedAnew, events_of, trajectory_of
@@ -58,7 +59,7 @@ def restore(folder: str | Path) -> Result:
     Raises:
         InputError: The folder is no result, or its files do not belong together.
     """
-    folder = Path(folder)
+    folder = Path(folder).resolve() if Path(folder).is_symlink() else Path(folder)
     for name in NEEDED:
         if not (folder / name).is_file():
             problem = f"{folder} is no result: it has no {name}" if folder.is_dir() else f"there is no folder {folder}"
@@ -71,12 +72,14 @@ def restore(folder: str | Path) -> Result:
         summary, arrays = _summary(folder / "summary.json"), _arrays(folder / "trajectory.npz")
         scenario, known = Scenario.load(folder / "scenario.yaml"), read_sections(folder / SECTIONS)
         mechanism = replace(_mechanism(folder, scenario), notes=tuple(summary["notes"]))
+        manifest = read_manifest(folder)
+    source = folder / manifest.source if manifest and manifest.source else None
     scenario = scenario.with_mechanism(mechanism)
     rows = trajectory_of(scenario, mechanism, arrays)
     motion = None if rows.isolated else SolvedAnew(scenario, mechanism, rows)
     outcome = Outcome(rows, motion, events=events_of(arrays, mechanism.model))
     measured = {key: summary[key] for key in ("figures", "errors", "setting", "removals")}
-    return replace(scenario.result(outcome), name=str(summary["scenario"]), known=known, **measured)
+    return replace(scenario.result(outcome), name=str(summary["scenario"]), known=known, source=source, **measured)
 
 
 def replay(

@@ -50,7 +50,7 @@ def save(
     scenario, given = folder / "scenario.yaml", result.scenario.document.path
     if given is not None and scenario.exists() and scenario.resolve() == given.resolve():
         raise InputError(f"the result would overwrite its own input {scenario}", hint="another folder: -o DIR")
-    with whole_folder(folder, "result", source=given) as draft:
+    with whole_folder(folder, "result", source=result.source or given) as draft:
         columns, mechanism = result.table_columns(), result.trajectory.mechanism
         model, laws = f"model{file_suffix(mechanism.xml)}", LawTables()
         write(draft / "summary.json", json_text(result.summary()) + "\n")
@@ -73,9 +73,9 @@ def save(
         if timing:
             write(draft / "timing.json", json_text(timing) + "\n")
         if plots:
-            from pinarm.use.show.plot import save_plots
+            from pinarm.use.show.plot import picture_format, save_plots
 
-            save_plots(result, draft, "svg" if plots is True else plots, dpi)
+            save_plots(result, draft, picture_format(plots, dpi), dpi)
     return folder
 
 

@@ -37,7 +37,9 @@ def cluster(address: str) -> Iterator[Executor]:
                          expected="distributed.comm.tls in Dask's configuration: ca-file, client.key and client.cert",
                          hint="DASK_DISTRIBUTED__COMM__TLS__CA_FILE and the like") from None  # fmt: skip
     try:
-        asyncio.run(_identity(distributed, address))  # a client that has not found one takes 20 s to give up
+        with asyncio.Runner() as runner:  # whose ``run`` would make of an interrupt a cancellation, which may be lost
+            # a client that has not found a scheduler takes 20 s to give up
+            runner.get_loop().run_until_complete(_identity(distributed, address))
         client = distributed.Client(address, timeout=TIMEOUT, set_as_default=False, name="pinarm")
     except (OSError, ValueError, TypeError, RuntimeError) as error:
         said = (str(error).strip().splitlines() or [type(error).__name__])[0]

@@ -1,5 +1,6 @@
 """Other values for a file: a mapping and texts say the same, and what cannot be meant is refused."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ import pytest
 
 from pinarm.errors import InputError, UnitError
 from pinarm.input.yaml.document import Document
-from pinarm.input.yaml.values import varied, written_unit
+from pinarm.input.yaml.values import require_apart, varied, written_unit
 
 FILE = "title: arm\nproblem: {time: {end: 3 s}, speed: 3000 rpm}\nlist: [1 kg, 2 mm]\n"
 
@@ -81,3 +82,14 @@ def test_the_unit_that_stands_at_a_path() -> None:
     data = Document.parse(FILE).data
     paths = ("problem.time.end", "problem.speed", "list.0", "title", "problem", "none", "list.7", "title.a")
     assert [written_unit(data, path) for path in paths] == ["s", "rpm", "kg", "", "", "", "", ""]
+
+
+def test_what_is_varied_is_not_set_too() -> None:
+    data = Document.parse(FILE).data
+    for values in (["problem.time.end=4 s"], {"problem.time.end": "4 s"}):
+        for over in ("problem.time.end", "problem.time", 'problem."time".end'):
+            with pytest.raises(InputError, match=f"'{re.escape(over)}' is varied, and"):
+                require_apart(data, values, ["problem.speed", over])
+    with pytest.raises(InputError, match="are one path, and varied twice"):
+        require_apart(data, (), ["problem.time.end", "title", 'problem."time".end'])
+    require_apart(data, ["problem.time={end: 4 s}", "problem.speed=3 rpm"], ["problem.time.end", "title", "list.0"])

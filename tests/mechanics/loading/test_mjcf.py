@@ -275,6 +275,18 @@ def test_a_constraint_that_the_model_switches_off_is_no_coupling():
     assert build_model(model(*two, before=off)).mimics == ()
 
 
+@pytest.mark.parametrize(("compiler", "moments"), [
+    ('balanceinertia="true"', [1.4, 1.4, 1.4]), ('boundinertia="2"', [2.0, 2.0, 3.0]),
+    ('balanceinertia="true" boundinertia="0.5"', [1.5, 1.5, 1.5]),
+])  # fmt: skip
+def test_moments_that_no_body_can_have_are_mended_as_mujoco_does(compiler, moments):
+    """As body_inertia of MuJoCo 4.0.0: raised first, then, where asked for, replaced by their mean."""
+    spiky = body(HINGE + '<inertial pos="0 0 0" mass="1" diaginertia="1 0.2 3"/>')
+    robot = build_model(model(spiky, before=f"<compiler {compiler}/>"))
+    assert np.linalg.eigvalsh(robot.model.inertias[1].inertia) == pytest.approx(moments)
+    assert not any("not read" in note for note in robot.notes)
+
+
 def test_least_masses_and_moments_are_kept():
     bounds = '<compiler boundmass="0.5" boundinertia="0.01"/>'
     light = body(HINGE + '<inertial pos="0 0 0" mass="0.1" diaginertia="1e-3 1.05e-2 1e-2"/>')
@@ -381,7 +393,11 @@ def test_a_base_of_a_file_may_be_set_free():
         ('<joint name="j" axis="0 0 0"/>' + SPHERE, "joint 'j': its axis is 0 0 0"),
         ('<joint name="j" axis="0 0"/>' + SPHERE, "joint 'j': axis='0 0' is not what is read here"),
         ('<joint name="j" damping="-1"/>' + SPHERE, "joint 'j': its damping is negative"),
-        ('<joint name="j" stiffness="1 2"/>' + SPHERE, "joint 'j': stiffness='1 2' is not what is read here"),
+        ('<joint name="j" stiffness="1 2"/>' + SPHERE, "joint 'j': stiffness='1 2' is a polynomial, which is not read"),
+        ('<joint name="j" armature="1 0"/>' + SPHERE, "joint 'j': armature='1 0' is not what is read here"),
+        ('<joint name="j" limited="true"/>' + SPHERE, "joint 'j': limited='true', and it has no range"),
+        ('<joint name="j" actuatorfrclimited="true"/>' + SPHERE,
+         "joint 'j': actuatorfrclimited='true', and it has no actuatorfrcrange"),
         (HINGE + '<geom type="capsule" size="0.1" fromto="0 0 0 1 0 0" pos="1 0 0"/>',
          "body 'b': geom '': its place is given by pos and fromto"),
         (HINGE + '<geom size="0.1" fromto="0 0 0 1 0 0"/>', "body 'b': geom '': a sphere has no fromto"),
@@ -451,6 +467,9 @@ def test_sections_that_would_change_the_motion_are_refused(before, message):
     assert refusal(model(body(HINGE + SPHERE), before=before)).message == message
 
 
+ALIGNED = "free bodies whose frame MuJoCo moves to their inertia (align): here it stays as drawn: b"
+
+
 @pytest.mark.parametrize(
     ("inside", "before", "note"),
     [
@@ -467,6 +486,10 @@ def test_sections_that_would_change_the_motion_are_refused(before, message):
         ('<joint name="j" springyield="1"/>' + SPHERE, "", "not read: springyield of <joint>"),
         (HINGE + SPHERE, '<sensor><clock/></sensor><contact/>', "not read: <contact>, <sensor>"),
         ('<joint name="j" type="ball" range="0 30"/>' + SPHERE, "", "the range of ball joints is not watched: j"),
+        ("<freejoint/>" + SPHERE, '<compiler alignfree="true"/>', ALIGNED),
+        ('<freejoint align="true"/>' + SPHERE, "", ALIGNED),
+        ('<joint name="j" range="-1 1"/>' + SPHERE, '<compiler autolimits="false"/>',
+         "their range is no limit, as autolimits is false and limited is not said: j"),
         ('<joint name="j" ref="30"/>' + SPHERE, "", "drawn at their ref, but begin at 0 where nothing is said: j"),
         (HINGE + SPHERE + body(SPHERE, "c", 'gravcomp="1"'), "", "gravity compensation is not modelled: c"),
         (HINGE + SPHERE, '<worldbody><body name="h" mocap="true"/></worldbody>',
@@ -475,6 +498,27 @@ def test_sections_that_would_change_the_motion_are_refused(before, message):
 )  # fmt: skip
 def test_what_is_left_out_is_noted(inside, before, note):
     assert note in build_model(model(body(inside), before=before)).notes
+
+
+@pytest.mark.parametrize(("free", "compiler"), [
+    ('<freejoint align="false"/>' + SPHERE, "true"), ("<freejoint/>" + SPHERE, "false"),
+    ("<freejoint/>" + SPHERE + body(SPHERE, "c"), "true"),
+])  # fmt: skip
+def test_free_bodies_that_mujoco_does_not_align_have_no_note(free, compiler):
+    """Of these MuJoCo 4.0.0 has qpos0 at the frame that is drawn."""
+    notes = build_model(model(body(free), before=f'<compiler alignfree="{compiler}"/>')).notes
+    assert ALIGNED not in notes
+
+
+def test_a_polynomial_of_one_number_is_that_number():
+    joint = '<joint name="j" stiffness="3 0 0" damping="2 0"/>'
+    forces = build_model(model(body(joint + SPHERE))).forces
+    assert forces["joint springs"].stiffness.tolist() == [3.0]
+    assert forces["joint damping"].damping.tolist() == [2.0]
+
+
+def test_the_world_has_no_joints():
+    assert "<worldbody> has a joint of its own" in refusal(model(HINGE, body('<joint name="k"/>' + SPHERE))).message
 
 
 def test_every_root_of_a_file_is_read():
@@ -495,7 +539,7 @@ def test_an_unknown_name_is_told_with_its_line(tmp_path):
 def test_a_joint_that_follows_twice_is_refused():
     equality = '<equality><joint joint1="a" joint2="b"/><joint joint1="a" joint2="b"/></equality>'
     two = body('<joint name="a"/>' + SPHERE), body('<joint name="b"/>' + SPHERE, "c")
-    assert "joint 'a' follows other joints twice" in refusal(model(*two, before=equality)).message
+    assert "'a' is held or coupled by another equality already" in refusal(model(*two, before=equality)).message
 
 
 def test_a_geom_whose_inertia_is_beyond_all_numbers_is_refused():

@@ -84,6 +84,21 @@ def test_a_case_that_fails_is_a_row_that_says_why(
     assert "\n" not in row.error
 
 
+def test_an_interrupt_is_no_fault_of_the_program(held: pinarm.Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python 3.11 makes a RuntimeError of one that comes while a class is made."""
+    monkeypatch.setattr(Wanted, "numbers", lambda *_: interrupted_class())
+    with pytest.raises(KeyboardInterrupt):
+        solved(held, ["M"])
+
+
+def interrupted_class() -> None:
+    class Named:
+        def __set_name__(self, owner: type, name: str) -> None:
+            raise KeyboardInterrupt
+
+    type("Made", (), {"named": Named()})
+
+
 def test_a_fault_of_the_program_costs_one_case(held: pinarm.Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Wanted, "numbers", lambda *_: 1 / 0)
     row = solved(held, ["M"])

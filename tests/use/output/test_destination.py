@@ -1,5 +1,6 @@
 """Where commands write to: files of one name in different folders keep their results apart."""
 
+import os
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -99,3 +100,19 @@ def test_a_folder_that_nothing_was_written_to_is_removed_and_is_no_result_before
             pass
         assert told(None, Path("b/x.yaml"), "x").folder == Path("results/b-x")
     assert not list(Path("results").iterdir())
+
+
+@pytest.mark.parametrize("given", [None, Path("out")])
+def test_the_name_of_a_file_that_is_no_text_is_told_before_the_work(
+    given: Path | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It ended in a traceback when the result was written; a folder of such a name around both is none of it."""
+    monkeypatch.chdir(tmp_path)
+    named = Path(os.fsdecode(b"s\xff.yaml"))
+    with pytest.raises(InputError, match="is no text that a file of results can hold"), destination(given, named, "s"):
+        pass
+    inner = tmp_path / os.fsdecode(b"f\xff")
+    inner.mkdir()
+    monkeypatch.chdir(inner)
+    with destination(given, inner / "s.yaml", "s") as target:
+        assert target.folder == (given or Path("results/s"))

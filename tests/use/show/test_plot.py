@@ -14,7 +14,7 @@ from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.records import replace
 from pinarm.use.result.section import Curve, Graph
-from pinarm.use.show.plot import encoded, graph, save_plots
+from pinarm.use.show.plot import encoded, graph, picture_format, save_plots
 
 ROOT = Path(pinarm.__file__).parents[1]
 
@@ -163,6 +163,16 @@ def test_the_resolution_of_png_is_as_asked_for(scenario: Callable[..., Any]) -> 
     assert Image.open(io.BytesIO(encoded(chart, "png"))).size[0] == 1400
     with pytest.raises(InputError, match="not written as 'gif'"):
         encoded(chart, "gif")
+
+
+@pytest.mark.parametrize(("form", "dpi", "said"), [
+    ("png", -5, "-5 is no resolution"), ("png", 0, "0 is no resolution"), ("pdf", 10**7, "10000000 is no resolution"),
+    (True, "x", "'x' is no resolution"), ("png", float("nan"), "nan is no resolution"),
+    ("gif", 200, "pictures are not written as 'gif'"),
+])  # fmt: skip
+def test_formats_and_resolutions_that_no_picture_has(form: Any, dpi: Any, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        picture_format(form, dpi)
 
 
 def test_many_curves_differ_by_colour_or_by_dashes_and_are_named_below() -> None:

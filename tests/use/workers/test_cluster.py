@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -94,8 +95,9 @@ def start(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Cl
 def sweep(path: Path, cases: int, *arguments: str, **environment: str) -> "subprocess.Popen[str]":
     command = [sys.executable, "-m", "pinarm", "sweep", str(path), "--over", f"arguments.m=-1:3:{cases} kg"]
     known = {**os.environ, "PYTHONPATH": ROOT, **environment}
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a shell's background jobs ignore interrupts
     return subprocess.Popen([*command, "--no-plots", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                            text=True, env=known)  # fmt: skip
+                            text=True, env=known, preexec_fn=heard)  # fmt: skip
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -296,6 +298,23 @@ def test_an_address_at_which_nobody_answers_is_refused(address: str, monkeypatch
     monkeypatch.setattr(module, "TIMEOUT", 0.5)
     with pytest.raises(PinarmError, match=f"no scheduler of Dask answers at {address}"), cluster(address):
         pass
+
+
+def test_an_interrupt_is_not_lost_where_the_answer_of_a_scheduler_comes_with_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from pinarm.use.workers import cluster as module
+
+    async def answered(*_: object) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(module, "_identity", answered)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell's background jobs ignore
+    try:
+        with pytest.raises(KeyboardInterrupt), cluster("tcp://127.0.0.1:1"):
+            pass
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_what_listens_and_does_not_answer_is_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:

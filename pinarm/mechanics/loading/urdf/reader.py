@@ -53,6 +53,8 @@ def urdf_tree(robot: Element) -> Tree:
     root, order = _ordered(links, joints)
     mimics, orphans = checked_mimics([*_mimics(elements)], {name: joint.kind for name, joint in joints.items()})
     notes += _limit_notes(elements, joints)
+    if locked := [name for name, joint in elements.items() if _is_fixed(joint) and joint.find("mimic") is not None]:
+        notes.append(f"fixed joints follow no other, though they have a <mimic>: {listed('joint', locked)}")
     if any(float(spring.text or 0) for spring in robot.iter("springStiffness") if is_decimal(spring.text)):
         notes.append("springs that the model gives to its joints for Gazebo are not modelled")
     if geared := [*_geared(robot)]:
@@ -154,7 +156,7 @@ def _limit_notes(elements: Mapping[str, Element], joints: Mapping[str, TreeJoint
     """Return one note for each kind of limit that is 0 or missing."""
     missing: dict[str, list[str]] = {"position": [], "effort": [], "velocity": []}
     for name, joint in joints.items():
-        limit = elements[name].find("limit")
+        limit = None if joint.kind == "fixed" else elements[name].find("limit")
         if elements[name].get("type") in ("revolute", "prismatic") and joint.bounds.lower == -np.inf:
             missing["position"].append(name)
         for key in ("effort", "velocity"):
@@ -164,10 +166,14 @@ def _limit_notes(elements: Mapping[str, Element], joints: Mapping[str, TreeJoint
             for key, names in missing.items() if names]  # fmt: skip
 
 
+def _is_fixed(joint: Element) -> bool:
+    return joint.get("type") == "fixed"
+
+
 def _mimics(elements: Mapping[str, Element]) -> Iterable[Mimic]:
     for name, joint in elements.items():
         mimic = joint.find("mimic")
-        if mimic is None or joint.get("type") == "fixed":  # a joint that exporters lock often keeps its <mimic>
+        if mimic is None or _is_fixed(joint):  # a joint that exporters lock often keeps its <mimic>
             continue
         where = f"joint '{name}': mimic"
         if joint.get("type") not in ("revolute", "continuous", "prismatic"):

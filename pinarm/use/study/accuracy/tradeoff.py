@@ -83,8 +83,9 @@ class Tradeoff:
             write(draft / "tradeoff.json", json_text(self.summary()) + "\n")
             if plots:
                 from pinarm.use.show.figure import UNDATED
+                from pinarm.use.show.plot import picture_format
 
-                form = "svg" if plots is True else plots
+                form = picture_format(plots, dpi)
                 for name, figure in self.plots().items():
                     figure.savefig(draft / f"{name}.{form}", dpi=dpi, metadata=UNDATED[form])
         return folder

@@ -17,7 +17,7 @@ from pinarm.errors import InputError, Interrupted, PinarmError, as_names, choice
 from pinarm.input.roots import noting_files
 from pinarm.input.units import DIMENSIONLESS, unit
 from pinarm.input.yaml.key_path import argument_of
-from pinarm.input.yaml.values import Values, written_unit
+from pinarm.input.yaml.values import Values, require_apart, written_unit
 from pinarm.use.cases.case import WORTH, Taken, Task, Wanted, WhereReached
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.result.run_number import RunNumber
@@ -209,6 +209,7 @@ def sweep(
     given = {path: _plain(x) for path, x in (over or {}).items()}
     with noting_files() as files:
         chosen = Cases.of(_axes(scenario, given, cases, samples, seed, sampling))
+        require_apart(scenario.document.data, values or (), (column.path for column in chosen.columns()))
         wanted, columns = _measured(scenario, chosen, as_names(results) or scenario.content.outputs)
     worth = [Series(name, DIMENSIONLESS, np.zeros(0)) for name in WORTH]
     solving = Solving(_task(scenario, chosen, wanted), chosen, columns + worth, progress, parquet)

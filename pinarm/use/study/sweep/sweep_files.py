@@ -54,9 +54,10 @@ def save(
             parquet_parts.write_parts(sweep, draft / parquet_parts.PARQUET)
         write(draft / "summary.json", json_text(summary(sweep)) + "\n")
         if plots:
+            from pinarm.use.show.plot import picture_format
             from pinarm.use.study.sweep.plots import save_plots
 
-            save_plots(sweep, draft, "svg" if plots is True else plots, dpi)
+            save_plots(sweep, draft, picture_format(plots, dpi), dpi)
     return folder
 
 

@@ -23,7 +23,7 @@ def table_on_disk(rows: int, columns: int, folder: Path) -> Array:
     the process ends; its bytes are taken from the disk at once, as a full one could not be told later.
 
     Raises:
-        InputError: There is no room for it.
+        InputError: There is no room for it, or its folder cannot be written.
     """
     block, left = np.full(BLOCK, np.nan), rows * columns
     try:
@@ -33,5 +33,5 @@ def table_on_disk(rows: int, columns: int, folder: Path) -> Array:
             file.flush()
             mapped = mmap.mmap(file.fileno(), 8 * left)
     except OSError as error:
-        raise InputError(f"there is no room for a table of {rows} cases in {folder}: {error.strerror}") from None
+        raise InputError(f"a table of {rows} cases cannot be written in {folder}: {error.strerror}") from None
     return np.frombuffer(mapped).reshape(columns, rows).T

@@ -105,6 +105,16 @@ def test_a_mass_without_inertia_is_a_point_and_is_noted(chain):
     assert "link 'arm_link': it has a mass but no <inertia>, and is taken for a point mass" in robot.notes
 
 
+def test_what_a_fixed_joint_has_of_a_moving_one_is_noted_where_it_would_move_it(chain):
+    leader, locked = {**ARM, "name": "leader", "kind": "revolute"}, {**ARM, "name": "locked", "kind": "fixed"}
+    xml = chain(leader, locked)
+    at = xml.index("</joint>", xml.index('name="locked"'))
+    robot = build_model(xml[:at] + '<mimic joint="leader"/>' + xml[at:])
+    assert (robot.model.nv, robot.mimics) == (1, ())
+    assert "fixed joints follow no other, though they have a <mimic>: joint locked" in robot.notes
+    assert not any("limits of 0" in note and "locked" in note for note in robot.notes)
+
+
 def test_limits_of_nothing_are_unknown_and_noted(chain):
     known, unknown = ({**ARM, "name": name, "kind": "revolute"} for name in ("known", "unknown"))
     xml = chain(known, unknown).replace(LIMIT, '<limit lower="-1" upper="2" effort="3" velocity="4"/>', 1)

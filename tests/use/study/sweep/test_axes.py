@@ -111,7 +111,8 @@ def test_a_table_of_cases_has_paths_and_units_in_its_heading(tmp_path: Path) -> 
     [("a\n1\n2,3\n", "cases.csv:3:1"), ("a,b\n1,\n", "cases.csv:2:1"), ("a\n", "cases.csv: there are no cases"),
      ("a [kgs]\n1\n", "cases.csv:1:1: unknown unit"), ("a [kg\n1\n", "is no heading"), ("", "there are no cases"),
      ("a [kg]\n1\n2\nabc\n", "cases.csv:4:1: 'abc' is no number"), ("b,a [kg]\n1,2\n1,nan\n", "cases.csv:3:1"),
-     ("a [kg]\n1\n2 kg\n", "cases.csv:")],
+     ("a [kg]\n1\n2 kg\n", "cases.csv:"), ("# mine\na\n1\n", "cases.csv:1:1: the first line is a comment"),
+     ("a,b\n1,2\n# old, 3\n", "cases.csv:3:1: '# old' is no number")],
 )  # fmt: skip
 def test_a_mistake_in_a_table_of_cases_is_told_with_its_line(tmp_path: Path, text: str, place: str) -> None:
     (tmp_path / "cases.csv").write_text(text)

@@ -429,3 +429,21 @@ def _runs(process: str) -> bool:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
+
+
+def test_a_path_in_two_spellings_is_varied_twice(path: Path) -> None:
+    """The values of the first stood in the table beside results of the second."""
+    with pytest.raises(PinarmError, match="are one path, and varied twice"):
+        pinarm.sweep(path, {"arguments.m": "1, 2 kg", 'arguments."m"': "4, 5 kg"}, workers=1)
+
+
+def test_a_value_that_every_case_replaces_is_refused(path: Path, tmp_path: Path) -> None:
+    """It had no effect, and nothing said so."""
+    (tmp_path / "cases.csv").write_text("arguments.m [kg]\n1\n2\n")
+    for over, cases in (({"arguments.m": "1, 2 kg"}, None), ({}, tmp_path / "cases.csv")):
+        with pytest.raises(PinarmError, match=r"'arguments[.]m' is varied, and what is set there would have no effect"):
+            pinarm.sweep(path, over, cases=cases, values={"arguments.m": "7 kg"}, workers=1)
+    swept = pinarm.sweep(
+        path, {"arguments.m": "1, 2 kg"}, values={"arguments.l": "2 m"}, workers=1, results=["M @ max"]
+    )
+    assert swept["M @ max"].values == pytest.approx([20.0, 40.0])

@@ -22,5 +22,5 @@ def test_it_is_an_array_like_others_and_leaves_nothing_behind(tmp_path: Path, ro
 
 
 def test_a_folder_that_is_full_or_read_only_is_told(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="there is no room for a table of 3 cases"):
+    with pytest.raises(InputError, match="a table of 3 cases cannot be written in"):
         table_on_disk(3, 2, tmp_path / "nowhere")
