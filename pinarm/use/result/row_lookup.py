@@ -68,7 +68,7 @@ STEPS_IN_PIECE = 16
 there is about a state for each of them, where the integrator took ten."""
 
 MOST_INTERVALS = 100
-"""Intervals up to which they are; thousands, as between samples of controllers, are rows enough."""
+"""Intervals up to which they are; of more, as between bounces or passages of a profile, each is one part."""
 
 MOST_JUMPS, BESIDE = 10_000, 1e-8
 """Jumps of loads up to which quantities are looked at on both sides of each, and how far before it, as a part of the
@@ -244,14 +244,14 @@ class Lookup(Record, frozen=True):
         """Return where a quantity takes a value, in order; intervals are looked into between the rows."""
         wide, unit = set(self._wide), self.quantities[along].unit
         turns = unit is not None and unit.text == "rad" and abs(value) <= np.pi
-        spots = list[Spot]()
+        find, spots = crossings_of_angle if turns else crossings, list[Spot]()
         for interval, (start, end, rows) in enumerate(self.intervals):
             t = self.run.grid.t[rows]
             t = np.concatenate(
                 [t[:0] if len(t) and t[0] == start else [start], t, [] if len(t) and t[-1] == end else [end]]
             )
             difference = partial(self._difference, along, value, interval)
-            found = (crossings_of_angle if turns else crossings)(difference, t, PARTS if interval in wide else 0)
+            found = find(difference, t, self.parts_of_each if interval in wide else 0)
             spots += [(interval, t) for t in found]
         return spots
 
@@ -260,9 +260,13 @@ class Lookup(Record, frozen=True):
 
     @cached_property
     def _wide(self) -> list[int]:
-        """Numbers of the intervals that have a length; none where these are many."""
-        found = [k for k, (start, end, _) in enumerate(self.intervals) if start != end]
-        return found if len(found) <= MOST_INTERVALS else []
+        """Numbers of the intervals that have a length."""
+        return [k for k, (start, end, _) in enumerate(self.intervals) if start != end]
+
+    @property
+    def parts_of_each(self) -> int:
+        """In how many parts an interval is looked into at least."""
+        return PARTS if len(self._wide) <= MOST_INTERVALS else 1
 
     def _choose(self, spots: list[Spot], where: dict[str, str | int | float], name: str, text: str) -> Quantities:
         """Return the row that is meant among those found: by occurrence, then by side."""
@@ -454,7 +458,7 @@ class Lookup(Record, frozen=True):
         pieces = []
         for interval in self._wide:
             start, end, _ = self.intervals[interval]
-            cuts = distinct(np.concatenate([np.linspace(start, end, PARTS + 1), self.cuts(interval)]))
+            cuts = distinct(np.concatenate([np.linspace(start, end, self.parts_of_each + 1), self.cuts(interval)]))
             pieces += [CurvePart(interval, (min(pair), max(pair))) for pair in pairwise(cuts.tolist())]
         return pieces
 

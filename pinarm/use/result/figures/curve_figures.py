@@ -30,7 +30,7 @@ from pinarm.input.units import Unit
 from pinarm.records import ValueRecord
 from pinarm.use.result.figures.percentile import percentile
 from pinarm.use.result.figures.quadrature import NODES, AllowedErrors, KnownValues, Panels, integrate
-from pinarm.use.result.row_lookup import MOST_INTERVALS, PARTS, PLATEAU, Lookup
+from pinarm.use.result.row_lookup import PLATEAU, Lookup
 
 RELATIVE, ABSOLUTE = 1e-10, 1e-13
 """Errors at which an integral is good enough, relative to itself and to the integral of the size of what is summed."""
@@ -138,13 +138,13 @@ def integrals(run: Lookup, integrand: Callable[[Quantities], Array], least: floa
         least: Size of functions that are not to be told from 0.
     """
     parts, left = [], PANELS + PER_STEP * (len(run.intervals) + sum(map(len, run.steps))) + len(run.run) // ROWS
-    rows, parts_of_each = integrand(run.quantities), PARTS if len(run.intervals) <= MOST_INTERVALS else 1
+    rows = integrand(run.quantities)
     for interval, (start, end, own) in enumerate(run.intervals):
         low, high = sorted((start, end))
         if low < high:
             curve = _Counted(partial(_evaluated, run, integrand, interval), left // (len(run.intervals) - interval))
             allowed = curve.left
-            bounds = distinct(np.append(np.linspace(low, high, 1 + parts_of_each), run.bounds(interval)))
+            bounds = distinct(np.append(np.linspace(low, high, 1 + run.parts_of_each), run.bounds(interval)))
             order = 1 if start < end else -1
             known = KnownValues(run.run.grid.t[own][::order], rows[own][::order], run.bounds(interval))
             parts += _integrals_between(curve, [low, high], bounds, known, least)
