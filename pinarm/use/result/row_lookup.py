@@ -67,6 +67,9 @@ STEPS_IN_PIECE = 16
 """Steps of an integrator, which are short where the motion changes quickly, from one cut of an interval to the next:
 there is about a state for each of them, where the integrator took ten."""
 
+SHORT = 0.025
+"""Part of a piece below which a step of the integrator may lie between the points at which the piece is looked into."""
+
 MOST_INTERVALS = 100
 """Intervals up to which they are; of more, as between bounces or passages of a profile, each is one part."""
 
@@ -182,6 +185,17 @@ class Lookup(Record, frozen=True):
             np.concatenate([self.cuts(interval), self.jumps[interval], self.knots[interval]])
         ).tolist()
         return found
+
+    def short_steps(self, interval: int, bounds: Sequence[float] | Array) -> Array:
+        """Return where steps end that the points of a piece may lie beside, such as those through a short blow.
+
+        Args:
+            interval: The interval.
+            bounds: Where it is cut into pieces, ends included, ascending.
+        """
+        ends, edges = self.steps[interval], np.asarray(bounds)
+        piece = np.clip(np.searchsorted(edges, ends), 1, len(edges) - 1) - 1
+        return ends[np.diff(ends, prepend=edges[0]) < SHORT * np.diff(edges)[piece]]
 
     def quantities_at(self, interval: int, t: Array) -> Quantities:
         """Return the quantities at values of the parameter in one interval, shape (n,); the last ones are kept."""
@@ -389,8 +403,8 @@ class Lookup(Record, frozen=True):
         return row if top.height <= row.height + slack else replace(top, error=top.error if top.error > slack else 0.0)
 
     def _beside_knots(self, height: Callable[[Quantities], Array], top: float) -> list[CurvePart]:
-        """Return the pieces between knots, of laws and of what is over a coordinate, where heights may pass a top."""
-        spots = [(interval, t) for interval, t in enumerate(self.knots) if len(t)]
+        """Return the pieces between knots of laws, and ends of short steps, where heights may pass a top."""
+        spots = [(interval, t) for interval, t in enumerate(self._points) if len(t)]
         pieces = []
         for (interval, t), heights in zip(spots, self.heights(height, spots), strict=True):
             low, high = (min(self.intervals[interval][:2]), max(self.intervals[interval][:2]))
@@ -451,6 +465,16 @@ class Lookup(Record, frozen=True):
             (interval, np.sort(np.concatenate([t, t - BESIDE * np.diff(t, prepend=self.intervals[interval][0])])))
             for interval, t in found
         ]
+
+    @cached_property
+    def _points(self) -> list[Array]:
+        """Points of the curves of laws, and ends of steps between those of pieces, interval by interval, ascending."""
+        found = list[Array]()
+        for interval, (start, end, _) in enumerate(self.intervals):
+            even = np.linspace(min(start, end), max(start, end), self.parts_of_each + 1)
+            short = self.short_steps(interval, distinct(np.append(even, self.cuts(interval))))
+            found.append(distinct(np.append(self.knots[interval], short)))
+        return found
 
     @cached_property
     def _parts(self) -> list[CurvePart]:

@@ -145,12 +145,20 @@ def integrals(run: Lookup, integrand: Callable[[Quantities], Array], least: floa
             curve = _Counted(partial(_evaluated, run, integrand, interval), left // (len(run.intervals) - interval))
             allowed = curve.left
             bounds = distinct(np.append(np.linspace(low, high, 1 + run.parts_of_each), run.bounds(interval)))
-            order = 1 if start < end else -1
-            known = KnownValues(run.run.grid.t[own][::order], rows[own][::order], run.bounds(interval))
+            known = _known(run, integrand, interval, rows[own], run.short_steps(interval, bounds))
             parts += _integrals_between(curve, [low, high], bounds, known, least)
             left -= allowed - curve.left
     total, error = (np.sum(of, axis=0) for of in zip(*parts, strict=True))
     return total, error + ROUNDING * np.abs(total)
+
+
+def _known(
+    run: Lookup, integrand: Callable[[Quantities], Array], interval: int, rows: Array, ends: Array
+) -> KnownValues:
+    """Return the values of functions at the rows of an interval, shape (n, k), and at ends of steps, shape (m,)."""
+    t, first = np.unique(np.append(run.run.grid.t[run.intervals[interval][2]], ends), return_index=True)
+    values = np.concatenate([rows, integrand(run.quantities_at(interval, ends))]) if len(ends) else rows
+    return KnownValues(t, values[first], run.bounds(interval))
 
 
 class _Unbounded(Exception):
