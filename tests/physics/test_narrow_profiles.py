@@ -49,6 +49,28 @@ def test_a_blow_over_an_angle_takes_its_work(write, other):
     assert result["joint.wheel.velocity"].values[-1] == pytest.approx(np.sqrt(400.0 + 2.0 * work / 0.02), rel=1e-5)
 
 
+@pytest.mark.parametrize("method", ["dop853", "dopri5", "stiff"])
+def test_what_swings_past_a_short_blow_and_back_within_a_step_is_hit_every_time(write, method):
+    """Eight swings past 9.5 of 10 mrad: ``v = int F(0.01 sin w t) dt / I``, F rises and falls as a cycloid."""
+    rests = {"duration": "9.5 mrad", "motion": {"law": "constant", "value": "0 N*m"}}
+    blow = [{"duration": "0.1 mrad", "motion": {"law": "cycloidal", "from": low, "to": high, "duration": "0.1 mrad"}}
+            for low, high in (("0 N*m", "1 N*m"), ("1 N*m", "0 N*m"))]  # fmt: skip
+    loads = {"blow": {"kind": "joint_effort", "joint": "wheel", "over": "other",
+                      "effort": {"law": "succession", "segments": [rests, *blow]}}}  # fmt: skip
+    swing = {"law": "harmonic", "amplitude": "0.01 rad", "pulsation": f"{160.0 * np.pi!r} rad/s"}
+    problem = {"time": {"end": "0.1 s", "samples": 2}, "loads": loads, "motion": {"other": swing}}
+    path = write(WHEELS, "gravity: none\n", json.dumps({"kind": "forward", **problem}), "joint.wheel.velocity")
+    result = pinarm.run(path, {"accuracy.method": method})
+
+    def effort(phase):
+        u = max(0.0, 1.0 - abs(0.01 * np.sin(phase) - 9.6e-3) / 1e-4)
+        return u - np.sin(2.0 * np.pi * u) / (2.0 * np.pi)
+
+    ends = np.arcsin([0.95, 0.96, 0.97])
+    mean = 2.0 * sum(quad(effort, low, high, epsabs=1e-14)[0] for low, high in pairwise(ends)) / (2.0 * np.pi)
+    assert result["joint.wheel.velocity"].values[-1] == pytest.approx(0.1 * mean / 0.02, rel=1e-6)
+
+
 def test_a_short_lift_of_a_follower_moves_what_hangs_on_it(write):
     """``x'' = -w0^2 x - s''`` behind a follower with a short lift: ``x = -int s'' sin(w0 (t - u)) / w0 du``."""
     lift, points = short(4.4, 0.004, 0.01)

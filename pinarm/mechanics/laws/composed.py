@@ -87,7 +87,8 @@ class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rena
                 if low < high:
                     knots = tuple(t + knot for knot in piece.knots if low < knot < high)
                     pieces.append(Piece(t + low, t + high, _moved(piece.function, t, s - value), knots))
-            s, v = (float(part[0]) for part in pieces[-1].function(np.array([t + segment.duration]))[:2])
+            end, v = (float(part[0]) for part in _piece_until(own, segment.duration)(np.array([segment.duration]))[:2])
+            s += end - value
             t, size = t + segment.duration, max(size, abs(s))
         return [*pieces, Piece(t, math.inf, polynomial(t, s, v))]
 
@@ -116,6 +117,11 @@ def _rest_at(end: float, value: float) -> Piece:
 def piece_after(pieces: Sequence[Piece], t: float) -> Callable[[Array], Values]:
     """Return the function of the piece that is valid just after t."""
     return next(piece.function for piece in pieces if t < piece.end)
+
+
+def _piece_until(pieces: Sequence[Piece], t: float) -> Callable[[Array], Values]:
+    """Return the function of the piece that is valid just before t."""
+    return next(piece.function for piece in pieces if t <= piece.end)
 
 
 def _moved(function: Callable[[Array], Values], origin: float, offset: float) -> Callable[[Array], Values]:

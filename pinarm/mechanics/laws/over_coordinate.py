@@ -22,8 +22,14 @@ from pinarm.mechanics.laws.composed import CONTINUOUS, Law
 from pinarm.mechanics.laws.motion_law import MotionLaw, Piece, Values
 from pinarm.records import ValueRecord
 
-SAMPLES = 2049
-"""Samples of a smooth piece of the driving law in the search for its reversals."""
+SAMPLES, MOST_SAMPLES = 2049, 2**20 + 1
+"""Samples of a smooth piece of the driving law in the search for its reversals, at least and at most."""
+
+EVERY = 8
+"""Samples for each reversal that there are at least: sampled more coarsely a fast swing looks like a slow one."""
+
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+"""Golden ratio: the parts that its multiples are beyond whole numbers do not repeat."""
 
 MOST_STEPS, RESOLUTION = 100, 4e-16
 """Steps towards a change of sign at most, of which ten are usual, and where they end, relative to the place."""
@@ -292,14 +298,59 @@ def passing_times(
     return _passages(drive, t, w, breaks), _passages(drive, t, w, knots)
 
 
+def reversals(law: MotionLaw, start: float, end: float) -> list[float]:
+    """Return the instants at which a law turns back within its pieces between two instants, ascending [s].
+
+    Raises:
+        InputError: There are too many.
+    """
+    found: list[float] = []
+    for piece in law.smooth_pieces:
+        low, high = max(piece.start, start), min(piece.end, end)
+        if low < high:
+            t, w = _one_way(piece.function, low, high)
+            way = np.diff(np.round(w / (ON_BREAKPOINT * float(np.abs(w).max()) or 1.0)))
+            moves = np.flatnonzero(way)
+            found += t[moves[1:]][way[moves[:-1]] * way[moves[1:]] < 0.0].tolist()
+    return found
+
+
 def _one_way(drive: Callable[[Array], Values], low: float, high: float) -> tuple[Array, Array]:
-    """Return instants between which a smooth motion goes one way, ascending, and where it is then, both (n,)."""
-    t = np.linspace(low, high, SAMPLES)
-    speed = drive(t)[1]
+    """Return instants between which a smooth motion goes one way, ascending, and where it is then, both (n,).
+
+    Raises:
+        InputError: It turns back too often.
+    """
+    t, speed = _sampled(drive, low, high)
     back = np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
     turns = _roots(lambda x: drive(x)[1], t[back], t[back + 1])
     t = np.sort(np.concatenate([t, turns]))
     return t, drive(t)[0]
+
+
+def _sampled(drive: Callable[[Array], Values], low: float, high: float) -> tuple[Array, Array]:
+    """Return even instants, as many as a motion asks for that swings, and its speeds there, both (n,).
+
+    Raises:
+        InputError: It turns back too often.
+    """
+    samples = SAMPLES
+    while samples <= MOST_SAMPLES:
+        t, k = np.linspace(low, high, samples), np.arange(samples - 1.0)
+        uneven = t[:-1] + (GOLDEN * k * k) % 1.0 * np.diff(t)  # apart by all distances: no swing looks slow there
+        w, speed, _ = drive(t)
+        rounding = ON_BREAKPOINT * max(float(np.abs(speed).max()), float(np.abs(w).max()) / (high - low))
+        if EVERY * max(_turns(speed, rounding), _turns(drive(uneven)[1], rounding)) <= samples:
+            return t, speed
+        samples = 2 * samples - 1
+    raise InputError(f"what a profile follows turns back more than {MOST_SAMPLES // EVERY} times",
+                     expected="a shorter motion")  # fmt: skip
+
+
+def _turns(speed: Array, rounding: float) -> int:
+    """Return how often speeds, shape (n,), change their sign, where they are more than rounding."""
+    way = np.sign(speed) * (np.abs(speed) > rounding)
+    return int(np.count_nonzero(way[:-1] * way[1:] < 0.0))
 
 
 def _passages(drive: Callable[[Array], Values], t: Array, w: Array, places: Array) -> list[float]:

@@ -67,8 +67,11 @@ STEPS_IN_PIECE = 16
 """Steps of an integrator, which are short where the motion changes quickly, from one cut of an interval to the next:
 there is about a state for each of them, where the integrator took ten."""
 
+SHORT = 0.025
+"""Part of a piece below which a step of the integrator may lie between the points at which the piece is looked into."""
+
 MOST_INTERVALS = 100
-"""Intervals up to which they are; thousands, as between samples of controllers, are rows enough."""
+"""Intervals up to which they are; of more, as between bounces or passages of a profile, each is one part."""
 
 MOST_JUMPS, BESIDE = 10_000, 1e-8
 """Jumps of loads up to which quantities are looked at on both sides of each, and how far before it, as a part of the
@@ -183,6 +186,17 @@ class Lookup(Record, frozen=True):
         ).tolist()
         return found
 
+    def short_steps(self, interval: int, bounds: Sequence[float] | Array) -> Array:
+        """Return where steps end that the points of a piece may lie beside, such as those through a short blow.
+
+        Args:
+            interval: The interval.
+            bounds: Where it is cut into pieces, ends included, ascending.
+        """
+        ends, edges = self.steps[interval], np.asarray(bounds)
+        piece = np.clip(np.searchsorted(edges, ends), 1, len(edges) - 1) - 1
+        return ends[np.diff(ends, prepend=edges[0]) < SHORT * np.diff(edges)[piece]]
+
     def quantities_at(self, interval: int, t: Array) -> Quantities:
         """Return the quantities at values of the parameter in one interval, shape (n,); the last ones are kept."""
         asked = interval, t.tobytes()
@@ -244,14 +258,14 @@ class Lookup(Record, frozen=True):
         """Return where a quantity takes a value, in order; intervals are looked into between the rows."""
         wide, unit = set(self._wide), self.quantities[along].unit
         turns = unit is not None and unit.text == "rad" and abs(value) <= np.pi
-        spots = list[Spot]()
+        find, spots = crossings_of_angle if turns else crossings, list[Spot]()
         for interval, (start, end, rows) in enumerate(self.intervals):
             t = self.run.grid.t[rows]
             t = np.concatenate(
                 [t[:0] if len(t) and t[0] == start else [start], t, [] if len(t) and t[-1] == end else [end]]
             )
             difference = partial(self._difference, along, value, interval)
-            found = (crossings_of_angle if turns else crossings)(difference, t, PARTS if interval in wide else 0)
+            found = find(difference, t, self.parts_of_each if interval in wide else 0)
             spots += [(interval, t) for t in found]
         return spots
 
@@ -260,9 +274,13 @@ class Lookup(Record, frozen=True):
 
     @cached_property
     def _wide(self) -> list[int]:
-        """Numbers of the intervals that have a length; none where these are many."""
-        found = [k for k, (start, end, _) in enumerate(self.intervals) if start != end]
-        return found if len(found) <= MOST_INTERVALS else []
+        """Numbers of the intervals that have a length."""
+        return [k for k, (start, end, _) in enumerate(self.intervals) if start != end]
+
+    @property
+    def parts_of_each(self) -> int:
+        """In how many parts an interval is looked into at least."""
+        return PARTS if len(self._wide) <= MOST_INTERVALS else 1
 
     def _choose(self, spots: list[Spot], where: dict[str, str | int | float], name: str, text: str) -> Quantities:
         """Return the row that is meant among those found: by occurrence, then by side."""
@@ -385,8 +403,8 @@ class Lookup(Record, frozen=True):
         return row if top.height <= row.height + slack else replace(top, error=top.error if top.error > slack else 0.0)
 
     def _beside_knots(self, height: Callable[[Quantities], Array], top: float) -> list[CurvePart]:
-        """Return the pieces between knots, of laws and of what is over a coordinate, where heights may pass a top."""
-        spots = [(interval, t) for interval, t in enumerate(self.knots) if len(t)]
+        """Return the pieces between knots of laws, and ends of short steps, where heights may pass a top."""
+        spots = [(interval, t) for interval, t in enumerate(self._points) if len(t)]
         pieces = []
         for (interval, t), heights in zip(spots, self.heights(height, spots), strict=True):
             low, high = (min(self.intervals[interval][:2]), max(self.intervals[interval][:2]))
@@ -449,12 +467,22 @@ class Lookup(Record, frozen=True):
         ]
 
     @cached_property
+    def _points(self) -> list[Array]:
+        """Points of the curves of laws, and ends of steps between those of pieces, interval by interval, ascending."""
+        found = list[Array]()
+        for interval, (start, end, _) in enumerate(self.intervals):
+            even = np.linspace(min(start, end), max(start, end), self.parts_of_each + 1)
+            short = self.short_steps(interval, distinct(np.append(even, self.cuts(interval))))
+            found.append(distinct(np.append(self.knots[interval], short)))
+        return found
+
+    @cached_property
     def _parts(self) -> list[CurvePart]:
         """The pieces in which extremes are looked for beside those near rows."""
         pieces = []
         for interval in self._wide:
             start, end, _ = self.intervals[interval]
-            cuts = distinct(np.concatenate([np.linspace(start, end, PARTS + 1), self.cuts(interval)]))
+            cuts = distinct(np.concatenate([np.linspace(start, end, self.parts_of_each + 1), self.cuts(interval)]))
             pieces += [CurvePart(interval, (min(pair), max(pair))) for pair in pairwise(cuts.tolist())]
         return pieces
 

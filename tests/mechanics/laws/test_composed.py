@@ -41,6 +41,13 @@ class TestSuccession:
         assert ds == pytest.approx([2.0, 2.0], abs=1e-14)
         assert dds == pytest.approx([0.0, 0.0], abs=1e-14)
 
+    def test_what_follows_a_short_blow_rests_where_that_ends(self):
+        """A blow of 1e9 N within 2 ns begins at 0.5 s, where instants are known to 1e-7 of it: the rest is 0 N."""
+        blow = [(1e-9, Cycloidal(start=a, end=b, duration=1e-9)) for a, b in ((0.0, 1e9), (1e9, 0.0))]
+        law = Succession(segments=segments((0.5, Constant(value=0.0)), *blow))
+        s, ds, dds = across(law, [0.6, 1.0])
+        assert [*s, *ds, *dds] == [0.0] * 6
+
     def test_it_begins_where_its_first_law_does_and_goes_on_from_there(self):
         rise = Cycloidal(start=2.0, end=3.0, duration=1.0)
         law = Succession(segments=segments((1.0, rise), (1.0, Cycloidal(start=3.0, end=1.5, duration=1.0))))

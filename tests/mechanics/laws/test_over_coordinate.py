@@ -20,7 +20,7 @@ from pinarm.mechanics.laws import (
     Trapezoid,
 )
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.mechanics.laws.over_coordinate import Profile
+from pinarm.mechanics.laws.over_coordinate import Profile, reversals
 
 CAM = Succession(segments=[
     Segment(duration=1.0, motion=Cycloidal(start=0.0, end=0.02, duration=1.0)),
@@ -161,3 +161,26 @@ def test_points_that_are_passed_too_often_are_refused():
     for passed in (profile.marked, Over(of="crank", profile=wave, period=1.0).along):
         with pytest.raises(InputError, match="the profile is passed 6e\\+03 times"):
             passed(drive, 0.0, 6000.0)
+
+
+@pytest.mark.parametrize("swings", [8, 1024, 2048, 28_672])
+def test_all_reversals_of_a_swing_are_found_however_fast(swings):
+    """``sin 2 pi n t`` turns back at ``(2 k + 1)/(4 n)``; 2049 even instants see nothing of 1024 or 2048 swings."""
+    drive = Harmonic(amplitude=0.01, pulsation=2.0 * math.pi * swings)
+    known = (2.0 * np.arange(2 * swings) + 1.0) / (4.0 * swings)
+    assert reversals(drive, 0.0, 1.0) == pytest.approx(known, abs=1e-7 / swings)
+
+
+def test_passages_in_swings_of_which_even_samples_see_nothing_are_found():
+    """``0.01 sin w t`` passes 0.008 twice in each of 1024 swings, at the times ``(asin 0.8 or pi - asin 0.8) / w``."""
+    drive, step = Harmonic(amplitude=0.01, pulsation=2048.0 * math.pi), Polynomial(0.0, 1.0, 1.0, begin=0.008)
+    up = math.asin(0.8) / (2.0 * math.pi)
+    known = np.add.outer(np.arange(1024), [up, 0.5 - up]).ravel() / 1024.0
+    assert Profile.of(step).passages(drive, 0.0, 1.0) == pytest.approx(known, abs=1e-12)
+
+
+def test_what_rests_does_not_turn_back():
+    assert reversals(Spline(points=[(0.0, 0.3), (0.4, 0.3), (1.0, 0.3)]), 0.0, 1.0) == []
+    noise = Spline(points=[(k / 7.0, 0.3 + 1e-16 * (k % 3)) for k in range(20_000)])
+    assert reversals(noise, 0.0, 2800.0) == []
+    assert reversals(Cycloidal(start=0.3, end=0.3, duration=1.0), -1.0, 2.0) == []

@@ -16,6 +16,7 @@ import pinarm
 from benchmarks.growth import written
 from pinarm import Scenario
 from pinarm.errors import InputError
+from pinarm.use.result.row_lookup import MOST_INTERVALS
 from pinarm.use.store.restore import restore
 
 SCENARIOS = Path(pinarm.__file__).parents[1] / "scenarios"
@@ -319,6 +320,48 @@ def test_both_sides_of_a_reversal_count(samples: int) -> None:
     number, error = result.number("joint.x.effort - (4 kg)*joint.x.acceleration @ max")
     assert number == pytest.approx(2.0 * 0.05 * 25.0 + 0.2 * 2.0 * 9.81, rel=1e-11)
     assert error < 1e-11
+
+
+def test_tops_of_many_bounces_between_two_rows_are_found() -> None:
+    """A ball that leaves the ground at 1 m/s rises by ``v^2/(2 g)``; after bounce n its speed is 0.99^n m/s."""
+    planar = {
+        "points": {"O": [0, 0], "P": [0, "1 m"]}, "ground": ["O"],
+        "links": {"ball": {"points": ["P"], "mass": "1 kg"}}, "sliders": {"z": {"link": "ball", "along": ["O", "P"]}},
+    }  # fmt: skip
+    ball = pinarm.run({
+        "pinarm": 1, "mechanism": {"pinarm": 1, "title": "ball", "planar": planar}, "outputs": ["z"],
+        "problem": {"kind": "forward", "time": {"end": "14 s", "samples": 2},
+                    "initial": {"velocity": {"z": "1 m/s"}}, "end_stops": {"z": {"lower": "0 m", "restitution": 0.99}}},
+    })  # fmt: skip
+    assert len(ball.lookup.intervals) > MOST_INTERVALS
+    assert ball.number("z @ max")[0] == pytest.approx(1.0 / (2.0 * 9.81), rel=1e-12)
+    number, _ = ball.number("joint.z.velocity @ z=40 mm, occurrence=3")  # on the way up after the first bounce
+    assert number == pytest.approx(math.sqrt(0.99**2 - 2.0 * 9.81 * 0.04), rel=1e-9)
+
+
+def test_what_a_profile_does_in_many_passages_between_five_rows_is_found() -> None:
+    """A follower is lifted by ``1 mm p(u)``, u from 0 to 1 while the slide goes from 7 to 9 mm; it swings by 10 mm."""
+    names = {"x": "P", "y": "Q"}
+    planar = {
+        "points": {"O": [0, 0], "P": ["1 m", 0], "Q": ["1 m", 0]}, "ground": ["O"],
+        "links": {f"block {point}": {"points": [point], "mass": "2 kg"} for point in names.values()},
+        "sliders": {name: {"link": f"block {point}", "along": ["O", point]} for name, point in names.items()},
+    }  # fmt: skip
+    lift = {"law": "polynomial", "from": "0 mm", "to": "1 mm", "begin": "7 mm", "duration": "2 mm"}
+    swing = {"law": "harmonic", "amplitude": "10 mm", "pulsation": f"{80.0 * math.pi!r} rad/s"}
+    result = pinarm.run({
+        "pinarm": 1, "mechanism": {"pinarm": 1, "title": "slides", "planar": planar}, "outputs": ["y"],
+        "problem": {"kind": "inverse", "time": {"end": "1 s", "samples": 5},
+                    "motion": {"x": swing, "y": {"law": "over", "of": "x", "profile": lift}}},
+    })  # fmt: skip
+    assert len(result.lookup.intervals) > MOST_INTERVALS
+    w, x = 80.0 * math.pi, np.linspace(7e-3, 9e-3, 100_001)
+    u, v = (x - 7e-3) / 2e-3, w * np.sqrt(1e-4 - x * x)
+    slope, bend = 0.5 * 30.0 * u**2 * (1.0 - u) ** 2, 250.0 * (60.0 * u - 180.0 * u**2 + 120.0 * u**3)
+    assert result.number("y @ max")[0] == pytest.approx(1e-3, rel=1e-12)
+    assert result.number("joint.y.velocity @ max")[0] == pytest.approx((slope * v).max(), rel=1e-8)
+    effort = 2.0 * (bend * v * v - slope * w * w * x)  # the piece of 100,000 with the largest is off by its square
+    assert result.number("joint.y.effort @ max")[0] == pytest.approx(effort.max(), rel=1e-8)
 
 
 def test_numbers_of_efforts_that_are_held_between_samples_are_those_of_all_samples():

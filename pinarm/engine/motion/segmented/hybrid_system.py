@@ -211,12 +211,18 @@ class HybridSystem(Record, frozen=True):
 
     @cached_property
     def knots(self) -> list[float]:
-        """Instants at which steps have to end, as the third derivative of a law jumps [s].
+        """Instants at which steps have to end: a third derivative jumps, or what passes pieces of loads turns back [s].
 
         A step sees a law at a few instants only: where it rests but for one point of a table, the stages of a longer
-        step, and of a finer one beside it, may all lie where it rests.
+        step, and of a finer one beside it, may all lie where it rests. Likewise where a law swings past pieces of a
+        load and back within a step; between its reversals the ends of a step tell what it passes.
         """
-        return sorted({knot for law in self._laws for knot in law.knots()})
+        found = {knot for law in self._laws for knot in law.knots()}
+        if self.profiled or any(force.in_pieces for force in self.dynamics.forces.values()):
+            from pinarm.mechanics.laws.over_coordinate import reversals
+
+            found.update(t for law in self.prescribed.laws for t in reversals(law, *self.time))
+        return sorted(found)
 
     @property
     def _laws(self) -> list[MotionLaw]:

@@ -30,7 +30,7 @@ from pinarm.input.units import Unit
 from pinarm.records import ValueRecord
 from pinarm.use.result.figures.percentile import percentile
 from pinarm.use.result.figures.quadrature import NODES, AllowedErrors, KnownValues, Panels, integrate
-from pinarm.use.result.row_lookup import MOST_INTERVALS, PARTS, PLATEAU, Lookup
+from pinarm.use.result.row_lookup import PLATEAU, Lookup
 
 RELATIVE, ABSOLUTE = 1e-10, 1e-13
 """Errors at which an integral is good enough, relative to itself and to the integral of the size of what is summed."""
@@ -138,19 +138,27 @@ def integrals(run: Lookup, integrand: Callable[[Quantities], Array], least: floa
         least: Size of functions that are not to be told from 0.
     """
     parts, left = [], PANELS + PER_STEP * (len(run.intervals) + sum(map(len, run.steps))) + len(run.run) // ROWS
-    rows, parts_of_each = integrand(run.quantities), PARTS if len(run.intervals) <= MOST_INTERVALS else 1
+    rows = integrand(run.quantities)
     for interval, (start, end, own) in enumerate(run.intervals):
         low, high = sorted((start, end))
         if low < high:
             curve = _Counted(partial(_evaluated, run, integrand, interval), left // (len(run.intervals) - interval))
             allowed = curve.left
-            bounds = distinct(np.append(np.linspace(low, high, 1 + parts_of_each), run.bounds(interval)))
-            order = 1 if start < end else -1
-            known = KnownValues(run.run.grid.t[own][::order], rows[own][::order], run.bounds(interval))
+            bounds = distinct(np.append(np.linspace(low, high, 1 + run.parts_of_each), run.bounds(interval)))
+            known = _known(run, integrand, interval, rows[own], run.short_steps(interval, bounds))
             parts += _integrals_between(curve, [low, high], bounds, known, least)
             left -= allowed - curve.left
     total, error = (np.sum(of, axis=0) for of in zip(*parts, strict=True))
     return total, error + ROUNDING * np.abs(total)
+
+
+def _known(
+    run: Lookup, integrand: Callable[[Quantities], Array], interval: int, rows: Array, ends: Array
+) -> KnownValues:
+    """Return the values of functions at the rows of an interval, shape (n, k), and at ends of steps, shape (m,)."""
+    t, first = np.unique(np.append(run.run.grid.t[run.intervals[interval][2]], ends), return_index=True)
+    values = np.concatenate([rows, integrand(run.quantities_at(interval, ends))]) if len(ends) else rows
+    return KnownValues(t, values[first], run.bounds(interval))
 
 
 class _Unbounded(Exception):

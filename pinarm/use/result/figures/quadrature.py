@@ -6,6 +6,7 @@ from far above. R. Piessens and others, *QUADPACK* (1983), dqk21.f.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -53,8 +54,9 @@ corners of roots and jumps, wherever they are. At poles and of rounding coeffici
 OUTER = 0.5 * float(1.0 - NODES[-1])
 """Part of a panel beyond the outer node at either end: K and G agree on a jump there, which none sees."""
 
-NARROWEST = 1e-13
-"""Part of an interval below which its parts are not bisected: their points would not differ."""
+NARROWEST, ULPS = 1e-13, 256.0
+"""Part of an interval, and units in the last place of its ends, below which its parts are not bisected: their points
+would not differ."""
 
 PATIENCE, NOISE = 4, 1e-4
 """Rounds of bisections within which the error has to be halved, where it is below this, relative to the integral of the
@@ -237,7 +239,9 @@ class Panels(Record, frozen=True):
     @property
     def _divisible(self) -> Flags:
         """Which panels can be bisected, shape (m,)."""
-        return np.asarray(self.high - self.low > NARROWEST * (self.high[-1] - self.low[0]))
+        begin, end = float(self.low[0]), float(self.high[-1])
+        least = max(NARROWEST * (end - begin), ULPS * math.ulp(max(abs(begin), abs(end))))
+        return np.asarray(self.high - self.low > least)
 
     @property
     def told_errors(self) -> Array:

@@ -150,3 +150,13 @@ class TestIntegrate:
         _, error, asked = integrals(lambda t: np.sin(1e5 * t)[:, None] ** 2, 0.0, 1.0, most=64)
         assert error[0] > 1e-3
         assert sum(asked) <= 21 * 2 * 2 * 64
+
+
+@pytest.mark.parametrize("most", [4, 2000])
+def test_parts_of_a_short_interval_far_from_zero_have_points_that_differ(most):
+    """A step within 1e-9 about 1000, of which there are 8796 numbers: it is known to some of them."""
+    low, high = 1000.0, 1000.0 + 1e-9
+    step = low + 0.3 * (high - low)
+    (value,), (error,), _ = integrals(lambda t: (t > step)[:, None].astype(float), low, high, most=most)
+    assert abs(value - (high - step)) <= error
+    assert error < 0.1 * (high - low)
