@@ -80,10 +80,9 @@ class Prescription(Record, frozen=True):
             rows = known._rows(states)
             pace = known._pace(rows)
             rows = known.solved(rows, pace)
+            notes = known._notes(rows, pace)
         motion = None if rows.numbered else PrescribedMotion(known, grid.cuts, grid.t, rows.q, start, pace)
-        return Outcome(
-            rows, motion, figures=states.motion.figures(states), notes=(*states.motion.jumps, *known._notes(rows, pace))
-        )
+        return Outcome(rows, motion, figures=states.motion.figures(states), notes=(*states.motion.jumps, *notes))
 
     def _refuse_jumps(self, motion: JointMotion) -> None:
         """Raise where efforts are asked for, and velocities jump though the laws do not.
@@ -100,6 +99,18 @@ class Prescription(Record, frozen=True):
             )
 
     def _notes(self, rows: Trajectory, pace: Array | None) -> list[str]:
+        """Return what is to be said of rows next to singular positions, of joints that friction holds, and of rest."""
+        return [*self._rounding(rows, pace), *self._standstills(rows, pace)]
+
+    def _rounding(self, rows: Trajectory, pace: Array | None) -> list[str]:
+        """Return what is to be said of rows next to singular positions."""
+        if not self.mechanism.closure.size:
+            return []
+        from pinarm.engine.motion.rounded_positions import rounding_notes  # which open chains do not need
+
+        return rounding_notes(self, rows, pace)
+
+    def _standstills(self, rows: Trajectory, pace: Array | None) -> list[str]:
         """Return what is to be said of joints that friction holds, and of rows at which joints stand still."""
         if not self._directed:
             return []
