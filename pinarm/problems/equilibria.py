@@ -193,7 +193,7 @@ def _units(mechanism: Mechanism, free: int) -> dict[str, Unit | None]:
 def outcome(balance: ForceBalance, found: Sequence[Equilibrium]) -> Outcome:
     """Return the equilibria as rows numbered from 1, and how many there are."""
     bands = _bands(balance, found)
-    notes = (*_weightless(found), *_edges(found), *_friction_notes(balance, found, bands))
+    notes = (*_weightless(found), *_edges(found), *_slacks(balance, found), *_friction_notes(balance, found, bands))
     stable = sum(equilibrium.modes.stability == 1 for equilibrium in found)
     figures = {"equilibria": float(len(found)), "stable": float(stable)}
     return Outcome(rows_of(balance, found, bands), figures=figures, notes=notes)
@@ -217,6 +217,20 @@ def _edges(found: Sequence[Equilibrium]) -> list[str]:
     return [f"row {row}: '{equilibrium.modes.edge}' has an edge here, to either side of which its stiffness is another "
             "one, as where a cable becomes taut: neither stability nor small motions are told"
             for row, equilibrium in enumerate(found, 1) if equilibrium.modes.edge]  # fmt: skip
+
+
+def _slacks(balance: ForceBalance, found: Sequence[Equilibrium]) -> list[str]:
+    """Return what is to be said of positions that rounding leaves uncertain, as a stiffness is 0 there."""
+    notes, joints = [], [*balance.mechanism.joints.values()]
+    for row, equilibrium in enumerate(found, 1):
+        if equilibrium.slack is not None:
+            worst = int((equilibrium.slack / balance.closure.scale).argmax())
+            notes.append(
+                f"row {row}: a stiffness is 0 but for rounding: up to {equilibrium.slack[worst]:.1g} "
+                f"{joints[worst].unit} of {joints[worst].name} away the forces balance as well, and what balances "
+                "exactly, and whether it is stable, is known no better"
+            )
+    return notes
 
 
 def _friction_notes(balance: ForceBalance, found: Sequence[Equilibrium], bands: Sequence[PositionBand]) -> list[str]:

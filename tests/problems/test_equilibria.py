@@ -393,6 +393,24 @@ def test_a_constant_torque_leans_a_pendulum(mechanism, chain):
     assert squares(run, 1) == pytest.approx([0.8 * G / LENGTH], rel=1e-12)
 
 
+@pytest.mark.parametrize("softer", [0.0, 1e-12, 1e-10, -1e-10])
+@pytest.mark.parametrize("start", [0.01, 0.3])
+def test_a_pendulum_that_its_spring_all_but_holds_upright_is_as_far_off_as_is_told(mechanism, chain, softer, start):
+    """``k q = m g l sin(q)`` with ``k = m g l (1 - s)``: 0 and, for s > 0, ``q^2 = 6 s`` but for terms in s^2."""
+    spring = JointSpring(joint="bob", stiffness=MASS * G * LENGTH * (1.0 - softer))
+    found = outcome(mechanism(chain(UPRIGHT)), [{"bob": start}], loads={"s": spring})
+    (note,) = found.notes
+    told = float(note.split("up to ")[1].split()[0])
+    assert note.startswith("row 1: a stiffness is 0 but for rounding: ")
+    assert abs(found.rows.q[0, 0] - math.sqrt(max(6.0 * softer, 0.0))) < told < 1e-3
+
+
+def test_what_balances_anywhere_has_no_position_that_would_be_told(mechanism, chain):
+    wheel = mechanism(chain({**BOB, "com": "0 0 0", "inertia": (1.0, 1.0, 1.0)}))
+    found = outcome(wheel, [{"bob": 0.3}])
+    assert (stability(found.rows, 1), found.notes) == (0.0, ())
+
+
 # --- what goes wrong
 
 
