@@ -40,21 +40,20 @@ TOLD = 1e-9
 """Part of the largest value in the run from which on it is told: the digits of a table, and two more."""
 
 
-def rounding_notes(known: Prescription, rows: Trajectory, pace: Array | None) -> list[str]:
+def rounding_notes(known: Prescription, rows: Trajectory, regular: Array, pace: Array | None) -> list[str]:
     """Return what is to be said of rows next to singular positions.
 
     Args:
         known: What is prescribed.
         rows: The states, with efforts where these are asked for.
+        regular: Least singular value of J over the largest at the rows, shape (n,).
         pace: See ``Prescription.solved``.
     """
     if not isinstance(known.motion, DeterminedMotion) or rows.mechanism.model.nv > MANY:
         return []
-    solver, last = NewtonSolver(rows.mechanism.closure, known.motion.prescribed), rows.mechanism.model.nv - 1
-    values = solver.whole.values(rows.q)
-    if values.shape[1] <= last:
+    if not (regular < NEAR).any():
         return []
-    regular = values[:, last] / values[:, 0]
+    solver = NewtonSolver(rows.mechanism.closure, known.motion.prescribed)
     worst = np.argsort(regular, kind="stable")[:WORST]
     left = np.array([_left(known, solver, rows, row, pace) for row in worst[regular[worst] < NEAR].tolist()])
     if not (left > TOLD).any():
