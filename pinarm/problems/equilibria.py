@@ -55,7 +55,8 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
     ends are told; a start that leads to no equilibrium, but that friction holds, is a row of its own.
 
     Every start leads to the equilibrium that damped Newton steps reach; several may lead to one. It is meant for starts
-    within about 0.5 rad of what is looked for, and finds unstable equilibria as well as stable ones.
+    within about 0.5 rad of what is looked for, and finds unstable equilibria as well as stable ones. Starts that lead
+    to none are named in notes, and refused where no start leads to one.
 
     Attributes:
         starts: Rough joint coordinates, one map for each start, such as ``[{left: 10 deg}, {left: -10 deg}]``; what is
@@ -114,19 +115,28 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
         holds, in the sense in which the joint that moves most goes down and up.
 
         Raises:
-            AssemblyError: A start leads to none; ``partial`` holds what the starts before it led to.
+            AssemblyError: No start leads to one; of some that do not, notes tell what is left.
         """
         balance, starts = prepared or self.prepare(mechanism, accuracy, place)
         found: list[Equilibrium] = []
+        failed: dict[int, AssemblyError] = {}
         for index, q in enumerate(starts):
-            with place("starts", index):
-                try:
+            try:
+                with place("starts", index):
                     near = balance.nearest(q)
                     _merge(found, _equilibrium(balance, near, f"starts[{index}]"), balance.turns)
-                except AssemblyError as error:
-                    error.partial = outcome(balance, found) if found else None
-                    raise
-        return outcome(balance, found)
+            except AssemblyError as error:
+                failed[index] = error
+        if not found:
+            raise failed[0]
+        solved = outcome(balance, found)
+        return replace(solved, notes=(*solved.notes, *(_failure(*one) for one in failed.items())))
+
+
+def _failure(index: int, error: AssemblyError) -> str:
+    """Return what is to be said of a start that leads nowhere, beside others that do not."""
+    said = error.message if error.data.get("start") else f"starts[{index}] leads to no equilibrium: {error.message}"
+    return f"{said}; expected {error.expected}"
 
 
 def _equilibrium(balance: ForceBalance, q: Array, start: str) -> Equilibrium:
@@ -183,7 +193,7 @@ def _units(mechanism: Mechanism, free: int) -> dict[str, Unit | None]:
 def outcome(balance: ForceBalance, found: Sequence[Equilibrium]) -> Outcome:
     """Return the equilibria as rows numbered from 1, and how many there are."""
     bands = _bands(balance, found)
-    notes = (*_weightless(found), *_edges(found), *_friction_notes(balance, found, bands))
+    notes = (*_weightless(found), *_edges(found), *_slacks(balance, found), *_friction_notes(balance, found, bands))
     stable = sum(equilibrium.modes.stability == 1 for equilibrium in found)
     figures = {"equilibria": float(len(found)), "stable": float(stable)}
     return Outcome(rows_of(balance, found, bands), figures=figures, notes=notes)
@@ -207,6 +217,20 @@ def _edges(found: Sequence[Equilibrium]) -> list[str]:
     return [f"row {row}: '{equilibrium.modes.edge}' has an edge here, to either side of which its stiffness is another "
             "one, as where a cable becomes taut: neither stability nor small motions are told"
             for row, equilibrium in enumerate(found, 1) if equilibrium.modes.edge]  # fmt: skip
+
+
+def _slacks(balance: ForceBalance, found: Sequence[Equilibrium]) -> list[str]:
+    """Return what is to be said of positions that rounding leaves uncertain, as a stiffness is 0 there."""
+    notes, joints = [], [*balance.mechanism.joints.values()]
+    for row, equilibrium in enumerate(found, 1):
+        if equilibrium.slack is not None:
+            worst = int((equilibrium.slack / balance.closure.scale).argmax())
+            notes.append(
+                f"row {row}: a stiffness is 0 but for rounding: up to {equilibrium.slack[worst]:.1g} "
+                f"{joints[worst].unit} of {joints[worst].name} away the forces balance as well, and what balances "
+                "exactly, and whether it is stable, is known no better"
+            )
+    return notes
 
 
 def _friction_notes(balance: ForceBalance, found: Sequence[Equilibrium], bands: Sequence[PositionBand]) -> list[str]:

@@ -393,6 +393,24 @@ def test_a_constant_torque_leans_a_pendulum(mechanism, chain):
     assert squares(run, 1) == pytest.approx([0.8 * G / LENGTH], rel=1e-12)
 
 
+@pytest.mark.parametrize("softer", [0.0, 1e-12, 1e-10, -1e-10])
+@pytest.mark.parametrize("start", [0.01, 0.3])
+def test_a_pendulum_that_its_spring_all_but_holds_upright_is_as_far_off_as_is_told(mechanism, chain, softer, start):
+    """``k q = m g l sin(q)`` with ``k = m g l (1 - s)``: 0 and, for s > 0, ``q^2 = 6 s`` but for terms in s^2."""
+    spring = JointSpring(joint="bob", stiffness=MASS * G * LENGTH * (1.0 - softer))
+    found = outcome(mechanism(chain(UPRIGHT)), [{"bob": start}], loads={"s": spring})
+    (note,) = found.notes
+    told = float(note.split("up to ")[1].split()[0])
+    assert note.startswith("row 1: a stiffness is 0 but for rounding: ")
+    assert abs(found.rows.q[0, 0] - math.sqrt(max(6.0 * softer, 0.0))) < told < 1e-3
+
+
+def test_what_balances_anywhere_has_no_position_that_would_be_told(mechanism, chain):
+    wheel = mechanism(chain({**BOB, "com": "0 0 0", "inertia": (1.0, 1.0, 1.0)}))
+    found = outcome(wheel, [{"bob": 0.3}])
+    assert (stability(found.rows, 1), found.notes) == (0.0, ())
+
+
 # --- what goes wrong
 
 
@@ -410,17 +428,20 @@ def test_a_start_that_leads_nowhere_is_named_with_what_is_left(mechanism, chain)
     assert np.abs(caught.value.data["residual"]).max() > 100.0
 
 
-def test_the_starts_before_a_failing_one_are_kept(mechanism, chain):
+def test_a_start_that_leads_nowhere_leaves_the_equilibria_that_others_lead_to(mechanism, chain):
     """A spring across a slide that is pushed: on the far side the force has a smallest value, but no zero."""
     k, beside, free = 100.0, 2.0, 2.4
     spring = PointSpring(between=("anchor", "x_link"), stiffness=k, free_length=free)
     push = JointEffort(joint="x", effort=Constant(value=12.0))
     model = truss(mechanism, chain, beside)
-    good = solve(model, [{"x": 1.6}], loads={"s": spring, "p": push})
-    with pytest.raises(AssemblyError, match=r"starts\[1\]") as caught:
-        solve(model, [{"x": 1.6}, {"x": -2.0}], loads={"s": spring, "p": push})
-    assert caught.value.partial.rows.q == pytest.approx(good.q)
+    balanced = brentq(lambda x: k * x * (1.0 - free / math.hypot(x, beside)) - 12.0, 1.3, 3.0, xtol=1e-15)
     flat = -math.sqrt((free * beside**2) ** (2 / 3) - beside**2)  # where the slope of the force vanishes
+    found = outcome(model, [{"x": -2.0}, {"x": 1.6}], loads={"s": spring, "p": push})
+    assert found.rows.q[:, 0] == pytest.approx([balanced], rel=1e-12)
+    (note,) = [note for note in found.notes if note.startswith("starts[0] leads to no equilibrium: a force of")]
+    assert float(note.split("x = ")[1].split()[0]) == pytest.approx(flat, abs=1e-2)
+    with pytest.raises(AssemblyError, match=r"starts\[0\]") as caught:
+        outcome(model, [{"x": -2.0}], loads={"s": spring, "p": push})
     assert caught.value.data["q"] == pytest.approx([flat], abs=1e-2)
 
 

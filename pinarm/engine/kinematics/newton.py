@@ -269,8 +269,16 @@ class NewtonSolver:
             w, dw, ddw = target(pending[-1])
             predicted = pin.integrate(self.model, q, h * v + 0.5 * h * h * a)
             found = self._newton(predicted, w)
-            rates = None if found is None else self.rates(found, dw, ddw, pending[-1])
             part = 0.5
+            try:
+                rates = None if found is None else self.rates(found, dw, ddw, pending[-1])
+            except AssemblyError:
+                if len(pending) == 1 or abs(h) <= smallest:
+                    raise
+                pending[-1] = (
+                    t + part * h
+                )  # a place between rows that is all but singular, beside which there are others
+                continue
             if found is not None and rates and self.continues(h * (rates[0] - v - h * a), predicted, found):
                 there = self.rows(self.closure.state(found))
                 part = part_of_leap(rows, there)

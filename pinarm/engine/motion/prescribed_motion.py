@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinarm.arrays import Array, distinct
+from pinarm.arrays import Array, Flags, distinct
 from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.constraints.nullspaces.nullspace import MANY
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.rests import rests_between
 from pinarm.engine.kinematics.abscissa import running
-from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory
+from pinarm.engine.kinematics.joint_motion import DeterminedMotion, JointMotion, JointTrajectory
 from pinarm.engine.motion.outcome import Outcome, positions_by_interval
 from pinarm.engine.motion.standstill import STANDSTILL, at_rest, directions, law_size, lossy, pace_of, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
@@ -27,6 +28,7 @@ from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
+    from pinarm.engine.motion.passed_positions import PassedPositions
     from pinarm.engine.statics.actuation import Actuation
 
 PER_TURN, LOOKS = 8.0, (257, 16385)
@@ -74,16 +76,22 @@ class Prescription(Record, frozen=True):
             AssemblyError: A position cannot be reached.
         """
         with running(self.parameter, self.unit):
-            states = self.motion.follow(grid, start)
+            states, kept = self._followed(grid, start)
             self._refuse_jumps(states.motion)
-            known, grid = replace(self, motion=states.motion), states.grid
-            rows = known._rows(states)
+            known, grid = replace(self, motion=states.motion), grid if not kept.all() else states.grid
+            rows = known.rows_of(states)
             pace = known._pace(rows)
             rows = known.solved(rows, pace)
-        motion = None if rows.numbered else PrescribedMotion(known, grid.cuts, grid.t, rows.q, start, pace)
-        return Outcome(
-            rows, motion, figures=states.motion.figures(states), notes=(*states.motion.jumps, *known._notes(rows, pace))
+            passed, regular = np.zeros(len(rows), dtype=bool), known._regularity(rows)
+            if (passing := known._passing(rows, regular, pace)) is not None:
+                rows, passed = passing.through(rows, grid, kept, regular)
+            if len(rows) < len(grid.t):
+                self.motion.follow(grid, start)  # which says what is singular
+            notes = known._notes(rows, pace, passed, regular)
+        motion = (
+            None if rows.numbered else PrescribedMotion(known, grid.cuts, rows.grid.t, rows.q, start, pace, passing)
         )
+        return Outcome(rows, motion, figures=states.motion.figures(states), notes=(*states.motion.jumps, *notes))
 
     def _refuse_jumps(self, motion: JointMotion) -> None:
         """Raise where efforts are asked for, and velocities jump though the laws do not.
@@ -99,9 +107,49 @@ class Prescription(Record, frozen=True):
                 hint="a posture or a path that keeps clear of the limits; kind: kinematics shows the motion",
             )
 
-    def _notes(self, rows: Trajectory, pace: Array | None) -> list[str]:
+    def _followed(self, grid: Grid, start: Array) -> tuple[JointTrajectory, Flags]:
+        """Return the motion at the rows of a grid, but for those at singular positions, and which these are."""
+        if not self.mechanism.closure.size:
+            return self.motion.follow(grid, start), np.ones(len(grid.t), dtype=bool)
+        from pinarm.engine.motion.passed_positions import followed  # which open chains do not need
+
+        return followed(self.motion, grid, start)
+
+    def _regularity(self, rows: Trajectory) -> Array:
+        """Return the least singular value of J over the largest in all rows, shape (n,); 1 where nobody looks at it."""
+        many = self.mechanism.model.nv > MANY
+        if many or not self.mechanism.closure.size or not isinstance(self.motion, DeterminedMotion):
+            return np.ones(len(rows))
+        from pinarm.engine.motion.passed_positions import regularity
+
+        return regularity(self, rows.q)
+
+    def _passing(self, rows: Trajectory, regular: Array, pace: Array | None) -> PassedPositions | None:
+        """Return how singular positions are passed, of which some rows are clear; ``None`` where they are not."""
+        if not self.mechanism.closure.size:
+            return None
+        from pinarm.engine.motion.passed_positions import PassedPositions
+
+        return PassedPositions.of(self, rows, regular, pace)
+
+    def _notes(self, rows: Trajectory, pace: Array | None, passed: Flags, regular: Array) -> list[str]:
+        """Return what is to be said of rows next to singular positions, of joints that friction holds, and of rest."""
+        if passed.any():
+            others = rows.some(np.flatnonzero(~passed))
+            return self._rounding(others, self._regularity(others), pace)  # none of its joints is held by friction
+        return [*self._rounding(rows, regular, pace), *self._standstills(rows, pace)]
+
+    def _rounding(self, rows: Trajectory, regular: Array, pace: Array | None) -> list[str]:
+        """Return what is to be said of rows next to singular positions."""
+        if not self.mechanism.closure.size or not len(rows):
+            return []
+        from pinarm.engine.motion.rounded_positions import rounding_notes  # which open chains do not need
+
+        return rounding_notes(self, rows, regular, pace)
+
+    def _standstills(self, rows: Trajectory, pace: Array | None) -> list[str]:
         """Return what is to be said of joints that friction holds, and of rows at which joints stand still."""
-        if not self._directed:
+        if not self.directed:
             return []
         from pinarm.engine.motion.standstill_notes import standstill_notes
 
@@ -115,9 +163,9 @@ class Prescription(Record, frozen=True):
 
     def moving(self, grid: Grid, near: Array) -> Trajectory:
         """Return the motion at the rows of a grid, without efforts, on the branch of a configuration near the first."""
-        return self._rows(self.motion.follow(grid, near))
+        return self.rows_of(self.motion.follow(grid, near))
 
-    def _rows(self, states: JointTrajectory) -> Trajectory:
+    def rows_of(self, states: JointTrajectory) -> Trajectory:
         """Return the rows of a motion of the joints, without efforts."""
         mechanism, q, v, a = self.mechanism, states.q, states.v, states.a
         if self.rates is not None:
@@ -132,13 +180,13 @@ class Prescription(Record, frozen=True):
 
     def _pace(self, rows: Trajectory) -> Array | None:
         """Return what rounding is judged against, shape (2, nv); ``None`` where there is none."""
-        if not self._directed or self.rates is not None:
+        if not self.directed or self.rates is not None:
             return None
         followed = zip(self.motion.coordinates, self.motion.laws, strict=True)
         return pace_of(self.mechanism, rows.v, rows.a, followed, rows.grid)
 
     @property
-    def _directed(self) -> list[int]:
+    def directed(self) -> list[int]:
         """Indices in v of the joints whose directions matter: those behind gears with losses, or all with friction."""
         return [*range(self.mechanism.model.nv)] if self.mechanism.frictions else lossy(self.mechanism)
 
@@ -150,7 +198,7 @@ class Prescription(Record, frozen=True):
             pace: See ``_pace``.
         """
         paces, inside = row_paces(self.mechanism, rows.v, rows.a) if pace is None else pace, np.zeros_like(rows.v)
-        if pace is not None and (joints := self._directed):
+        if pace is not None and (joints := self.directed):
             still = np.flatnonzero(at_rest(rows.v, rows.a, pace)[:, joints].any(axis=1))
             inside[still] = self._inside(rows.some(still))
         side = np.ones(len(rows)) if pace is None else rows.grid.sides()
@@ -216,6 +264,7 @@ class PrescribedMotion(Record, frozen=True):
         start: Rough configuration from which the first of them was found, shape (nq,).
         pace: What rounding of velocities and accelerations is judged against, shape (2, nv); ``None`` where no
             direction is asked for.
+        passing: How singular positions are passed; ``None`` where they are not.
     """
 
     prescription: Prescription
@@ -224,9 +273,12 @@ class PrescribedMotion(Record, frozen=True):
     q: Array
     start: Array
     pace: Array | None
+    passing: PassedPositions | None = None
 
     def at(self, grid: Grid) -> Trajectory:
         """Return the states at other values of the parameter, on the branch of the nearest solved row."""
+        if self.passing is not None:
+            return self.passing.at(grid, self._near)
         return self.prescription.solved(self.prescription.moving(grid, self._near(grid)), self.pace)
 
     def _near(self, grid: Grid) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -33,6 +34,10 @@ SAME, SAME_FLAT = 1e-8, 1e-4
 """Distance below which two configurations are one, relative to ``1 + |q|`` [rad or m]: usually, and where a stiffness
 of 0 leaves Newton's method with the cube root of ``BALANCED``."""
 
+WIDENED, WIDEST = 2.0, 0.1
+"""Ratio of the ways tried along a motion without stiffness, from ``SAME`` on, and the longest one, in rad or in
+the unit of length of the mechanism: what balances that far balances anywhere."""
+
 STRIDE, PUSH, ITERATIONS = 0.5, 0.1, 100
 """Largest turn of a joint in one step [rad]; how far a stationary start is moved [rad or m]; steps at most."""
 
@@ -45,11 +50,14 @@ class Equilibrium:
         q: Configuration [rad or m], shape (nq,).
         modes: Small motions about it.
         starts: How many starts led to it.
+        slack: How far it may be from where the forces balance, where a stiffness is 0 to rounding, [rad or m], shape
+            (nv,); ``None`` where no stiffness is 0, or anything balances.
     """
 
     q: Array
     modes: Modes
     starts: int = 1
+    slack: Array | None = None
 
     def is_at(self, q: Array, turns: Array) -> bool:
         """Tell whether a configuration is this one, full turns of joints apart.
@@ -243,7 +251,31 @@ class ForceBalance:
         slopes, sizes, _ = self.terms(q)
         mass = basis.T @ mass_matrix(self.dynamics.model, q) @ basis
         doubt = ZERO * (np.abs(basis).T @ sizes @ np.abs(basis))
-        return Equilibrium(q, Modes.of(basis.T @ slopes @ basis, mass, doubt))
+        inner = basis.T @ slopes @ basis
+        modes = Modes.of(inner, mass, doubt)
+        return Equilibrium(q, modes, slack=None if modes.stability else self._slack(q, basis, inner))
+
+    def _slack(self, q: Array, basis: Array, stiffness: Array) -> Array | None:
+        """Return how far along its weakest motion all balances to rounding, shape (nv,); ``None`` where that is far.
+
+        Where a stiffness vanishes forces grow with the square or cube of the way, and steps end far from their zero.
+        """
+        way = basis @ np.linalg.svd(stiffness)[2][-1]
+        way /= np.abs(way / self.closure.scale).max()
+        reach, far = np.maximum(np.abs(q), self.closure.scale), SAME
+        while self._balances_near(q, far * way, reach):
+            far *= WIDENED
+            if far > WIDEST:
+                return None
+        return np.asarray(np.abs(far * way))
+
+    def _balances_near(self, q: Array, step: Array, reach: Array) -> bool:
+        """Tell whether the forces balance a step away to either side, where loops close there."""
+        for side in (1.0, -1.0):
+            with suppress(AssemblyError):
+                if self._balanced(self.nearest(q + side * step), reach):
+                    return True
+        return False
 
     def _unbalanced(self, q: Array, reach: Array, start: str) -> AssemblyError:
         joints = list(self.mechanism.joints.values())
