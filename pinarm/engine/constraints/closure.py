@@ -119,15 +119,31 @@ class Closure(Record, frozen=True):
     @cached_property
     def groups(self) -> Indices:
         """A number for every velocity, shape (nv,): those that rows tie, over others too, have the same one."""
-        found, loops, anywhere = np.arange(self.model.nv), iter(self.loop_sizes.joints), None
+        found = np.arange(self.model.nv)
+        for tied in self._tied:
+            found[np.isin(found, found[tied])] = found[tied].min(initial=self.model.nv)
+        return found
+
+    @cached_property
+    def parts(self) -> tuple[tuple[Indices, tuple[Constraint, ...]], ...]:
+        """Places of the velocities of every group that rows tie, and its constraints."""
+        found: dict[int, list[Constraint]] = {}
+        for one, tied in zip(self.constraints, self._tied, strict=True):
+            if tied:
+                found.setdefault(int(self.groups[tied[0]]), []).append(one)
+        return tuple((np.flatnonzero(self.groups == group), tuple(own)) for group, own in found.items())
+
+    @cached_property
+    def _tied(self) -> list[list[int]]:
+        """Places of the velocities that every constraint ties."""
+        found, loops, anywhere = list[list[int]](), iter(self.loop_sizes.joints), None
         for one in self.constraints:
             if isinstance(one, LoopJoint):
                 joints = [self.model.joints[joint] for joint in next(loops)]
-                tied = [number for joint in joints for number in range(joint.idx_v, joint.idx_v + joint.nv)]
+                found.append([number for joint in joints for number in range(joint.idx_v, joint.idx_v + joint.nv)])
             else:
                 anywhere = anywhere or self._anywhere
-                tied = np.flatnonzero(one.rows(anywhere).any(axis=0)).tolist()
-            found[np.isin(found, found[tied])] = found[tied].min(initial=self.model.nv)
+                found.append(np.flatnonzero(one.rows(anywhere).any(axis=0)).tolist())
         return found
 
     @property
