@@ -175,6 +175,15 @@ class Closure(Record, frozen=True):
         """
         return bool((np.abs(self.rows(self._anywhere)) > SMALL * self.reach[:, None]).any())
 
+    @cached_property
+    def redundant(self) -> bool:
+        """Whether some of its rows repeat others, of couplings, whose rows are the same everywhere.
+
+        A third gear pair in a train repeats two.
+        """
+        free = self.split(self.rows(self._anywhere)).free.shape[1] if self.size else self.model.nv
+        return bool(free + self.size > self.model.nv)
+
     @property
     def _anywhere(self) -> Kinematics:
         """Return a state of no special kind, at rest; slides are within the extent."""
