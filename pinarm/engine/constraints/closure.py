@@ -126,12 +126,20 @@ class Closure(Record, frozen=True):
 
     @cached_property
     def parts(self) -> tuple[tuple[Indices, tuple[Constraint, ...]], ...]:
-        """Places of the velocities of every group that rows tie, and its constraints."""
-        found: dict[int, list[Constraint]] = {}
+        """Places of velocities and constraints of every group that rows tie.
+
+        The velocities are those in its loops, or all of one without loops: what gears tie to a loop moves as it does.
+        """
+        found: dict[int, list[tuple[Constraint, list[int]]]] = {}
         for one, tied in zip(self.constraints, self._tied, strict=True):
             if tied:
-                found.setdefault(int(self.groups[tied[0]]), []).append(one)
-        return tuple((np.flatnonzero(self.groups == group), tuple(own)) for group, own in found.items())
+                found.setdefault(int(self.groups[tied[0]]), []).append((one, tied))
+        parts = []
+        for own in found.values():
+            looped = [tied for one, tied in own if isinstance(one, LoopJoint)] or [tied for _, tied in own]
+            joints = np.array(sorted({number for tied in looped for number in tied}), dtype=np.intp)
+            parts.append((joints, tuple(one for one, _ in own)))
+        return tuple(parts)
 
     @cached_property
     def _tied(self) -> list[list[int]]:

@@ -18,9 +18,13 @@ from pinarm.engine.motion.segmented.segments import MotionSegment, SegmentedMoti
 from pinarm.records import Record, ValueRecord
 
 REGULAR, SLOW = 1e-3, 0.07
-"""Smallest singular value of the rows, relative to its largest in the run, and speed, relative to the largest, below
-which both a motion is not determined. A parallelogram that turns back just beyond its singular position has errors of
-order 1 where it passes this at 0.03 of its largest speed, and none at 0.1."""
+"""Smallest singular value of the rows, relative to its largest in the run, and speed, relative to the largest near it,
+below which both a motion is not determined. A parallelogram that turns back just beyond its singular position has
+errors of order 1 where it passes this at 0.03 of its largest speed, and none at 0.1."""
+
+NEAR = 2.0
+"""Way of all joints [rad] on both sides within which speeds are compared. A heavy rocker turns its crank many times as
+fast beside its dead points as in the singular position, which it passes at a speed that its masses keep."""
 
 WITHIN, BLOCK, USUAL = np.linspace(0.0, 1.0, 16), 500, 8
 """Places within a step that are looked at, steps that are looked at together, and states that tell what is usual."""
@@ -79,7 +83,7 @@ def _rest_of(closure: Closure, paces: Sequence[_Pace], part: int, fastest: float
     segments = [pace.segment for pace in paces]
     usual, looked = None, -np.inf
     some = max(1, TOGETHER // closure.model.nv)
-    for times, q, least in _slow(paces, part, SLOW * fastest, rank):
+    for times, q, least in _slow(paces, part, fastest, rank):
         while (ahead := int(times.searchsorted(looked))) < len(times):
             some_of = slice(ahead, ahead + some)
             usual, found = usual.also(q[some_of]) if usual else _Usual.of(closure, segments, q[some_of])
@@ -152,24 +156,46 @@ def _least(first: Array, mean: Array, last: Array, parts: Sequence[Indices]) -> 
     return np.asarray(np.sqrt(_of_parts(v * v, parts).min(axis=0)))
 
 
-def _slow(paces: Sequence[_Pace], part: int, limit: float, rank: int) -> Iterator[tuple[Array, Array, float]]:
+def _slow(paces: Sequence[_Pace], part: int, fastest: float, rank: int) -> Iterator[tuple[Array, Array, float]]:
     """Yield instants at which a part is slow, shape (n,), the configurations, and how regular these are at least.
 
     Where it is not known to be clear of singular positions anyway, with the rank that the constraints have in the run.
     """
     first, since, clear = paces[0], -np.inf, (True, rank)
-    if limit and not first.speed[0, part]:
+    candidates = [np.flatnonzero(pace.least[:, part] < MARGIN * SLOW * fastest) for pace in paces]
+    some = [steps[[pace.segment.solution.outlook(k) != clear for k in steps.tolist()]]
+            for pace, steps in zip(paces, candidates, strict=True)]  # fmt: skip
+    if not any(len(steps) for steps in some):
+        return
+    limits = [SLOW * near for near in _fastest_near(paces, part)]
+    if fastest and not first.speed[0, part]:
         if first.segment.solution.outlook(0) != clear:
             yield first.t[:1], first.q[None], RANK
-        since = float(min(first.t[first.speed[:, part] >= limit], default=np.inf))
-    for pace in paces:
-        solution = pace.segment.solution
-        steps = np.flatnonzero((pace.least[:, part] < MARGIN * limit) & (np.append(pace.t[1:], np.inf) > since))
-        steps = steps[[solution.outlook(k) != clear for k in steps.tolist()]]
+        since = float(min(first.t[first.speed[:, part] >= limits[0][0]], default=np.inf))
+    for pace, steps, limit in zip(paces, some, limits, strict=True):
+        slowing = (pace.least[steps, part] < MARGIN * limit[steps]) & (np.append(pace.t[1:], np.inf)[steps] > since)
+        steps = steps[slowing]
         for start in range(0, len(steps), BLOCK):
-            t, q, speed = pace.within(steps[start : start + BLOCK], part)
-            slow = (speed < limit) & (t >= since)
+            block = steps[start : start + BLOCK]
+            t, q, speed = pace.within(block, part)
+            slow = (speed < limit[block].repeat(len(WITHIN))) & (t >= since)
             yield t[slow], q[slow], REGULAR
+
+
+def _fastest_near(paces: Sequence[_Pace], part: int) -> list[Array]:
+    """Return the largest speed of a part near every step, and one step beyond, of each segment, shape (n,)."""
+    speed = np.concatenate([pace.speed[:, part] for pace in paces])
+    lasting = np.concatenate([pace.segment.solution.steps.until - pace.t for pace in paces])
+    way = np.append(0.0, np.cumsum(0.5 * (speed + np.append(speed[1:], speed[-1])) * lasting)[:-1])
+    begin = np.maximum(way.searchsorted(way - NEAR) - 1, 0)
+    end = np.minimum(way.searchsorted(way + NEAR, side="right") + 1, len(way))
+    largest, found = speed, np.empty_like(speed)  # of 2^k steps from each on
+    for k in range(len(speed).bit_length()):
+        size = 2**k
+        here = (end - begin >= size) & (end - begin < 2 * size)
+        found[here] = np.maximum(largest[begin[here]], largest[end[here] - size])
+        largest = np.maximum(largest[: max(len(largest) - size, 0)], largest[size:])
+    return np.split(found, np.cumsum([len(pace.t) for pace in paces])[:-1])
 
 
 def _rank_of(segments: Sequence[MotionSegment]) -> int:

@@ -55,6 +55,15 @@ def test_one_that_turns_back_beside_a_wheel_is_followed_until_then(speed, cut, t
     assert turned == pytest.approx(exact(kept.grid.t, np.pi / 2 - 1e-3), abs=1e-7)
 
 
+@pytest.mark.parametrize("ratio", [8.0, 20.0])
+def test_a_wheel_that_is_geared_to_it_does_not_hide_that_it_turns_back(ratio, tmp_path):
+    gear = {"mesh": {"kind": "gear", "joints": ["O", "W"], "ratio": ratio}}
+    light = Linkage({"wheel": Body(1e-3, np.array([3.0, 0.0, 0.0]), 1e-9 * np.eye(3))}, WHEEL.joints)
+    mechanism = beside(two_cranks(np.pi / 2 - 3e-3), light).build(tmp_path, ["B"], couplings=gear)
+    with pytest.raises(IntegrationError, match="not determined: it all but stops at"):
+        free(mechanism, 0.7, 71, tolerance=1e-9)
+
+
 def test_one_that_passes_at_speed_is_followed_beside_one_that_turns_back_elsewhere(tmp_path):
     """While the one is in line the other is all but at rest, where it is regular."""
     swing = named(two_cranks(np.pi - 0.3), "_other")
