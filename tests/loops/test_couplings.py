@@ -117,6 +117,20 @@ class TestTrain:
         with pytest.raises(InputError, match="only 0 degrees of freedom"):
             driven(train, {"one": Harmonic(amplitude=0.7, pulsation=3.0)})
 
+    def test_one_that_says_it_again_but_for_rounding_changes_nothing(self, mechanism, beside):
+        rounded = {**self.round, "c": gear("one", "three", -4.0 * RATIO * (1.0 + 1e-13))}
+        turned = driven(mechanism(DISCS, couplings=rounded, **BESIDE[beside]), {"one": Constant(value=0.3)})
+        assert angles(turned, "three") == pytest.approx(-1.2 * RATIO, abs=1e-12)
+        load = {"motor": JointEffort(joint="one", effort=Constant(value=4.0))}
+        run = free(mechanism(DISCS, couplings=rounded, **BESIDE[beside]), loads=load)
+        assert rates(run, "one") == pytest.approx(4.0 / (J1 + RATIO**2 * J2 + (4.0 * RATIO) ** 2 * J3), rel=1e-11)
+
+    def test_one_that_all_but_says_it_again_is_named(self, mechanism, beside):
+        """With 1e-6 of the ratio too much the third wheel would be 3e-6 rad in two places."""
+        torn = {**self.round, "c": gear("one", "three", -4.0 * RATIO * (1.0 + 1e-6))}
+        with pytest.raises((InputError, AssemblyError), match=r"(a|b|c) stays open by .* rad, and with it"):
+            driven(mechanism(DISCS, couplings=torn, **BESIDE[beside]), {"one": Constant(value=0.3)})
+
     def test_offsets_that_contradict_are_named(self, mechanism, beside):
         torn = {**self.round, "c": gear("one", "three", -4.0 * RATIO, offset="0.1 rad")}
         train = mechanism(DISCS, couplings=torn, **BESIDE[beside])

@@ -119,15 +119,39 @@ class Closure(Record, frozen=True):
     @cached_property
     def groups(self) -> Indices:
         """A number for every velocity, shape (nv,): those that rows tie, over others too, have the same one."""
-        found, loops, anywhere = np.arange(self.model.nv), iter(self.loop_sizes.joints), None
+        found = np.arange(self.model.nv)
+        for tied in self._tied:
+            found[np.isin(found, found[tied])] = found[tied].min(initial=self.model.nv)
+        return found
+
+    @cached_property
+    def parts(self) -> tuple[tuple[Indices, tuple[Constraint, ...]], ...]:
+        """Places of velocities and constraints of every group that rows tie.
+
+        The velocities are those in its loops, or all of one without loops: what gears tie to a loop moves as it does.
+        """
+        found: dict[int, list[tuple[Constraint, list[int]]]] = {}
+        for one, tied in zip(self.constraints, self._tied, strict=True):
+            if tied:
+                found.setdefault(int(self.groups[tied[0]]), []).append((one, tied))
+        parts = []
+        for own in found.values():
+            looped = [tied for one, tied in own if isinstance(one, LoopJoint)] or [tied for _, tied in own]
+            joints = np.array(sorted({number for tied in looped for number in tied}), dtype=np.intp)
+            parts.append((joints, tuple(one for one, _ in own)))
+        return tuple(parts)
+
+    @cached_property
+    def _tied(self) -> list[list[int]]:
+        """Places of the velocities that every constraint ties."""
+        found, loops, anywhere = list[list[int]](), iter(self.loop_sizes.joints), None
         for one in self.constraints:
             if isinstance(one, LoopJoint):
                 joints = [self.model.joints[joint] for joint in next(loops)]
-                tied = [number for joint in joints for number in range(joint.idx_v, joint.idx_v + joint.nv)]
+                found.append([number for joint in joints for number in range(joint.idx_v, joint.idx_v + joint.nv)])
             else:
                 anywhere = anywhere or self._anywhere
-                tied = np.flatnonzero(one.rows(anywhere).any(axis=0)).tolist()
-            found[np.isin(found, found[tied])] = found[tied].min(initial=self.model.nv)
+                found.append(np.flatnonzero(one.rows(anywhere).any(axis=0)).tolist())
         return found
 
     @property
@@ -158,6 +182,15 @@ class Closure(Record, frozen=True):
         Where it is a little out of line they are small, and what stays open says more.
         """
         return bool((np.abs(self.rows(self._anywhere)) > SMALL * self.reach[:, None]).any())
+
+    @cached_property
+    def redundant(self) -> bool:
+        """Whether some of its rows repeat others, of couplings, whose rows are the same everywhere.
+
+        A third gear pair in a train repeats two.
+        """
+        free = self.split(self.rows(self._anywhere)).free.shape[1] if self.size else self.model.nv
+        return bool(free + self.size > self.model.nv)
 
     @property
     def _anywhere(self) -> Kinematics:

@@ -17,7 +17,7 @@ from pinarm.arrays import Array
 from pinarm.engine.kinematics.newton import check_rank
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
-from pinarm.mechanics.couplings.coupling import Coupling, independent
+from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw, Values
 from pinarm.records import Record
 
@@ -152,7 +152,7 @@ def follow(
     """
     couplings = [constraint for constraint in mechanism.constraints if isinstance(constraint, Coupling)]
     linear = all(isinstance(coordinate, LinearCoordinate) for coordinate in prescribed.coordinates)
-    if linear and len(couplings) == len(mechanism.constraints) and independent(couplings):
+    if linear and len(couplings) == len(mechanism.constraints) and not mechanism.closure.redundant:
         return _follow_linear(mechanism, couplings, prescribed, grid)
     from pinarm.engine.kinematics.continuation import (
         follow_branch,  # with all that loops need: open chains do not pay for it

@@ -294,9 +294,3 @@ def coupled(
     for joint, weight in weights.items():
         row[joint.v] = weight
     return Coupling(name, kind, LinearCoordinate(first.unit, row, coordinate.places), constant)
-
-
-def independent(couplings: Sequence[Coupling]) -> bool:
-    """Return whether the rows of the couplings are linearly independent; a third gear pair in a train repeats two."""
-    rows = np.array([coupling.coordinate.weights for coupling in couplings])
-    return not couplings or int(np.linalg.matrix_rank(rows)) == len(rows)

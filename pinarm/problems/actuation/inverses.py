@@ -15,7 +15,7 @@ from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
-from pinarm.mechanics.couplings.coupling import Coupling, independent
+from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws.motion_law import MotionLaw
 
@@ -106,7 +106,7 @@ def inverse_of_couplings(dynamics: Dynamics, closure: Closure, joints: Sequence[
         joints: Those that are driven.
     """
     couplings = [one for one in closure.constraints if isinstance(one, Coupling)]
-    if not couplings or len(couplings) < len(closure.constraints) or not independent(couplings):
+    if not couplings or len(couplings) < len(closure.constraints) or closure.redundant:
         return None
     drives: Indices = np.array([joint.v for joint in joints], dtype=np.intp)
     rows, names = np.array([one.coordinate.weights for one in couplings]), [one.name for one in couplings]

@@ -17,7 +17,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.statics.actuation import followers_of
 from pinarm.errors import Place
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
-from pinarm.mechanics.couplings.coupling import Coupling, JointRelation, independent
+from pinarm.mechanics.couplings.coupling import Coupling, JointRelation
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.laws import Constant, Over
@@ -261,7 +261,7 @@ def _is_reducible(known: KnownMotion) -> bool:
     # integrated with loops, the error of a step is measured over all coordinates: fewer of them take other steps
     straight = all(isinstance(coordinate, LinearCoordinate) for coordinate in known.prescribed.values())
     couplings = [constraint for constraint in known.mechanism.constraints if isinstance(constraint, Coupling)]
-    return straight and len(couplings) == len(known.mechanism.constraints) and independent(couplings)
+    return straight and len(couplings) == len(known.mechanism.constraints) and not known.mechanism.closure.redundant
 
 
 def _has_same_drives(known: KnownMotion, settled: Collection[str]) -> bool:

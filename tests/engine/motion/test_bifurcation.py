@@ -1,8 +1,11 @@
 """A parallelogram that all but stops where its bars are in line, and may go on crossed: this is said, not guessed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from catalogue import TWO_CRANKS, two_cranks
+from catalogue import ABOUT_Y, TWO_CRANKS, two_cranks
+from linkage import GROUND, Body, Joint, Linkage
 from motions import free, freely
 from scipy.integrate import solve_ivp
 
@@ -13,6 +16,8 @@ from pinarm.errors import IntegrationError
 from pinarm.problems.events import EndStop
 
 CUTS = pytest.mark.parametrize("cut", "ABC")
+WHEEL = Linkage({"wheel": Body(2.0, np.array([3.0, 0.0, 0.0]), 0.1 * np.eye(3))},
+                {"W": Joint("revolute", GROUND, "wheel", np.array([3.0, 0.0, 0.0]), ABOUT_Y)})  # fmt: skip
 TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-11)
 
 
@@ -35,6 +40,50 @@ def test_one_that_turns_back_in_line_is_followed_until_then(miss, cut, tmp_path)
     if kept is not None:
         turned = kept.q[:, mechanism.joints["O"].q] + np.pi / 2 - miss
         assert turned == pytest.approx(exact(kept.grid.t, np.pi / 2 - miss), abs=1e-7)
+
+
+@CUTS
+@pytest.mark.parametrize("speed", [3.0, 50.0])
+def test_one_that_turns_back_beside_a_wheel_is_followed_until_then(speed, cut, tmp_path):
+    """Its branch does not depend on the wheel: with 50 rad/s its cranks were 0.4 rad off at 2.3 s."""
+    mechanism = beside(two_cranks(np.pi / 2 - 1e-3), WHEEL).build(tmp_path, [cut])
+    with pytest.raises(IntegrationError, match="not determined: it all but stops at") as told:
+        free(mechanism, 0.7, 71, velocity={"W": speed}, tolerance=1e-9)
+    kept = told.value.partial.rows
+    assert 0.45 < kept.grid.t[-1] < 0.48
+    turned = kept.q[:, mechanism.joints["O"].q] + np.pi / 2 - 1e-3
+    assert turned == pytest.approx(exact(kept.grid.t, np.pi / 2 - 1e-3), abs=1e-7)
+
+
+@pytest.mark.parametrize("ratio", [8.0, 20.0])
+def test_a_wheel_that_is_geared_to_it_does_not_hide_that_it_turns_back(ratio, tmp_path):
+    gear = {"mesh": {"kind": "gear", "joints": ["O", "W"], "ratio": ratio}}
+    light = Linkage({"wheel": Body(1e-3, np.array([3.0, 0.0, 0.0]), 1e-9 * np.eye(3))}, WHEEL.joints)
+    mechanism = beside(two_cranks(np.pi / 2 - 3e-3), light).build(tmp_path, ["B"], couplings=gear)
+    with pytest.raises(IntegrationError, match="not determined: it all but stops at"):
+        free(mechanism, 0.7, 71, tolerance=1e-9)
+
+
+def test_one_that_passes_at_speed_is_followed_beside_one_that_turns_back_elsewhere(tmp_path):
+    """While the one is in line the other is all but at rest, where it is regular."""
+    swing = named(two_cranks(np.pi - 0.3), "_other")
+    mechanism = beside(two_cranks(0.5), swing).build(tmp_path, ["A", "A_other"])
+    run = free(mechanism, 2.0, 101, tolerance=1e-10)
+    for name, start in (("O", 0.5), ("O_other", np.pi - 0.3)):
+        turned = run.q[:, mechanism.joints[name].q] + start
+        assert turned == pytest.approx(exact(run.grid.t, start), abs=1e-7)
+
+
+def beside(one, other):
+    return Linkage({**one.bodies, **other.bodies}, {**one.joints, **other.joints})
+
+
+def named(linkage, end):
+    """The same with other names."""
+    ends = {GROUND: GROUND, **{name: name + end for name in linkage.bodies}}
+    bodies = {ends[name]: body for name, body in linkage.bodies.items()}
+    return Linkage(bodies, {name + end: replace(joint, first=ends[joint.first], second=ends[joint.second])
+                            for name, joint in linkage.joints.items()})  # fmt: skip
 
 
 @CUTS

@@ -190,6 +190,19 @@ def test_bars_of_unlike_masses_turn_beside_a_change_point_as_their_energy_says(s
     assert found["omega2"].values == pytest.approx(speed, rel=1e-7)  # 1e-9 is left of rounding
 
 
+@pytest.mark.parametrize("mass", [2e3, 2e5])
+def test_a_heavy_rocker_takes_the_crank_through_the_change_point(solve, mass):
+    """Beside the rocker's dead points the crank is many times as fast as in the change point."""
+    linkage = ChangePoint(0.15, 0.35, 0.20, 0.40, 1.5, 3.5, mass)
+    found = solve("change_point_four_bar", "forward", arguments={"m4": mass}, end=0.6, samples=61, start=OPEN,
+                  initial={"position": {"theta2": 0.0}, "velocity": {"theta2": 12.0}})  # fmt: skip
+    crank, energy = found["theta2"].values, 72.0 * linkage.inertia(0.0) + linkage.potential(0.0)
+    assert crank[-1] > 2.0 * np.pi
+    speed = np.sqrt(2.0 * (energy - linkage.potential(crank)) / linkage.inertia(crank))
+    assert speed.max() > 5.0 * speed.min()
+    assert found["omega2"].values == pytest.approx(speed, rel=1e-7)
+
+
 @pytest.mark.parametrize("shorter", [1e-9, -1e-9, 1e-10])
 def test_where_rounding_decides_whether_a_change_point_is_passed_the_motion_is_refused(outcome, shorter):
     with pytest.raises(NumericsError, match="goes through it or turns beside it"):

@@ -14,7 +14,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
 from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.couplings.coupling import Coupling, independent
+from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.laws import Constant
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def system_of(closure: Closure, dynamics: Dynamics, prescribed: PrescribedCoordi
     couplings = [constraint for constraint in closure.constraints if isinstance(constraint, Coupling)]
     linear = [coordinate for coordinate in prescribed.coordinates if isinstance(coordinate, LinearCoordinate)]
     bent = len(linear) < len(prescribed.coordinates) or len(couplings) < len(closure.constraints)
-    if bent or not independent(couplings):
+    if bent or closure.redundant:
         return _constrained(closure, dynamics, prescribed, initial, linear)
     if couplings or linear:
         return _partitioned(closure, dynamics, prescribed, initial, couplings, linear)
