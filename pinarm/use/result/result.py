@@ -27,9 +27,10 @@ from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplification import Removal
-from pinarm.records import Record, replace
+from pinarm.records import Record
 from pinarm.use.result.failures import too_large
 from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED
+from pinarm.use.result.presentation import FOR_PEOPLE
 from pinarm.use.result.row_lookup import PLATEAU, Lookup, unreached
 
 if TYPE_CHECKING:
@@ -206,12 +207,17 @@ class Result(Record, frozen=True):
 
     @property
     def shown_sections(self) -> Mapping[str, Section]:
-        """The sections, their tables in the units that the scenario asks for; see ``table_units``."""
-        return {key: replace(section, tables=[table.shown(self.table_units) for table in section.tables])
-                for key, section in self.sections.items()}  # fmt: skip
+        """The sections as people are shown them: in the units that the scenario asks for, and angles in degrees."""
+        units = {**FOR_PEOPLE, **self._table_units}
+        return {key: section.shown(units) for key, section in self.sections.items()}
+
+    @property
+    def written_sections(self) -> Mapping[str, Section]:
+        """The sections as CSV files have them: tables in the units that the scenario asks for."""
+        return {key: section.shown(self._table_units) for key, section in self.sections.items()}
 
     @cached_property
-    def table_units(self) -> Mapping[str, Unit]:
+    def _table_units(self) -> Mapping[str, Unit]:
         """Units of tables of sections, as text -> the unit that the scenario shows quantities in that have it.
 
         A unit of which quantities are shown in several ways stays.

@@ -133,9 +133,13 @@ class Section(Record, frozen=True):
         """Return the units of its numbers by name: see ``Numbered``."""
         return {name: series.unit for name, series in self.numbers.items()}
 
+    def shown(self, units: Mapping[str, Unit]) -> Section:
+        """Return the section with its tables in other units; see ``SectionTable.shown``."""
+        return replace(self, tables=[table.shown(units) for table in self.tables])
+
     def _repr_html_(self) -> str:
         """Return tables, remarks and graphs, for notebooks."""
-        from pinarm.use.result.presentation import Presentation
+        from pinarm.use.result.presentation import FOR_PEOPLE, Presentation
         from pinarm.use.show.section_html import section_html
 
-        return section_html(self, Presentation())
+        return section_html(self.shown(FOR_PEOPLE), Presentation())
