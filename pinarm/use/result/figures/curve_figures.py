@@ -30,7 +30,7 @@ from pinarm.input.units import Unit
 from pinarm.records import ValueRecord
 from pinarm.use.result.figures.percentile import percentile
 from pinarm.use.result.figures.quadrature import NODES, AllowedErrors, KnownValues, Panels, integrate
-from pinarm.use.result.row_lookup import MOST_INTERVALS, PARTS, PLATEAU, Lookup
+from pinarm.use.result.row_lookup import MOST_INTERVALS, PARTS, Lookup
 
 RELATIVE, ABSOLUTE = 1e-10, 1e-13
 """Errors at which an integral is good enough, relative to itself and to the integral of the size of what is summed."""
@@ -320,8 +320,7 @@ def _integral(run: Lookup, quantity: str) -> tuple[float, float]:
 
 def _peak(run: Lookup, quantity: str) -> tuple[float, float]:
     row, error = run.extreme("largest", quantity)
-    value = abs(float(row[quantity].values[0]))
-    return value, max(error, PLATEAU * value)
+    return abs(float(row[quantity].values[0])), error
 
 
 def _single(run: Lookup, quantity: str) -> tuple[float, float]:

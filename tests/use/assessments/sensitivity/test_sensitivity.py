@@ -132,7 +132,7 @@ def test_a_force_that_is_0_depends_on_nothing() -> None:
     asked = {"of": ["F_Bx @ max", "C_B @ max"], "to": {"m_A": "5 %", "l1": "1 mm"}, "monte_carlo": 20, "sobol": 8}
     found = section(ARM, asked, **FEW, **{"problem.hold.O": "37 deg"})
     for row in rows(found.tables[-2]).values():
-        assert abs(row["derivative"]) <= row["its error"] < 1e-8  # N/kg, N/m
+        assert abs(row["derivative"]) <= row["its error"] < 1e-7  # N/kg, N/m
         assert np.isnan(row["% of root-sum-square"])
     assert sum(row["% of root-sum-square"] for row in rows(found.tables[-1]).values()) == pytest.approx(100.0)
     assert [remark for remark in found.remarks if "no input has a share" in remark] == [
@@ -245,7 +245,8 @@ def test_the_numerical_error_stands_beside_the_bands() -> None:
     verified = scenario.verified()
     known = rows(verified.sections["sensitivity"].tables[0])
     largest = float(np.abs(verified["C_B"].values).max())
-    assert known["C_B @ max"]["numerical error"] == pytest.approx(verified.errors["C_B"] * largest, rel=1e-12)
+    bound = verified.errors["C_B"] * largest + verified.number("C_B @ max")[1]
+    assert known["C_B @ max"]["numerical error"] == pytest.approx(bound, rel=1e-12)
     assert 0 < known["C_B @ integral"]["numerical error"] < 1e-12
     assert 0 < known["F_By @ phi=5 deg"]["numerical error"] < 1e-12
     assert known["phi @ max(C_B)"]["numerical error"] == "not estimated"
