@@ -59,6 +59,7 @@ class Result(Record, frozen=True):
         figures: Measured accuracy and cost, by name.
         errors: Bound of the global error of each output, relative to its scale (see ``output_scales``), that holds in
             99 of 100 cases; empty where none was asked for.
+        number_errors: Bounds of the errors of its numbers [SI], those of sections among them, by name; likewise.
         setting: How the motion was integrated, and what the estimate rests on, in words.
         removals: Joints of the mechanism that were not solved for.
         known: Sections that are there already, by key: what the search for the values of the scenario tells, and what
@@ -71,6 +72,7 @@ class Result(Record, frozen=True):
     quantities: Quantities
     figures: Mapping[str, float] = field(default_factory=dict)
     errors: Mapping[str, float] = field(default_factory=dict)
+    number_errors: Mapping[str, float] = field(default_factory=dict)
     setting: str = ""
     removals: Sequence[Removal] = ()
     known: Mapping[str, Section] = field(default_factory=dict)
@@ -354,7 +356,7 @@ class Result(Record, frozen=True):
 
         rows, figures = self.trajectory, dict(self.outcome.figures)
         outcome = {"figures": figures, "events": tuple(self.outcome.events), "notes": self.outcome.notes}
-        measured = {name: getattr(self, name) for name in ("name", "figures", "errors", "setting", "removals", "known")}
+        measured = {name: getattr(self, name) for name in MEASURED}
         return self.scenario.result_of_rows, (rows.mechanism, states(rows), outcome, measured)
 
     def _repr_html_(self) -> str:
@@ -458,6 +460,7 @@ class Result(Record, frozen=True):
             measured["error"] = NOT_ESTIMATED
         if self.errors:
             measured |= {"error": self.error, "error of outputs": dict(self.errors), "setting": self.setting}
+            measured |= {"error of numbers": dict(self.number_errors)} if self.number_errors else {}
             measured |= {"contradiction": self.contradiction} if self.contradiction else {}
         if self.content.accuracy.target is not None:
             measured |= {"target": self.content.accuracy.target, "target reached": not self.missed}
@@ -540,6 +543,9 @@ class Result(Record, frozen=True):
         text = json.dumps([relevant, described, mechanism.xml], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
+
+MEASURED = ("name", "figures", "errors", "number_errors", "setting", "removals", "known")
+"""Fields that do not follow from the rows."""
 
 CONTRADICTED = 0.01
 """Error over unaccounted energy, both relative, below which they contradict each other: the energy has twice the error
