@@ -32,7 +32,10 @@ def number_bounds(result: Result, other: Result | None, factor: float) -> dict[s
         other: A finer solution, or one at rounding; ``None`` where there is none.
         factor: By which differences are multiplied.
     """
-    found = {number.label: (number, *_value(result, number)) for number in _numbers(result)}
+    asked = {number.label: number for number in _numbers(result)}
+    if search := result.known.get("find"):  # whose objective is called as the number of the run that it is
+        asked["find.objective"] = read_number(search.numbers["objective"].name)
+    found = {label: (number, *_value(result, number)) for label, number in asked.items()}
     bounds = {}
     for label, (number, value, left) in found.items():
         if np.isfinite(value):

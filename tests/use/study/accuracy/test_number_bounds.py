@@ -1,5 +1,7 @@
 """Bounds of the errors of numbers, those of sections among them, against closed forms."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -97,3 +99,14 @@ def test_a_number_that_a_run_does_not_come_to_has_none(step):
     assert "response.settling_time" not in result.number_errors
     with pytest.raises(InputError):
         result.number("x @ x=3 rad")
+
+
+def test_the_objective_of_a_search_has_that_of_its_number():
+    """At the largest length of the rod, where a bound holds it."""
+    search = {"for": {"arguments.l2": ["0.1 m", "0.5 m"]}, "maximise": "C_B @ rms", "starts": 2}
+    more = {"find": search, "numbers": ["C_B @ rms"]}
+    result = pinarm.load(Path(pinarm.__file__).parents[1] / "scenarios" / "gen411_arm_static.yaml", more).verified()
+    [number] = result.numbers().values()
+    assert result.section("find").errors["objective"] == number[1] > 0.0
+    assert result.number_errors["find.objective"] == result.number_errors["C_B @ rms"] > number[1]
+    assert any("at these values the objective is known to" in remark for remark in result.section("find").remarks)
