@@ -198,6 +198,22 @@ def test_a_kink_is_told_by_both_derivatives() -> None:
     assert values(found)["max_m_A_0_2_m_B_start.worst_case"] == pytest.approx(1e-3, rel=1e-9)
 
 
+def test_mean_and_deviation_of_drawn_runs_are_within_what_is_told() -> None:
+    """C_B is linear in the mass: normal about its value, with a third of what the tolerance makes of it."""
+    exact, within = {"mean": G * L * (M_A + 0.5 * M_BA), "deviation": G * L * 0.01}, list[bool]()
+    for seed in range(15):
+        asked = {"of": ["C_B @ max"], "to": {"m_A": "30 g"}, "monte_carlo": 100, "seed": seed}
+        found = section(ARM, asked, **FEW)
+        [table] = [table for table in found.tables if table.name == "monte_carlo"]
+        cells = dict(zip(table.columns, table.rows[0], strict=True))
+        for name, value in exact.items():
+            error = table.rows[0][table.columns.index(name) + 1]
+            assert isinstance(error, float)
+            within.append(abs(float(cells[name]) - value) <= error)
+        assert found.errors["C_B_max.deviation"] == table.rows[0][table.columns.index("deviation") + 1] > 0.0
+    assert sum(within) >= 26  # of 30
+
+
 @pytest.mark.slow
 def test_monte_carlo_shows_what_is_not_linear() -> None:
     """(x/s)² has the mean 1 and the deviation 2^(1/2) of a normal x; its derivative at 0 is 0."""
