@@ -383,7 +383,9 @@ class Lookup(Record, frozen=True):
         top = search.highest(top, [piece for rival in rivals for piece in self._beside(rival)])
         top = search.highest(top, self._beside_knots(height, top.height + slack))
         below = max(top.height - row.height, 0.0)
-        return replace(row, error=below + slack) if below <= slack else replace(top, error=max(top.error, slack))
+        if below <= slack:
+            return replace(row, error=below + slack)
+        return replace(top, error=max(top.error, slack, PLATEAU * abs(top.height)))
 
     def _beside_knots(self, height: Callable[[Quantities], Array], top: float) -> list[CurvePart]:
         """Return the pieces between knots, of laws and of what is over a coordinate, where heights may pass a top."""
