@@ -49,6 +49,9 @@ STEPS, SETTLED = 30, 1e-9
 """Newton's steps from a sample, at most, and one, relative to the spacing of samples, that is the last: each doubles
 the digits, and three are enough but where the path turns sharply or is near rest."""
 
+AROUND = np.concatenate([-(2.0 ** -np.arange(16.0)), 2.0 ** -np.arange(16.0)])
+"""Instants about a nearest one, in spacings of samples, at none of which the path should be nearer."""
+
 PARABOLA = 2
 """Newton's steps on the parabola through three samples."""
 
@@ -58,6 +61,9 @@ ONE_INSTANT = 1e-9
 ONE_PLACE, ROUNDING = 1e-12, 1e-14
 """Distance, relative to the size of the path, below which samples are at one place; and difference of errors that is
 rounding."""
+
+PLACE = 4e-15
+"""Rounding of a place, relative to the farthest coordinate of the path."""
 
 AGAIN = 3
 """Samples of the begin of a closed path that come again at its end: it begins one before that nearest to the first
@@ -122,7 +128,9 @@ class PathError(InputStruct, frozen=True):
         path = _Path.of(run, self, wanted)
         met = path.met() if self.times is None else path.at_times(np.array([float(time) for time in self.times]))
         errors = np.linalg.norm(met.places - wanted, axis=1)
-        squares = float(errors @ errors)
+        squares, left = float(errors @ errors), met.left
+        known = {"rms": float(np.linalg.norm(left)) / len(left) ** 0.5, "peak": float(left.max()),
+                 "sum_of_squares": float(2.0 * errors @ left + left @ left)}  # fmt: skip
         values = {"rms": (squares / len(errors)) ** 0.5, "peak": float(errors.max()), "sum_of_squares": squares}
         numbers = {name: Series(name, UNITS[name], np.array([value])) for name, value in values.items()}
         rows: list[tuple[Cell, ...]] = [
@@ -134,17 +142,25 @@ class PathError(InputStruct, frozen=True):
         table = SectionTable("points", "Wanted points, and where the path passes them", columns,
                              (None, SECOND, *(METRE,) * (2 * len(axes) + 1)), rows)  # fmt: skip
         how = "in their order, at the best instants" if self.times is None else "at the prescribed instants"
-        remarks = [f"error: rms {values['rms']:.6g} m, peak {values['peak']:.6g} m, {len(errors)} points, met {how}"]
+        remarks = [f"error: rms {values['rms']:.6g} m, peak {values['peak']:.6g} m, {len(errors)} points, met {how}",
+                   f"distances are known to {known['peak']:.1e} m beside the error of the motion"]  # fmt: skip
         return Section("path_error", f"Error of the path of {self.point}", [table], numbers, remarks,
-                       _graphs(axes, path, wanted))  # fmt: skip
+                       _graphs(axes, path, wanted), known)  # fmt: skip
 
 
 @dataclass(frozen=True)
 class _Met:
-    """Where a path meets points: instants, shape (n,), and places there [m], shape (n, axes)."""
+    """Where a path meets points.
+
+    Attributes:
+        t: Instants, shape (n,).
+        places: Places there [m], shape (n, axes).
+        left: By how much their distances from the points may be wrong [m], shape (n,).
+    """
 
     t: Array
     places: Array
+    left: Array
 
 
 @dataclass(frozen=True)
@@ -206,7 +222,26 @@ class _Path:
                 f"the path does not meet the points {k + 1} and {behind[k] + 1} one after the other: both are nearest "
                 f"to it at t = {t[k]:.6g} s", hint="another order of the points, other lengths, or a longer run",
             )  # fmt: skip
-        return _Met(t, places)
+        return _Met(t, places, self._left(t, places))
+
+    def _left(self, t: Array, places: Array) -> Array:
+        """Return by how much the path may be nearer to the points about instants than at these [m], shape (n,).
+
+        Nothing but rounding where Newton's steps have led to the nearest place; where they have not, as at rest, it is
+        nearer at other instants, and may be nearer between these.
+        """
+        found = np.linalg.norm(places - self.wanted, axis=1)
+        left = np.full(len(t), ROUNDING * self._size + PLACE * float(np.abs(self.places).max()))
+        for number, (start, end, _) in enumerate(self.run.intervals):
+            here = np.flatnonzero((t >= start) & (t <= end))
+            if start < end and len(here):
+                spacing = np.diff(self.t[self.interval == number]).max()
+                near = np.clip(t[here, None] + spacing * AROUND, start, end)
+                at = self._states(number, near.ravel())[0].reshape(*near.shape, -1)
+                around = np.linalg.norm(at - self.wanted[here, None], axis=2)
+                nearer = found[here] - around.min(axis=1)
+                left[here] += np.where(nearer > left[here], 2.0 * nearer, 0.0)
+        return left
 
     @cached_property
     def _size(self) -> float:
@@ -310,7 +345,8 @@ class _Path:
         """
         with within("times"):
             rows = [self.run.at({"t": f"{time!r} s"}, self.names[0][0]) for time in times.tolist()]
-        return _Met(times, np.concatenate([_stacked(row, self.names[0]) for row in rows]))
+        places = np.concatenate([_stacked(row, self.names[0]) for row in rows])
+        return _Met(times, places, np.full(len(times), PLACE * float(np.abs(self.places).max())))
 
 
 def _stacked(rows: Quantities, names: list[str]) -> Array:

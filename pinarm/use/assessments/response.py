@@ -9,13 +9,16 @@ With y_0 at the beginning, y_f at the end, and ``z = (y - y_0) / (y_f - y_0)``, 
 Of rows between which nothing is known all times are those of rows: what is reached between two of them is told at the
 later one.
 
+The error of a time is what it changes by where the level is moved by what z may be wrong by: much where z passes it
+slowly, and from one crossing to another where a top just touches it.
+
 Source: Franklin, Powell, Emami-Naeini, Feedback Control of Dynamic Systems, section 3.4.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Annotated
 
 import msgspec
@@ -27,6 +30,7 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Time, check_unit
+from pinarm.use.result.output_scales import output_scales
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable
 
@@ -44,6 +48,12 @@ NODES, ZOOMS = 17, 4
 
 PLATEAU = 1e-12
 """Part of the step that a top has to be able to rise above the highest sample: less is rounding."""
+
+FINE = 257
+"""Instants about the highest one among which the peak is taken, twice: the second time about the highest of these."""
+
+INSTANT = 4e-16
+"""Rounding of an instant, relative to it."""
 
 PARTS, REFINEMENTS = 32, 7
 """Parts into which a bracket of a crossing is divided, and how often: 32^-7 of the distance of samples is 3e-11."""
@@ -98,18 +108,20 @@ class Response(InputStruct, frozen=True):
         self.check_names(result.quantities, result.scenario)
         result.quantities.determined(self.of)
         step = _Step.of(self, result.lookup)
-        values, measured = step.numbers(self.band), result.quantities[self.of].unit
+        wrong = result.errors[self.of] * output_scales(result)[self.of] if self.of in result.errors else 0.0
+        told, measured = step.numbers(self.band, step.doubt(wrong)), result.quantities[self.of].unit
+        values, errors = ({name: pair[k] for name, pair in told.items()} for k in (0, 1))
         names = {"overshoot": "overshoot", "rise_time": "rise time", "peak_time": "time of the peak",
                  "settling_time": f"settling time to {100.0 * self.band:g} %", "initial": "first value",
                  "final": "final value", "peak": "peak", "error": "error at the end"}  # fmt: skip
         units = {**dict.fromkeys(names, measured), **self.units(result.quantities)}
         numbers = {name: Series(names[name], units[name] or DIMENSIONLESS, np.array([values[name]])) for name in names}
-        rows = [(names[name], values[name], str(units[name] or "")) for name in names]
-        table = SectionTable("response", f"Step response of {self.of}", ("", "value", "unit"), (None,) * 3, rows,
-                             row_unit=2)  # fmt: skip
+        rows = [(names[name], values[name], str(units[name] or ""), errors[name]) for name in names]
+        table = SectionTable("response", f"Step response of {self.of}", ("", "value", "unit", "error"), (None,) * 4,
+                             rows, row_unit=2)  # fmt: skip
         graph = Graph("response", f"Step response of {self.of}",
                       [Curve(result.quantities["t"], result.quantities[self.of])])  # fmt: skip
-        return Section("response", "Step response", [table], numbers, step.remarks(self, values), [graph])
+        return Section("response", "Step response", [table], numbers, step.remarks(self, values), [graph], errors)
 
 
 class _Step:
@@ -220,37 +232,83 @@ class _Step:
         self.z = np.append(self.z, self._everywhere(owners, t))[order]
         self.owners, self.t = all_owners[order], all_t[order]
 
-    def numbers(self, band: float) -> dict[str, float]:
-        """Return the numbers of the section [SI]."""
+    def doubt(self, error: float) -> float:
+        """Return what z may be wrong by: rounding of its terms, or the error of y, y_0 and y_f where it is known."""
+        terms = np.max(self.run.quantities[self.name].terms, initial=max(abs(self.initial), abs(self.final)))
+        return max(PLATEAU * float(terms), 2.0 * error) / abs(self.final - self.initial)
+
+    def numbers(self, band: float, doubt: float) -> dict[str, tuple[float, float]]:
+        """Return the numbers of the section, and their errors [SI].
+
+        Args:
+            band: Half the width of the band in which it has settled.
+            doubt: What z may be wrong by.
+        """
         size = self.final - self.initial
+        (peak, rise), (when, apart) = self._peak(doubt)
+        (low, off_low), (high, off_high) = (
+            self._timed(partial(np.add, -part), doubt, first=True) for part in (0.1, 0.9)
+        )
+        settled, off = self._timed(lambda z: band - np.abs(z - 1.0), doubt, first=False)
+        left, rounding = (1.0 - float(self.z[-1])) * size, INSTANT * max(abs(self.initial), abs(self.final))
+        return {
+            "overshoot": (max(peak - 1.0, 0.0), max(rise, INSTANT * abs(peak))),
+            "rise_time": (high - low, off_low + off_high), "peak_time": (when - self.begin, apart),
+            "settling_time": (settled - self.begin, off), "initial": (self.initial, 0.0), "final": (self.final, 0.0),
+            "peak": (self.initial + peak * size, rise * abs(size)), "error": (left, rounding),
+        }  # fmt: skip
+
+    def _peak(self, doubt: float) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return the largest z and when it is, each with its error: so far away z may be as large."""
         top = int(self.z.argmax())
         first, last = self._bounds(top)
-        near = np.linspace(max(self.t[max(top - 1, 0)], first), min(self.t[min(top + 1, len(self.t) - 1)], last), 257)
-        values = self.at(int(self.owners[top]), near)
-        best = int(values.argmax())
-        fine = np.linspace(near[max(best - 1, 0)], near[min(best + 1, 256)], 257)
-        peaks = self.at(int(self.owners[top]), fine)
-        peak, when = float(peaks.max()), float(fine[int(peaks.argmax())])
-        low, high = (self.crossing(lambda z, part=part: z - part, first=True) for part in (0.1, 0.9))  # type: ignore[misc]
-        settled = self.crossing(lambda z: band - np.abs(z - 1.0), first=False)
-        return {
-            "overshoot": max(peak - 1.0, 0.0), "rise_time": high - low, "peak_time": when - self.begin,
-            "settling_time": settled - self.begin, "initial": self.initial, "final": self.final,
-            "peak": self.initial + peak * size, "error": (1.0 - float(self.z[-1])) * size,
-        }  # fmt: skip
+        beside = max(self.t[max(top - 1, 0)], first), min(self.t[min(top + 1, len(self.t) - 1)], last)
+        found = [(self.t, self.z)]
+        for _ in range(2):
+            near = np.linspace(*beside, FINE)
+            z = self.at(int(self.owners[top]), near)
+            best = int(z.argmax())
+            beside = near[max(best - 1, 0)], near[min(best + 1, FINE - 1)]
+            found.append((near, z))
+        peak, when, bend = float(z[best]), float(near[best]), float(np.abs(np.diff(z, 2)).max(initial=0.0))
+        if self.run.motion is None:
+            beside, bend = (self.t[max(top - 1, 0)], self.t[min(top + 1, len(self.t) - 1)]), self._bend(top)
+        rise = max(0.5 * bend, doubt)
+        t, heights = (np.concatenate(each) for each in zip(*found, strict=True))
+        as_high = t[heights >= peak - 2.0 * rise]
+        apart = float(np.abs(as_high - when).max()) + float(beside[1] - beside[0]) + INSTANT * abs(when)
+        return (peak, rise), (when, apart)
+
+    def _bend(self, row: int) -> float:
+        return float(np.abs(np.diff(self.z[max(row - 1, 0) : row + 2], 2)).max(initial=0.0))
 
     def _bounds(self, place: int) -> tuple[float, float]:
         inside = self.t[self.owners == self.owners[place]]
         return float(inside[0]), float(inside[-1])
 
-    def crossing(self, value: Callable[[Array], Array], *, first: bool) -> float:
-        """Return where a function of z becomes positive, for the first or for the last time [s]; NaN where never."""
+    def _timed(self, value: Callable[[Array], Array], doubt: float, *, first: bool) -> tuple[float, float]:
+        """Return where a function of z becomes positive, see ``crossing``, and the error of that instant [s].
+
+        Where it may come to none at all, the error is the length of the run.
+        """
+        t, apart = self.crossing(value, first=first)
+        if np.isnan(t):
+            return t, 0.0
+        moved = [self.crossing(lambda z, by=by: value(z) + by, first=first)[0] for by in (-doubt, doubt)]  # type: ignore[misc]
+        off = float(np.abs(np.array(moved) - t).max())
+        return t, (self.end - self.begin if np.isnan(off) else off + apart) + INSTANT * abs(t)
+
+    def crossing(self, value: Callable[[Array], Array], *, first: bool) -> tuple[float, float]:
+        """Return where a function of z becomes positive, for the first or for the last time [s]; NaN where never.
+
+        With the length of the last bracket.
+        """
         positive = value(self.z) >= 0.0
         if positive.all() or (first and positive[0]):
-            return self.begin
+            return self.begin, 0.0
         rising = np.flatnonzero(positive[1:] & ~positive[:-1])
         if not len(rising) or (not first and not positive[-1]):
-            return float("nan")
+            return float("nan"), 0.0
         k = int(rising[0 if first else -1])
         low, high, owner = float(self.t[k]), float(self.t[k + 1]), int(self.owners[k + 1])
         for _ in range(REFINEMENTS if owner == self.owners[k] else 0):
@@ -258,7 +316,7 @@ class _Step:
             there = np.flatnonzero(value(self.at(owner, t[1:])) >= 0.0)
             place = int(there[0]) + 1 if len(there) else PARTS
             low, high = float(t[place - 1]), float(t[place])
-        return high
+        return high, high - low
 
     def remarks(self, asked: Response, values: Mapping[str, float]) -> list[str]:
         """Return what to know of the numbers."""

@@ -16,7 +16,9 @@ from pinarm.use.report.origin import Origin
 from pinarm.use.report.question import QUESTIONS, question
 from pinarm.use.report.tables import ReportTable, number, unit_text, with_unit
 from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, PATHS, RESIDUALS
+from pinarm.use.result.number_accuracy import global_error
 from pinarm.use.result.presentation import Presentation
+from pinarm.use.result.section_number import read_number
 from pinarm.use.show.chart import Chart
 from pinarm.use.show.plot import graph, plot
 from pinarm.use.show.sketch import sketch
@@ -190,9 +192,11 @@ def _numbers(result: Result) -> ReportTable:
     rows = []
     for text, (series, error) in result.numbers().items():
         shown, (scale, _) = result.presentation.shown(series), result.presentation.scale(series)
-        told = f"{error * scale:.1e}" if error else "0"
-        rows.append([text, unit_text(shown.unit), number(float(shown.values[0])), told])
-    return ReportTable(["Number of the run", "unit", "value", "quadrature error"], rows, range(2))
+        bound = global_error(result, read_number(text))
+        told = [f"{error * scale:.1e}" if error else "0", *([_bound(bound and bound * scale)] if result.errors else ())]
+        rows.append([text, unit_text(shown.unit), number(float(shown.values[0])), *told])
+    errors = ["quadrature error", *(["error below, in 99 of 100 cases"] if result.errors else ())]
+    return ReportTable(["Number of the run", "unit", "value", *errors], rows, range(2))
 
 
 def _findings(result: Result) -> ReportTable:

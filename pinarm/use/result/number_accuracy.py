@@ -54,13 +54,14 @@ def global_error(result: Result, number: AnyNumber) -> float | None:
     """Return the bound of a number's error [SI] that holds in 99 of 100 cases; ``None`` where it is not known.
 
     A figure of a curve is no more wrong than its worst row, nor is an extreme, or the value at an instant; what its
-    quadrature or its search leaves comes on top.
+    quadrature or its search leaves comes on top. Others are compared with those of another solution.
     """
+    own = result.number_errors.get(number.label)
     if not isinstance(number, RunNumber) or number.quantity not in result.errors:
-        return None
+        return own
     of_instant = isinstance(number.at, dict) and result.trajectory.parameter in number.at
     if not of_instant and (isinstance(number.at, dict) or number.of != number.quantity):
-        return None
+        return own
     length = float(np.ptp(result.trajectory.grid.cuts)) if number.figure == "integral" else 1.0
     return result.errors[number.quantity] * output_scales(result)[number.quantity] * length + number.value(result)[1]
 

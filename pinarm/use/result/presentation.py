@@ -19,6 +19,9 @@ from pinarm.records import ValueRecord
 
 DEGREE = unit("deg")
 
+FOR_PEOPLE = {"rad": DEGREE}
+"""Unit, as text -> the unit that people are shown it in where a scenario says nothing."""
+
 ACCENTS = {"dot": "\u0307", "ddot": "\u0308", "dddot": "\u20db", "hat": "\u0302", "bar": "\u0304", "tilde": "\u0303"}
 """Commands of TeX for accents, and the marks of Unicode that combine with the letter before them."""
 
@@ -43,8 +46,7 @@ class Presentation(ValueRecord, frozen=True):
     def unit(self, series: Series) -> Unit | None:
         """Return the unit that a quantity is shown in to people; ``None`` where it has an unknown one."""
         chosen = self._chosen(series)
-        angle = series.unit is not None and series.unit.text == "rad"
-        return chosen or (DEGREE if angle else series.unit)
+        return chosen or (FOR_PEOPLE.get(series.unit.text, series.unit) if series.unit is not None else None)
 
     def scale(self, series: Series) -> tuple[float, Unit | None]:
         """Return what to multiply values with for people, and the unit that they are in then."""

@@ -27,9 +27,10 @@ from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplification import Removal
-from pinarm.records import Record, replace
+from pinarm.records import Record
 from pinarm.use.result.failures import too_large
 from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED
+from pinarm.use.result.presentation import FOR_PEOPLE
 from pinarm.use.result.row_lookup import PLATEAU, Lookup, unreached
 
 if TYPE_CHECKING:
@@ -58,6 +59,7 @@ class Result(Record, frozen=True):
         figures: Measured accuracy and cost, by name.
         errors: Bound of the global error of each output, relative to its scale (see ``output_scales``), that holds in
             99 of 100 cases; empty where none was asked for.
+        number_errors: Bounds of the errors of its numbers [SI], those of sections among them, by name; likewise.
         setting: How the motion was integrated, and what the estimate rests on, in words.
         removals: Joints of the mechanism that were not solved for.
         known: Sections that are there already, by key: what the search for the values of the scenario tells, and what
@@ -71,6 +73,7 @@ class Result(Record, frozen=True):
     quantities: Quantities
     figures: Mapping[str, float] = field(default_factory=dict)
     errors: Mapping[str, float] = field(default_factory=dict)
+    number_errors: Mapping[str, float] = field(default_factory=dict)
     setting: str = ""
     removals: Sequence[Removal] = ()
     known: Mapping[str, Section] = field(default_factory=dict)
@@ -208,12 +211,17 @@ class Result(Record, frozen=True):
 
     @property
     def shown_sections(self) -> Mapping[str, Section]:
-        """The sections, their tables in the units that the scenario asks for; see ``table_units``."""
-        return {key: replace(section, tables=[table.shown(self.table_units) for table in section.tables])
-                for key, section in self.sections.items()}  # fmt: skip
+        """The sections as people are shown them: in the units that the scenario asks for, and angles in degrees."""
+        units = {**FOR_PEOPLE, **self._table_units}
+        return {key: section.shown(units) for key, section in self.sections.items()}
+
+    @property
+    def written_sections(self) -> Mapping[str, Section]:
+        """The sections as CSV files have them: tables in the units that the scenario asks for."""
+        return {key: section.shown(self._table_units) for key, section in self.sections.items()}
 
     @cached_property
-    def table_units(self) -> Mapping[str, Unit]:
+    def _table_units(self) -> Mapping[str, Unit]:
         """Units of tables of sections, as text -> the unit that the scenario shows quantities in that have it.
 
         A unit of which quantities are shown in several ways stays.
@@ -350,7 +358,7 @@ class Result(Record, frozen=True):
 
         rows, figures = self.trajectory, dict(self.outcome.figures)
         outcome = {"figures": figures, "events": tuple(self.outcome.events), "notes": self.outcome.notes}
-        measured = {name: getattr(self, name) for name in ("name", "figures", "errors", "setting", "removals", "known")}
+        measured = {name: getattr(self, name) for name in MEASURED}
         return self.scenario.result_of_rows, (rows.mechanism, states(rows), outcome, measured)
 
     def _repr_html_(self) -> str:
@@ -454,6 +462,7 @@ class Result(Record, frozen=True):
             measured["error"] = NOT_ESTIMATED
         if self.errors:
             measured |= {"error": self.error, "error of outputs": dict(self.errors), "setting": self.setting}
+            measured |= {"error of numbers": dict(self.number_errors)} if self.number_errors else {}
             measured |= {"contradiction": self.contradiction} if self.contradiction else {}
         if self.content.accuracy.target is not None:
             measured |= {"target": self.content.accuracy.target, "target reached": not self.missed}
@@ -536,6 +545,9 @@ class Result(Record, frozen=True):
         text = json.dumps([relevant, described, mechanism.xml], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
+
+MEASURED = ("name", "figures", "errors", "number_errors", "setting", "removals", "known")
+"""Fields that do not follow from the rows."""
 
 CONTRADICTED = 0.01
 """Error over unaccounted energy, both relative, below which they contradict each other: the energy has twice the error

@@ -363,7 +363,7 @@ class Lookup(Record, frozen=True):
             InputError: It has no largest value, as it passes through infinity.
         """
         peak = self._highest(height, [], f"{name} has no largest value", slack)
-        return self._row(peak.interval, peak.place), max(peak.error, slack, PLATEAU * abs(peak.height))
+        return self._row(peak.interval, peak.place), peak.error
 
     def _highest(self, height: Callable[[Quantities], Array], places: Spots, lacks: str, slack: float = 0.0) -> Peak:
         """Return the largest value of a function of the quantities.
@@ -400,7 +400,10 @@ class Lookup(Record, frozen=True):
         ]  # fmt: skip
         top = search.highest(top, [piece for rival in rivals for piece in self._beside(rival)])
         top = search.highest(top, self._beside_knots(height, top.height + slack))
-        return row if top.height <= row.height + slack else replace(top, error=top.error if top.error > slack else 0.0)
+        below = max(top.height - row.height, 0.0)
+        if below <= slack:
+            return replace(row, error=below + slack)
+        return replace(top, error=max(top.error, slack, PLATEAU * abs(top.height)))
 
     def _beside_knots(self, height: Callable[[Quantities], Array], top: float) -> list[CurvePart]:
         """Return the pieces between knots of laws, and ends of short steps, where heights may pass a top."""

@@ -103,7 +103,7 @@ class RunNumber(ValueRecord, frozen=True):
         return Series(self.label, unit, np.zeros(0))
 
     def value(self, result: Result) -> tuple[float, float]:
-        """Return the number [SI] and its error: that of a quadrature, or of an extreme at a cusp; else 0.
+        """Return the number [SI] and its error: that of a quadrature, or of the search for an extreme; else 0.
 
         Raises:
             InputError: The place does not exist in this run, or the run has no such figure.

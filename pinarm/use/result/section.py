@@ -133,9 +133,23 @@ class Section(Record, frozen=True):
         """Return the units of its numbers by name: see ``Numbered``."""
         return {name: series.unit for name, series in self.numbers.items()}
 
+    def shown(self, units: Mapping[str, Unit]) -> Section:
+        """Return the section with its tables in other units; see ``SectionTable.shown``."""
+        return replace(self, tables=[table.shown(units) for table in self.tables])
+
+    def bounded(self, bounds: Mapping[str, float]) -> Section:
+        """Return the section with bounds of the errors of its numbers [SI], by name: a table of them, and a remark."""
+        found = [(name, float(self.numbers[name].values[0]), bound) for name, bound in bounds.items()]
+        rows = [(name, str(self.numbers[name].unit or "?"), value, bound) for name, value, bound in found]
+        table = SectionTable("bounds", "Bounds of the errors of its numbers, in 99 of 100 cases",
+                             ("", "unit", "value", "error below"), (None,) * 4, rows, row_unit=1)  # fmt: skip
+        worst, name = max(((bound / abs(value), name) for name, value, bound in found if value), default=(0.0, ""))
+        said = [f"errors of its numbers: below {worst:.1e} of themselves in 99 of 100 cases, largest in {name}"]
+        return replace(self, tables=[*self.tables, table], remarks=[*self.remarks, *(said if name else ())])
+
     def _repr_html_(self) -> str:
         """Return tables, remarks and graphs, for notebooks."""
-        from pinarm.use.result.presentation import Presentation
+        from pinarm.use.result.presentation import FOR_PEOPLE, Presentation
         from pinarm.use.show.section_html import section_html
 
-        return section_html(self, Presentation())
+        return section_html(self.shown(FOR_PEOPLE), Presentation())

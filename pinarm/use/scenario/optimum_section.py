@@ -18,13 +18,14 @@ BESIDE = 1e-3
 """Distance to where runs are refused, of that between the bounds, at which this holds an optimum."""
 
 
-def optimum_section(search: Find, found: Optimum, objective: Series) -> Section:
+def optimum_section(search: Find, found: Optimum, objective: Series, error: float) -> Section:
     """Return the section of a search.
 
     Args:
         search: What was asked.
         found: What came out.
         objective: Name and unit of the objective, without values.
+        error: What its quadrature leaves of the objective at the best values [SI].
     """
     sign = 1.0 if search.minimise is not None else -1.0
     value = sign * found.best.trial.objective
@@ -34,8 +35,12 @@ def optimum_section(search: Find, found: Optimum, objective: Series) -> Section:
     }
     numbers["objective"] = Series(objective.name, objective.unit, np.array([value]))
     tables = [_values(search, found), _starts(search, found, sign, objective.unit), *_conditions(search, found)]
-    return Section("find", f"{'Least' if sign > 0 else 'Largest'} {objective.name}", tables, numbers,
-                   _remarks(search, found, objective, value))  # fmt: skip
+    remarks = _remarks(search, found, objective, value)
+    if error:
+        left = f"{error:.1e} {objective.unit or DIMENSIONLESS}"
+        remarks.append(f"at these values the objective is known to {left}, beside the error of the motion")
+    return Section("find", f"{'Least' if sign > 0 else 'Largest'} {objective.name}", tables, numbers, remarks,
+                   errors={"objective": error})  # fmt: skip
 
 
 def _values(search: Find, found: Optimum) -> SectionTable:

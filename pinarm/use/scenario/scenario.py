@@ -62,7 +62,7 @@ if TYPE_CHECKING:
 SAVED = "mechanism.yaml"
 """Name of the mechanism file that is saved beside the scenario in the folder of a result."""
 
-PERTURBED = "initial", "loads", "motion", "hold", "velocity", "acceleration"
+PERTURBED = "initial", "loads", "motion", "hold", "over", "velocity", "acceleration"
 """Keys of problems whose numbers have other last digits where the mechanism has."""
 
 

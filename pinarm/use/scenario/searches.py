@@ -73,7 +73,8 @@ def solve_found(scenario: Scenario, search: Find) -> Result:
     objective = search.objective.described(result.quantities, bare.content.assessments)
     (left,) = rounding(result, [objective.unit])
     best = replace(best, flat=best.flat or best.largest <= left)
-    return replace(result, known={"find": optimum_section(search, best, objective)})
+    _, error = search.objective.value(result)
+    return replace(result, known={"find": optimum_section(search, best, objective, error)})
 
 
 def _root(bare: Scenario, search: Find) -> FoundValues:

@@ -131,8 +131,7 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 def remarks(result: Result) -> list[str]:
     """Return what is to be said beside the numbers, a line each: accuracy, cost, what was found, limits, notes."""
     run = result.trajectory
-    lines = [_number_line(series, result.presentation.shown(series), error)
-             for series, error in result.numbers().values()]  # fmt: skip
+    lines = _number_lines(result)
     lines += error_lines(result) + _accuracy_lines(result.figures, run.parameter)
     cost = [f"{int(value)} {name}" for name, value in result.figures.items() if name in COSTS]
     about = [", ".join(cost), "" if run.numbered else OF_ROWS]
@@ -157,13 +156,28 @@ def event_lines(result: Result) -> list[str]:
     return lines
 
 
-def _number_line(series: Series, shown: Series, error: float) -> str:
-    """Return a number of the run as it is shown, with what its quadrature leaves open."""
-    own, value, unit = float(series.values[0]), float(shown.values[0]), str(shown.unit or "?")
+def _number_lines(result: Result) -> list[str]:
+    """Return the numbers of the run, a line each."""
+    if not result.content.numbers:
+        return []
+    from pinarm.use.result.number_accuracy import global_error
+    from pinarm.use.result.section_number import read_number
+
+    return [_number_line(series, result.presentation.shown(series), error, global_error(result, read_number(text)))
+            for text, (series, error) in result.numbers().items()]  # fmt: skip
+
+
+def _number_line(series: Series, shown: Series, left: float, bound: float | None) -> str:
+    """Return a number of the run as it is shown, with the bound of its error, or what its quadrature leaves open."""
+    value, unit = float(shown.values[0]), str(shown.unit or "?")
     if isnan(value):  # an event that does not take place
         return f"{series.name}: no value in this run"
-    quadrature = f" (quadrature {error * (value / own if own else 1.0):.1e})" if error else ""
-    return f"{series.name}: {value:.7g} {'' if unit == '1' else unit}".rstrip() + quadrature
+    scale = series.unit.factor / shown.unit.factor if series.unit and shown.unit else 1.0
+    quadrature = f" (quadrature {left * scale:.1e})" if left else ""
+    error = quadrature if bound is None else f" (error below {bound * scale:.1e})" if isfinite(bound) else (
+        " (error unknown)"
+    )  # fmt: skip
+    return f"{series.name}: {value:.7g} {'' if unit == '1' else unit}".rstrip() + error
 
 
 def error_lines(result: Result) -> list[str]:

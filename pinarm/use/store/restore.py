@@ -78,7 +78,7 @@ def restore(folder: str | Path) -> Result:
     rows = trajectory_of(scenario, mechanism, arrays)
     motion = None if rows.isolated else SolvedAnew(scenario, mechanism, rows)
     outcome = Outcome(rows, motion, events=events_of(arrays, mechanism.model))
-    measured = {key: summary[key] for key in ("figures", "errors", "setting", "removals")}
+    measured = {key: summary[key] for key in ("figures", "errors", "number_errors", "setting", "removals")}
     return replace(scenario.result(outcome), name=str(summary["scenario"]), known=known, source=source, **measured)
 
 
@@ -128,14 +128,18 @@ def _summary(path: Path) -> dict[str, Any]:
         found = msgspec.json.decode(raw)
         accuracy = found["accuracy"]
         figures = {name: accuracy[name] for name in accuracy if name in MEASURES} | found["cost"] | found["findings"]
-        errors = {name: float("inf") if x is None else x for name, x in accuracy.get("error of outputs", {}).items()}
-        if not all(isinstance(value, int | float) for value in (*figures.values(), *errors.values())):
+        errors, of_numbers = (
+            {name: float("inf") if x is None else x for name, x in accuracy.get(f"error of {what}", {}).items()}
+            for what in ("outputs", "numbers")
+        )
+        told = *figures.values(), *errors.values(), *of_numbers.values()
+        if not all(isinstance(value, int | float) for value in told):
             raise ValueError("figures that are no numbers")
         doubts = ": least multipliers; ", ": not determined in "  # which the outputs bring along themselves
         notes = [str(note) for note in found["notes"] if not any(doubt in str(note) for doubt in doubts)]
         removals = tuple(Removal(**one) for one in found["not solved for"])
         return {"scenario": found["scenario"], "notes": notes, "removals": removals, "figures": figures,
-                "errors": errors, "setting": str(accuracy.get("setting", ""))}  # fmt: skip
+                "errors": errors, "number_errors": of_numbers, "setting": str(accuracy.get("setting", ""))}  # fmt: skip
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}", hint=AGAIN) from None
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:

@@ -67,7 +67,7 @@ def save(
             from pinarm.use.store.section_files import SECTIONS, sections_text
 
             write(draft / SECTIONS, sections_text(result.sections))
-        for section in result.shown_sections.values():
+        for section in result.written_sections.values():
             for each in section.tables:
                 write(draft / f"{section.key}_{each.name}.csv", table_csv(each))
         if timing:

@@ -209,7 +209,9 @@ def circle(folder: Path, law: str, duration: str, angles: list[float]) -> Any:
     )
     result = pinarm.run(folder / "s.yaml")
     rows = result.sections["path_error"].tables[0].rows
-    return result.number("path_error.rms")[0], [float(row[1]) for row in rows]
+    (rms, left), (peak, of_peak) = (result.number(f"path_error.{name}") for name in ("rms", "peak"))
+    assert rms <= left < 1e-12 and peak <= of_peak < 1e-12  # the points are on the circle
+    return rms, [float(row[1]) for row in rows]
 
 
 @pytest.mark.parametrize("beyond", [[-0.001], [0.0005], [0.0004, 0.0009], [0.001]])

@@ -12,6 +12,7 @@ URDF = """<robot name="inertia"><link name="base"/><link name="rotor"><inertial>
 
 PULSATION, DAMPING = 5.0, 0.3
 DAMPED = PULSATION * np.sqrt(1.0 - DAMPING**2)
+STEADY = {"x": {"law": "constant_speed", "speed": "1 rad/s"}}
 
 
 @pytest.fixture
@@ -177,7 +178,7 @@ def test_its_table_is_in_the_units_of_the_scenario(step, tmp_path):
     """Numbers as text kept their digits beside the other unit: 0.66 s was told as 0.66 ms."""
     shown = pinarm.run({**step, "units": {"x": "deg", "t": "ms"}})
     (table,) = shown.shown_sections["response"].tables
-    rows = {row[0]: tuple(row[1:]) for row in table.rows}
+    rows = {row[0]: tuple(row[1:3]) for row in table.rows}
     assert rows["time of the peak"] == (pytest.approx(1000.0 * np.pi / DAMPED, abs=0.1), "ms")
     assert rows["final value"] == (pytest.approx(180.0 / np.pi), "deg")
     assert rows["peak"][0] == pytest.approx(np.degrees(1.0 + np.exp(-np.pi * DAMPING * PULSATION / DAMPED)), abs=1e-6)
@@ -188,3 +189,44 @@ def test_its_table_is_in_the_units_of_the_scenario(step, tmp_path):
     again = pinarm.restore(folder).shown_sections["response"].tables[0]
     assert [row[2] for row in again.rows] == [row[2] for row in table.rows]
     assert [row[1] for row in again.rows] == [row[1] for row in table.rows]
+
+
+@pytest.mark.parametrize("damping", np.linspace(0.15, 0.85, 6))
+def test_the_errors_of_its_numbers_are_told(step, damping):
+    """Of a formula: the error is that of the search. The times are those of roots that SciPy finds."""
+    from scipy.optimize import brentq
+
+    damped, end = np.sqrt(1.0 - damping**2), 40.0
+
+    def z(t):
+        return 1.0 - np.exp(-damping * t) * (np.cos(damped * t) + damping / damped * np.sin(damped * t))
+
+    s = "(t/(1 s))"
+    wave = f"cos({float(damped)!r}*{s}) + {float(damping / damped)!r}*sin({float(damped)!r}*{s})"
+    law = {"kind": "inverse", "time": {"end": f"{end} s", "samples": 20}, "motion": STEADY}
+    asked = {"of": f"5*(1 - exp(-{float(damping)!r}*{s})*({wave}))", "initial": "0 1", "final": "5 1"}
+    found = pinarm.run({**step, "problem": law, "response": asked}).section("response")
+    t = np.linspace(0.0, end, 400_001)
+    outside = np.flatnonzero(np.abs(z(t) - 1.0) > 0.02)[-1]
+    roots = [brentq(lambda t, y=y: z(t) - y, 0.0, np.pi / damped, xtol=1e-15) for y in (0.1, 0.9)]
+    settled = brentq(lambda t: abs(z(t) - 1.0) - 0.02, t[outside], t[outside + 1], xtol=1e-15)
+    top = np.exp(-damping * np.pi / damped)
+    exact = {"rise_time": roots[1] - roots[0], "peak_time": np.pi / damped, "settling_time": settled, "overshoot": top,
+             "peak": 5.0 * (1.0 + top), "error": 5.0 * (1.0 - z(end))}  # fmt: skip
+    for name, value in exact.items():
+        assert abs(found.numbers[name].values[0] - value) <= found.errors[name] + 1e-15, name
+        assert found.errors[name] < (1e-3 if name == "peak_time" else 1e-8)
+
+
+def test_a_top_that_only_touches_the_band_makes_the_settling_time_open(step):
+    """The first top is as high as the band is wide: it has settled before it, or half a period later."""
+    law = {"kind": "inverse", "time": {"end": "10 s", "samples": 20}, "motion": STEADY}
+    ended = {"of": "1 - exp(-t/(1 s))*cos(t*1/(1 s))", "initial": "0 1", "final": "1 1"}
+    place = 0.75 * np.pi  # of the top: tan t = -1
+    band = float(np.exp(-place) * np.sqrt(0.5))
+    found = pinarm.run({**step, "problem": law, "response": {**ended, "band": band}}).section("response")
+    t = np.linspace(0.0, place, 1_000_001)
+    before = t[np.flatnonzero(np.exp(-t) * np.cos(t) > band)[-1]]
+    told, error = found.numbers["settling_time"].values[0], found.errors["settling_time"]
+    for either in (before, place):
+        assert abs(told - either) <= error + 1e-5

@@ -301,6 +301,7 @@ def test_a_spike_between_rows_is_found_at_any_number_of_them(scenario: Callable[
     lookup = scenario("inverse").varied({**STEADY, "problem.time": {"end": "3 s", "samples": samples}}).run().lookup
     found = lookup.at("max", "sin(alpha) + 5/(1 + ((alpha - 0.5123)/0.004)**2)")
     assert found["t"].values == pytest.approx([0.5123], abs=1e-5)
+    assert lookup.extreme("max", "1e3/(1 + ((alpha - 0.5123)/0.004)**2)")[1] >= 1e-9  # of the peak, not of the rows
 
 
 @pytest.mark.parametrize("samples", [5, 6])
@@ -426,3 +427,15 @@ def test_an_angle_of_several_turns_is_reached_once_however_few_rows(rows: int) -
     assert result.number("t @ x=450 deg")[0] == pytest.approx(0.5, rel=1e-12)
     with pytest.raises(InputError, match="not reached"):
         result.number("t @ x=-90 deg")
+
+
+@pytest.mark.parametrize(("quantity", "place", "exact"), [
+    ("cos(alpha - 8e-7)", "max", 1.0), ("1 - cos(alpha - 8e-7)", "min", 0.0), ("-cos(alpha - 8e-7)", "peak", 1.0),
+])  # fmt: skip
+def test_a_row_that_counts_as_the_extreme_is_told_with_what_it_is_below_it(
+    scenario: Callable[..., Any], quantity: str, place: str, exact: float
+) -> None:
+    """The first row is 3.2e-13 from the extreme, which is 8e-7 s behind it: rows within 1e-12 are taken."""
+    run = scenario("inverse").varied({**STEADY, "problem.time": {"end": "1 s", "samples": 11}}).run()
+    value, error = run.number(f"{quantity} @ {place}")
+    assert 1e-13 < abs(value - exact) <= error < 1e-11

@@ -98,7 +98,7 @@ def test_runs_that_are_refused_are_no_optimum():
     assert 0.3 <= found.best.end[0] < 0.3 + 1e-4
     assert found.reaches[0].stops[0] == "run refused"
     search = Find({"x": Unknown.read(["0 m", "1 m"])}, minimise="y @ end")
-    remarks = optimum_section(search, found, Series("y @ end", unit("m"), np.zeros(1))).remarks
+    remarks = optimum_section(search, found, Series("y @ end", unit("m"), np.zeros(1)), 0.0).remarks
     [held] = (remark for remark in remarks if remark.startswith("held by"))
     assert re.fullmatch(r"held by x: runs with values below 0\.3\S* m are refused", held)
     with pytest.raises(IntegrationError, match=r"none of the 2 starts can be run: loop does not close"):

@@ -115,6 +115,24 @@ def test_tables_of_sections_are_in_the_units_of_the_scenario(tmp_path: Path) -> 
     assert again.shown_sections["shaking"].tables[0].rows[0] == shown
 
 
+def test_tables_of_sections_show_angles_in_degrees_and_write_them_in_rad(tmp_path: Path) -> None:
+    """A turn of half a turn a second over 1 s goes from 0 to 180 deg."""
+    (tmp_path / "m.yaml").write_text(TURNED)
+    (tmp_path / "s.yaml").write_text(
+        "pinarm: 1\nmechanism: m.yaml\noutputs: [O]\nresponse: {of: joint.O.position}\n"
+        "problem: {kind: inverse, time: {end: 1 s}, motion: {O: {law: constant_speed, speed: 180 deg/s}}}\n"
+    )
+    result = pinarm.run(tmp_path / "s.yaml")
+    [final] = [line.split() for line in report(result).splitlines() if line.startswith("final value")]
+    assert float(final[2]) == pytest.approx(180.0, rel=1e-12) and "deg" in final
+    [final] = [row for row in result.shown_sections["response"].tables[0].rows if row[0] == "final value"]
+    assert final[1] == pytest.approx(180.0, rel=1e-12) and "deg" in final
+    written = (result.save(tmp_path / "out", plots=False) / "response_response.csv").read_text().splitlines()
+    [final] = [line.split(",") for line in written if line.startswith("final value")]
+    assert float(final[1]) == pytest.approx(pi, rel=1e-12) and "rad" in final
+    assert "deg" in result.sections["response"]._repr_html_()
+
+
 @pytest.mark.parametrize("samples", [2, 3])
 def test_the_range_of_rows_is_called_one_of_rows(tmp_path: Path, samples: int) -> None:
     """A sine over a period in three rows is 0 in all of them, and 1 at most: the table must not be taken for that."""

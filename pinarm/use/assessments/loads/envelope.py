@@ -15,7 +15,7 @@ from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.use.assessments.loads.joint import LoadedJoint
 from pinarm.use.assessments.loads.number import LoadNumber, rounding, worst_row
-from pinarm.use.result.row_lookup import PLATEAU, Lookup
+from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import SectionTable
 
 BY_AXIS = {"radial": "force.radial", "axial": "force.axial", "overturning": "moment.radial"}
@@ -47,8 +47,7 @@ def envelope(run: Lookup, joint: LoadedJoint) -> tuple[list[EnvelopeRow], list[s
         slack = least if np.ptp(series.values) <= least else 0.0
         ends = [run.extreme(which, series.name, slack) for which in ("min", "max")]
         low, high = ((float(row[series.name].values[0]), _place(row)) for row, _ in ends)
-        error = max(slack, PLATEAU * max(abs(low[0]), abs(high[0])), *(error for _, error in ends))
-        rows.append((joint.name, shown, str(series.unit), *low, *high, error))
+        rows.append((joint.name, shown, str(series.unit), *low, *high, max(error for _, error in ends)))
     return rows, remarks
 
 

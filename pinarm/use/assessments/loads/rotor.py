@@ -81,24 +81,29 @@ class Rotor(InputStruct, frozen=True):
         """
         with within("rotors", name):
             rate = f"joint.{name}.velocity"
-            omega = float(self.speed or abs(run.at("largest", rate)[rate].values[0]))
+            omega, spread = (float(self.speed), 0.0) if self.speed else _largest(run, rate)
             if not omega:
                 raise InputError(f"'{name}' does not turn in this run", expected="speed: that at which it works")
             mass, centre, static, couple = _unbalance(run.run.mechanism, name)
+            off, off_couple = _rounding(run.run.mechanism, name)
             eccentricity = float(np.linalg.norm(static)) / mass
-            numbers = {f"{name}.unbalance": LoadNumber(mass * eccentricity, UNBALANCE),
-                       f"{name}.eccentricity": LoadNumber(eccentricity, METRE)}  # fmt: skip
-            quality = eccentricity * omega
+            numbers = {f"{name}.unbalance": LoadNumber(mass * eccentricity, UNBALANCE, error=off),
+                       f"{name}.eccentricity": LoadNumber(eccentricity, METRE, error=off / mass)}  # fmt: skip
+            graded = [(eccentricity, off / mass)]
             if self.planes:
-                inner = _in_planes(static, couple, *self.planes)
-                numbers |= {f"{name}.unbalance.{k}": LoadNumber(x, UNBALANCE) for k, x in enumerate(inner, start=1)}
-                shares = _shares(centre, *self.planes)
-                quality = max(quality, *(x / (mass * share) * omega for x, share in zip(inner, shares, strict=True)))
+                inner, between = _in_planes(static, couple, *self.planes), abs(self.planes[1] - self.planes[0])
+                wrong = [(off_couple + abs(plane) * off) / between for plane in reversed(self.planes)]
+                numbers |= {f"{name}.unbalance.{k}": LoadNumber(x, UNBALANCE, error=error)
+                            for k, (x, error) in enumerate(zip(inner, wrong, strict=True), start=1)}  # fmt: skip
+                permitted = [mass * share for share in _shares(centre, *self.planes)]
+                graded += [(x / m, error / m) for x, error, m in zip(inner, wrong, permitted, strict=True)]
+            largest, error = (max(each[k] for each in graded) for k in (0, 1))
+            quality, doubt = largest * omega, error * omega + largest * spread
         planes = "in both planes" if self.planes else "static unbalance only"
         remark = (
             f"{name}: e omega = {quality / MILLIMETRE:.4g} mm/s at {omega / RPM:.5g} rpm, {planes}: {grade(quality)}"
         )
-        return numbers | {f"{name}.quality": LoadNumber(quality, QUALITY)}, [remark]
+        return numbers | {f"{name}.quality": LoadNumber(quality, QUALITY, error=doubt)}, [remark]
 
 
 def grade(quality: float) -> str:
@@ -106,6 +111,9 @@ def grade(quality: float) -> str:
     met = next((each for each in GRADES if quality <= each * MILLIMETRE * (1.0 + ROUNDING)), None)
     return f"G {met:g} of ISO 21940-11" if met else f"beyond G {GRADES[-1]:g}, the coarsest grade of ISO 21940-11"
 
+
+SUMS = 1e-14
+"""Rounding of sums over the bodies of a rotor, relative to the sizes of their terms."""
 
 LEAST_SHARE = 0.3
 """Of the permitted unbalance that a plane has, however far from the centre of mass it is."""
@@ -123,6 +131,22 @@ def _unbalance(mechanism: Mechanism, name: str) -> tuple[float, float, Array, Ar
     second = 0.5 * np.trace(about) * np.eye(3) - about  # ∫ x x^T dm
     centre = inertia.lever
     return float(inertia.mass), float(centre @ axis), inertia.mass * (across @ centre), across @ second @ axis
+
+
+def _largest(run: Lookup, rate: str) -> tuple[float, float]:
+    """Return the largest size of a rate [rad/s], and what the search for it leaves."""
+    row, error = run.extreme("largest", rate)
+    return abs(float(row[rate].values[0])), error
+
+
+def _rounding(mechanism: Mechanism, name: str) -> tuple[float, float]:
+    """Return the rounding of U [kg*m] and D [kg*m²]: of sums over particles, which cancel where a rotor is balanced.
+
+    These are no more than m r and m r², with r the root of the mean square of the distances of particles.
+    """
+    inertia = mechanism.model.inertias[mechanism.joints[name].index]
+    spread = 0.5 * float(np.trace(inertia.matrix()[3:, 3:]))
+    return SUMS * float(inertia.mass * spread) ** 0.5, SUMS * spread
 
 
 def _in_planes(static: Array, couple: Array, first: float, second: float) -> tuple[float, float]:

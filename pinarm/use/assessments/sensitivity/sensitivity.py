@@ -156,16 +156,18 @@ class Sensitivity(InputStruct, frozen=True):
         if any(band.error is None for band in bands):
             remarks.append("numerical errors are not estimated; run --verify bounds them")
         title = "Sensitivity to tolerances"
-        return Section("sensitivity", title, tables, numbers | drawn.numbers, remarks, drawn.graphs, errors)
+        numbers, errors = numbers | drawn.numbers, errors | drawn.errors
+        return Section("sensitivity", title, tables, numbers, remarks, drawn.graphs, errors)
 
     def _drawn(self, variation: Varied, bands: Sequence[Band]) -> _Drawn:
         """Return what drawn inputs show, where that is asked."""
-        drawn = _Drawn([], {}, [], [])
+        drawn = _Drawn([], {}, {}, [], [])
         if self.monte_carlo:
             samples = monte_carlo(variation, self.monte_carlo, self.seed, self.distribution)
-            table, numbers = distribution_table(bands, variation.inputs, samples, self.distribution)
+            table, numbers, errors = distribution_table(bands, variation.inputs, samples, self.distribution)
             drawn.tables.append(table)
             drawn.numbers.update(numbers)
+            drawn.errors.update(errors)
             drawn.remarks.extend(distribution_remarks(bands, variation.inputs, samples, self.distribution, self.seed))
             drawn.graphs.extend(
                 distribution_graph(band, variation.inputs, samples.values[:, k], self.distribution)
@@ -174,9 +176,10 @@ class Sensitivity(InputStruct, frozen=True):
         if self.sobol:
             noises = np.array([band.noise for band in bands])
             indices = sobol_indices(variation, self.sobol, self.seed, self.distribution, noises)
-            table, numbers = sobol_table(bands, variation.inputs, indices)
+            table, numbers, errors = sobol_table(bands, variation.inputs, indices)
             drawn.tables.append(table)
             drawn.numbers.update(numbers)
+            drawn.errors.update(errors)
             drawn.remarks.extend(sobol_remarks(bands, indices, self.sobol))
         return drawn
 
@@ -187,6 +190,7 @@ class _Drawn:
 
     tables: list[SectionTable]
     numbers: dict[str, Series]
+    errors: dict[str, float]
     remarks: list[str]
     graphs: list[Graph]
 

@@ -160,18 +160,60 @@ def effect_table(band: Band, inputs: Sequence[Input]) -> SectionTable:
 
 def distribution_table(
     bands: Sequence[Band], inputs: Sequence[Input], samples: Samples, distribution: DistributionName
-) -> tuple[SectionTable, dict[str, Series]]:
-    """Return how numbers of drawn runs are distributed, and their standard deviations by name."""
-    rows, numbers = list[tuple[Cell, ...]](), dict[str, Series]()
+) -> tuple[SectionTable, dict[str, Series], dict[str, float]]:
+    """Return how numbers of drawn runs are distributed, their standard deviations by name, and the errors of these.
+
+    Errors are half widths of 95 % intervals, and what each number may be wrong by.
+    """
+    rows, numbers, errors = list[tuple[Cell, ...]](), dict[str, Series](), dict[str, float]()
     for band, values in zip(bands, samples.values.T, strict=True):
         deviation, linear = float(values.std(ddof=1)), DEVIATION[distribution] * band.rss(inputs)
-        low, middle, high = np.quantile(values, (0.025, 0.5, 0.975)).tolist()
+        own, wide = max(band.noise, band.error or 0.0), _student(len(values))
+        of_mean, of_deviation = deviation / len(values) ** 0.5, deviation_error(values)
+        name = f"{slug(band.number)}.deviation"
+        numbers[name], errors[name] = _single(band.measured.unit, deviation), wide * of_deviation + own
+        shares = [(x, off + own) for x, off in (quantile(values, share) for share in SHARES)]
+        pairs = [(float(values.mean()), wide * of_mean + own), (deviation, errors[name]), (linear,), *shares]
         unit = str(band.measured.unit or "?")
-        rows.append((band.number.label, unit, float(values.mean()), deviation, linear, low, middle, high))
-        numbers[f"{slug(band.number)}.deviation"] = _single(band.measured.unit, deviation)
-    columns = ("", "unit", "mean", "deviation", "by root-sum-square", "2.5 %", "median", "97.5 %")
+        rows.append((band.number.label, unit, *(cell for pair in pairs for cell in pair)))
+    named = ("mean", "deviation", "by root-sum-square", "2.5 %", "median", "97.5 %")
+    columns = ["", "unit"]
+    for k, heading in enumerate(named):  # names of columns are not the same
+        columns += [heading] if k == 2 else [heading, "± 95 %" + " " * k]
     title = f"Monte Carlo, {len(samples.values)} runs"
-    return SectionTable("monte_carlo", title, columns, (None,) * len(columns), rows), numbers
+    table = SectionTable("monte_carlo", title, columns, (None,) * len(columns), rows, row_unit=1)
+    return table, numbers, errors
+
+
+SHARES = (0.025, 0.5, 0.975)
+"""Percentiles of drawn numbers, as parts of one."""
+
+FEW_DRAWN = 100
+"""Drawn runs with which about 95 % are within the intervals of means and deviations: of squares of normal numbers 93 %
+and 83 % are then, and 89 % and 68 % with 20."""
+
+
+def _student(count: int) -> float:
+    """Return the half width of a 95 % interval of a mean by some numbers, in its standard errors."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(count - 1, 0.975))
+
+
+def quantile(values: Array, share: float) -> tuple[float, float]:
+    """Return a percentile of drawn numbers, shape (n,), and the half width of its 95 % interval, whatever they are.
+
+    How many numbers are below the percentile of the distribution is binomial: the interval is from one of them to
+    another. Of too few it has no end.
+
+    Source: Conover, Practical Nonparametric Statistics, section 3.2.
+    """
+    from scipy.special import bdtrik
+
+    n, told = len(values), float(np.quantile(values, share))
+    low, high = (int(np.ceil(bdtrik(each, n, share))) for each in (0.025, 0.975))
+    ends = np.concatenate([[-np.inf], np.sort(values), [np.inf]])
+    return told, float(max(told - ends[low], ends[min(high, n) + 1] - told))
 
 
 def distribution_remarks(
@@ -183,6 +225,8 @@ def distribution_remarks(
     if samples.failures:
         failed, most = len(samples.failures), max(set(samples.failures), key=samples.failures.count)
         said.append(f"{failed} of {failed + count} drawn runs cannot be solved, and are left out: {most}")
+    if count < FEW_DRAWN:
+        said.append(f"± 95 % by fewer than {FEW_DRAWN} drawn runs are too small where numbers are skewed")
     for band, values in zip(bands, samples.values.T, strict=True):
         deviation, linear = float(values.std(ddof=1)), DEVIATION[distribution] * band.rss(inputs)
         if abs(deviation - linear) > CERTAIN * linear / (2.0 * (count - 1)) ** 0.5 + band.doubt(inputs):
@@ -235,18 +279,19 @@ def sobol_remarks(bands: Sequence[Band], indices: SobolIndices, count: int) -> l
 
 def sobol_table(
     bands: Sequence[Band], inputs: Sequence[Input], indices: SobolIndices
-) -> tuple[SectionTable, dict[str, Series]]:
-    """Return the Sobol' indices of all numbers, and the same by name."""
-    rows, numbers = list[tuple[Cell, ...]](), dict[str, Series]()
+) -> tuple[SectionTable, dict[str, Series], dict[str, float]]:
+    """Return the Sobol' indices of all numbers, the same by name, and half widths of their 95 % intervals."""
+    rows, numbers, errors = list[tuple[Cell, ...]](), dict[str, Series](), dict[str, float]()
     parts = indices.first, indices.first_error, indices.total, indices.total_error
     for m, band in enumerate(bands):
         for k, each in enumerate(inputs):
             cells = [float(part[m, k]) for part in parts]
             rows.append((band.number.label, each.name, *cells))
-            numbers[f"{slug(band.number)}.first.{each.name}"] = _single(DIMENSIONLESS, cells[0])
-            numbers[f"{slug(band.number)}.total.{each.name}"] = _single(DIMENSIONLESS, cells[2])
+            for kind, at in (("first", 0), ("total", 2)):
+                name = f"{slug(band.number)}.{kind}.{each.name}"
+                numbers[name], errors[name] = _single(DIMENSIONLESS, cells[at]), cells[at + 1]
     columns = ("of", "to", "first order", "± 95 %", "total", "± 95 % ")
-    return SectionTable("sobol", "Sobol' indices", columns, (None,) * len(columns), rows), numbers
+    return SectionTable("sobol", "Sobol' indices", columns, (None,) * len(columns), rows), numbers, errors
 
 
 def _single(unit: Unit | None, value: float) -> Series:

@@ -28,9 +28,9 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.records import ValueRecord
-from pinarm.use.result.figures.percentile import percentile
+from pinarm.use.result.figures.percentile import SmoothCurve, percentile
 from pinarm.use.result.figures.quadrature import NODES, AllowedErrors, KnownValues, Panels, integrate
-from pinarm.use.result.row_lookup import PLATEAU, Lookup
+from pinarm.use.result.row_lookup import Lookup
 
 RELATIVE, ABSOLUTE = 1e-10, 1e-13
 """Errors at which an integral is good enough, relative to itself and to the integral of the size of what is summed."""
@@ -328,8 +328,7 @@ def _integral(run: Lookup, quantity: str) -> tuple[float, float]:
 
 def _peak(run: Lookup, quantity: str) -> tuple[float, float]:
     row, error = run.extreme("largest", quantity)
-    value = abs(float(row[quantity].values[0]))
-    return value, max(error, PLATEAU * value)
+    return abs(float(row[quantity].values[0])), error
 
 
 def _single(run: Lookup, quantity: str) -> tuple[float, float]:
@@ -340,10 +339,18 @@ def _percentile(run: Lookup, quantity: str, share: float) -> tuple[float, float]
     """Return the value below which x is for a share of the run [%], and its error."""
     if not _length(run):
         return _single(run, quantity)
-    curves = [partial(_values, run, quantity, interval) for interval in range(len(run.intervals))]
-    intervals = [(start, end, curve) for (start, end, _), curve in zip(run.intervals, curves, strict=True)]
-    value, error = percentile([interval for interval in intervals if interval[0] != interval[1]], share / 100.0)
+    curves = [_curve(run, quantity, interval) for interval, (start, end, _) in enumerate(run.intervals) if start != end]
+    value, error = percentile(curves, share / 100.0)
     return value, error + ROUNDING * abs(value)
+
+
+def _curve(run: Lookup, quantity: str, interval: int) -> SmoothCurve:
+    """Return a quantity in one interval, with what its rows tell."""
+    start, end, own = run.intervals[interval]
+    order = 1 if start < end else -1
+    t, values = run.run.grid.t[own][::order], run.quantities[quantity].values[own][::order]
+    at = partial(_values, run, quantity, interval)
+    return SmoothCurve(min(start, end), max(start, end), at, run.bounds(interval), t, values)
 
 
 def _values(run: Lookup, quantity: str, interval: int, t: Array) -> Array:

@@ -78,7 +78,7 @@ class Peak(ValueRecord, frozen=True):
         height: The height.
         interval: Number of the interval.
         place: Where in it.
-        error: By how much the curve may be above it, as the place is known to rounding only.
+        error: By how much the curve may be above it: the place is known to rounding only, and so little does not count.
     """
 
     height: float

@@ -1,6 +1,7 @@
 """The value below which a curve lies for a share of its length, from polynomials on pieces of it.
 
-A piece is halved until the Chebyshev polynomial of degree 16 through its values is the curve. Of polynomials the length
+A piece is halved until the Chebyshev polynomial of degree 16 through its values is the curve, and what is known of that
+elsewhere, as rows of a table are, lies on it. Of polynomials the length
 on which they are below a value is known from their roots, and with it the percentile, to the error of the polynomials:
 two curves that differ by e at most have percentiles that differ by e at most.
 
@@ -16,11 +17,11 @@ from functools import cached_property
 
 import numpy as np
 
-from pinarm.arrays import Array
-from pinarm.records import Record
+from pinarm.arrays import Array, distinct
+from pinarm.records import Record, ValueRecord
 from pinarm.use.result.figures.bracket_fit import BracketFit
 
-FIRST, ROUNDS, MOST = 3, 40, 512
+FIRST, ROUNDS, MOST = 3, 40, 1024
 """Pieces of an interval at first; how often they are halved, and how many are halved in all."""
 
 ENOUGH = 1e-10
@@ -29,8 +30,33 @@ ENOUGH = 1e-10
 ROUNDING = 1e-13
 """Error of a piece, relative to the largest value, below which it is rounding of the curve."""
 
-HALVINGS = 60
-"""Of the range of values: then a value is known to rounding."""
+NEAR = 1e-15
+"""Of a value, and of the range of values: to that it is looked for."""
+
+
+class SmoothCurve(ValueRecord, frozen=True):
+    """A curve between two jumps.
+
+    Attributes:
+        low: Where it begins.
+        high: Where it ends.
+        at: Places, shape (n,) -> values there.
+        cuts: Between which it is smooth, and does not change much.
+        known: Places at which values are known, ascending, shape (m,).
+        values: These values, shape (m,).
+    """
+
+    low: float
+    high: float
+    at: Callable[[Array], Array]
+    cuts: Sequence[float]
+    known: Array
+    values: Array
+
+    def off(self, fit: BracketFit) -> float:
+        """Return how far known values within a polynomial's bracket are from it at most."""
+        own = slice(*np.searchsorted(self.known, [fit.low, fit.high]).tolist())
+        return float(np.abs(fit.at(self.known[own]) - self.values[own]).max(initial=0.0))
 
 
 class CurvePiece(Record, frozen=True):
@@ -38,9 +64,11 @@ class CurvePiece(Record, frozen=True):
 
     Attributes:
         fit: The polynomial through its values.
+        error: How far it may be from the curve.
     """
 
     fit: BracketFit
+    error: float
 
     @property
     def length(self) -> float:
@@ -66,32 +94,33 @@ class CurvePiece(Record, frozen=True):
         return float(np.diff(cuts)[shifted.at(middles) < 0.0].sum())
 
 
-def percentile(intervals: Sequence[tuple[float, float, Callable[[Array], Array]]], share: float) -> tuple[float, float]:
+def percentile(curves: Sequence[SmoothCurve], share: float) -> tuple[float, float]:
     """Return the value below which a curve is for a share of its length, and the error of the value.
 
     Args:
-        intervals: Start, end and the curve as a function of places, shape (n,), of the intervals between its jumps.
+        curves: The curve, between its jumps.
         share: Between 0 and 1.
     """
-    pieces = [piece for start, end, curve in intervals
-              for piece in _pieces(min(start, end), max(start, end), curve)]  # fmt: skip
-    value, rough = _value(pieces, share), max(piece.fit.error for piece in pieces)
+    pieces = [piece for curve in curves for piece in _pieces(curve)]
+    value, rough = _value(pieces, share), max(piece.error for piece in pieces)
     level = _level(pieces)
-    unknown = sum(piece.length for piece in pieces if piece.fit.error > level) / sum(piece.length for piece in pieces)
+    unknown = sum(piece.length for piece in pieces if piece.error > level) / sum(piece.length for piece in pieces)
+    if not unknown:
+        return value, min(rough, level)
     ends = (_value(pieces, min(share + unknown, 1.0)), _value(pieces, max(share - unknown, 0.0)))
     return value, min(rough, level + ends[0] - ends[1])
 
 
-def _pieces(low: float, high: float, curve: Callable[[Array], Array]) -> list[CurvePiece]:
-    """Return the pieces of one interval, in no order."""
-    cuts = np.linspace(low, high, FIRST + 1)
+def _pieces(curve: SmoothCurve) -> list[CurvePiece]:
+    """Return the pieces of a curve, in no order."""
+    cuts = distinct(np.concatenate([np.linspace(curve.low, curve.high, FIRST + 1), curve.cuts]))
     done, pending, halved = list[CurvePiece](), _fitted(cuts[:-1], cuts[1:], curve), 0
     for _ in range(ROUNDS):
         level = _level([*done, *pending])
-        rough = [piece for piece in pending if piece.fit.error > level]
-        done += [piece for piece in pending if piece.fit.error <= level]
+        rough = [piece for piece in pending if piece.error > level]
+        done += [piece for piece in pending if piece.error <= level]
         halved += len(rough)
-        if not rough or halved > MOST:
+        if not rough or halved > MOST + len(cuts):
             return [*done, *rough]
         ends = np.array([(piece.fit.low, piece.fit.high) for piece in rough])
         middle = ends.mean(axis=1)
@@ -106,24 +135,25 @@ def _level(pieces: Sequence[CurvePiece]) -> float:
     return max(ENOUGH * float(np.ptp(values)), ROUNDING * float(np.abs(values).max()))
 
 
-def _fitted(lows: Array, highs: Array, curve: Callable[[Array], Array]) -> list[CurvePiece]:
+def _fitted(lows: Array, highs: Array, curve: SmoothCurve) -> list[CurvePiece]:
     """Return pieces between places, each of shape (n,) and in order."""
     places = [BracketFit.places(low, high) for low, high in zip(lows.tolist(), highs.tolist(), strict=True)]
-    values = curve(np.concatenate(places)).reshape(len(places), -1)
-    return [CurvePiece(BracketFit(t[0], t[-1], x)) for t, x in zip(places, values, strict=True)]
+    values = curve.at(np.concatenate(places)).reshape(len(places), -1)
+    fits = [BracketFit(t[0], t[-1], x) for t, x in zip(places, values, strict=True)]
+    return [CurvePiece(fit, max(fit.error, curve.off(fit))) for fit in fits]
 
 
 def _value(pieces: Sequence[CurvePiece], share: float) -> float:
-    """Return the value below which the polynomials are for a share of their length, by bisection."""
+    """Return the value below which the polynomials are for a share of their length."""
+    from scipy.optimize import brentq
+
     values = np.concatenate([piece.turns[1] for piece in pieces])
     low, high = float(values.min()), float(values.max())
     wanted = share * sum(piece.length for piece in pieces)
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        if not low < middle < high:
-            break
-        if sum(piece.below(middle) for piece in pieces) < wanted:
-            low = middle
-        else:
-            high = middle
-    return high if share > 0.0 else float(values.min())
+
+    def excess(value: float) -> float:
+        return sum(piece.below(value) for piece in pieces) - wanted
+
+    if low == high or wanted <= 0.0 or excess(high) <= 0.0:
+        return low if wanted <= 0.0 else high
+    return float(brentq(excess, low, high, xtol=NEAR * (high - low), rtol=NEAR))

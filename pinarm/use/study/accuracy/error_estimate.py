@@ -30,6 +30,7 @@ from pinarm.use.study.accuracy.integration_settings import (
     takes_other_steps,
     with_setting,
 )
+from pinarm.use.study.accuracy.number_bounds import bounded_sections, number_bounds
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -117,7 +118,8 @@ def with_errors(result: Result, other: Result | None, setting: str) -> Result:
         setting: Both settings, in words.
     """
     if other is None:
-        return replace(result, errors=dict.fromkeys(result.content.outputs, np.inf), setting=setting)
+        unknown = replace(result, errors=dict.fromkeys(result.content.outputs, np.inf), setting=setting)
+        return _with_number_bounds(unknown, other)
     errors = error_bounds(result, other)
     zeros = ", ".join(rounded_to_zero(result))
     setting += f"; 0 but for rounding: {zeros}" if zeros else ""
@@ -125,7 +127,16 @@ def with_errors(result: Result, other: Result | None, setting: str) -> Result:
     setting += f"; rounding lets errors of steps add up to {rounding:.1e} of so small a motion" if rounding else ""
     time = _growth_time(result, other)
     growth = {} if time is None else {"e-folding": time}
-    return replace(result, errors=errors, setting=setting, figures={**result.figures, **growth})
+    found = replace(result, errors=errors, setting=setting, figures={**result.figures, **growth})
+    return _with_number_bounds(found, other)
+
+
+def _with_number_bounds(result: Result, other: Result | None) -> Result:
+    """Return a result with the bounds of its numbers, and its sections with theirs."""
+    if not (result.content.numbers or result.numbered):
+        return result
+    bounds = number_bounds(result, other, BOUND)
+    return replace(result, number_errors=bounds, known={**result.known, **bounded_sections(result, bounds)})
 
 
 def _growth_time(result: Result, other: Result) -> float | None:

@@ -1,6 +1,7 @@
 """Balance of rotors against closed forms of their unbalance, and against the forces in their bearings."""
 
-from math import hypot, pi
+from math import cos, hypot, pi, sin
+from pathlib import Path
 
 import pytest
 
@@ -50,6 +51,29 @@ def test_a_statically_balanced_rotor_is_graded_by_its_couple() -> None:
     found, _ = balance("rotor_static_balance", planes)
     assert found["phi.unbalance.1"] == pytest.approx(found["phi.unbalance.2"], rel=1e-9)
     assert found["phi.quality"] > 1e-3
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.3, 0.7])
+def test_a_balanced_rotor_is_so_but_for_the_errors_that_are_told(tmp_path: Path, tilt: float) -> None:
+    """Eight masses, each with its mirror image on the other side of the axis: all of its unbalance is rounding."""
+    places = [(0.1 * k * cos(7 * k + tilt), 0.1 * k * sin(7 * k + tilt), 0.37 / k) for k in range(1, 9)]
+    links = ["<link name='base'/><link name='rotor'/><joint name='x' type='continuous'><parent link='base'/>"
+             "<child link='rotor'/><axis xyz='0 0 1'/></joint>"]  # fmt: skip
+    for k, (x, y, z) in enumerate([*places, *((-x, -y, z) for x, y, z in places)]):
+        links.append(
+            f"<link name='l{k}'><inertial><mass value='{0.1 * (k % 8 + 1)!r}'/><inertia ixx='0' iyy='0' izz='0' "
+            f"ixy='0' ixz='0' iyz='0'/></inertial></link><joint name='j{k}' type='fixed'><parent link='rotor'/>"
+            f"<child link='l{k}'/><origin xyz='{x!r} {y!r} {z!r}'/></joint>"
+        )
+    (tmp_path / "rotor.urdf").write_text(f"<robot name='rotor'>{''.join(links)}</robot>")
+    motion = {"x": {"law": "constant_speed", "speed": f"{OMEGA} rad/s"}}
+    section = pinarm.run({
+        "pinarm": 1, "mechanism": pinarm.Mechanism.load(tmp_path / "rotor.urdf"), "outputs": ["x"],
+        "problem": {"kind": "inverse", "time": {"end": "1 s", "samples": 3}, "motion": motion},
+        "loads": {"rotors": {"x": {"planes": ["-1 m", "1 m"]}}},
+    }).sections["loads"]  # fmt: skip
+    for name in ("unbalance", "eccentricity", "unbalance.1", "unbalance.2", "quality"):
+        assert section.numbers[f"x.{name}"].values[0] <= section.errors[f"x.{name}"] < 1e-10
 
 
 def test_correction_masses_make_it_of_the_finest_grade() -> None:

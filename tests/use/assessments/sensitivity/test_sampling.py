@@ -4,6 +4,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import pi
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from pinarm.arrays import Array
 from pinarm.errors import DynamicsError, InputError
 from pinarm.use.assessments.sensitivity.sampling import DistributionName, changes_of, monte_carlo, sobol_indices
-from pinarm.use.assessments.sensitivity.tables import deviation_error
+from pinarm.use.assessments.sensitivity.tables import deviation_error, quantile
 from pinarm.use.assessments.sensitivity.variation import Input
 from pinarm.use.cases.case import WORTH, Row
 
@@ -120,6 +121,18 @@ def test_the_deviation_of_drawn_numbers_scatters_as_it_is_told(power: int, kurto
     assert told == pytest.approx(deviations.mean() * ((kurtosis - 1) / 2000) ** 0.5 / 2, rel=0.1)
     assert told == pytest.approx(deviations.std(), rel=0.15)  # 500 samples know it to 3 %
     assert deviation_error(np.ones(5)) == 0.0
+
+
+@pytest.mark.parametrize("share", [0.025, 0.5, 0.975])
+@pytest.mark.parametrize("power", [1, 2])
+def test_percentiles_of_drawn_numbers_are_within_what_is_told(share: float, power: int) -> None:
+    """Of normal numbers and their squares, 95 of 100 at least; of 20 numbers the ends have none."""
+    point = NormalDist().inv_cdf(share if power == 1 else 0.5 + 0.5 * share) ** power
+    draws = np.random.default_rng(5).normal(size=(400, 300)) ** power
+    told = [quantile(each, share) for each in draws]
+    assert np.mean([abs(value - point) <= error for value, error in told]) > 0.93  # 400 know it to 1 %
+    assert np.median([error for _, error in told]) < 3.0
+    assert np.isinf(quantile(draws[0, :20], share)[1]) == (share != 0.5)
 
 
 def test_salib_is_asked_for_where_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -132,7 +132,7 @@ def test_a_force_that_is_0_depends_on_nothing() -> None:
     asked = {"of": ["F_Bx @ max", "C_B @ max"], "to": {"m_A": "5 %", "l1": "1 mm"}, "monte_carlo": 20, "sobol": 8}
     found = section(ARM, asked, **FEW, **{"problem.hold.O": "37 deg"})
     for row in rows(found.tables[-2]).values():
-        assert abs(row["derivative"]) <= row["its error"] < 1e-8  # N/kg, N/m
+        assert abs(row["derivative"]) <= row["its error"] < 1e-7  # N/kg, N/m
         assert np.isnan(row["% of root-sum-square"])
     assert sum(row["% of root-sum-square"] for row in rows(found.tables[-1]).values()) == pytest.approx(100.0)
     assert [remark for remark in found.remarks if "no input has a share" in remark] == [
@@ -198,6 +198,22 @@ def test_a_kink_is_told_by_both_derivatives() -> None:
     assert values(found)["max_m_A_0_2_m_B_start.worst_case"] == pytest.approx(1e-3, rel=1e-9)
 
 
+def test_mean_and_deviation_of_drawn_runs_are_within_what_is_told() -> None:
+    """C_B is linear in the mass: normal about its value, with a third of what the tolerance makes of it."""
+    exact, within = {"mean": G * L * (M_A + 0.5 * M_BA), "deviation": G * L * 0.01}, list[bool]()
+    for seed in range(15):
+        asked = {"of": ["C_B @ max"], "to": {"m_A": "30 g"}, "monte_carlo": 100, "seed": seed}
+        found = section(ARM, asked, **FEW)
+        [table] = [table for table in found.tables if table.name == "monte_carlo"]
+        cells = dict(zip(table.columns, table.rows[0], strict=True))
+        for name, value in exact.items():
+            error = table.rows[0][table.columns.index(name) + 1]
+            assert isinstance(error, float)
+            within.append(abs(float(cells[name]) - value) <= error)
+        assert found.errors["C_B_max.deviation"] == table.rows[0][table.columns.index("deviation") + 1] > 0.0
+    assert sum(within) >= 26  # of 30
+
+
 @pytest.mark.slow
 def test_monte_carlo_shows_what_is_not_linear() -> None:
     """(x/s)² has the mean 1 and the deviation 2^(1/2) of a normal x; its derivative at 0 is 0."""
@@ -245,10 +261,11 @@ def test_the_numerical_error_stands_beside_the_bands() -> None:
     verified = scenario.verified()
     known = rows(verified.sections["sensitivity"].tables[0])
     largest = float(np.abs(verified["C_B"].values).max())
-    assert known["C_B @ max"]["numerical error"] == pytest.approx(verified.errors["C_B"] * largest, rel=1e-12)
+    bound = verified.errors["C_B"] * largest + verified.number("C_B @ max")[1]
+    assert known["C_B @ max"]["numerical error"] == pytest.approx(bound, rel=1e-12)
     assert 0 < known["C_B @ integral"]["numerical error"] < 1e-12
     assert 0 < known["F_By @ phi=5 deg"]["numerical error"] < 1e-12
-    assert known["phi @ max(C_B)"]["numerical error"] == "not estimated"
+    assert 0 <= known["phi @ max(C_B)"]["numerical error"] < 1e-12
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pinarm.arrays import Array
-from pinarm.use.result.figures.percentile import MOST, percentile
+from pinarm.use.result.figures.percentile import MOST, SmoothCurve, percentile
 
 DWELL = 0.3
 """Where a curve begins to rise that is 0 before."""
@@ -28,21 +28,23 @@ CLOSED_FORMS: list[tuple[str, Callable[[Array], Array], float, float]] = [
 ]  # fmt: skip
 
 
+def between(low: float, high: float, at: Callable[[Array], Array], known: Array | None = None) -> SmoothCurve:
+    rows = np.empty(0) if known is None else known
+    return SmoothCurve(low, high, at, [], rows, at(rows))
+
+
 @pytest.mark.parametrize(("name", "curve", "share", "value"), CLOSED_FORMS)
 def test_percentiles_are_those_of_closed_forms_within_their_errors(
     name: str, curve: Callable[[Array], Array], share: float, value: float
 ) -> None:
-    found, error = percentile([(0.0, 1.0, curve)], share)
+    found, error = percentile([between(0.0, 1.0, curve)], share)
     # rounding of values of the size of 1 to 6, and of the roots that end the lengths
     assert abs(found - value) <= error + 1e-13
     assert error < 1e-8
 
 
-def test_intervals_count_by_their_length_and_may_run_backwards() -> None:
-    intervals: list[tuple[float, float, Callable[[Array], Array]]] = [
-        (3.0, 0.0, lambda t: t),
-        (0.0, 1.0, lambda t: 10.0 + t),
-    ]
+def test_intervals_count_by_their_length() -> None:
+    intervals = [between(0.0, 3.0, lambda t: t), between(0.0, 1.0, lambda t: 10.0 + t)]
     assert percentile(intervals, 0.25)[0] == pytest.approx(1.0, abs=1e-12)
     assert percentile(intervals, 0.95)[0] == pytest.approx(10.8, abs=1e-12)
 
@@ -54,14 +56,14 @@ def test_noise_ends_the_halving_and_is_in_the_error() -> None:
         points.append(len(t))
         return np.asarray(t + 1e-6 * np.sin(1e9 * t))
 
-    found, error = percentile([(0.0, 1.0, rough)], 0.5)
+    found, error = percentile([between(0.0, 1.0, rough)], 0.5)
     assert abs(found - 0.5) < 2e-6 and 1e-6 < error < 1e-3
     assert sum(points) < 17 * 4 * MOST
 
 
 def test_a_sine_over_a_share_of_its_turn() -> None:
     """Below v it is for (asin(v) + pi/2)/pi of its length, which is asked of the value that is found."""
-    value, _ = percentile([(-pi / 2, pi / 2, np.sin)], 0.3)
+    value, _ = percentile([between(-pi / 2, pi / 2, np.sin)], 0.3)
     assert (asin(value) + pi / 2) / pi == pytest.approx(0.3, abs=1e-12)
 
 
@@ -72,5 +74,15 @@ def test_a_constant_is_not_halved_for_its_rounding() -> None:
         states.append(len(t))
         return 1.0 + 2e-16 * noise.integers(0, 2, len(t))
 
-    assert percentile([(0.0, 1.0, curve)], 0.95)[0] == pytest.approx(1.0, abs=1e-15)
+    assert percentile([between(0.0, 1.0, curve)], 0.95)[0] == pytest.approx(1.0, abs=1e-15)
     assert sum(states) <= 51
+
+
+def test_a_spike_that_a_row_is_in_is_not_missed() -> None:
+    """Of 11 rows one is in it; for a thousandth of the length it is above 5: nodes of first pieces are not."""
+
+    def spike(t: Array) -> Array:
+        return np.asarray(10.0 * np.maximum(0.0, 1.0 - np.abs(t - 0.4) / 1e-3))
+
+    found, error = percentile([between(0.0, 1.0, spike, np.linspace(0.0, 1.0, 11))], 0.999)
+    assert abs(found - 5.0) <= error < 1e-6

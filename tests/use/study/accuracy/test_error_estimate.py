@@ -307,3 +307,20 @@ def test_the_bound_sees_the_rounding_of_laws(speed, end):
     exact = np.cos(np.longdouble(speed) * result.trajectory.grid.t.astype(np.longdouble))
     error = float(np.abs(result["point.P.position.x"].values - exact).max())
     assert 1e-14 < error <= result.error < 100.0 * error
+
+
+@pytest.mark.parametrize("turns", [1, 10**4, 10**8, 10**12])
+def test_the_rounding_of_swept_angles_is_seen(tmp_path, turns):
+    """Whole turns from 0 to 90 deg a weight needs m g l cos phi: of 1e8 turns 4e-8 are lost in the angles."""
+    (tmp_path / "m.urdf").write_text(
+        '<robot name="m"><link name="base"/><link name="rod"><inertial><origin xyz="0.5 0 0"/><mass value="2"/>'
+        '<inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="x" '
+        'type="continuous"><parent link="base"/><child link="rod"/><axis xyz="0 -1 0"/></joint></robot>'
+    )
+    swept = {"from": f"{360 * turns} deg", "to": f"{360 * turns + 90} deg", "samples": 7}
+    mechanism, problem = pinarm.Mechanism.load(tmp_path / "m.urdf"), {"kind": "statics", "over": {"x": swept}}
+    scenario = {"pinarm": 1, "mechanism": mechanism, "outputs": ["M"], "symbols": {"M": "joint.x.effort"}}
+    result = pinarm.load({**scenario, "problem": problem}).verified()
+    exact = np.cos(np.radians(np.linspace(0.0, 90.0, 7)))
+    off = np.abs(result["M"].values / 9.81 - exact).max()
+    assert off <= result.errors["M"] < 1e3 * max(off, 1e-16)
