@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pinarm.arrays import Array, distinct
+from pinarm.arrays import Array, Flags, distinct
 from pinarm.records import Record, ValueRecord
 from pinarm.use.result.figures.bracket_fit import BracketFit
 
@@ -30,8 +30,8 @@ ENOUGH = 1e-10
 ROUNDING = 1e-13
 """Error of a piece, relative to the largest value, below which it is rounding of the curve."""
 
-NEAR = 1e-15
-"""Of a value, and of the range of values: to that it is looked for."""
+NEAR, HALVINGS = 1e-15, 60
+"""Of a value, of the range of values, and of the length of a piece: to that they are looked for; steps at most."""
 
 
 class SmoothCurve(ValueRecord, frozen=True):
@@ -81,17 +81,66 @@ class CurvePiece(Record, frozen=True):
         places = np.concatenate([[self.fit.low], self.fit.extremes, [self.fit.high]])
         return places, self.fit.at(places)
 
+
+class CurveArcs(ValueRecord, frozen=True):
+    """Polynomials between the places where they turn: each rises or falls from its one end to the other.
+
+    Attributes:
+        coefficients: Of Chebyshev polynomials on [-1, 1], shape (17, n).
+        half: Half the length of what is [-1, 1] there, shape (n,).
+        ends: Where the arcs begin and end in it, shape (2, n).
+        values: Those at the ends, shape (2, n).
+    """
+
+    coefficients: Array
+    half: Array
+    ends: Array
+    values: Array
+
+    @classmethod
+    def of(cls, pieces: Sequence[CurvePiece]) -> CurveArcs:
+        """Return the arcs of pieces."""
+        counts, fits = [len(piece.turns[0]) - 1 for piece in pieces], [piece.fit for piece in pieces]
+        middle = np.repeat([0.5 * (fit.high + fit.low) for fit in fits], counts)
+        half = np.repeat([0.5 * (fit.high - fit.low) for fit in fits], counts)
+        coefficients = np.repeat([fit.coefficients for fit in fits], counts, axis=0).T
+        places, values = (
+            np.array([np.concatenate([turns[side] for turns in found]) for side in (slice(-1), slice(1, None))])
+            for found in zip(*(piece.turns for piece in pieces), strict=True)
+        )
+        return cls(coefficients, half, (places - middle) / half, values)
+
     def below(self, value: float) -> float:
-        """Return the length on which the polynomial is below a value."""
-        places, values = self.turns
-        if value <= values.min():
-            return 0.0
-        if value > values.max():
-            return self.length
-        shifted = BracketFit(self.fit.low, self.fit.high, self.fit.values - value)
-        cuts = np.sort(np.concatenate([places, shifted.crossings()]))
-        middles = 0.5 * (cuts[1:] + cuts[:-1])
-        return float(np.diff(cuts)[shifted.at(middles) < 0.0].sum())
+        """Return the length on which the polynomials are below a value."""
+        least, most = self.values.min(axis=0), self.values.max(axis=0)
+        passing = (least < value) & (value <= most)
+        share = np.where(most < value, self.ends[1] - self.ends[0], 0.0)
+        low, high = self.ends[:, passing]
+        rising, place = self.values[1, passing] > self.values[0, passing], self._crossings(passing, value)
+        share[passing] = np.where(rising, place - low, high - place)
+        return float(share @ self.half)
+
+    def _crossings(self, passing: Flags, value: float) -> Array:
+        """Return where passing arcs have a value, shape (m,), by Newton's method; by bisection where it leaves them."""
+        from numpy.polynomial import chebyshev
+
+        curves = self.coefficients[:, passing].copy()
+        curves[0] -= value
+        slopes = np.asarray(chebyshev.chebder(curves), float)
+        (low, high), rising = self.ends[:, passing].copy(), self.values[1, passing] > self.values[0, passing]
+        place = 0.5 * (low + high)
+        for _ in range(HALVINGS):
+            beyond = np.asarray(chebyshev.chebval(place, curves, tensor=False))
+            before = (beyond < 0.0) == rising
+            low, high = np.where(before, place, low), np.where(before, high, place)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = beyond / np.asarray(chebyshev.chebval(place, slopes, tensor=False))
+            found = (np.abs(step) <= NEAR) | (beyond == 0.0)
+            if found.all():
+                break
+            moved = place - step
+            place = np.where(found, place, np.where((low < moved) & (moved < high), moved, 0.5 * (low + high)))
+        return np.asarray(place)
 
 
 def percentile(curves: Sequence[SmoothCurve], share: float) -> tuple[float, float]:
@@ -102,12 +151,13 @@ def percentile(curves: Sequence[SmoothCurve], share: float) -> tuple[float, floa
         share: Between 0 and 1.
     """
     pieces = [piece for curve in curves for piece in _pieces(curve)]
-    value, rough = _value(pieces, share), max(piece.error for piece in pieces)
+    arcs, rough = CurveArcs.of(pieces), max(piece.error for piece in pieces)
+    value = _value(arcs, share)
     level = _level(pieces)
     unknown = sum(piece.length for piece in pieces if piece.error > level) / sum(piece.length for piece in pieces)
     if not unknown:
         return value, min(rough, level)
-    ends = (_value(pieces, min(share + unknown, 1.0)), _value(pieces, max(share - unknown, 0.0)))
+    ends = (_value(arcs, min(share + unknown, 1.0)), _value(arcs, max(share - unknown, 0.0)))
     return value, min(rough, level + ends[0] - ends[1])
 
 
@@ -143,16 +193,15 @@ def _fitted(lows: Array, highs: Array, curve: SmoothCurve) -> list[CurvePiece]:
     return [CurvePiece(fit, max(fit.error, curve.off(fit))) for fit in fits]
 
 
-def _value(pieces: Sequence[CurvePiece], share: float) -> float:
-    """Return the value below which the polynomials are for a share of their length."""
+def _value(arcs: CurveArcs, share: float) -> float:
+    """Return the value below which polynomials are for a share of their length."""
     from scipy.optimize import brentq
 
-    values = np.concatenate([piece.turns[1] for piece in pieces])
-    low, high = float(values.min()), float(values.max())
-    wanted = share * sum(piece.length for piece in pieces)
+    low, high = float(arcs.values.min()), float(arcs.values.max())
+    wanted = share * float((arcs.ends[1] - arcs.ends[0]) @ arcs.half)
 
     def excess(value: float) -> float:
-        return sum(piece.below(value) for piece in pieces) - wanted
+        return arcs.below(value) - wanted
 
     if low == high or wanted <= 0.0 or excess(high) <= 0.0:
         return low if wanted <= 0.0 else high
