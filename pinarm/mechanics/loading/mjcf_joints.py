@@ -108,7 +108,8 @@ def coefficient(given: Attributes, key: str, settings: Settings, where: str) -> 
     Raises:
         ModelError: It is negative.
     """
-    value, *higher = numbers(given, key, where, len(given.get(key, "0").split()) if key in POLYNOMIALS else 1, (0.0,))
+    count = max(len(given.get(key, "").split()), 1) if key in POLYNOMIALS else 1
+    value, *higher = numbers(given, key, where, count, (0.0,))
     if any(higher):
         raise ModelError(f"{where}: {key}='{given[key][:60]}' is a polynomial, which is not read",
                          expected="one number", hint=f"no {key} here, and 'forces:' in the mechanism file")  # fmt: skip
