@@ -49,6 +49,10 @@ _EXTREMES = {"max": "largest value", "min": "smallest value", "largest": "larges
 PLATEAU = 1e-12
 """Relative difference to an extreme below which a row of the table is the extreme: the first of them is."""
 
+NEARER, FARTHER = 2.0 ** -np.arange(46.0, 15.0, -1.0), 2.0 ** -np.arange(15.0, -1.0, -1.0)
+"""Ways from an extreme at which it is looked how far it is level, as parts of those to the ends of its interval: the
+far ones where it is level at all that are near."""
+
 DECIDED = 1e-6
 """Relative difference between an extreme among other instants and solved alone from which on rounding decides it."""
 
@@ -320,13 +324,48 @@ class Lookup(Record, frozen=True):
         Raises:
             InputError: It has no such value, as it passes through infinity, or rounding decides what it is.
         """
+        peak, row = self._extreme(which, name, slack)
+        return row, peak.error
+
+    def at_extreme(self, which: str, of: str, name: str) -> tuple[float, float]:
+        """Return a quantity where another is extreme [SI], and by how much it differs where that may be as extreme.
+
+        An extreme is known to ``PLATEAU``, and curves are level there: its place is known to the root of that.
+
+        Args:
+            which: ``max``, ``min`` or ``largest``.
+            of: The quantity that is extreme.
+            name: The quantity that is asked for.
+
+        Raises:
+            InputError: See ``extreme``.
+        """
+        peak, row = self._extreme(which, of)
+        value, (start, end, _) = float(row[name].values[0]), self.intervals[peak.interval]
+        apart, sides = 0.0, [] if self.motion is None else [side for side in (start, end) if side != peak.place]
+        for ways in (NEARER, FARTHER) if sides else ():
+            places = [peak.place + (side - peak.place) * ways for side in sides]
+            t = np.unique(np.concatenate(places))
+            states = self.quantities_at(peak.interval, t)
+            lower = _HEIGHTS[which](states[of].values) < peak.height - 2.0 * peak.error
+            differences, left = np.abs(states[name].values - value), list[float]()
+            for side, own in zip(sides, (t.searchsorted(place) for place in places), strict=True):
+                reached = int(lower[own].argmax()) + 1 if lower[own].any() else len(own)
+                apart = max(apart, float(differences[own[:reached]].max()))
+                left += [] if lower[own].any() else [side]
+            if not (sides := left):
+                break
+        return value, apart
+
+    def _extreme(self, which: str, name: str, slack: float = 0.0) -> tuple[Peak, Quantities]:
+        """Return an extreme, and its row; see ``extreme``."""
         places = self._rests if self._has_bands and not _plain(name) else []
         what = f"{name} has no {_EXTREMES[which]}"
         slack = max(slack, PLATEAU * float(np.max(self.quantities[name].terms, initial=0.0)))
         peak = self._highest(lambda rows: _HEIGHTS[which](rows[name].values), places, what, slack)
         row = self._row(peak.interval, peak.place)
         self._require_reproduced(peak, float(_HEIGHTS[which](row[name].values)[0]), row[name].unit, what)
-        return row, peak.error
+        return peak, row
 
     def _require_reproduced(self, peak: Peak, alone: float, unit: Unit | None, lacks: str) -> None:
         """Raise where the state of an extreme has another value when it is solved without others beside it.

@@ -103,7 +103,7 @@ class RunNumber(ValueRecord, frozen=True):
         return Series(self.label, unit, np.zeros(0))
 
     def value(self, result: Result) -> tuple[float, float]:
-        """Return the number [SI] and its error: that of a quadrature, or of the search for an extreme; else 0.
+        """Return the number [SI] and its error: of a quadrature, or of the search for an extreme or its place; else 0.
 
         Raises:
             InputError: The place does not exist in this run, or the run has no such figure.
@@ -121,8 +121,10 @@ class RunNumber(ValueRecord, frozen=True):
             given = figure(run, self.quantity, self.at)
             return given.value, given.error
         if self.at in ("max", "min", "largest"):
+            if self.of != self.quantity:
+                return run.at_extreme(self.at, self.of, self.quantity)
             row, error = run.extreme(self.at, self.of)
-            return float(row[self.quantity].values[0]), error if self.of == self.quantity else 0.0
+            return float(row[self.quantity].values[0]), error
         return float(run.at(self.at, self.of)[self.quantity].values[0]), 0.0
 
     def _require_determined(self, result: Result, told: float) -> None:

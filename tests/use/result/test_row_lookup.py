@@ -304,6 +304,39 @@ def test_a_spike_between_rows_is_found_at_any_number_of_them(scenario: Callable[
     assert lookup.extreme("max", "1e3/(1 + ((alpha - 0.5123)/0.004)**2)")[1] >= 1e-9  # of the peak, not of the rows
 
 
+class TestPlacesOfExtremes:
+    """``x = sin(w t)`` has the top ``t = pi / (2 w)``; rows that are 1e-12 below it count as the top."""
+
+    @staticmethod
+    def run(law: str, end: str) -> pinarm.Result:
+        planar = {
+            "points": {"O": [0, 0], "P": ["1 m", 0]}, "ground": ["O"],
+            "links": {"c": {"points": ["P"], "mass": "2 kg"}}, "sliders": {"x": {"link": "c", "along": ["O", "P"]}},
+        }  # fmt: skip
+        motion = {"x": dict(pair.split(": ") for pair in law.split(", "))}
+        return pinarm.run({
+            "pinarm": 1, "mechanism": {"pinarm": 1, "planar": planar, "gravity": "none"}, "outputs": ["x"],
+            "problem": {"kind": "inverse", "time": {"end": end, "samples": 3}, "motion": motion},
+        })  # fmt: skip
+
+    @pytest.mark.parametrize("off", [0.0, 1e-8, 3e-7, -3e-7, 1e-4])
+    def test_are_known_to_what_is_told(self, off: float) -> None:
+        """A row in the middle is so far from the top; 1e-12 of it are 7e-7 in the angle."""
+        top = 0.5 * np.pi / 3.0
+        result = self.run("law: harmonic, amplitude: 1 m, pulsation: 3 rad/s", f"{2.0 * (top + off)!r} s")
+        for asked, true, most in (("t @ max(x)", top, 2e-6), ("joint.x.velocity @ max(x)", 0.0, 2e-5)):
+            value, error = result.number(asked)
+            assert abs(value - true) <= error + 1e-15 and error < most
+
+    def test_are_nowhere_of_what_is_constant(self) -> None:
+        value, error = self.run("law: constant, value: 0.3 m", "2 s").number("t @ max(x)")
+        assert (value, error) == (0.0, pytest.approx(2.0))
+
+    def test_are_exact_at_ends_to_which_a_motion_rises(self) -> None:
+        value, error = self.run("law: constant_speed, speed: 2 m/s", "2 s").number("t @ max(x)")
+        assert value == 2.0 and error < 1e-8
+
+
 @pytest.mark.parametrize("samples", [5, 6])
 def test_both_sides_of_a_reversal_count(samples: int) -> None:
     """``mu m g sign v - m a`` is largest just before the block turns back, whether that is a row, as of 5, or not."""

@@ -265,7 +265,7 @@ def test_the_numerical_error_stands_beside_the_bands() -> None:
     assert known["C_B @ max"]["numerical error"] == pytest.approx(bound, rel=1e-12)
     assert 0 < known["C_B @ integral"]["numerical error"] < 1e-12
     assert 0 < known["F_By @ phi=5 deg"]["numerical error"] < 1e-12
-    assert 0 <= known["phi @ max(C_B)"]["numerical error"] < 1e-12
+    assert 1.4e-6 < known["phi @ max(C_B)"]["numerical error"] < 4e-6  # a cosine is level to 1e-12 that far
 
 
 @pytest.mark.slow
