@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.integration.integrator import Solution
 from pinarm.engine.motion import bifurcation
-from pinarm.errors import IntegrationError
+from pinarm.errors import IntegrationError, NumericsError
 from pinarm.problems.events import EndStop
 
 CUTS = pytest.mark.parametrize("cut", "ABC")
@@ -42,12 +42,16 @@ def test_one_that_turns_back_in_line_is_followed_until_then(miss, cut, tmp_path)
         assert turned == pytest.approx(exact(kept.grid.t, np.pi / 2 - miss), abs=1e-7)
 
 
+REFUSED = "it all but stops at|the acceleration grows without bound|singular but for rounding"
+"""Rounding decides which of them is found first, so that the processor does."""
+
+
 @CUTS
 @pytest.mark.parametrize("speed", [3.0, 50.0])
 def test_one_that_turns_back_beside_a_wheel_is_followed_until_then(speed, cut, tmp_path):
     """Its branch does not depend on the wheel: with 50 rad/s its cranks were 0.4 rad off at 2.3 s."""
     mechanism = beside(two_cranks(np.pi / 2 - 1e-3), WHEEL).build(tmp_path, [cut])
-    with pytest.raises(IntegrationError, match="not determined: it all but stops at") as told:
+    with pytest.raises(IntegrationError, match=REFUSED) as told:
         free(mechanism, 0.7, 71, velocity={"W": speed}, tolerance=1e-9)
     kept = told.value.partial.rows
     assert 0.45 < kept.grid.t[-1] < 0.48
@@ -60,7 +64,7 @@ def test_a_wheel_that_is_geared_to_it_does_not_hide_that_it_turns_back(ratio, tm
     gear = {"mesh": {"kind": "gear", "joints": ["O", "W"], "ratio": ratio}}
     light = Linkage({"wheel": Body(1e-3, np.array([3.0, 0.0, 0.0]), 1e-9 * np.eye(3))}, WHEEL.joints)
     mechanism = beside(two_cranks(np.pi / 2 - 3e-3), light).build(tmp_path, ["B"], couplings=gear)
-    with pytest.raises(IntegrationError, match="not determined: it all but stops at"):
+    with pytest.raises(NumericsError, match=REFUSED):
         free(mechanism, 0.7, 71, tolerance=1e-9)
 
 
