@@ -59,6 +59,9 @@ PART = 0.1
 ITERATIONS, POLISHED = 60, 4
 """Most steps until a position is closed, and from there on until its gap is rounding."""
 
+LEAST_GAIN = 1e-12
+"""Change of a gap in a step, relative to it, at which it is the smallest: the position is known to the root of that."""
+
 SMALLEST = 1e-9
 """Smallest part of a sample interval that the continuation takes at once: what lies beyond is out of reach."""
 
@@ -222,10 +225,13 @@ class NewtonSolver:
             step *= min(1.0, 0.5 / np.abs(step[turning]).max(initial=1e-300))
             trial = self.closure.state(self.moved(state.q, step))
             trial_gap = weight * self.gap(trial, w)
-            if self._size(trial_gap) < self._size(gap):
+            before, left = self._size(gap), self._size(trial_gap)
+            if left < before:
                 state, gap, damping = trial, trial_gap, damping / 10
             else:
                 damping = max(1e-3, damping * 10)
+            if abs(before - left) <= LEAST_GAIN * before:
+                break
         return state.q, gap
 
     def _size(self, gap: Array) -> float:
