@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.optimize import least_squares
 
 import pinarm
 from pinarm.engine.kinematics.joint_motion import follow
 from pinarm.engine.kinematics.law_count import determining
 from pinarm.engine.kinematics.newton import NewtonSolver, start_configuration
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Cycloidal, Harmonic, Polynomial, Trapezoid
@@ -248,6 +250,27 @@ def test_start_sets_the_named_joints_only(leg):
     q = start_configuration(leg, {"hip": 0.4})
     assert q.tolist() == [0.0, 0.0, 0.4]
     assert np.array_equal(start_configuration(leg, {}), pin.neutral(leg.model))
+
+
+def test_the_position_nearest_to_joints_that_do_not_fit_is_found_in_few_steps(monkeypatch):
+    """Crank, coupler and rocker as a user guesses them: what is left open is the least that SciPy finds."""
+    mechanism = Mechanism.load(MODELS / "crank_rocker" / "mechanism.yaml")
+    names = ("theta2", "A", "theta4")
+    wanted = PrescribedCoordinates(names, tuple(map(mechanism.coordinate, names)), ())
+    solver, w, steps = NewtonSolver(mechanism.closure, wanted), np.radians([0.0, 40.0, 80.0]), []
+    rows = solver.rows
+    monkeypatch.setattr(solver, "rows", lambda state: steps.append(state) or rows(state))
+    q, gap = solver.closest(pin.neutral(mechanism.model), w, np.ones(len(solver.names)))
+    least = least_squares(
+        lambda q: solver.gap(mechanism.closure.state(q), w) / solver.measure,
+        q + 0.01,
+        xtol=1e-12,
+        ftol=1e-14,
+        gtol=1e-14,
+    )
+    assert 0.5 * np.sum((gap / solver.measure) ** 2) == pytest.approx(least.cost, rel=1e-10)
+    assert q == pytest.approx(least.x, abs=1e-5)  # the root of the gain at which the search ends, some times
+    assert len(steps) < 20
 
 
 def rocker_angle(crank, points):
