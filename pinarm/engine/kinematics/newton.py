@@ -281,9 +281,7 @@ class NewtonSolver:
             except AssemblyError:
                 if len(pending) == 1 or abs(h) <= smallest:
                     raise
-                pending[-1] = (
-                    t + part * h
-                )  # a place between rows that is all but singular, beside which there are others
+                pending[-1] = t + part * h  # between rows, and all but singular: there are others beside it
                 continue
             if found is not None and rates and self.continues(h * (rates[0] - v - h * a), predicted, found):
                 there = self.rows(self.closure.state(found))

@@ -1,9 +1,9 @@
 """The value below which a curve lies for a share of its length, from polynomials on pieces of it.
 
 A piece is halved until the Chebyshev polynomial of degree 16 through its values is the curve, and what is known of that
-elsewhere, as rows of a table are, lies on it. Of polynomials the length
-on which they are below a value is known from their roots, and with it the percentile, to the error of the polynomials:
-two curves that differ by e at most have percentiles that differ by e at most.
+elsewhere, as rows of a table are, lies on it. Of polynomials the length on which they are below a value is known from
+where they pass it, and with it the percentile, to the error of the polynomials: two curves that differ by e at most
+have percentiles that differ by e at most.
 
 Source: Trefethen, *Approximation Theory and Approximation Practice*, chapters 3, 7 and 8: coefficients of smooth curves
 fall geometrically, those of a kink as 1/n², those of a jump as 1/n; what follows the last ones is of their size times
