@@ -168,13 +168,13 @@ def _number_lines(result: Result) -> list[str]:
 
 
 def _number_line(series: Series, shown: Series, left: float, bound: float | None) -> str:
-    """Return a number of the run as it is shown, with the bound of its error, or what its quadrature leaves open."""
+    """Return a number of the run as it is shown, with the bound of its error, or what computing it left open."""
     value, unit = float(shown.values[0]), str(shown.unit or "?")
     if isnan(value):  # an event that does not take place
         return f"{series.name}: no value in this run"
     scale = series.unit.factor / shown.unit.factor if series.unit and shown.unit else 1.0
-    quadrature = f" (quadrature {left * scale:.1e})" if left else ""
-    error = quadrature if bound is None else f" (error below {bound * scale:.1e})" if isfinite(bound) else (
+    known = f" (known to {left * scale:.1e})" if left else ""
+    error = known if bound is None else f" (error below {bound * scale:.1e})" if isfinite(bound) else (
         " (error unknown)"
     )  # fmt: skip
     return f"{series.name}: {value:.7g} {'' if unit == '1' else unit}".rstrip() + error

@@ -178,8 +178,8 @@ def distribution_table(
         rows.append((band.number.label, unit, *(cell for pair in pairs for cell in pair)))
     named = ("mean", "deviation", "by root-sum-square", "2.5 %", "median", "97.5 %")
     columns = ["", "unit"]
-    for k, heading in enumerate(named):  # names of columns are not the same
-        columns += [heading] if k == 2 else [heading, "± 95 %" + " " * k]
+    for k, heading in enumerate(named):
+        columns += [heading] if k == 2 else [heading, f"{heading} ± 95 %"]
     title = f"Monte Carlo, {len(samples.values)} runs"
     table = SectionTable("monte_carlo", title, columns, (None,) * len(columns), rows, row_unit=1)
     return table, numbers, errors
@@ -290,7 +290,7 @@ def sobol_table(
             for kind, at in (("first", 0), ("total", 2)):
                 name = f"{slug(band.number)}.{kind}.{each.name}"
                 numbers[name], errors[name] = _single(DIMENSIONLESS, cells[at]), cells[at + 1]
-    columns = ("of", "to", "first order", "± 95 %", "total", "± 95 % ")
+    columns = ("of", "to", "first order", "first order ± 95 %", "total", "total ± 95 %")
     return SectionTable("sobol", "Sobol' indices", columns, (None,) * len(columns), rows), numbers, errors
 
 

@@ -167,7 +167,7 @@ find: {{for: {{payloads.load.mass: 0.2 kg}}, so_that: {{M @ rms: {30 / sqrt(2)!r
 
 def test_numbers_are_told_with_the_error_of_their_quadrature(scenario: Callable[..., Any]) -> None:
     result = scenario("statics", "numbers: [M @ rms]\n").run()
-    assert "M @ rms: 14.14214 N*m (quadrature " in report(result)
+    assert "M @ rms: 14.14214 N*m (known to " in report(result)
     assert result.summary()["numbers"]["M @ rms"]["value"] == pytest.approx(20 / sqrt(2), rel=1e-12)
 
 
