@@ -496,6 +496,11 @@ class Mechanism(Record, frozen=True):
         known = positions_of(self.joints, self.balls)  # of a part of the mechanism there may be fewer
         return {name: float(value) for name, value in self.description.start.items() if name in known}
 
+    @cached_property
+    def near_starts(self) -> dict[tuple[tuple[str, ...], bytes, bytes], Array]:
+        """Configurations found near starts, by names and values of what is given; see ``newton.near_given``."""
+        return {}
+
     def driven_joint(self, drive: str) -> Joint:
         """Return the joint that a drive moves: that of its rotor, where it has one, or its own, by name."""
         from pinarm.mechanics.rotors import rotor_name

@@ -59,6 +59,9 @@ PART = 0.1
 ITERATIONS, POLISHED = 60, 4
 """Most steps until a position is closed, and from there on until its gap is rounding."""
 
+KEPT = 16
+"""Configurations near a start that a mechanism keeps: the cases of a sweep, and runs again, mostly begin alike."""
+
 LEAST_GAIN = 1e-12
 """Change of a gap in a step, relative to it, at which it is the smallest: the position is known to the root of that."""
 
@@ -131,11 +134,16 @@ def near_given(
     if not own or not mechanism.closure.size:
         return q
     places = [mechanism.joints[name].q for name in own]
-    coordinates = *prescribed.coordinates, *(mechanism.coordinate(name) for name in own)
-    solver = NewtonSolver(mechanism.closure, PrescribedCoordinates((*prescribed.names, *own), coordinates, ()))
-    near = solver.closest(q, np.append(prescribed.first(grid), q[places]), solver.sliding * solver.untied)[0]
-    near[places] = q[places]
-    return near
+    names, w = (*prescribed.names, *own), np.append(prescribed.first(grid), q[places])
+    known, key = mechanism.near_starts, (names, q.tobytes(), w.tobytes())
+    if key not in known:
+        coordinates = *prescribed.coordinates, *(mechanism.coordinate(name) for name in own)
+        solver = NewtonSolver(mechanism.closure, PrescribedCoordinates(names, coordinates, ()))
+        if len(known) == KEPT:
+            known.clear()
+        known[key] = solver.closest(q, w, solver.sliding * solver.untied)[0]
+        known[key][places] = q[places]
+    return known[key].copy()
 
 
 class NewtonSolver:

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 import pinarm
 from pinarm.engine.kinematics.joint_motion import follow
 from pinarm.engine.kinematics.law_count import determining
-from pinarm.engine.kinematics.newton import NewtonSolver, start_configuration
+from pinarm.engine.kinematics.newton import KEPT, NewtonSolver, start_configuration, start_near
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError, InputError
@@ -271,6 +271,28 @@ def test_the_position_nearest_to_joints_that_do_not_fit_is_found_in_few_steps(mo
     assert 0.5 * np.sum((gap / solver.measure) ** 2) == pytest.approx(least.cost, rel=1e-10)
     assert q == pytest.approx(least.x, abs=1e-5)  # the root of the gain at which the search ends, some times
     assert len(steps) < 20
+
+
+def test_a_start_is_searched_once_and_others_have_their_own(monkeypatch):
+    """More starts than are kept, each after those before and by itself; what is returned is the caller's own."""
+    mechanism = Mechanism.load(MODELS / "crank_rocker" / "mechanism.yaml")
+    searches, closest = [], NewtonSolver.closest
+    monkeypatch.setattr(NewtonSolver, "closest", lambda *given: searches.append(given) or closest(*given))
+
+    def near(own, theta2, theta4):
+        motion = determining(own, {"theta2": ConstantSpeed(start=theta2, speed=1.0)})
+        grid = Grid.cover(np.array([0.0, 1.0]), [])
+        return start_near(own, {"A": 0.7, "theta4": theta4}, motion, grid)
+
+    for theta2 in np.linspace(0.0, 3.0, KEPT + 2):
+        for theta4 in (1.2, 1.5):
+            found = near(mechanism, theta2, theta4)
+            alone = near(Mechanism.load(MODELS / "crank_rocker" / "mechanism.yaml"), theta2, theta4)
+            assert np.array_equal(found, alone)
+    searches.clear()
+    found[:] = np.nan
+    assert np.array_equal(near(mechanism, theta2, theta4), alone)
+    assert not searches
 
 
 def rocker_angle(crank, points):
