@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array, distinct
+from pinarm.arrays import Array, Flags, distinct
 from pinarm.engine.motion.outcome import SolvedMotion, on_interval
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import OPERATORS, Quantities
@@ -237,12 +237,38 @@ class Lookup(Record, frozen=True):
         Raises:
             InputError: The place does not exist, or it is ambiguous.
         """
-        if where == "start":
-            return self._row(0, float(self.run.grid.t[0]))
-        if where == "end":
-            return self._row(len(self.intervals) - 1, float(self.run.grid.t[-1]))
-        if isinstance(where, str):
+        if isinstance(where, str) and where not in ("start", "end"):
             return self.extreme(where, name)[0]
+        return self._row(*self._spot(where, name))
+
+    def at_value(self, where: dict[str, str | int | float], name: str) -> tuple[float, float]:
+        """Return a quantity where another has a value [SI], and by how much it differs where that may have it as well.
+
+        The other one is known to ``PLATEAU`` of its largest difference to the value: where it changes slowly, its place
+        is known to much less than the last digits.
+
+        Args:
+            where: As in ``Expectation.at``.
+            name: The quantity that is asked for.
+
+        Raises:
+            InputError: See ``at``.
+        """
+        spot = self._spot(where, name)
+        value, (along, wanted) = float(self._row(*spot)[name].values[0]), located(where, self.quantities)
+        if along == self.run.parameter:
+            return value, 0.0
+        slack = PLATEAU * float(np.abs(self.quantities[along].values - wanted).max())
+        slack += abs(float(self._row(*spot)[along].values[0]) - wanted)
+        return value, self._apart(name, spot, lambda rows: np.abs(rows[along].values - wanted) > slack)
+
+    def _spot(self, where: str | dict[str, str | int | float], name: str) -> Spot:
+        """Return the place that is named by its end of the run, or by a coordinate's value; see ``at``."""
+        if where == "start":
+            return 0, float(self.run.grid.t[0])
+        if where == "end":
+            return len(self.intervals) - 1, float(self.run.grid.t[-1])
+        assert isinstance(where, dict)
         along, value = located(where, self.quantities)
         spots = self._on_parameter(value) if along == self.run.parameter else self._crossings(along, value)
         return self._choose(spots, where, name, f"{along} = {where[along]}")
@@ -286,8 +312,8 @@ class Lookup(Record, frozen=True):
         """In how many parts an interval is looked into at least."""
         return PARTS if len(self._wide) <= MOST_INTERVALS else 1
 
-    def _choose(self, spots: list[Spot], where: dict[str, str | int | float], name: str, text: str) -> Quantities:
-        """Return the row that is meant among those found: by occurrence, then by side."""
+    def _choose(self, spots: list[Spot], where: dict[str, str | int | float], name: str, text: str) -> Spot:
+        """Return the place that is meant among those found: by occurrence, then by side."""
         occurrence = where.get("occurrence", 1)
         if isinstance(occurrence, bool) or not isinstance(occurrence, int) or occurrence < 1:
             raise InputError(f"'{occurrence}' is no occurrence", expected="a whole number from 1")
@@ -299,18 +325,17 @@ class Lookup(Record, frozen=True):
         if occurrence > len(instants):
             raise NotReached(f"{text} is reached {len(instants)} times only", expected=f"at most {len(instants)}")
         chosen = [spot for spot in spots if round(spot[1], 14) == instants[occurrence - 1]]
-        sides = [self._row(*chosen[0]), self._row(*chosen[-1])]
         side = where.get("side")
         if side not in (None, "left", "right"):
             raise InputError(f"there is no side '{side}'", expected="left or right")
         if side is None and len(chosen) > 1:
-            left, right = (float(rows[name].values[0]) for rows in sides)
+            left, right = (float(self._row(*chosen[end])[name].values[0]) for end in (0, -1))
             if abs(left - right) > SAME * max(abs(left), abs(right)):
                 raise InputError(
                     f"{name} jumps at {text}: {left:.9g} before, {right:.9g} after",
                     expected="side: left or side: right",
                 )
-        return sides[0 if side == "left" else 1]
+        return chosen[0 if side == "left" else -1]
 
     def extreme(self, which: str, name: str, slack: float = 0.0) -> tuple[Quantities, float]:
         """Return the row at which a quantity is largest, smallest, or largest in size, and by how much it may be more.
@@ -341,21 +366,35 @@ class Lookup(Record, frozen=True):
             InputError: See ``extreme``.
         """
         peak, row = self._extreme(which, of)
-        value, (start, end, _) = float(row[name].values[0]), self.intervals[peak.interval]
-        apart, sides = 0.0, [] if self.motion is None else [side for side in (start, end) if side != peak.place]
+        level = peak.height - 2.0 * peak.error
+        apart = self._apart(
+            name, (peak.interval, peak.place), lambda rows: _HEIGHTS[which](rows[of].values) < level
+        )  # fmt: skip
+        return float(row[name].values[0]), apart
+
+    def _apart(self, name: str, spot: Spot, others: Callable[[Quantities], Flags]) -> float:
+        """Return by how much a quantity differs around a place that is not told from others near it [SI].
+
+        Args:
+            name: The quantity.
+            spot: The place.
+            others: Quantities of n rows -> which of them are at other places for certain, shape (n,).
+        """
+        (interval, place), apart = spot, 0.0
+        value, ends = float(self._row(*spot)[name].values[0]), self.intervals[interval][:2]
+        sides = [] if self.motion is None else [side for side in ends if side != place]
         for ways in (NEARER, FARTHER) if sides else ():
-            places = [peak.place + (side - peak.place) * ways for side in sides]
+            places = [place + (side - place) * ways for side in sides]
             t = np.unique(np.concatenate(places))
-            states = self.quantities_at(peak.interval, t)
-            lower = _HEIGHTS[which](states[of].values) < peak.height - 2.0 * peak.error
-            differences, left = np.abs(states[name].values - value), list[float]()
+            states = self.quantities_at(interval, t)
+            other, differences, left = others(states), np.abs(states[name].values - value), list[float]()
             for side, own in zip(sides, (t.searchsorted(place) for place in places), strict=True):
-                reached = int(lower[own].argmax()) + 1 if lower[own].any() else len(own)
+                reached = int(other[own].argmax()) + 1 if other[own].any() else len(own)
                 apart = max(apart, float(differences[own[:reached]].max()))
-                left += [] if lower[own].any() else [side]
+                left += [] if other[own].any() else [side]
             if not (sides := left):
                 break
-        return value, apart
+        return apart
 
     def _extreme(self, which: str, name: str, slack: float = 0.0) -> tuple[Peak, Quantities]:
         """Return an extreme, and its row; see ``extreme``."""

@@ -337,6 +337,23 @@ class TestPlacesOfExtremes:
         assert value == 2.0 and error < 1e-8
 
 
+    @pytest.mark.parametrize("below", [1.0, 1e-3, 1e-8, 1e-10])
+    def test_and_values_next_to_them_are_known_to_what_the_quantity_that_is_located_is(self, below: float) -> None:
+        """``x = 1 - below`` where the velocity is ``3 cos``: 1e-12 in x are that much in t, and more next to the top."""
+        result = self.run("law: harmonic, amplitude: 1 m, pulsation: 3 rad/s", f"{np.pi / 3.0!r} s")
+        place = f"x={1.0 - below!r} m, occurrence=1"
+        x = 1.0 - below
+        angle, change = np.arcsin(x), 1e-12 * max(x, below) / (3.0 * np.sqrt((1.0 - x) * (1.0 + x)))
+        for asked, true in (("t", angle / 3.0), ("joint.x.velocity", 3.0 * np.cos(angle))):
+            value, error = result.number(f"{asked} @ {place}")
+            assert abs(value - true) <= error + 1e-15
+        assert change < result.number(f"t @ {place}")[1] < 4.0 * change
+
+    def test_and_values_at_rest_are_known_to_the_length_of_it(self) -> None:
+        value, error = self.run("law: constant, value: 0.3 m", "2 s").number("t @ x=0.3 m, occurrence=1")
+        assert (value, error) == (0.0, pytest.approx(2.0))
+
+
 @pytest.mark.parametrize("samples", [5, 6])
 def test_both_sides_of_a_reversal_count(samples: int) -> None:
     """``mu m g sign v - m a`` is largest just before the block turns back, whether that is a row, as of 5, or not."""
