@@ -124,7 +124,7 @@ class Flow(Record, frozen=True):
         """
 
 
-LEFT_OUT = "not built, for want of a C compiler or by PINARM_KERNEL=off"
+LEFT_OUT = "not built: no C compiler, one that failed, or PINARM_KERNEL=off"
 """Why the library may be absent, in words."""
 
 
