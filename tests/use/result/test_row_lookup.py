@@ -336,10 +336,9 @@ class TestPlacesOfExtremes:
         value, error = self.run("law: constant_speed, speed: 2 m/s", "2 s").number("t @ max(x)")
         assert value == 2.0 and error < 1e-8
 
-
     @pytest.mark.parametrize("below", [1.0, 1e-3, 1e-8, 1e-10])
     def test_and_values_next_to_them_are_known_to_what_the_quantity_that_is_located_is(self, below: float) -> None:
-        """``x = 1 - below`` where the velocity is ``3 cos``: 1e-12 in x are that much in t, and more next to the top."""
+        """``x = 1 - below`` where the velocity is ``3 cos``: 1e-12 in x are as much in t, and more near the top."""
         result = self.run("law: harmonic, amplitude: 1 m, pulsation: 3 rad/s", f"{np.pi / 3.0!r} s")
         place = f"x={1.0 - below!r} m, occurrence=1"
         x = 1.0 - below
