@@ -219,8 +219,10 @@ def _validated(path: Path, values: Sequence[str]) -> str:
         load(path, values).validate()
         return "valid"
     from pinarm.use.study.explain import explain
+    from pinarm.use.study.quantities import check_symbols
 
     found = explain(path, values)
+    check_symbols(found.mechanism)
     loops = "its loops close, " if found.mechanism.closure.size else ""
     return (f"valid mechanism file: keys, names, units and the model are right, {loops}"
             f"mobility {found.mobility.mobility} {found.where}")  # fmt: skip

@@ -89,7 +89,7 @@ class Mechanism(Record, frozen=True):
         notes: What is not modelled as the files have it.
         frictions: Joints with dry friction that sticks.
         control: Controllers of its drives, at work in forward runs: those of the file first.
-        locate: Gives mistakes of these their place in the mechanism file: they are bound to a run, not on reading.
+        locate: Gives mistakes of these, and of symbols, their place in the mechanism file: reading does not see them.
     """
 
     title: str
@@ -644,5 +644,5 @@ def _build(
         dict(description.drives), forces, symbols, resolved,
         {name: units[name].si for name in resolved if name in units}, description, source, carried,
         (*robot.notes, *proposals(model, only_joints(loops))), frictions, tuple(description.control),
-        here if description.control else nowhere,
+        here if description.control or symbols else nowhere,
     )  # fmt: skip

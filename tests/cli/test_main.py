@@ -496,6 +496,42 @@ def test_a_mechanism_file_is_validated_as_one(here: Path, capsys: pytest.Capture
     assert "pivto" in err and "try: pivot" in err
 
 
+@pytest.mark.parametrize(("formula", "said"), [
+    ("joint.QQ.velocity", "there is no quantity 'joint.QQ.velocity'"),
+    ("w + 1 rad/s", "the symbol 'w' is defined by itself"),
+    ("joint.O.position + joint.O.velocity", "do not go together"),
+    ("1/0", "not finite"),
+    ("joint.O.effort", ""),
+    ("joint.A.friction", "there is no quantity 'joint.A.friction'"),
+])  # fmt: skip
+@pytest.mark.parametrize("file", ["mechanism.yaml", "scenario.yaml"])
+def test_symbols_are_validated_though_nothing_asks_for_them(
+    here: Path, capsys: pytest.CaptureFixture[str], file: str, formula: str, said: str
+) -> None:
+    """Joint A has friction, which the scenario has not: it is kinematic, and does not tell forces that exist."""
+    said = said if "friction" not in formula or file == "scenario.yaml" else ""
+    planar = {"points": {"O": [0, 0], "A": ["1 m", 0], "B": ["2 m", 0]}, "ground": ["O"],
+              "links": {pair: {"points": [*pair], "mass": "1 kg"} for pair in ("OA", "AB")}}  # fmt: skip
+    own, symbols = ({"symbols": {"w": formula}} if file == name else {} for name in ("mechanism.yaml", "scenario.yaml"))
+    (here / "mechanism.yaml").write_text(
+        json.dumps({"pinarm": 1, "planar": planar, "friction": {"A": {"mu": 0.2, "radius": "9 mm"}}, **own})
+    )
+    motion = {name: {"law": "constant_speed", "speed": "1 rad/s"} for name in "OA"}
+    problem = {"kind": "kinematics", "time": {"end": "1 s"}, "motion": motion}
+    scenario = {
+        "pinarm": 1,
+        "mechanism": "mechanism.yaml",
+        "problem": problem,
+        "outputs": ["joint.O.position"],
+        **symbols,
+    }
+    (here / "scenario.yaml").write_text(json.dumps(scenario))
+    assert main(["validate", str(here / file)]) == (2 if said else 0)
+    told = capsys.readouterr().err
+    assert said in told
+    assert not said or f"{file}:1:" in told
+
+
 def test_folders_are_validated_with_those_below_them(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("bad.yaml", "blow.yaml", "miss.yaml"):
         (here / name).unlink()

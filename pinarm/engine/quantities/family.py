@@ -30,8 +30,8 @@ ANGULAR = unit("rad"), unit("rad/s"), unit("rad/s^2")
 class UnknownQuantity(InputError):
     """There is no quantity of this name."""
 
-    def __init__(self, name: str) -> None:
-        super().__init__(f"there is no quantity '{name}'")
+    def __init__(self, name: str, expected: str = "", hint: str = "") -> None:
+        super().__init__(f"there is no quantity '{name}'", expected=expected, hint=hint)
         self.name = name
 
 

@@ -8,7 +8,8 @@ and numbers with units, ``(2e4 N/m)*Y``. A name with several meanings is refused
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +24,7 @@ from pinarm.engine.quantities.families import FAMILIES, family
 from pinarm.engine.quantities.family import RATES, Asked, Family, UnknownQuantity
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, choices, require_name
+from pinarm.errors import ExpressionError, InputError, UnitError, choices, require_name
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.formulas.grammar import CONSTANTS
 from pinarm.input.units import Unit, unit
@@ -341,9 +342,9 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
     def _evaluate(self, name: str, expression: Expression, *, formula: bool = False) -> Series:
         """Evaluate a symbol, or a formula that a user wrote where a name could stand."""
         if name in self._open:
-            raise InputError(f"the symbol '{name}' is defined by itself: {' -> '.join([*self._open, name])}")
+            raise ExpressionError(f"the symbol '{name}' is defined by itself: {' -> '.join([*self._open, name])}")
         if len(self._open) >= MAX_DEPTH:
-            raise InputError(f"the symbol '{self._open[0]}' stands for symbols nested more than {MAX_DEPTH} deep")
+            raise ExpressionError(f"the symbol '{self._open[0]}' stands for symbols nested more than {MAX_DEPTH} deep")
         if formula and expression.names == {name}:
             raise self._unknown(name)
         self._open.append(name)
@@ -358,6 +359,27 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         doubt = next((series.doubt for series in operands.values() if series.doubt), "")
         told = self._constant(values) if np.ndim(values) == 0 else np.asarray(values)
         return Series(name, measured, told, doubt, terms=0.0 if alone is None else alone.terms)
+
+    def check_symbols(self, symbols: Iterable[str], locate: Callable[..., AbstractContextManager[None]]) -> None:
+        """Raise where a symbol stands for what does not exist, for what cannot be added, or for itself.
+
+        What exists is no mistake, also where this run does not tell it, as forces of a kinematic one.
+
+        Args:
+            symbols: Their names.
+            locate: Gives mistakes their place.
+
+        Raises:
+            InputError: Says which, and where it stands.
+        """
+        for name in symbols:
+            with locate("symbols", name):
+                try:
+                    self[name]
+                except (UnknownQuantity, ExpressionError, UnitError):
+                    raise
+                except InputError:
+                    continue
 
     def figure(self, text: str) -> Array:
         """Return the value of a formula that holds printed figures, which come without units; shape () or (n,).
@@ -396,7 +418,7 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         kind = name.partition(".")[0]
         near = [other for other in available if other.startswith(f"{kind}.")] or available
         expected, hint = choices(name, near, most=16)
-        return InputError(f"there is no quantity '{name}'", expected=expected, hint=hint)
+        return UnknownQuantity(name, expected, hint)
 
 
 def _is_constant(name: str, quantities: Quantities) -> bool:

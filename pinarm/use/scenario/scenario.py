@@ -497,6 +497,14 @@ class Scenario(Record, frozen=True):
         Raises:
             PinarmError: Something is wrong; the message says where.
         """
+        self._check_asked()
+        self.quantities().check_symbols(self.symbols, self.document.locating)
+        for name in self.content.variants:
+            with self.document.locating("variants", name):
+                self.variant(name)._check_asked()
+
+    def _check_asked(self) -> None:
+        """Check what is solved and what is asked of it; symbols of variants that do not ask for them may be others'."""
         with failures_in_words():
             self.problem.prepare(self.mechanism, self.content.accuracy, self.place)
             quantities = self.quantities()
@@ -516,9 +524,6 @@ class Scenario(Record, frozen=True):
             for index, expectation in enumerate(self.content.expect):
                 with self.document.locating("expect", index):
                     expectation.check_names(quantities, self.numbered)
-        for name in self.content.variants:
-            with self.document.locating("variants", name):
-                self.variant(name).validate()
 
     def check_presentation(self) -> None:
         """Refuse units and labels of what does not exist, and units of another dimension.

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.catalogue import QuantityCatalogue, catalogue
+from pinarm.engine.quantities.names import Quantities
 from pinarm.input.yaml.values import Values
+from pinarm.problems.forward import Forward
+from pinarm.problems.time_grid import TimeGrid
 from pinarm.use.study.subject import Subject, subject
 
 
@@ -23,3 +26,13 @@ def quantities(path: Subject, values: Values | None = None, *, like: str = "") -
     if isinstance(meant, Mechanism):
         return meant.quantities(like)
     return catalogue(meant.quantities(), meant.content.title or meant.name, like)
+
+
+def check_symbols(mechanism: Mechanism) -> None:
+    """Raise where a symbol of a mechanism file stands for what no free motion of the mechanism has.
+
+    Raises:
+        InputError: Says which, and where it stands.
+    """
+    motion = Forward(time=TimeGrid(end=1.0, samples=2))
+    Quantities(motion.schema_row(mechanism)).check_symbols(mechanism.symbols, mechanism.locate)
