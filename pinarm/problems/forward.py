@@ -106,7 +106,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         events = event_columns(self.events, [()], np.zeros(1, dtype=np.intp))
         rest = friction_columns(mechanism.frictions, np.zeros((1, len(mechanism.frictions))))
         pushes = push_columns(mechanism, filter(mechanism.joints.__contains__, self.end_stops), np.zeros_like(row.v))
-        return self._controlled(mechanism, replace(row, columns={**rest, **pushes, **events}))
+        row = self._controlled(mechanism, replace(row, columns={**rest, **pushes}))
+        return replace(row, columns={**row.columns, **events})  # in the order of the motion, as saved rows have them
 
     def _controlled(self, mechanism: Mechanism, row: Trajectory) -> Trajectory:
         """Return a row with what controllers drive and the columns that they add to it."""
