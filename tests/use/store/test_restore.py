@@ -64,6 +64,7 @@ def test_columns_of_controllers_friction_stops_and_events_come_back_each_to_its_
     }  # fmt: skip
     command = {"kind": "state_feedback", "drive": "motor", "states": ["O"], "bias": ["1 N*m"],
                "gains": [["0 N*m/rad", "0 N*m*s/rad"]]}  # fmt: skip
+    events = {"half": "0.05 rad", "never": "0.2 rad"}
     given = {
         "pinarm": 1, "outputs": ["O"],
         "mechanism": {
@@ -71,7 +72,8 @@ def test_columns_of_controllers_friction_stops_and_events_come_back_each_to_its_
             "drives": {"motor": {"joint": "O", "motor": {"kind": "ideal"}}},
         },
         "problem": {"kind": "forward", "time": {"end": "1 s", "samples": 5}, "control": [command],
-                    "events": {"half": {"when": "O", "reaches": "0.05 rad"}}, "end_stops": {"O": {"upper": "0.1 rad"}}},
+                    "events": {name: {"when": "O", "reaches": at} for name, at in events.items()},
+                    "end_stops": {"O": {"upper": "0.1 rad"}}},
     }  # fmt: skip
     result = pinarm.run(given)
     again = pinarm.restore(result.save(tmp_path / "o", plots=False))
@@ -79,7 +81,7 @@ def test_columns_of_controllers_friction_stops_and_events_come_back_each_to_its_
     assert again["control.motor.effort"].values == pytest.approx(1.0, rel=1e-12)
     assert again["joint.O.stop"].values[-1] == pytest.approx(-1.0, rel=1e-12)
     for name, column in result.trajectory.columns.items():
-        assert np.array_equal(again[name].values, column.values), name
+        assert np.array_equal(again[name].values, column.values, equal_nan=True), name
 
 
 def test_estimates_of_the_error_come_back(tmp_path: Path) -> None:
