@@ -19,7 +19,7 @@ from pinarm.engine.kinematics.newton import near_given, start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.bifurcation import undetermined_rest
-from pinarm.engine.motion.integrated_motion import IntegratedMotion, driven_by, event_columns
+from pinarm.engine.motion.integrated_motion import IntegratedMotion, driven_by, event_columns, push_columns
 from pinarm.engine.motion.lost_turns import acting_on_angles, between, require_turns
 from pinarm.engine.motion.segmented.end_stops import Bound
 from pinarm.engine.motion.segmented.hybrid_motion import FirstSegment
@@ -105,7 +105,9 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         row = schema_row(mechanism, start, self.loads, "t", unit("s"), along(mechanism, self.motion))
         events = event_columns(self.events, [()], np.zeros(1, dtype=np.intp))
         rest = friction_columns(mechanism.frictions, np.zeros((1, len(mechanism.frictions))))
-        return self._controlled(mechanism, replace(row, columns={**rest, **events}))
+        pushes = push_columns(mechanism, filter(mechanism.joints.__contains__, self.end_stops), np.zeros_like(row.v))
+        row = self._controlled(mechanism, replace(row, columns={**rest, **pushes}))
+        return replace(row, columns={**row.columns, **events})  # in the order of the motion, as saved rows have them
 
     def _controlled(self, mechanism: Mechanism, row: Trajectory) -> Trajectory:
         """Return a row with what controllers drive and the columns that they add to it."""

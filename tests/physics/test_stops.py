@@ -21,6 +21,15 @@ BLOCK = f"""
 MASS, SLIDES, STICKS = 2.0, 0.2 * 2.0 * 9.81, 0.3 * 2.0 * 9.81
 RUBBING = "friction: {slip: {mu: 0.2, static_mu: 0.3}}\n"
 STILL = "motion: {belt: {law: constant, value: 0 m}}"
+WHEEL = f"""
+<link name="wheel">{BODY.format(1)}</link>
+<joint name="turn" type="continuous"><parent link="base"/><child link="wheel"/><axis xyz="0 0 1"/></joint>"""
+MOTOR = "drives: {{motor: {{joint: turn, ratio: 10, rotor_inertia: 3e-5 kg*m^2, motor: {{kind: ideal}}{}}}}}\n"
+PRESSED = (
+    "{kind: forward, time: {end: 0.5 s, samples: 11}, initial: {position: {turn: 0.3 rad}}, "
+    "end_stops: {turn: {upper: 0.3 rad}}, control: [{kind: state_feedback, drive: motor, states: [turn], "
+    "gains: [[0 N*m/rad, 0 N*m*s/rad]], bias: [0.05 N*m]}]}"
+)
 
 
 def test_a_pushed_block_rebounds_and_sticks_where_it_turns(write):
@@ -338,3 +347,42 @@ def test_a_cable_is_taut_and_slack_at_its_instants_beside_a_joint_that_is_left_o
     assert [one.how for one in result.removals] == ["locked"]
     found = [segment.solution.end for segment in result.outcome.motion.motion.motion.segments]
     assert found == pytest.approx([taut, slack, 0.4], rel=1e-7)
+
+
+@pytest.mark.parametrize("friction", ["", "friction: {turn: {constant: 0.08 N*m}}\n"])
+def test_a_motor_that_presses_against_a_stop_has_its_torque(write, friction):
+    """0.05 N*m through a gear of 10: 0.5 N*m, which the stop takes, but for what friction at rest may hold of it."""
+    result = pinarm.run(write(WHEEL, MOTOR.format("") + friction, PRESSED, "turn"))
+    assert result["joint.turn.effort"].values == pytest.approx(0.5, rel=1e-12)
+    assert result["drive.motor.torque"].values == pytest.approx(0.05, rel=1e-12)
+    assert result.number("drive.motor.torque @ rms")[0] == pytest.approx(0.05, rel=1e-12)
+    for end, held in (("least", -0.08), ("greatest", 0.08)):
+        push = result[f"joint.turn.stop.{end}"].values
+        assert push == pytest.approx(-0.5 + (held if friction else 0.0), rel=1e-12)
+
+
+@pytest.mark.parametrize("friction", ["", "friction: {turn: {constant: 0.08 N*m}}\n"])
+def test_an_elastic_gear_pulls_at_a_joint_on_its_stop_as_its_spring_does(write, friction):
+    """The rotor, 0.003 kg*m^2 at the joint, swings on 28 N*m/rad about the 0.5 N*m of its motor."""
+    elastic = ", elasticity: {stiffness: 28 N*m/rad}"
+    result = pinarm.run(write(WHEEL, MOTOR.format(elastic) + friction, PRESSED, "turn"))
+    exact = 0.5 * (1.0 - np.cos(np.sqrt(28.0 / 0.003) * result["t"].values))
+    assert result["joint.turn.effort"].values == pytest.approx(exact, abs=1e-7)
+    settled = exact > 0.2  # on the stop, and friction no longer holds the joint alone
+    assert result["joint.turn.stop"].values[settled] == pytest.approx(-exact[settled], abs=1e-7)
+
+
+def test_a_drive_along_a_sum_of_joints_does_not_give_what_a_stop_pushes(write):
+    """A drive moves the upper block, 2 kg, with 3 m/s^2, which takes the lower one, 1 kg, along by a stop between them.
+
+    It gives 3 kg 3 m/s^2; 5 N press the upper block forward on the lower one, which the stop pushes by 8 N.
+    """
+    push = "{kind: joint_effort, joint: q1, effort: {law: constant, value: 5 N}}"
+    problem = ("{kind: forward, time: {end: 0.1 s, samples: 3}, end_stops: {q1: {upper: 0 m}}, "
+               "motion: {place: {law: constant_acceleration, from: 0 m, acceleration: 3 m/s^2}}, "
+               "initial: {position: {q1: 0 m}}, "
+               f"loads: {{push: {push}}}}}")  # fmt: skip
+    place = "coordinates: {place: {kind: sum, of: [q0, q1]}}\n"
+    result = pinarm.run(write(stacked(1.0, 2.0), place, problem, "q0"))
+    assert result["coordinate.place.effort"].values == pytest.approx(9.0, rel=1e-12)
+    assert result["joint.q1.stop"].values == pytest.approx(-8.0, rel=1e-12)

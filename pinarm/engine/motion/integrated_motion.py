@@ -10,6 +10,7 @@ import numpy as np
 from pinarm.arrays import Array, Indices
 from pinarm.engine.friction.columns import friction_columns
 from pinarm.engine.motion.outcome import Outcome
+from pinarm.engine.motion.segmented.end_stops import Bound
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 from pinarm.engine.motion.segmented.segments import SegmentedMotion
 from pinarm.engine.motion.standstill import at_rest, directions, lossy, pace_of
@@ -18,6 +19,7 @@ from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.engine.series import Series
 from pinarm.input.units import unit
 from pinarm.mechanics.coordinates import driven_along
+from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace
 
@@ -114,13 +116,28 @@ class IntegratedMotion(Record, frozen=True):
 
 def states(mechanism: Mechanism, hybrid: HybridSystem, grid: Grid, motion: CompletedStates) -> Trajectory:
     """Return completed states as a table."""
+    pushed = np.zeros_like(motion.tau) if motion.pushed is None else motion.pushed
+    stopped = {bound.joint for bound in hybrid.bounds if isinstance(bound, Bound)}
+    pushes = push_columns(mechanism, [name for name, joint in mechanism.joints.items() if joint.v in stopped], pushed)
     return Trajectory(
         mechanism, "t", unit("s"), grid, motion.q, motion.v, motion.a, motion.tau, motion.lam,
         hybrid.closed_system.closure, hybrid.dynamics,
         driven=driven_along(hybrid.prescribed.coordinates, mechanism.model.nv), drives=tuple(hybrid.prescribed.names),
-        columns=friction_columns(mechanism.frictions, motion.friction), opened=motion.opened,
+        columns={**friction_columns(mechanism.frictions, motion.friction), **pushes}, opened=motion.opened,
         endless=motion.endless,
     )  # fmt: skip
+
+
+def push_columns(mechanism: Mechanism, stopped: Iterable[str], pushed: Array) -> dict[str, Series]:
+    """Return what end stops push, as columns ``joint.J.stop``.
+
+    Args:
+        mechanism: The mechanism.
+        stopped: Names of the joints that have end stops.
+        pushed: Along all joints [N*m or N], shape (n, nv).
+    """
+    joints = {f"joint.{name}.stop": mechanism.joints[name] for name in stopped}
+    return {name: Series(name, effort_unit(joint), pushed[:, joint.v]) for name, joint in joints.items()}
 
 
 def driven_by(controls: Controls, rows: Trajectory) -> Trajectory:

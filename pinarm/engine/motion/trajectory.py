@@ -62,7 +62,8 @@ class Trajectory(Record, frozen=True):
         q: Configurations, shape (n, nq).
         v: Velocities, shape (n, nv).
         a: Accelerations, shape (n, nv).
-        tau: Efforts of the drives at joints, what accelerates rotors included [N*m or N], shape (n, nv).
+        tau: Efforts of the drives at joints, what accelerates rotors and what end stops push included [N*m or N], shape
+            (n, nv).
         lam: Multipliers of the constraints, and efforts of drives along task coordinates [N or N*m].
         closure: The constraints that they belong to: those of the mechanism, then guided task coordinates.
         dynamics: The equation of motion with all the forces of the run.
@@ -252,13 +253,15 @@ class Trajectory(Record, frozen=True):
         That of its drive, with what accelerates its rotor; of a joint without one, what couplings do along it, with
         their friction: ``sum_k G_k lam_k + J_k f_k``. Where a motor acts on a rotor that is a joint of its own, its
         effort less the losses of the gear; behind an elastic gear ``k w + c w'``, what the gear gives, and what drives
-        the joint itself beside it.
+        the joint itself beside it. Of a joint that nothing of this moves, what its end stops push.
         """
         if (gear := self._elastic_gear_at(joint)) is not None:
             shaft = gear.efforts(self.grid.t, self.q, self.v)
-            return self.tau[..., joint] - shaft + self._lost_behind_shaft(joint)
+            return self._supplied[..., joint] - shaft + self._lost_behind_shaft(joint)
+        if self.driven is not None and self.driven[joint]:
+            return self._supplied[..., joint]
         if (drive := self._motor_at(joint)) is not None:
-            return self.tau[..., self.mechanism.driven_joint(drive).v] + self._lost_in_gear(drive)
+            return self._supplied[..., self.mechanism.driven_joint(drive).v] + self._lost_in_gear(drive)
         if not (acting := self.couplings_at(joint)):
             return self.tau[..., joint]
         lam, places = np.asarray(self.lam), self.closure.slices
@@ -323,7 +326,7 @@ class Trajectory(Record, frozen=True):
         }
         if name not in weights:
             return None
-        tau = self.tau.reshape(-1, self.tau.shape[-1])
+        tau = self._supplied.reshape(-1, self.tau.shape[-1])
         efforts = np.linalg.lstsq(np.array([*weights.values()]).T, tau.T)[0]
         return np.asarray(efforts[[*weights].index(name)].reshape(self.tau.shape[:-1]))
 
@@ -333,7 +336,23 @@ class Trajectory(Record, frozen=True):
         others = (known.get(drive) for drive in self.drives if drive != joint)
         shared = any(isinstance(one, LinearCoordinate) and one.weights[v] for one in others)
         own = self.effort_along(joint) if shared else None
-        return self.tau[..., v] if own is None else own
+        return self._supplied[..., v] if own is None else own
+
+    def motor_effort(self, rotor: int) -> Array:
+        """Return the effort of the motor at a rotor that is a joint of its own, by its index in v, shape (n,)."""
+        return self._supplied[..., rotor]
+
+    @cached_property
+    def _supplied(self) -> Array:
+        """What drives supply at joints: all efforts but what end stops push [N*m or N], shape (n, nv)."""
+        pushed = {name: column for name, column in self.columns.items() if name.endswith(".stop")}
+        if not pushed:
+            return self.tau
+        supplied = self.tau.copy()
+        for name, joint in self.mechanism.joints.items():
+            if (column := pushed.get(f"joint.{name}.stop")) is not None:
+                supplied[..., joint.v] -= column.values
+        return supplied
 
     def direction(self, index: int) -> Array:
         """Return the direction of a joint's motion at every row, 1, 0 or -1, shape (n,).

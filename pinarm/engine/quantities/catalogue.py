@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 COLUMNS = {
     ".friction": "friction that sticks, along the coordinate, on the child",
+    "joint.*.stop": "push of the end stops of the joint, on the child",
     ".effort.lower": "at rest: effort below which the coordinate begins to move down",
     ".effort.upper": "at rest: effort above which the coordinate begins to move up",
     ".time": "when the event first took place", ".count": "how often the event took place",

@@ -160,7 +160,8 @@ def _arrays(path: Path) -> dict[str, Array]:
     except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, SyntaxError) as error:
         raise InputError(f"{path} does not hold the states of a run ({error})", hint=AGAIN) from None
     unknown = {name for name in ("v", "a") if np.isnan(found[name]).all()}  # of recorded motions
-    if not all(np.isfinite(found[name]).all() for name in {*STATE, *further} & found.keys() - unknown - TEXTS):
+    told = {name for name in further if name.rpartition(".")[2] == "further"}  # NaN of an event that takes no place
+    if not all(np.isfinite(found[name]).all() for name in {*STATE, *further} & found.keys() - unknown - TEXTS - told):
         raise InputError(f"the states in {path} are not finite")
     return found
 

@@ -56,6 +56,34 @@ def test_events_and_impacts_come_back(tmp_path: Path) -> None:
     assert repr(events) == repr(tuple(result.events))
 
 
+def test_columns_of_controllers_friction_stops_and_events_come_back_each_to_its_name(tmp_path: Path) -> None:
+    """1 kg m^2 turns under 1 N m less 0.5 N m of friction, to its stop at 0.1 rad in 0.63 s."""
+    planar = {
+        "points": {"O": [0, 0], "P": ["1 m", 0]}, "ground": ["O"],
+        "links": {"arm": {"points": ["O", "P"], "mass": "1 kg", "centre": "O", "inertia": "1 kg*m^2"}},
+    }  # fmt: skip
+    command = {"kind": "state_feedback", "drive": "motor", "states": ["O"], "bias": ["1 N*m"],
+               "gains": [["0 N*m/rad", "0 N*m*s/rad"]]}  # fmt: skip
+    events = {"half": "0.05 rad", "never": "0.2 rad"}
+    given = {
+        "pinarm": 1, "outputs": ["O"],
+        "mechanism": {
+            "pinarm": 1, "gravity": "none", "planar": planar, "friction": {"O": {"constant": "0.5 N*m"}},
+            "drives": {"motor": {"joint": "O", "motor": {"kind": "ideal"}}},
+        },
+        "problem": {"kind": "forward", "time": {"end": "1 s", "samples": 5}, "control": [command],
+                    "events": {name: {"when": "O", "reaches": at} for name, at in events.items()},
+                    "end_stops": {"O": {"upper": "0.1 rad"}}},
+    }  # fmt: skip
+    result = pinarm.run(given)
+    again = pinarm.restore(result.save(tmp_path / "o", plots=False))
+    assert again["event.half.time"].values == pytest.approx(0.2**0.5, rel=1e-9)
+    assert again["control.motor.effort"].values == pytest.approx(1.0, rel=1e-12)
+    assert again["joint.O.stop"].values[-1] == pytest.approx(-1.0, rel=1e-12)
+    for name, column in result.trajectory.columns.items():
+        assert np.array_equal(again[name].values, column.values, equal_nan=True), name
+
+
 def test_estimates_of_the_error_come_back(tmp_path: Path) -> None:
     result = pinarm.load(ROOT / "scenarios" / "gen411_arm_static.yaml").verified()
     again = pinarm.restore(result.save(tmp_path / "elsewhere", plots=False))

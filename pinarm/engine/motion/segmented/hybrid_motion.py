@@ -132,7 +132,8 @@ class HybridIntegration(Record, frozen=True):
         hybrid, controls = self.hybrid, self.hybrid.controls
         touched, spans = self.transitions.at_rest(t, q, v), self._spans(mode, t)
         tied = hybrid.tied(mode.held, touched, q)
-        shares = hybrid.sharing(mode.held | tied, q)
+        stops = hybrid.rested(mode.held | tied)
+        shares = stops if stops and stops.are_open(q) else None
         system = hybrid.loaded(hybrid.stretch(mode, t, q, v), mode.held, shares, t, q)
         ends, acting = watched(hybrid, mode, system, touched, tied), hybrid.acting(system)
         ends = [(key, self._from_there(key, watch, t, q, v) if isinstance(key, str) else watch) for key, watch in ends]
@@ -141,7 +142,7 @@ class HybridIntegration(Record, frozen=True):
             system = controls.around(system)
         segment = partial(
             MotionSegment, system, dynamics=acting, holding=hybrid.holding(mode.held),
-            rubbing=hybrid.rubs(mode.held), shares=shares,
+            rubbing=hybrid.rubs(mode.held), stops=stops, shares=shares,
         )  # fmt: skip
         watches = [of_mechanism(watch, system) for _, watch in ends]
         try:

@@ -350,12 +350,9 @@ class HybridSystem(Record, frozen=True):
         others = sorted(touched - held - self.separations) if held else []
         return frozenset(k for k in others if self.contacts.ties(q, held, k))
 
-    def sharing(self, held: Held, q: Array) -> StopShares | None:
-        """Return what shares loads while stops are rested on; ``None`` where what each pushes is determined."""
-        if held <= self.separations:
-            return None
-        found = self.shares(held)
-        return found if found.are_open(q) else None
+    def rested(self, held: Held) -> StopShares | None:
+        """Return the stops that joints rest on, with what shares loads with them; ``None`` without any."""
+        return None if held <= self.separations else self.shares(held)
 
     def loaded(self, system: System, held: Held, shares: StopShares | None, t: float, q: Array) -> System:
         """Return what is integrated while several stops share what loads joints with friction.

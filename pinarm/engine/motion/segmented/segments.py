@@ -55,7 +55,8 @@ class MotionSegment(Record, frozen=True):
         dynamics: The equation of motion, with the friction of what slips.
         holding: Which rows of the mechanism's constraints hold, shape (m,) as flags.
         rubbing: Which of the mechanism's frictions there are, shape (k,) as flags.
-        shares: Stops that are rested on, of which several hold one motion; ``None`` where none do.
+        stops: Stops that are rested on; ``None`` without any.
+        shares: The same where several hold one motion; ``None`` where none do.
     """
 
     system: System
@@ -63,6 +64,7 @@ class MotionSegment(Record, frozen=True):
     dynamics: Dynamics
     holding: Flags
     rubbing: Flags
+    stops: StopShares | None = None
     shares: StopShares | None = None
 
     @cached_property
@@ -79,6 +81,7 @@ class MotionSegment(Record, frozen=True):
         """Return the motion at the rows of a grid within the segment."""
         found = self.system.complete(dynamics, grid, *_states(self, grid.t))
         found = self.shares.shared(found) if self.shares else found
+        found = self.stops.told(found) if self.stops else found
         return found if self.holding.all() else _opened(found, self.holding, self.rubbing)
 
 

@@ -110,6 +110,13 @@ class StopShares(Record, frozen=True):
             found.append(np.asarray(states.lam)[:, self._places[len(self.stops) :]])
         return np.asarray(self._sides * np.concatenate(found, axis=1))
 
+    def told(self, states: CompletedStates) -> CompletedStates:
+        """Return states with what the end stops push along joints."""
+        count = len(self.stops)
+        efforts = self._sides[:count] * self.pushes(states)[:, :count]
+        pushed = efforts @ self._weights[len(self._weights) - count :]
+        return replace(states, pushed=pushed, others=tuple(map(self.told, states.others)))
+
     def least(self, states: CompletedStates) -> Array:
         """Return the pushes with the least sum of squares of those that hold the motion, shape (n, K).
 

@@ -91,13 +91,14 @@ class CompletedStates(Record, frozen=True):
         q: Configurations, shape (n, nq).
         v: Velocities, shape (n, nv).
         a: Accelerations, shape (n, nv).
-        tau: Efforts of the drives at joints [N*m or N], shape (n, nv).
+        tau: Efforts of the drives at joints, and pushes of end stops [N*m or N], shape (n, nv).
         lam: Multipliers of the constraints [N or N*m].
         friction: Friction that sticks, along the slips of k joints [N*m or N], shape (n, k).
         opened: Whether a one-sided constraint is open, shape (n,); ``None`` where none ever is.
         others: The same motion with other efforts, multipliers and frictions that hold it as well: the extremes of what
             rigid bodies leave open where several joints at rest share a load.
         endless: Of such a motion, in which rows it only tells a direction without a known end; ``None`` for none, (n,).
+        pushed: What of ``tau`` end stops push, shape (n, nv); ``None`` where nothing rests on any.
     """
 
     q: Array
@@ -109,6 +110,7 @@ class CompletedStates(Record, frozen=True):
     opened: Flags | None = None
     others: tuple[CompletedStates, ...] = ()
     endless: Flags | None = None
+    pushed: Array | None = None
 
     @classmethod
     def joined(cls, motions: Sequence[CompletedStates]) -> CompletedStates:
@@ -125,8 +127,9 @@ class CompletedStates(Record, frozen=True):
         endless = np.concatenate(
             [np.zeros(len(one.q), bool) if one.endless is None else one.endless for one in motions]
         )
+        pushed = np.concatenate([np.zeros_like(one.tau) if one.pushed is None else one.pushed for one in motions])
         return cls(q, v, a, tau, lam, friction, opened if opened.any() else None, tuple(others),
-                   endless if endless.any() else None)  # fmt: skip
+                   endless if endless.any() else None, pushed if pushed.any() else None)  # fmt: skip
 
 
 class System(Protocol):

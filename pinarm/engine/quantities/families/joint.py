@@ -33,8 +33,8 @@ class JointQuantities(WrenchFamily, frozen=True):
         "position": "coordinate of the joint", "velocity": "its rate", "acceleration": "its second derivative",
         "effort": "effort of all drives at the joint, those along sums of joints and their rotors' shares included; "
                   "that of one drive is coordinate.J.effort; of a joint without a drive, of the couplings that move "
-                  "it; behind an elastic gear, what it gives, in every kind of problem, and what drives the joint "
-                  "itself beside it",
+                  "it, or where none do what its end stops push; behind an elastic gear, what it gives, in every kind "
+                  "of problem, and what drives the joint itself beside it",
         "link_effort": "what of the effort reaches the links: without armature * acceleration",
         "power": "effort times velocity",
         "force": "force of the parent on the child, at the child's origin",
