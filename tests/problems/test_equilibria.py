@@ -15,6 +15,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.statics.equilibrium import ForceBalance
 from pinarm.engine.statics.stiffness import slope
 from pinarm.errors import AssemblyError, DynamicsError, InputError
+from pinarm.mechanics.forces.bushing import Bushing, SpringRates
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 from pinarm.mechanics.laws import Constant, Harmonic
@@ -443,6 +444,18 @@ def test_a_start_that_leads_nowhere_leaves_the_equilibria_that_others_lead_to(me
     with pytest.raises(AssemblyError, match=r"starts\[0\]") as caught:
         outcome(model, [{"x": -2.0}], loads={"s": spring, "p": push})
     assert caught.value.data["q"] == pytest.approx([flat], abs=1e-2)
+
+
+def test_a_start_without_loads_is_named_and_leaves_what_others_lead_to(mechanism, chain):
+    """Of a pendulum on a torsion bar with k = 2 m g l, beyond the 170 deg up to which a bushing acts."""
+    bar = Bushing(between=("base", "bob_link"), stiffness=SpringRates(rotation=(0.0, 2.0 * MASS * G * LENGTH, 0.0)))
+    model = mechanism(chain(UPRIGHT))
+    found = outcome(model, [{"bob": 3.05}, {"bob": 0.4}], loads={"bar": bar})
+    assert found.rows.q[:, 0] == pytest.approx([0.0], abs=1e-12)
+    (note,) = [note for note in found.notes if note.startswith("starts[0] leads to no equilibrium: the loads are not")]
+    assert "force 'bar': its frames base and bob_link are turned by 174.8 deg" in note
+    with pytest.raises(AssemblyError, match=r"the loads are not finite where bob = .* a bushing acts up to 170 deg"):
+        outcome(model, [{"bob": 3.05}], loads={"bar": bar})
 
 
 REFUSED = {

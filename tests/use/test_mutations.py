@@ -35,7 +35,7 @@ LOADS = """\
     a: {kind: joint_spring, joint: pivot, stiffness: 1 N*m, damping: 1 N*m*s, rest: 1 rad}
     b: {kind: joint_effort, joint: pivot, effort: {law: cycloidal, from: 0 N*m, to: 1 N*m, duration: 1 s, begin: 1 s}}
     c: {kind: joint_effort, joint: pivot, over: pivot, period: 360 deg,
-        effort: {law: spline, points: [[0 deg, 1 N*m], [90 deg, 2 N*m]]}}
+        effort: {law: spline, points: [[0 deg, 1 N*m], [90 deg, 2 N*m], [270 deg, 2 N*m], [360 deg, 1 N*m]]}}
 """
 AT_REST = LOADS.replace("{law: cycloidal, from: 0 N*m, to: 1 N*m, duration: 1 s, begin: 1 s}",
                         "{law: constant, value: 1 N*m}")  # fmt: skip

@@ -51,6 +51,10 @@ UNCOUNTED = Leap(
     "it is told from -180 to 180 deg and leaps by a turn there",
     "in the mechanism file: turns: [{angle}], which counts them",
 )
+BUSHING = Leap(
+    "there its frames are half a turn apart, and a bushing acts up to 170 deg",
+    "a joint_spring, or a coordinate_spring along an angle whose turns are counted",
+)
 
 
 class Acting(NamedTuple):
@@ -61,12 +65,14 @@ class Acting(NamedTuple):
         angle: The angle.
         name: Name of the angle, where it is known.
         counted: Whether whole turns do not matter: a joint counts them.
+        vector: Why it leaps where it is part of a rotation vector.
     """
 
     user: str
     angle: Coordinate
     name: str = "NAME"
     counted: bool = False
+    vector: Leap = VECTOR
 
     def leap(self, one: Kinematics, other: Kinematics) -> Leap | None:
         """Return why the angle does not go on from one state to the next; ``None`` where it does."""
@@ -79,7 +85,7 @@ class Acting(NamedTuple):
         if isinstance(angle, BallCoordinate | RotationCoordinate):
             parts = [replace(angle, component=k) for k in range(3)]
             way = np.linalg.norm([part.value(other) - part.value(one) for part in parts])
-            return VECTOR if way > np.pi else None
+            return self.vector if way > np.pi else None
         return None if self.counted or abs(angle.value(other) - angle.value(one)) < np.pi else UNCOUNTED
 
 
@@ -104,6 +110,17 @@ def acting_on_angles(
         found += [Acting(f"the controller of {', '.join(one.drives)}", coordinate) for coordinate in measured]
     names_of = {id(coordinate): name for name, coordinate in coordinates.items()}
     return [one._replace(name=names_of.get(id(one.angle), one.name)) for one in found if _leaps(one)]
+
+
+def turned_between(forces: Mapping[str, ForceElement], q: Array) -> list[Acting]:
+    """Return the bushings whose frames may pass half a turn between two rows of a motion.
+
+    Args:
+        forces: Force elements by name.
+        q: Configurations, shape (n, nq).
+    """
+    angles = {name: force.turned_between(q) for name, force in forces.items()}
+    return [Acting(f"'{name}'", angle, vector=BUSHING) for name, angle in angles.items() if angle is not None]
 
 
 def _leaps(one: Acting) -> bool:

@@ -19,7 +19,7 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.statics.stiffness import ZERO, Modes, edge_at, force, slope, stiffness
 from pinarm.errors import AssemblyError, InputError, Key, within
 from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.forces.force_element import ForceElement, refusals
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import METRE, format_configuration
 from pinarm.mechanics.laws import Constant
@@ -175,7 +175,7 @@ class ForceBalance:
         """Return the equilibrium that damped Newton steps from q reach.
 
         Raises:
-            AssemblyError: They reach none.
+            AssemblyError: They reach none, or a load is not a number where they begin.
         """
         reach = np.maximum(np.abs(q), self.closure.scale)
         closest = self._descend(q, reach)
@@ -196,6 +196,8 @@ class ForceBalance:
             if not polish and self._balanced(q, reach):
                 break
             slopes, sizes, _ = self.terms(q)
+            if not np.isfinite(slopes).all():
+                raise self._without_loads(q)
             diagonal = np.diag(np.abs(basis).T @ sizes @ np.abs(basis))
             scale = np.divide(1.0, np.sqrt(diagonal), out=np.zeros_like(diagonal), where=diagonal > 0.0)
             force = scale * (basis.T @ self.force(q))
@@ -276,6 +278,13 @@ class ForceBalance:
                 if self._balanced(self.nearest(q + side * step), reach):
                     return True
         return False
+
+    def _without_loads(self, q: Array) -> AssemblyError:
+        where = format_configuration(self.mechanism.model, q)
+        return AssemblyError(
+            f"the loads are not finite where {where}{refusals(self.dynamics.forces, q)}",
+            expected="a start at which all loads are", q=q,
+        )  # fmt: skip
 
     def _unbalanced(self, q: Array, reach: Array, start: str) -> AssemblyError:
         joints = list(self.mechanism.joints.values())

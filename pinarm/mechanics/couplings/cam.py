@@ -65,7 +65,7 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
                     raise InputError(f"{key} of no {'roller' if key == 'roller_radius' else 'face'}",
                                      expected="the link where it is")  # fmt: skip
         with within("period"):
-            Profile.of(self.profile, self.period).check_closed()
+            Profile.of(self.profile, self.period).check_repeated()
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> CamCoupling:
         """Return the coupling of one model.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cached_property, partial
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -24,6 +24,7 @@ from pinarm.input.yaml.schema import (
     Stiffness,
     check_unit,
 )
+from pinarm.mechanics.coordinates import RotationCoordinate
 from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
 from pinarm.mechanics.geometry.deflection import REACH, Deflection
 from pinarm.mechanics.geometry.link_placements import opposed
@@ -134,6 +135,21 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
             return ""
         turned, most = (f"{math.degrees(angle):.4g} deg" for angle in (theta, REACH))
         return f"its frames {self.between} are turned by {turned} to one another, and a bushing acts up to {most}"
+
+    def turned_between(self, q: Array) -> RotationCoordinate | None:
+        """Return part of the rotation of frame 2 in frame 1, unless they turn by less than from ``REACH`` to beyond it.
+
+        Then a row at which there is no load stands between those on either side of half a turn.
+        """
+        if self.chain is None:
+            turns = [self._relative(state)[0].rotation for state in q]
+            way = np.array([np.linalg.norm(pin.log3(a.T @ b)) for a, b in pairwise(turns)])
+        else:
+            turning = [stage.index for stage in self.chain.stages if stage.turns]
+            way = np.abs(np.diff(q[:, turning], axis=0)).sum(axis=1)
+        if way.max(initial=0.0) < 2.0 * (math.pi - REACH):
+            return None
+        return RotationCoordinate(self.frames[1], 0, self.frames[0])
 
     def measures(self) -> Mapping[str, ElementQuantity]:
         """Return how far frame 2 is from frame 1, and what the first link does to the second, all in world axes.

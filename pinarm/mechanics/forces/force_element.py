@@ -15,6 +15,7 @@ from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
+    from pinarm.mechanics.coordinates import RotationCoordinate
     from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 
@@ -173,6 +174,14 @@ class ForceElement(ABC):
         Such a load is not a number: no step of an integration is taken with it.
         """
         return ""
+
+    def turned_between(self, q: Array) -> RotationCoordinate | None:
+        """Return part of the rotation between its frames, if that may pass half a turn between rows of a motion.
+
+        Args:
+            q: Configurations of the rows, shape (n, nq).
+        """
+        return None
 
     @property
     def description(self) -> str:

@@ -88,7 +88,8 @@ class JointEffort(InputStruct, frozen=True, tag_field="kind", tag="joint_effort"
         effort: The law.
         over: Joint whose coordinate stands for the time of the law: ``duration: 90 deg``; over time where none is
             given.
-        period: After which a law over a coordinate repeats, such as ``720 deg``.
+        period: After which a law over a coordinate repeats, such as ``720 deg``: what it says from 0 to there holds
+            for every turn.
     """
 
     joint: str
@@ -118,7 +119,9 @@ class JointEffort(InputStruct, frozen=True, tag_field="kind", tag="joint_effort"
             self.effort.require_continuous(along.unit)
         with within("period"):
             check_unit(self.period or 0.0, along.unit)
-        return ProfiledEffort(joint.v, along.q, along.v, Profile.of(self.effort, self.period))
+            profile = Profile.of(self.effort, self.period)
+            profile.check_repeated(kinks=True)
+        return ProfiledEffort(joint.v, along.q, along.v, profile)
 
 
 class TorqueSpeed(InputStruct, frozen=True, tag_field="kind", tag="torque_speed"):

@@ -178,21 +178,38 @@ class Profile(ValueRecord, frozen=True):
         values[:, inside] = piece.function(x[inside])
         return values[0], values[1], values[2]
 
-    def check_closed(self) -> None:
-        """Refuse a profile whose value or slope differs between the beginning and the end of its period.
+    def check_repeated(self, *, kinks: bool = False) -> None:
+        """Refuse a profile that has points beyond its period, or that differs between its beginning and its end.
+
+        Args:
+            kinks: Whether its slope may differ there.
 
         Raises:
-            InputError: Names both values.
+            InputError: Names the point, or both values.
         """
         if self.period == math.inf:
             return
+        slack = ON_BREAKPOINT * self.period
+        for place in self._of_law:
+            if not -slack <= place <= self.period + slack:
+                raise InputError(
+                    f"the profile has a point at {place:.6g}, and repeats what it says from 0 to {self.period:.6g}",
+                    expected="points from 0 to the period",
+                )
         first = np.array(self.pieces[0].function(np.array([0.0])))[:, 0]
         last = np.array(self.pieces[-1].function(np.array([self.period])))[:, 0]
         size = np.max([piece.size() for piece in self.pieces], axis=0)
-        for what, begin, end, scale in zip(("value", "slope"), first, last, size, strict=False):
+        looked_at = ("value",) if kinks else ("value", "slope")
+        for what, begin, end, scale in zip(looked_at, first, last, size, strict=False):
             if abs(end - begin) > CONTINUOUS * scale:
                 raise InputError(f"the profile does not close: its {what} is {begin:.6g} at 0 and {end:.6g} after a "
                                  "period", expected="a profile that ends as it begins")  # fmt: skip
+
+    @property
+    def _of_law(self) -> list[float]:
+        """Where pieces of the law begin, and their knots, whether they are within the period or not."""
+        pieces = self.law.smooth_pieces
+        return [x for piece in pieces for x in (piece.start, *piece.knots) if math.isfinite(x)]
 
 
 class Driven(MotionLaw, frozen=True):
@@ -224,9 +241,9 @@ class Over(InputStruct, frozen=True, tag_field="law", tag="over"):
     period: Extent | None = None
 
     def check(self) -> None:
-        """Refuse a profile that is not continuous from one period to the next."""
+        """Refuse a profile that does not go on from one period to the next."""
         with within("period"):
-            Profile.of(self.profile, self.period).check_closed()
+            Profile.of(self.profile, self.period).check_repeated()
 
     def check_units(self, of: Unit, along: Unit) -> None:
         """Check the profile's units.

@@ -20,7 +20,7 @@ from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.checks.unclosed import unclosed
 from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.mechanism import Mechanism, mechanism_document, mechanism_of_data, read_mechanism
-from pinarm.engine.motion.lost_turns import acting_on_angles, between, require_turns
+from pinarm.engine.motion.lost_turns import acting_on_angles, between, require_turns, turned_between
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.one_run import one_run
 from pinarm.engine.quantities.names import Quantities
@@ -460,6 +460,7 @@ class Scenario(Record, frozen=True):
             return
         mechanism = rows.mechanism
         acting = acting_on_angles(mechanism.constraints, rows.dynamics.forces, coordinates=mechanism.coordinates)
+        acting += turned_between(rows.dynamics.forces, rows.q)
         if acting:
             t = between(rows.grid.t)
             require_turns(mechanism.model, acting, t, motion.positions(t), rows.parameter, str(rows.unit))

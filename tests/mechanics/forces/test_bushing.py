@@ -1,5 +1,6 @@
 """Bushings: the energy contract at finite rotations, closed forms of small and large motions, refusals."""
 
+import json
 import math
 import re
 from contextlib import nullcontext
@@ -11,7 +12,7 @@ import pytest
 
 import pinarm
 from pinarm.engine.quantities.names import Quantities
-from pinarm.errors import InputError, IntegrationError, NumericsError, UnitError
+from pinarm.errors import DynamicsError, InputError, IntegrationError, NumericsError, UnitError
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import Measured, json_schema
 from pinarm.mechanics.forces.bushing import Bushing, DampingRates, LinearBushing, SpringRates
@@ -337,6 +338,28 @@ outputs: [{output}]
             pinarm.run(tmp_path / "s.yaml")
         assert "turn = 2.97578637 rad" in caught.value.message
         assert "are turned by 170.5 deg to one another, and a bushing acts up to 170 deg" in caught.value.message
+
+    @pytest.mark.parametrize("kind", ["statics", "inverse"])
+    @pytest.mark.parametrize(("end", "samples"), [(120, 3), (200, 2), (200, 5), (-500, 6)])
+    def test_what_passes_half_a_turn_between_rows_is_refused(self, tmp_path, chain, kind, end, samples):
+        """A torque of k phi at every row, or the place where it would leap: 160 deg are no 200 deg turned back."""
+        (tmp_path / "wheel.urdf").write_text(chain(TURN))
+        rod = {"kind": "bushing", "between": ["base", "turn_link"], "stiffness": {"rotation": [0.0, 0.0, "1 N*m/rad"]}}
+        way = {"statics": {"over": {"turn": {"from": "0 deg", "to": f"{end} deg", "samples": samples}}},
+               "inverse": {"time": {"end": "1 s", "samples": samples},
+                           "motion": {"turn": {"law": "constant_speed", "speed": f"{end} deg/s"}}}}[kind]  # fmt: skip
+        (tmp_path / "s.yaml").write_text(json.dumps({
+            "pinarm": 1, "mechanism": "wheel.urdf", "problem": {"kind": kind, "loads": {"rod": rod}, **way},
+            "outputs": ["turn", "joint.turn.effort"]}))  # fmt: skip
+        if abs(end) < 170.0:
+            result = pinarm.run(tmp_path / "s.yaml")
+            assert result["joint.turn.effort"].values == pytest.approx(np.radians(np.linspace(0, end, samples)))
+            return
+        with pytest.raises(DynamicsError, match=r"'rod' .* half a turn apart, and a bushing acts up to 170") as caught:
+            pinarm.run(tmp_path / "s.yaml")
+        part = abs(end) / (samples - 1) / 8
+        whole = np.radians(abs(end)) if kind == "statics" else 1.0
+        assert abs(caught.value.data["t"]) == pytest.approx(whole * 180.0 / abs(end), abs=whole * part / abs(end))
 
     def test_one_motion_of_many_that_goes_there_does_not_touch_the_others(self, tmp_path, chain):
         (tmp_path / "wheel.urdf").write_text(chain(TURN))

@@ -32,7 +32,7 @@ SAMPLES = {
         JointEffort(joint="turn", effort=Harmonic(mean=1.0, amplitude=3.0, pulsation=2.0)),
         JointEffort(joint="slide", effort=Trapezoid(start=-2.0, end=5.0, acceleration=4.0)),
         JointEffort(joint="turn", over="turn", effort=Spline(points=[(-1.0, 4.0), (0.3, -6.0), (1.2, 9.0)])),
-        JointEffort(joint="slide", over="turn", period=0.7, effort=Harmonic(amplitude=8.0, pulsation=3.0)),
+        JointEffort(joint="slide", over="turn", period=np.pi, effort=Harmonic(amplitude=8.0, pulsation=6.0)),
     ],
     RegularisedFriction: [
         RegularisedFriction(joint="turn", friction=3.0, creep=0.4),
@@ -252,7 +252,7 @@ def test_unknown_links_are_refused(force, names, model, joints):
 
 class TestEffortOverACoordinate:
     def test_it_is_the_law_at_the_place_of_the_other_joint_and_repeats(self, model, joints):
-        law = SpeedPoints(points=[(0.0, 2.0), (0.5, 2.0), (0.5 + 1e-9, -2.0)])  # up and down again: a saw of height 1
+        law = SpeedPoints(points=[(0.0, 2.0), (0.5 - 5e-10, 2.0), (0.5 + 5e-10, -2.0)])  # a saw of height 1
         push = JointEffort(joint="slide", effort=law, over="turn", period=1.0).bind(model, joints)
         turn = np.array([0.0, 0.2, 0.5, 0.75, 1.25, -0.25, -3.8])
         q = np.stack([turn, np.full(7, 9.0)], axis=1)
@@ -273,6 +273,18 @@ class TestEffortOverACoordinate:
         with pytest.raises(InputError, match=message) as caught:
             JointEffort(joint="turn", **keys).bind(model, joints)
         assert caught.value.path == path
+
+    @pytest.mark.parametrize(("points", "message"), [
+        ([(-1.0, 3.0), (-0.5, 7.0), (0.0, 0.0), (3.0, 0.0)], "a point at -1, and repeats what it says from 0 to 4"),
+        ([(1.0, 3.0), (2.0, 7.0), (5.0, 3.0)], "a point at 5, and repeats what it says from 0 to 4"),
+        ([(0.0, 1.0), (2.0, 2.0)], "its value is 1 at 0 and 2 after a period"),
+    ])  # fmt: skip
+    def test_no_point_beyond_a_period_is_left_out_and_no_period_ends_in_a_jump(self, points, message, joints, model):
+        """A load from -1 to 3 was taken from 0 to 4, where it had stayed at its last value from 3 on."""
+        push = JointEffort(joint="slide", over="turn", period=4.0, effort=Spline(points=points))
+        with pytest.raises(InputError, match=message) as caught:
+            push.bind(model, joints)
+        assert caught.value.path == ("period",)
 
     def test_a_period_needs_a_coordinate(self):
         with pytest.raises(InputError, match="a law over time has no period"):
