@@ -17,6 +17,7 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspaces.nullspace import MANY
+from pinarm.engine.kinematics.abscissa import instant
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion, JointMotion, JointTrajectory
 from pinarm.errors import AssemblyError, PinarmError
 from pinarm.mechanics.laws.motion_law import Grid
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from pinarm.engine.constraints.closure import Closure
     from pinarm.engine.motion.prescribed_motion import Prescription
     from pinarm.engine.motion.trajectory import Trajectory
+    from pinarm.engine.statics.actuation import Actuation
 
 CLOSE, ASIDE = 1e-2, 0.05
 """Least singular value of J, relative to the largest, and this to its largest in the run, below which rows are
@@ -39,6 +41,17 @@ PLACES = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
 PASSED = 2e-14
 """Gap of an interpolated position, relative to the reach of its row, up to which it is one of the motion: rounding.
 Where lengths are 1e-13 off the motion turns beside the singular position, and is another one."""
+
+BALANCED, SMOOTH = 1e-10, 1e-7
+"""Residual of the equations of motion up to which interpolated efforts and forces are taken; part of the largest
+efforts beside it by which those through six of the eight places may differ, where those of all are known to 1e-9."""
+
+RESOLVED, UNBOUNDED = 1e-3, 1e-6
+"""Part of that residual which forces that are solved leave at most, large ones their rounding; residual from which on
+it is noted that there are none."""
+
+RESTING = 1e-3
+"""Speed of a drive, relative to that of the joints which it is the sum of, up to which it may be one of rounding."""
 
 APART = 0.3
 """The same, above which the nearest row of a table tells the branch: that of four-bars 0.3 rad from change points."""
@@ -192,7 +205,24 @@ class PassedPositions(Record, frozen=True):
         gap = whole.gap(whole.state(one.q[0]))
         wanted = [float(one.grid.evaluate(law)[0][0]) for law in self.known.motion.laws]
         gap[len(gap) - len(wanted) :] -= wanted
-        return one if (np.abs(gap) <= PASSED * whole.reach).all() else None
+        return self._balanced(one, stretch) if (np.abs(gap) <= PASSED * whole.reach).all() else None
+
+    def _balanced(self, one: Trajectory, stretch: _Stretch) -> Trajectory | None:
+        """Return an interpolated row with efforts and forces that balance it; ``None`` where there are none.
+
+        Towards a singular position forces of loops may grow beyond all bounds, and loads may change within a stretch.
+        These are solved at the interpolated position. In the singular position itself there are no such forces, and
+        ``Reactions`` tells none; efforts that go smoothly through it, and that of a single drive, are known there as
+        well.
+        """
+        if self.known.drives is None or (left := _residual(one)) <= BALANCED:
+            return one
+        driven = _driven(one, self.known.drives) or (one if stretch.smooth(float(one.grid.t[0])) else None)
+        with suppress(PinarmError):
+            found = self.known.solved(one, self.pace) if driven is None else _held(driven)
+            if _residual(found) <= RESOLVED * left:
+                return found
+        return driven
 
     @cached_property
     def _stretches(self) -> list[_Stretch]:
@@ -239,18 +269,78 @@ class _Stretch(Record, frozen=True):
         """Tell whether a value of the parameter within an interval is between the two places in the middle."""
         return self.beside.grid.cuts == cuts and abs(t - self.t) < abs(self.step)
 
-    def row(self, t: float) -> Trajectory:
-        """Return the row at a value of the parameter that it covers, by Lagrange's polynomials."""
-        ways, apart = (t - self.t) / self.step - PLACES, PLACES[:, None] - PLACES
-        others = ~np.eye(len(PLACES), dtype=bool)
-        weights = np.prod(np.broadcast_to(ways, others.shape), where=others, axis=1) / np.prod(
-            apart, where=others, axis=1
+    def smooth(self, t: float) -> bool:
+        """Tell whether efforts can be interpolated at a value of the parameter: fewer places tell the same."""
+        tau, inner = self.beside.tau, slice(1, -1)
+        apart = self._weights(t, PLACES) @ tau - self._weights(t, PLACES[inner]) @ tau[inner]
+        return bool((np.abs(apart) <= SMOOTH * np.abs(tau).max(axis=0)).all())
+
+    def _weights(self, t: float, places: Array) -> Array:
+        """Return the weights of places at a value of the parameter, by Lagrange's polynomials, shape (k,)."""
+        ways, apart = (t - self.t) / self.step - places, places[:, None] - places
+        others = ~np.eye(len(places), dtype=bool)
+        return np.asarray(
+            np.prod(np.broadcast_to(ways, others.shape), where=others, axis=1) / np.prod(apart, where=others, axis=1)
         )
-        run = self.beside
-        q, v, a, tau, lam = ((weights @ x)[None] for x in (run.q, run.v, run.a, run.tau, np.asarray(run.lam)))
-        lam = Multipliers.known(lam, run.mechanism.closure.size)
+
+    def row(self, t: float) -> Trajectory:
+        """Return the row at a value of the parameter that it covers."""
+        weights, run = self._weights(t, PLACES), self.beside
+        q, v, a, tau, forces = ((weights @ x)[None] for x in (run.q, run.v, run.a, run.tau, np.asarray(run.lam)))
+        lam = Multipliers.known(forces, run.mechanism.closure.size)
         grid = Grid(np.array([t]), run.grid.cuts, (0, 1))
         return replace(run.some(np.arange(1)), grid=grid, q=q, v=v, a=a, tau=tau, lam=lam)
+
+
+def unbounded_notes(rows: Trajectory) -> list[str]:
+    """Return what is to be said of interpolated rows that no forces of the loops balance."""
+    found = [float(t) for row, t in enumerate(rows.grid.t) if _residual(rows.some(np.array([row]))) > UNBOUNDED]
+    if not found:
+        return []
+    more = f", as in {len(found) - 1} more rows" if len(found) > 1 else ""
+    return [
+        f"at {instant(found[0])}{more}, a singular position, no finite forces of the loops balance the motion, which "
+        "equilibrium shows: towards it they grow beyond all bounds. The efforts of the drives balance its power"
+    ]
+
+
+def _driven(one: Trajectory, drives: Actuation) -> Trajectory | None:
+    """Return a row with the effort of one drive that balances the power; ``None`` of several, or where it rests."""
+    coordinate, *others = drives.coordinates(one.mechanism).values()
+    row, v = coordinate.row(one.mechanism.closure.state(one.q[0])), one.v[0]
+    speed = float(row @ v)
+    if others or abs(speed) <= RESTING * float(np.abs(row) @ np.abs(v)):
+        return None
+    missing, own, lam = float(_balance(one)[0] @ v) / speed, one.mechanism.closure.size, np.asarray(one.lam)
+    if one.closure.size == own:
+        return replace(one, tau=one.tau + missing * row)
+    return replace(one, lam=Multipliers.known(np.hstack([lam[:, :own], lam[:, own:] + missing]), own))
+
+
+def _held(one: Trajectory) -> Trajectory:
+    """Return a row with the least multipliers that hold what its efforts do not."""
+    along = np.asarray(one.lam)[:, one.mechanism.closure.size :]
+    return replace(one, lam=Multipliers.least(one.closure, one.q, _demand(one) - one.tau, along))
+
+
+def _residual(one: Trajectory) -> float:
+    """Return the residual of a row's equations of motion, relative to the largest terms of joints that are tied."""
+    left, terms = (part * one.closure.scale for part in _balance(one))
+    largest, groups = np.zeros_like(terms), one.closure.groups
+    np.maximum.at(largest, groups, terms)
+    return float((np.abs(left) / np.maximum(largest[groups], np.finfo(float).tiny)).max())
+
+
+def _balance(one: Trajectory) -> tuple[Array, Array]:
+    """Return what a row's efforts and forces leave of ``M a + nle - loads``, and the sizes of all terms, both (nv,)."""
+    demand, lam, rows = _demand(one)[0], np.asarray(one.lam)[0], one.closure.at(one.q)[1][0]
+    return demand - one.tau[0] - lam @ rows, np.abs(demand) + np.abs(one.tau[0]) + np.abs(lam) @ np.abs(rows)
+
+
+def _demand(one: Trajectory) -> Array:
+    """Return ``M a + nle - loads`` of a row, shape (1, nv)."""
+    t, q, v, a = one.grid.t, one.q, one.v, one.a
+    return one.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], a[part]))
 
 
 def _interpolated(known: Prescription) -> bool:

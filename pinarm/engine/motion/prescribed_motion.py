@@ -135,8 +135,11 @@ class Prescription(Record, frozen=True):
     def _notes(self, rows: Trajectory, pace: Array | None, passed: Flags, regular: Array) -> list[str]:
         """Return what is to be said of rows next to singular positions, of joints that friction holds, and of rest."""
         if passed.any():
+            from pinarm.engine.motion.passed_positions import unbounded_notes
+
             others = rows.some(np.flatnonzero(~passed))
-            return self._rounding(others, self._regularity(others), pace)  # none of its joints is held by friction
+            unbounded = unbounded_notes(rows.some(np.flatnonzero(passed))) if self.drives else []
+            return [*self._rounding(others, self._regularity(others), pace), *unbounded]  # no friction holds its joints
         return [*self._rounding(rows, regular, pace), *self._standstills(rows, pace)]
 
     def _rounding(self, rows: Trajectory, regular: Array, pace: Array | None) -> list[str]:

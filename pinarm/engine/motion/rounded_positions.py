@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.nullspaces.nullspace import MANY
@@ -74,7 +75,8 @@ def _left(known: Prescription, solver: NewtonSolver, rows: Trajectory, row: int,
     """
     one = rows.some(np.array([row]))
     step = _displacement(solver, one.q[0])
-    found = [np.minimum(np.abs(step).max() / (1.0 + np.abs(one.q / solver.scale).max()), 1.0), 0.0, 0.0, 0.0]
+    turned = pin.difference(solver.model, pin.neutral(solver.model), one.q[0]) / solver.scale
+    found = [np.minimum(np.abs(step).max() / (1.0 + np.abs(turned).max()), 1.0), 0.0, 0.0, 0.0]
     sizes = _sizes(rows, one, solver)
     for side in (1.0, -1.0):
         try:

@@ -58,6 +58,49 @@ def test_the_torque_of_a_parallelogram_goes_through_its_change_points(tmp_path, 
     assert result.number("joint.O.effort @ rms")[0] == pytest.approx(most / math.sqrt(2.0), rel=1e-8)
 
 
+def run_beside(folder: Path, offset: float, frequency: float, drive: str):
+    """Return a run of the parallelogram whose third row is so far beside a change point, and the load on the rocker.
+
+    The load, of 5 N*m at C, is a harmonic of so many Hz.
+    """
+    loaded = """
+forces:
+  load: {kind: joint_effort, joint: C, effort: {law: harmonic, amplitude: 5 N*m, pulsation: %r rad/s, phase: 20 deg}}
+coordinates:
+  aslant: {kind: point, point: B, along: [1, 1, 0]}
+"""
+    pulsation = 2.0 * math.pi * frequency
+    result = run(folder, PARALLELOGRAM + loaded % pulsation, 5, 2.0 * (0.15 + offset), 0.2 * math.pi, drives=[drive])
+    return result, 5.0 * np.sin(pulsation * np.asarray(result["t"]) + math.radians(20.0))
+
+
+@pytest.mark.parametrize("drive", ["O", "C", "aslant"])
+@pytest.mark.parametrize(("frequency", "offset"), [(0.0, 0.0), (10.0, 0.0), (60.0, 0.0), (60.0, 1e-3), (200.0, 1e-6)])
+def test_efforts_at_change_points_carry_loads_that_change_fast(tmp_path, drive, frequency, offset):
+    """The power of the drive is that of the weights and of the load, which turns with the crank."""
+    result, load = run_beside(tmp_path, offset, frequency, drive)
+    most, angle = G * R * (MASSES[0] / 2.0 + MASSES[1] + MASSES[2] / 2.0), np.asarray(result["O"])
+    way = R * (-np.cos(angle) - np.sin(angle)) / math.sqrt(2.0) if drive == "aslant" else np.ones(5)
+    effort = np.asarray(result[f"coordinate.{drive}.effort"])
+    assert effort * way == pytest.approx(-most * np.sin(angle) - load, abs=1e-9 * most)
+    assert any("no finite forces of the loops" in note for note in result.notes()) == (offset == 0.0)
+
+
+@pytest.mark.parametrize("frequency", [0.0, 60.0])
+@pytest.mark.parametrize("offset", [6e-4, 1e-4, -1e-5, 1e-7])
+def test_forces_next_to_change_points_are_those_that_turn_the_rocker(tmp_path, offset, frequency):
+    """The pin at B carries half of the coupler, and along its line what the moments about C ask for: without bounds."""
+    result, load = run_beside(tmp_path, offset, frequency, "O")
+    angle = float(np.asarray(result["O"])[2])
+    x, y = -R * math.sin(angle), R * math.cos(angle)
+    half = MASSES[1] * (G - (2.0 * math.pi) ** 2 * y) / 2.0
+    along = (x * half + x / 2.0 * MASSES[2] * G - load[2]) / y
+    assert np.asarray(result["loop.B.force.y"])[2] == pytest.approx(-half, rel=1e-7)
+    assert np.asarray(result["loop.B.force.x"])[2] == pytest.approx(-along, rel=1e-7)
+    assert result.figures["equilibrium"] < 1e-12
+    assert not result.notes()
+
+
 @pytest.mark.parametrize("offset", [0.0, 1e-9, -1e-6, 2e-5, 1e-4, -1e-3])
 def test_accelerations_at_a_change_point_are_those_of_the_smooth_motion(tmp_path, offset):
     """Mirrored at the line O C the motion is the same one backwards: the rocker's angle is odd in the crank's, O.

@@ -85,3 +85,22 @@ def test_velocities_of_a_crank_that_its_piston_drives_at_the_dead_centre(tmp_pat
     error = abs(abs(float(np.asarray(result["joint.O.velocity"])[0])) / velocity - 1.0)
     assert error <= told(result, "velocities") + 1e-9
     assert told(result, "velocities") > (0.1 * np.finfo(float).eps / way if way < 1e-7 else -1.0)
+
+
+def test_rows_next_to_singular_positions_may_have_ball_joints(tmp_path):
+    """A tip 1 m from a ball joint, held at ``x = cos e`` with no pitch, has the yaw e, of which little is known."""
+    aside = 4e-3
+    (tmp_path / "ball.urdf").write_text(f"""<robot name="ball">
+  <link name="base"/><link name="wall"/><link name="tip"/>
+  <link name="body"><inertial><mass value="3"/>
+    <inertia ixx="0.01" iyy="0.04" izz="0.05" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="J" type="spherical"><parent link="base"/><child link="body"/></joint>
+  <joint name="a" type="fixed"><parent link="base"/><child link="wall"/><origin xyz="{math.cos(aside)!r} 0 0"/></joint>
+  <joint name="b" type="fixed"><parent link="body"/><child link="tip"/><origin xyz="1 0 0"/></joint>
+</robot>""")
+    loops = {"P": {"kind": "point_on_plane", "between": ["wall", "tip"], "axis": "x"}}
+    problem = {"kind": "statics", "hold": {"J.pitch": "0 rad", "J.roll": "0.3 rad"}, "start": {"J.yaw": "5e-3 rad"}}
+    mechanism = {"pinarm": 1, "robot": str(tmp_path / "ball.urdf"), "loops": loops}
+    with pinarm.file_root(tmp_path):
+        result = pinarm.run({"pinarm": 1, "mechanism": mechanism, "problem": problem, "outputs": ["joint.J.yaw"]})
+    assert float(np.asarray(result["joint.J.yaw"])[0]) == pytest.approx(aside, abs=1e-12)
