@@ -215,7 +215,8 @@ class Mechanism(Record, frozen=True):
             Efforts at the joints [N*m or N], shape (..., nv).
 
         Raises:
-            InputError: The shapes do not fit, a state tears a loop or a coupling, or the drives cannot carry the load.
+            InputError: The shapes do not fit, a state tears a loop or a coupling, the drives cannot carry the load, or
+                a cable would have to push, or a cam to pull, which cannot.
             DynamicsError: The drives do not determine their efforts.
         """
         from pinarm.engine.quantities import states
@@ -235,7 +236,8 @@ class Mechanism(Record, frozen=True):
             Accelerations of the joints, shape (..., nv).
 
         Raises:
-            InputError: The shapes do not fit, or a state tears a loop or a coupling.
+            InputError: The shapes do not fit, a state tears a loop or a coupling, or a cable would have to push, or a
+                cam to pull, which cannot.
             DynamicsError: Something without mass is free to move: its acceleration is undetermined.
         """
         from pinarm.engine.quantities import states
@@ -296,7 +298,8 @@ class Mechanism(Record, frozen=True):
             t: Instant [s].
 
         Raises:
-            InputError: Shapes do not fit, or a state tears a loop.
+            InputError: Shapes do not fit, a state tears a loop, or under efforts a cable would have to push, or a cam
+                to pull.
             DynamicsError: The drives do not determine their efforts.
         """
         from pinarm.engine.quantities import states
