@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from os import PathLike
 from typing import Any, ClassVar
 
 from pinarm.records import ValueRecord
@@ -207,6 +208,16 @@ def require_name(given: object) -> None:
 def as_names(given: str | Iterable[str]) -> list[str]:
     """Return several names as a list; one alone may be given as it is."""
     return [given] if isinstance(given, str) else list(given)
+
+
+def require_path(given: object, of: str) -> None:
+    """Refuse what is no path where a file or a folder is asked for.
+
+    Raises:
+        InputError: It is none.
+    """
+    if not isinstance(given, str | PathLike):
+        raise InputError(f"a value of the type {type(given).__name__} is no path", expected=f"that of {of}")
 
 
 def require_map(given: object, of: str, example: str) -> None:

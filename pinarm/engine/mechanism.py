@@ -35,7 +35,7 @@ from pinarm.engine.mechanism_parts import (
 )
 from pinarm.engine.model_source import RobotReader, Source, numeric, read_robot, robot_of_model
 from pinarm.engine.turn_counters import counted_angles, counting
-from pinarm.errors import InputError, nowhere, require_map
+from pinarm.errors import InputError, nowhere, require_map, require_path
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.units import Unit
 from pinarm.input.xacro.expansion import check_declared
@@ -130,6 +130,7 @@ class Mechanism(Record, frozen=True):
             InputError: The mechanism file has a mistake, or a path of ``values`` leads nowhere.
             ModelError: The model has one.
         """
+        require_path(path, "a mechanism file or a model, or a robot's name")
         require_map(arguments or {}, "arguments", "{'m_A': '0.2 kg'}")
         document = mechanism_document(Path(path))
         return _described(varied(document, values) if values else document, Path(path).parent, arguments or {})
@@ -215,7 +216,8 @@ class Mechanism(Record, frozen=True):
             Efforts at the joints [N*m or N], shape (..., nv).
 
         Raises:
-            InputError: The shapes do not fit, a state tears a loop or a coupling, or the drives cannot carry the load.
+            InputError: The shapes do not fit, a state tears a loop or a coupling, the drives cannot carry the load, or
+                a cable would have to push, or a cam to pull, which cannot.
             DynamicsError: The drives do not determine their efforts.
         """
         from pinarm.engine.quantities import states
@@ -235,7 +237,8 @@ class Mechanism(Record, frozen=True):
             Accelerations of the joints, shape (..., nv).
 
         Raises:
-            InputError: The shapes do not fit, or a state tears a loop or a coupling.
+            InputError: The shapes do not fit, a state tears a loop or a coupling, or a cable would have to push, or a
+                cam to pull, which cannot.
             DynamicsError: Something without mass is free to move: its acceleration is undetermined.
         """
         from pinarm.engine.quantities import states
@@ -296,7 +299,8 @@ class Mechanism(Record, frozen=True):
             t: Instant [s].
 
         Raises:
-            InputError: Shapes do not fit, or a state tears a loop.
+            InputError: Shapes do not fit, a state tears a loop, or under efforts a cable would have to push, or a cam
+                to pull.
             DynamicsError: The drives do not determine their efforts.
         """
         from pinarm.engine.quantities import states

@@ -27,7 +27,7 @@ def test_a_robot_is_found_by_its_name():
     assert panda.gravity == 9.81
 
 
-@pytest.mark.parametrize("value", [2.0, "2 kg", "2000 g"])
+@pytest.mark.parametrize("value", [2.0, "2 kg", "2000 g", np.int64(2), np.float32(2.0), np.array(2.0)])
 def test_arguments_change_the_model(value):
     heavy, light = Mechanism.load(ARM, {"m_A": value}), Mechanism.load(ARM)
     assert heavy.arguments["m_A"] == pytest.approx(2.0, rel=1e-15)
@@ -45,6 +45,8 @@ def test_arguments_change_the_model(value):
         ({"m_A": "2 m"}, "'m' is not a unit of this quantity"),
         ({"m_A": float("nan")}, "m_A: 'nan' is not a finite number"),
         ({"m_A": "-2 kg"}, "mass is negative"),
+        ({"m_A": np.array([2.0])}, "m_A: this is not a quantity"),
+        ({"m_A": np.bool_(True)}, "m_A: this is not a quantity"),
         (["m_A=2 kg"], r"\['m_A=2 kg'\] is no map of arguments"),
     ],
 )

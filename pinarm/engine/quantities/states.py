@@ -12,6 +12,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Flags, real
 from pinarm.engine.constraints.batch_jacobians import BLOCK, BatchJacobians
 from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.constraint import one_sided
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
@@ -36,6 +37,9 @@ if TYPE_CHECKING:
 
 CLOSED = 1e-8
 """How far a given state may tear a loop, relative to ``1 +`` the terms of the row: typed digits explain as much."""
+
+OPENED = 1e-9
+"""Part of the loads by which a cable may push, or a cam pull: rounding of what they cancel explains as much."""
 
 PER_TIME = {"positions": "", "velocities": "/s", "accelerations": "/s^2"}
 SINGULAR = ", whatever the efforts: the position is singular, or so near one that it is not told from it"
@@ -192,7 +196,10 @@ def _quantities(
         paces = row_paces(mechanism, v, terms)  # efforts that hold leave accelerations of their rounding
         run = replace(run, directions=directions(v, a, paces, np.ones(len(q)), still))
     if tau is not None:
-        return Quantities(_under(replace(run, tau=tau), demand - tau, friction, others))
+        run = _under(replace(run, tau=tau), demand - tau, friction, others)
+        if one_sided(mechanism.constraints):
+            _check_sides(dynamics, leading, run, demand)
+        return Quantities(run)
     acting = actuation(mechanism, drives, drives) if drives else everywhere(mechanism)
     if acting is None:
         return Quantities(replace(run, no_efforts=NO_DRIVES))
@@ -274,12 +281,16 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
     refuse_foreign(mechanism, q, v=v, a=a)
     leading, (q, v, a) = LeadingAxes.fold(q=(q, mechanism.model.nq), v=(v, nv), a=(a, nv))
     check_quaternions(mechanism, leading, q)
-    demand = mechanism.dynamics.on(t, np.nextafter(t, np.inf)).inverse(t, q, v, a)
+    dynamics = mechanism.dynamics.on(t, np.nextafter(t, np.inf))
+    demand = dynamics.inverse(t, q, v, a)
     _check_closed(mechanism.closure, leading, q, v, a)
-    if mechanism.frictions:
-        rows = _rows(mechanism, t, q, v, a)
-        return leading.unfold(_driven(replace(rows, closure=acting.closure), acting, demand).tau)
-    return leading.unfold(acting.efforts(np.full(len(q), float(t)), q, demand)[0])
+    sided = one_sided(mechanism.constraints)
+    if not mechanism.frictions and not sided:
+        return leading.unfold(acting.efforts(np.full(len(q), float(t)), q, demand)[0])
+    run = _driven(replace(_rows(mechanism, t, q, v, a), closure=acting.closure), acting, demand)
+    if sided:
+        _check_sides(dynamics, leading, run, demand)
+    return leading.unfold(run.tau)
 
 
 def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: float) -> Array:
@@ -294,6 +305,10 @@ def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: floa
     friction = _frictions(mechanism, dynamics, t, q, v, tau)[0]
     a = _forward(mechanism, dynamics, t, q, v, tau + _friction_loads(mechanism, q, friction))
     _check_found(mechanism.closure, leading, q, v, a)
+    if one_sided(mechanism.constraints):
+        demand = dynamics.inverse(t, q, v, a)
+        run = _under(replace(_rows(mechanism, t, q, v, a), tau=tau), demand - tau, friction, [])
+        _check_sides(dynamics, leading, run, demand)
     return leading.unfold(a)
 
 
@@ -320,6 +335,55 @@ def _forward(mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Ar
         require_masses(mechanism.closure, q, t)
     closure = mechanism.closure
     return accelerations(dynamics, closure, t, q, v, tau) if closure.size else dynamics.forward(t, q, v, tau)
+
+
+def _check_sides(dynamics: Dynamics, leading: LeadingAxes, run: Trajectory, demand: Array) -> None:
+    """Raise where a cable would have to push, or a cam that pushes only to pull, however constraints share the load.
+
+    Args:
+        dynamics: The forces at the instant of the states.
+        leading: The leading axes of the states.
+        run: The states with their multipliers.
+        demand: ``M a + nle - loads``, shape (n, nv).
+
+    Raises:
+        InputError: Says which, in which state, and with what.
+    """
+    closure = run.mechanism.closure
+    lam, sided = np.asarray(run.lam)[:, : closure.size], one_sided(run.mechanism.constraints)
+    at_rest = dynamics.inverse(float(run.grid.t[0]), run.q, run.v, np.zeros_like(run.v))
+    loads = np.maximum(np.abs(demand), np.abs(at_rest)).max(axis=1)
+    sides = {closure.slices[one.name].start: one.side for one in sided}
+    for one, k in zip(sided, sides, strict=True):
+        for i in np.flatnonzero(one.side * lam[:, k] < 0.0).tolist():
+            rows = np.asarray(closure.rows(closure.state(run.q[i])))
+            if np.abs(lam[i, k] * rows[k]).max() <= OPENED * loads[i] or _is_shared(rows, lam[i], sides):
+                continue
+            size = abs(float(one.push(run.q[i : i + 1], lam[i : i + 1, k])[0]))
+            act = f"{'push' if one.kind == 'cable' else 'pull'} with {size:.6g} {one.push_unit()}"
+            said = f"{leading.place(i)}: {one.kind} '{one.name}' would have to {act}: {one.opens}"
+            raise InputError(said, expected="states and efforts under which it holds",
+                             hint="a scenario of the kind forward, in which it may open")  # fmt: skip
+
+
+def _is_shared(rows: Array, lam: Array, sides: Mapping[int, float]) -> bool:
+    """Tell whether other multipliers give the same loads, without one against its side.
+
+    Args:
+        rows: G, shape (m, nv).
+        lam: Multipliers, shape (m,).
+        sides: Row -> sign that its multiplier may have.
+    """
+    if np.linalg.matrix_rank(rows) == len(rows):
+        return False
+    from scipy.optimize import lsq_linear
+
+    least, most = np.full(len(lam), -np.inf), np.full(len(lam), np.inf)
+    for row, side in sides.items():
+        (least if side > 0.0 else most)[row] = 0.0
+    load = rows.T @ lam
+    found = lsq_linear(rows.T, load, (least, most), tol=1e-14)
+    return bool(np.abs(found.fun).max() <= OPENED * np.abs(load).max())
 
 
 class _Tear(NamedTuple):

@@ -71,7 +71,7 @@ class Measured(float):
 
     @classmethod
     def read(cls, value: object, *, bare: bool = True) -> Self:
-        """Read ``"30 deg"``, or a number in SI; where ``bare`` is false, only 0 needs no unit.
+        """Read ``"30 deg"``, or a number in SI, of numpy too; where ``bare`` is false, only 0 needs no unit.
 
         Raises:
             UnitError: The unit is missing, unknown, or of another dimension.
@@ -79,6 +79,8 @@ class Measured(float):
         """
         if isinstance(value, cls):
             return value
+        if isinstance(value, np.ndarray | np.generic):
+            value = value.tolist()
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             raise InputError("this is not a quantity", expected="a number with a unit, such as '30 deg'")
         try:

@@ -25,14 +25,15 @@ class MeasuredState:
 
     Attributes:
         t: Instant [s].
-        q: Configuration, shape (nq,).
-        v: Velocity, shape (nv,).
+        q: Configuration, shape (nq,), which cannot be changed: it is the integrator's own.
+        v: Velocity, shape (nv,), likewise.
     """
 
     __slots__ = ("_plant", "_readers", "q", "t", "v")
 
     def __init__(self, t: float, q: Array, v: Array, plant: Plant, readers: dict[str, Reader]) -> None:
-        self.t, self.q, self.v, self._plant, self._readers = t, q, v, plant, readers
+        self.t, self.q, self.v, self._plant, self._readers = t, q.view(), v.view(), plant, readers
+        self.q.flags.writeable = self.v.flags.writeable = False
 
     def __getitem__(self, name: str) -> float:
         """Return a quantity by name [SI].

@@ -19,12 +19,12 @@ from pinarm.errors import ModelError, several
 from pinarm.input.xml_names import check_names, counted
 from pinarm.input.xml_text import MAX_LINKS, bound
 from pinarm.mechanics.loading.mjcf_actuators import with_actuators
-from pinarm.mechanics.loading.mjcf_equalities import EqualityReader, with_held, with_hinges
+from pinarm.mechanics.loading.mjcf_equalities import EqualityReader, with_hinges
 from pinarm.mechanics.loading.mjcf_geoms import geom_inertia
 from pinarm.mechanics.loading.mjcf_joints import aligned, elements_of, joint_chain
 from pinarm.mechanics.loading.mjcf_names import GENERATED, MJCF
 from pinarm.mechanics.loading.mjcf_settings import ORIENTATIONS, Attributes, Settings, number, numbers
-from pinarm.mechanics.loading.model_tree import Tree, TreeJoint, checked_mimics, inertia, inertia_defect
+from pinarm.mechanics.loading.model_tree import Kind, Tree, TreeJoint, checked_mimics, inertia, inertia_defect
 
 WORLD = "world"
 JOINTS = ("joint", "freejoint")
@@ -92,15 +92,16 @@ def mjcf_tree(model: Element) -> Tree:
     said = EqualityReader(settings, reader.joints, reader.places, names).read(model)
     hinges = with_hinges(said, sites) if len(said.loops) > 1 else []
     links |= {frame.child: pin.Inertia.Zero() for frame in said.frames}
-    joints = with_held(with_actuators(settings, model, reader.joints, reader.notes), said.held)
-    mimics, orphans = checked_mimics(said.mimics, {name: joint.kind for name, joint in joints.items()})
+    joints = with_actuators(settings, model, reader.joints, reader.notes)
+    kinds: dict[str, Kind] = {name: "fixed" if name in said.held else joint.kind for name, joint in joints.items()}
+    mimics, orphans = checked_mimics(said.mimics, kinds)
     gravity = np.zeros(3) if "gravity" in settings.off else settings.gravity
     notes = [*hinges, *(f"{what}: {several(names)}" for what, names in reader.notes.items())]
     if unread:
         notes.append(f"not read: {counted(unread)}")
     return Tree(
         model.get("model", ""), links, (*joints.values(), *sites, *said.frames), mimics, gravity,
-        (*reader.defects, *orphans), (*notes, *_unread(model)), said.loops,
+        (*reader.defects, *orphans), (*notes, *_unread(model)), said.loops, held=said.held,
     )  # fmt: skip
 
 

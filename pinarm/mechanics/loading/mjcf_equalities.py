@@ -225,18 +225,6 @@ def _along(name: str, frame: TreeJoint, axis: Array) -> TreeJoint:
     return TreeJoint(f"{name}_fixed", "fixed", frame.parent, name, place, np.array([0.0, 0.0, 1.0]))
 
 
-def with_held(joints: Mapping[str, TreeJoint], held: Mapping[str, float]) -> dict[str, TreeJoint]:
-    """Return the joints, those that are held fixed at their coordinates."""
-    return {name: _held(joint, held[name]) if name in held else joint for name, joint in joints.items()}
-
-
-def _held(joint: TreeJoint, value: float) -> TreeJoint:
-    turned = pin.SE3(pin.exp3(joint.axis * value), np.zeros(3))
-    moved = turned if joint.kind == "revolute" else pin.SE3(np.eye(3), joint.axis * value)
-    place = joint.placement * moved * joint.offset
-    return TreeJoint(joint.name, "fixed", joint.parent, joint.child, place, joint.axis)
-
-
 def _relative(given: Attributes, where: str, otherwise: pin.SE3) -> pin.SE3:
     """Return the placement that ``relpose`` gives the second body; that of the file where its quaternion is 0."""
     pose: Array = np.array(numbers(given, "relpose", where, 7, (0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)))

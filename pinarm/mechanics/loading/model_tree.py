@@ -13,7 +13,7 @@ from msgspec import field
 
 from pinarm.arrays import Array, Flags
 from pinarm.errors import ModelError, choices
-from pinarm.records import ValueRecord
+from pinarm.records import ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.couplings.kinds import CouplingDefinition
@@ -119,6 +119,7 @@ class Tree(ValueRecord, frozen=True):
         notes: Parts of the file that are modelled differently or not at all, in words.
         loops: Joints that close loops of the tree, by name.
         couplings: Gears, screws and sums of joint coordinates, by name.
+        held: Joint that is yet to be fixed, by ``with_held`` -> the coordinate at which it is held [rad or m].
     """
 
     name: str
@@ -130,11 +131,25 @@ class Tree(ValueRecord, frozen=True):
     notes: tuple[str, ...] = ()
     loops: Mapping[str, Loop] = field(default_factory=dict)
     couplings: Mapping[str, CouplingDefinition] = field(default_factory=dict)
+    held: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def root(self) -> str:
         """The root link."""
         return next(iter(self.links))
+
+
+def with_held(tree: Tree) -> Tree:
+    """Return the tree, the joints that it holds fixed at their coordinates."""
+    joints = (_held(joint, tree.held[joint.name]) if joint.name in tree.held else joint for joint in tree.joints)
+    return replace(tree, joints=(*joints,), held={})
+
+
+def _held(joint: TreeJoint, value: float) -> TreeJoint:
+    turned = pin.SE3(pin.exp3(joint.axis * value), np.zeros(3))
+    moved = turned if joint.kind == "revolute" else pin.SE3(np.eye(3), joint.axis * value)
+    place = joint.placement * moved * joint.offset
+    return TreeJoint(joint.name, "fixed", joint.parent, joint.child, place, joint.axis)
 
 
 def check_unique(root: str, joints: Iterable[TreeJoint]) -> None:

@@ -22,7 +22,16 @@ from pinarm.input.xml_names import own_names
 from pinarm.input.yaml.schema import FARTHEST, HEAVIEST, LARGEST
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.forces.joint_definitions import CREEP
-from pinarm.mechanics.loading.model_tree import LIGHTEST, Bounds, Mimic, Tree, TreeJoint, check_unique, from_z
+from pinarm.mechanics.loading.model_tree import (
+    LIGHTEST,
+    Bounds,
+    Mimic,
+    Tree,
+    TreeJoint,
+    check_unique,
+    from_z,
+    with_held,
+)
 from pinarm.mechanics.loading.urdf.reader import urdf_tree
 from pinarm.records import ValueRecord, replace
 
@@ -91,7 +100,10 @@ def build_model(
         ModelError: The text is no model, or has an invalid mass, inertia, axis or other number.
     """
     xml, read = _read(xml)
-    tree = _with_base(_tuned(read), base)
+    tree = _tuned(read)
+    if tree.held:  # numbers that are tuned are those of the joint as it moves
+        tree = _within_reach(with_held(tree))
+    tree = _with_base(tree, base)
     if tree.defects and defects == "refused":
         raise ModelError(tree.defects[0], hint="mend the model, or say 'defects: noted' in the mechanism file")
     model = _assembled(tree)

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism, read_mechanism
 from pinarm.engine.motion.outcome import Outcome
-from pinarm.errors import InputError
+from pinarm.errors import InputError, require_path
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.records import replace
 from pinarm.use.output.folder import complete_folder
@@ -59,6 +59,7 @@ def restore(folder: str | Path) -> Result:
     Raises:
         InputError: The folder is no result, or its files do not belong together.
     """
+    require_path(folder, "a folder that 'pinarm run' wrote")
     folder = Path(folder).resolve() if Path(folder).is_symlink() else Path(folder)
     for name in NEEDED:
         if not (folder / name).is_file():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -67,9 +68,9 @@ def scenarios(given: Given, values: Values | None = None) -> list[Scenario]:
     Raises:
         InputError: A file has a mistake, or the folder has none.
     """
-    if isinstance(given, Scenario | Mapping):
-        return [load(given, values)]
-    return [load(file, values) for file in scenario_files(Path(given))]
+    if isinstance(given, str | PathLike):
+        return [load(file, values) for file in scenario_files(Path(given))]
+    return [load(given, values)]
 
 
 def scenario_files(*paths: Path) -> Iterator[Path]:

@@ -259,6 +259,7 @@ def test_a_function_sees_quantities_and_may_drive_several_joints(cart):
     ("u", "function"), (lambda t, state: 1 / 0, "fails at t = 0 s: ZeroDivisionError"), (lambda t: 0.0, "positional"),
     (lambda t, state: "5", "returned '5'"), (lambda t, state: [1.0, 2.0], "returned .1.0, 2.0."),
     (lambda t, state: np.complex128(1j), "returned"), (lambda t, state: state[0], r"asks for state\[0\]"),
+    (lambda t, state: state.q.__isub__(0.1)[0], "read-only"), (lambda t, state: state.v.__imul__(0.5)[0], "read-only"),
 ])  # fmt: skip
 def test_mistakes_of_functions_are_told(cart, function, said):
     with pytest.raises(InputError, match=said) as caught:

@@ -325,3 +325,55 @@ class TestABranchWithoutMass:
         q = np.tile([crank, third, third], (rows, 1))
         a = held.forward(q, np.zeros((rows, 3)))
         assert a[:, 0] == pytest.approx(0.5 * 9.81 * np.cos(crank) / (0.01 + 0.25), rel=1e-12)
+
+
+DOOR = MODELS / "counterweighted_door" / "mechanism.yaml"
+
+
+@pytest.mark.parametrize(("lift", "drop"), np.random.default_rng(5).normal(scale=1000.0, size=(20, 2)).tolist())
+def test_a_cable_carries_a_tension_and_where_it_would_have_to_push_efforts_are_refused(lift, drop):
+    """Newton's law of a door of 40 kg and its weight of 35 kg: ``T = 40 (a + g) - lift``, of which -T was a push."""
+    door, at, a = Mechanism.load(DOOR), np.zeros(2), (lift + drop - 5.0 * 9.81) / 75.0
+    tau, tension = door.rates({"lift": lift, "drop": drop}), 40.0 * (a + 9.81) - lift
+    if tension > 0.0:
+        assert door.forward(at, at, tau) == pytest.approx([a, a], rel=1e-12)
+        assert door.at(at, at, tau=tau)["S"].values == pytest.approx(tension, rel=1e-12)
+        return
+    with pytest.raises(InputError, match=f"cable 'cable' would have to push with {-tension:.6g} N: it goes slack"):
+        door.forward(at, at, tau)
+    with pytest.raises(InputError, match=f"cable 'cable' would have to push with {-tension:.6g} N: it goes slack"):
+        door.at(at, at, tau=tau)
+
+
+def test_motions_on_which_a_cable_would_have_to_push_are_refused():
+    """The weight, without a drive, falls by 20 m/s^2: the cable would give it 35 kg times 10.19 m/s^2."""
+    door, at = Mechanism.load(DOOR), np.zeros(2)
+    with pytest.raises(InputError, match=r"would have to push with 356\.65 N"):
+        door.inverse(at, at, np.full(2, 20.0), drives=["lift"])
+    assert door.inverse(at, at, np.full(2, 5.0), drives=["lift"])[door.joints["lift"].v] == pytest.approx(424.05)
+
+
+def test_a_free_fall_leaves_a_cable_without_tension():
+    """The rounding of what it carries is no push."""
+    door, at = Mechanism.load(DOOR), np.zeros(2)
+    for size in (1.0, 1e3, 1e6):
+        tau = door.rates({"lift": (size - 9.81) * -40.0, "drop": -35.0 * (9.81 + size)})
+        assert door.forward(at, at, tau) == pytest.approx([-size, -size], rel=1e-9)
+
+
+def test_cables_that_may_share_a_load_without_a_push():
+    """One above and one below a block: the least multipliers have the lower one push, which the upper one may do."""
+    points = {"T": [0, "1 m"], "B": [0, "-1 m"], "P": [0, 0], "Q": [0, "0.1 m"]}
+    block = pinarm.load({
+        "pinarm": 1,
+        "mechanism": {
+            "pinarm": 1,
+            "planar": {"points": points, "ground": ["T", "B"],
+                       "links": {"block": {"points": ["P", "Q"], "mass": "2 kg"}},
+                       "sliders": {"z": {"link": "block", "along": ["P", "Q"]}}},
+            "loops": {"up": {"kind": "cable", "through": ["T", "P"]}, "down": {"kind": "cable", "through": ["P", "B"]}},
+        },
+        "problem": {"kind": "forward", "time": {"end": "1 s", "samples": 2}},
+        "outputs": ["z"],
+    }).mechanism  # fmt: skip
+    assert block.forward(np.zeros(1), np.zeros(1)) == pytest.approx([0.0], abs=1e-12)

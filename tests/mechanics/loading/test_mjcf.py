@@ -256,6 +256,9 @@ def test_rotors_and_dampers_of_actuators_are_at_their_joints(joint, before, actu
         (body('<joint name="j" springdamper="0.5 0.7"/>' + UNIT + body(
             '<joint name="k" type="slide" axis="0 1 0" springdamper="0.2 1"/>' + UNIT, "c", 'pos="1 0 0"')), "",
          [16.326530612244902, 16.66666666666666], [8.0, 6.666666666666666]),
+        (body('<joint name="h"/>' + UNIT + body(
+            '<joint name="j" springdamper="0.5 0.7"/>' + UNIT, "c", 'pos="1 0 0"')),
+         '<equality><joint joint1="h" polycoef="0.5 0 0 0 0"/></equality>', [5.442176870748299], [2.6666666666666665]),
         (body('<joint name="j" type="ball" springdamper="0.5 0.7"/>'
               '<inertial pos="0 0 0" mass="1" diaginertia="1 1.1 1.2"/>'), "",
          [8.92998083211185], 3 * [4.375690607734806]),

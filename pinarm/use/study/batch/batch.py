@@ -82,9 +82,13 @@ class Batch:
         """Return the result of one motion, with its accuracy, as the scenario itself would have it.
 
         Raises:
+            InputError: There is no motion of that number.
             NumericsError: It could not be followed to its end; ``partial`` holds it until then.
         """
-        number = range(len(self))[number]
+        try:
+            number = range(len(self))[number]
+        except (IndexError, TypeError):
+            raise InputError(f"there is no motion {number!r}", expected=f"a number from 0 to {len(self) - 1}") from None
         begin = number - number % self._size if self._small else number
         block = self._block(begin, begin + self._size if self._small else number + 1)
         own = self.question.scenario.merged({"problem": {"initial": self.starts.of_one(number)}})

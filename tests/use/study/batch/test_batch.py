@@ -167,6 +167,9 @@ def test_one_that_fails_does_not_hurt_the_others(scenario):
     with pytest.raises(NumericsError, match="300 steps") as caught:
         batch.run(2)
     assert caught.value.partial is not None
+    for none in (4, -5, 1.0, "1"):
+        with pytest.raises(InputError, match="there is no motion"):
+            batch.run(none)
     found = batch["O"]
     assert np.isfinite(found[[0, 1, 3]]).all()
     assert 0 < np.isfinite(found[2]).sum() < 21
