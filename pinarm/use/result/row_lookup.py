@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array, distinct
+from pinarm.arrays import Array, Flags, distinct
 from pinarm.engine.motion.outcome import SolvedMotion, on_interval
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import OPERATORS, Quantities
@@ -243,6 +243,32 @@ class Lookup(Record, frozen=True):
             return self._row(len(self.intervals) - 1, float(self.run.grid.t[-1]))
         if isinstance(where, str):
             return self.extreme(where, name)[0]
+        return self._row(*self._instant(where, name))
+
+    def at_instant(self, where: dict[str, str | int | float], name: str) -> tuple[float, float]:
+        """Return a quantity where another has a value [SI], and by how much rounding of that may move it.
+
+        Args:
+            where: The instant, as in ``at``.
+            name: The quantity that is asked for.
+
+        Raises:
+            InputError: See ``at``.
+        """
+        spot, (along, sought) = self._instant(where, name), located(where, self.quantities)
+        value = float(self._row(*spot)[name].values[0])
+        if along == self.run.parameter:
+            return value, 0.0
+        slack = PLATEAU * (abs(sought) + float(np.max(self.quantities[along].terms, initial=0.0)))
+        apart = np.sin if self._is_told_to_half_a_turn(along, sought) else np.asarray
+
+        def elsewhere(states: Quantities) -> Flags:
+            return np.abs(apart(states[along].values - sought)) > slack
+
+        return value, self._differs(spot, name, value, elsewhere)
+
+    def _instant(self, where: dict[str, str | int | float], name: str) -> Spot:
+        """Return where a quantity has the value that ``where`` says; see ``at``."""
         along, value = located(where, self.quantities)
         spots = self._on_parameter(value) if along == self.run.parameter else self._crossings(along, value)
         return self._choose(spots, where, name, f"{along} = {where[along]}")
@@ -260,9 +286,8 @@ class Lookup(Record, frozen=True):
 
     def _crossings(self, along: str, value: float) -> list[Spot]:
         """Return where a quantity takes a value, in order; intervals are looked into between the rows."""
-        wide, unit = set(self._wide), self.quantities[along].unit
-        turns = unit is not None and unit.text == "rad" and abs(value) <= np.pi
-        find, spots = crossings_of_angle if turns else crossings, list[Spot]()
+        wide, spots = set(self._wide), list[Spot]()
+        find = crossings_of_angle if self._is_told_to_half_a_turn(along, value) else crossings
         for interval, (start, end, rows) in enumerate(self.intervals):
             t = self.run.grid.t[rows]
             t = np.concatenate(
@@ -272,6 +297,11 @@ class Lookup(Record, frozen=True):
             found = find(difference, t, self.parts_of_each if interval in wide else 0)
             spots += [(interval, t) for t in found]
         return spots
+
+    def _is_told_to_half_a_turn(self, along: str, value: float) -> bool:
+        """Tell whether a value may be that of an angle that jumps from 180 to -180 deg."""
+        unit = self.quantities[along].unit
+        return unit is not None and unit.text == "rad" and abs(value) <= np.pi
 
     def _difference(self, along: str, value: float, interval: int, t: Array) -> Array:
         return np.asarray(self.quantities_at(interval, t)[along].values - value)
@@ -286,8 +316,8 @@ class Lookup(Record, frozen=True):
         """In how many parts an interval is looked into at least."""
         return PARTS if len(self._wide) <= MOST_INTERVALS else 1
 
-    def _choose(self, spots: list[Spot], where: dict[str, str | int | float], name: str, text: str) -> Quantities:
-        """Return the row that is meant among those found: by occurrence, then by side."""
+    def _choose(self, spots: list[Spot], where: dict[str, str | int | float], name: str, text: str) -> Spot:
+        """Return the place that is meant among those found: by occurrence, then by side."""
         occurrence = where.get("occurrence", 1)
         if isinstance(occurrence, bool) or not isinstance(occurrence, int) or occurrence < 1:
             raise InputError(f"'{occurrence}' is no occurrence", expected="a whole number from 1")
@@ -299,18 +329,17 @@ class Lookup(Record, frozen=True):
         if occurrence > len(instants):
             raise NotReached(f"{text} is reached {len(instants)} times only", expected=f"at most {len(instants)}")
         chosen = [spot for spot in spots if round(spot[1], 14) == instants[occurrence - 1]]
-        sides = [self._row(*chosen[0]), self._row(*chosen[-1])]
         side = where.get("side")
         if side not in (None, "left", "right"):
             raise InputError(f"there is no side '{side}'", expected="left or right")
         if side is None and len(chosen) > 1:
-            left, right = (float(rows[name].values[0]) for rows in sides)
+            left, right = (float(self._row(*spot)[name].values[0]) for spot in (chosen[0], chosen[-1]))
             if abs(left - right) > SAME * max(abs(left), abs(right)):
                 raise InputError(
                     f"{name} jumps at {text}: {left:.9g} before, {right:.9g} after",
                     expected="side: left or side: right",
                 )
-        return sides[0 if side == "left" else 1]
+        return chosen[0 if side == "left" else -1]
 
     def extreme(self, which: str, name: str, slack: float = 0.0) -> tuple[Quantities, float]:
         """Return the row at which a quantity is largest, smallest, or largest in size, and by how much it may be more.
@@ -341,21 +370,36 @@ class Lookup(Record, frozen=True):
             InputError: See ``extreme``.
         """
         peak, row = self._extreme(which, of)
-        value, (start, end, _) = float(row[name].values[0]), self.intervals[peak.interval]
-        apart, sides = 0.0, [] if self.motion is None else [side for side in (start, end) if side != peak.place]
+        value = float(row[name].values[0])
+
+        def lower(states: Quantities) -> Flags:
+            return np.asarray(_HEIGHTS[which](states[of].values) < peak.height - 2.0 * peak.error)
+
+        return value, self._differs((peak.interval, peak.place), name, value, lower)
+
+    def _differs(self, spot: Spot, name: str, value: float, elsewhere: Callable[[Quantities], Flags]) -> float:
+        """Return by how much a quantity differs beside a place as far as that cannot be told from it.
+
+        Args:
+            spot: The place.
+            name: The quantity.
+            value: Its value there.
+            elsewhere: States -> which of them are at another place for certain.
+        """
+        (interval, place), (start, end, _) = spot, self.intervals[spot[0]]
+        apart, sides = 0.0, [] if self.motion is None else [side for side in (start, end) if side != place]
         for ways in (NEARER, FARTHER) if sides else ():
-            places = [peak.place + (side - peak.place) * ways for side in sides]
+            places = [place + (side - place) * ways for side in sides]
             t = np.unique(np.concatenate(places))
-            states = self.quantities_at(peak.interval, t)
-            lower = _HEIGHTS[which](states[of].values) < peak.height - 2.0 * peak.error
-            differences, left = np.abs(states[name].values - value), list[float]()
-            for side, own in zip(sides, (t.searchsorted(place) for place in places), strict=True):
-                reached = int(lower[own].argmax()) + 1 if lower[own].any() else len(own)
+            states = self.quantities_at(interval, t)
+            other, differences, left = elsewhere(states), np.abs(states[name].values - value), list[float]()
+            for side, own in zip(sides, (t.searchsorted(each) for each in places), strict=True):
+                reached = int(other[own].argmax()) + 1 if other[own].any() else len(own)
                 apart = max(apart, float(differences[own[:reached]].max()))
-                left += [] if lower[own].any() else [side]
+                left += [] if other[own].any() else [side]
             if not (sides := left):
                 break
-        return value, apart
+        return apart
 
     def _extreme(self, which: str, name: str, slack: float = 0.0) -> tuple[Peak, Quantities]:
         """Return an extreme, and its row; see ``extreme``."""
