@@ -147,13 +147,18 @@ class _Compared:
     @property
     def text(self) -> str:
         """The number in the unit of its bound."""
-        written, value = self.condition.bound.unit, float(self.value.values[0])
-        return f"{value / written.factor:.6g} {written}" if written else f"{value:.6g}"
+        value, unit = self._as_bound(float(self.value.values[0])), self.condition.bound.unit
+        return f"{value:.6g} {unit}" if unit else f"{value:.6g}"
+
+    def _as_bound(self, value: float) -> float:
+        """Return a value in SI in the unit of its bound."""
+        unit = self.condition.bound.unit
+        return value / unit.factor if unit else value
 
     def row(self) -> tuple[Cell, ...]:
-        """Return its row of the table."""
+        """Return its row of the table, with number and error in the unit of the bound."""
         bound = f"{self.condition.relation} {self.condition.bound_text}"
-        error: Cell = "not estimated" if self.bound is None else f"{self.bound:.1e}"
+        error: Cell = "not estimated" if self.bound is None else f"{self._as_bound(self.bound):.1e}"
         return self.condition.number.label, self.text, bound, 100.0 * self.relative, error, self.verdict
 
 

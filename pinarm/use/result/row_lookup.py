@@ -237,38 +237,39 @@ class Lookup(Record, frozen=True):
         Raises:
             InputError: The place does not exist, or it is ambiguous.
         """
-        if isinstance(where, str) and where not in ("start", "end"):
+        if where == "start":
+            return self._row(0, float(self.run.grid.t[0]))
+        if where == "end":
+            return self._row(len(self.intervals) - 1, float(self.run.grid.t[-1]))
+        if isinstance(where, str):
             return self.extreme(where, name)[0]
-        return self._row(*self._spot(where, name))
+        return self._row(*self._instant(where, name))
 
-    def at_value(self, where: dict[str, str | int | float], name: str) -> tuple[float, float]:
-        """Return a quantity where another has a value [SI], and by how much it differs where that may have it as well.
-
-        The other one is known to ``PLATEAU`` of its largest difference to the value: where it changes slowly, its place
-        is known to much less than the last digits.
+    def at_instant(self, where: dict[str, str | int | float], name: str) -> tuple[float, float]:
+        """Return a quantity where another has a value [SI], and by how much rounding of that may move it.
 
         Args:
-            where: As in ``Expectation.at``.
+            where: The instant, as in ``at``.
             name: The quantity that is asked for.
 
         Raises:
             InputError: See ``at``.
         """
-        spot = self._spot(where, name)
-        value, (along, wanted) = float(self._row(*spot)[name].values[0]), located(where, self.quantities)
+        spot, (along, sought) = self._instant(where, name), located(where, self.quantities)
+        value = float(self._row(*spot)[name].values[0])
         if along == self.run.parameter:
             return value, 0.0
-        slack = PLATEAU * float(np.abs(self.quantities[along].values - wanted).max())
-        slack += abs(float(self._row(*spot)[along].values[0]) - wanted)
-        return value, self._apart(name, spot, lambda rows: np.abs(rows[along].values - wanted) > slack)
+        series = self.quantities[along]
+        slack = PLATEAU * max(abs(sought), float(np.abs(series.values).max()), float(np.max(series.terms, initial=0.0)))
+        apart = np.sin if self._is_told_to_half_a_turn(along, sought) else np.asarray
 
-    def _spot(self, where: str | dict[str, str | int | float], name: str) -> Spot:
-        """Return the place that is named by its end of the run, or by a coordinate's value; see ``at``."""
-        if where == "start":
-            return 0, float(self.run.grid.t[0])
-        if where == "end":
-            return len(self.intervals) - 1, float(self.run.grid.t[-1])
-        assert isinstance(where, dict)
+        def elsewhere(states: Quantities) -> Flags:
+            return np.abs(apart(states[along].values - sought)) > slack
+
+        return value, self._differs(spot, name, value, elsewhere)
+
+    def _instant(self, where: dict[str, str | int | float], name: str) -> Spot:
+        """Return where a quantity has the value that ``where`` says; see ``at``."""
         along, value = located(where, self.quantities)
         spots = self._on_parameter(value) if along == self.run.parameter else self._crossings(along, value)
         return self._choose(spots, where, name, f"{along} = {where[along]}")
@@ -286,9 +287,8 @@ class Lookup(Record, frozen=True):
 
     def _crossings(self, along: str, value: float) -> list[Spot]:
         """Return where a quantity takes a value, in order; intervals are looked into between the rows."""
-        wide, unit = set(self._wide), self.quantities[along].unit
-        turns = unit is not None and unit.text == "rad" and abs(value) <= np.pi
-        find, spots = crossings_of_angle if turns else crossings, list[Spot]()
+        wide, spots = set(self._wide), list[Spot]()
+        find = crossings_of_angle if self._is_told_to_half_a_turn(along, value) else crossings
         for interval, (start, end, rows) in enumerate(self.intervals):
             t = self.run.grid.t[rows]
             t = np.concatenate(
@@ -298,6 +298,11 @@ class Lookup(Record, frozen=True):
             found = find(difference, t, self.parts_of_each if interval in wide else 0)
             spots += [(interval, t) for t in found]
         return spots
+
+    def _is_told_to_half_a_turn(self, along: str, value: float) -> bool:
+        """Tell whether a value may be that of an angle that jumps from 180 to -180 deg."""
+        unit = self.quantities[along].unit
+        return unit is not None and unit.text == "rad" and abs(value) <= np.pi
 
     def _difference(self, along: str, value: float, interval: int, t: Array) -> Array:
         return np.asarray(self.quantities_at(interval, t)[along].values - value)
@@ -329,7 +334,7 @@ class Lookup(Record, frozen=True):
         if side not in (None, "left", "right"):
             raise InputError(f"there is no side '{side}'", expected="left or right")
         if side is None and len(chosen) > 1:
-            left, right = (float(self._row(*chosen[end])[name].values[0]) for end in (0, -1))
+            left, right = (float(self._row(*spot)[name].values[0]) for spot in (chosen[0], chosen[-1]))
             if abs(left - right) > SAME * max(abs(left), abs(right)):
                 raise InputError(
                     f"{name} jumps at {text}: {left:.9g} before, {right:.9g} after",
@@ -366,29 +371,30 @@ class Lookup(Record, frozen=True):
             InputError: See ``extreme``.
         """
         peak, row = self._extreme(which, of)
-        level = peak.height - 2.0 * peak.error
-        apart = self._apart(
-            name, (peak.interval, peak.place), lambda rows: _HEIGHTS[which](rows[of].values) < level
-        )  # fmt: skip
-        return float(row[name].values[0]), apart
+        value = float(row[name].values[0])
 
-    def _apart(self, name: str, spot: Spot, others: Callable[[Quantities], Flags]) -> float:
-        """Return by how much a quantity differs around a place that is not told from others near it [SI].
+        def lower(states: Quantities) -> Flags:
+            return np.asarray(_HEIGHTS[which](states[of].values) < peak.height - 2.0 * peak.error)
+
+        return value, self._differs((peak.interval, peak.place), name, value, lower)
+
+    def _differs(self, spot: Spot, name: str, value: float, elsewhere: Callable[[Quantities], Flags]) -> float:
+        """Return by how much a quantity differs beside a place as far as that cannot be told from it.
 
         Args:
-            name: The quantity.
             spot: The place.
-            others: Quantities of n rows -> which of them are at other places for certain, shape (n,).
+            name: The quantity.
+            value: Its value there.
+            elsewhere: States -> which of them are at another place for certain.
         """
-        (interval, place), apart = spot, 0.0
-        value, ends = float(self._row(*spot)[name].values[0]), self.intervals[interval][:2]
-        sides = [] if self.motion is None else [side for side in ends if side != place]
+        (interval, place), (start, end, _) = spot, self.intervals[spot[0]]
+        apart, sides = 0.0, [] if self.motion is None else [side for side in (start, end) if side != place]
         for ways in (NEARER, FARTHER) if sides else ():
             places = [place + (side - place) * ways for side in sides]
             t = np.unique(np.concatenate(places))
             states = self.quantities_at(interval, t)
-            other, differences, left = others(states), np.abs(states[name].values - value), list[float]()
-            for side, own in zip(sides, (t.searchsorted(place) for place in places), strict=True):
+            other, differences, left = elsewhere(states), np.abs(states[name].values - value), list[float]()
+            for side, own in zip(sides, (t.searchsorted(each) for each in places), strict=True):
                 reached = int(other[own].argmax()) + 1 if other[own].any() else len(own)
                 apart = max(apart, float(differences[own[:reached]].max()))
                 left += [] if other[own].any() else [side]

@@ -103,7 +103,7 @@ class RunNumber(ValueRecord, frozen=True):
         return Series(self.label, unit, np.zeros(0))
 
     def value(self, result: Result) -> tuple[float, float]:
-        """Return the number [SI] and its error: of a quadrature, or of the search for an extreme or a place; else 0.
+        """Return the number [SI] and its error: of a quadrature, or of the search for a place; else 0.
 
         Raises:
             InputError: The place does not exist in this run, or the run has no such figure.
@@ -126,7 +126,7 @@ class RunNumber(ValueRecord, frozen=True):
             row, error = run.extreme(self.at, self.of)
             return float(row[self.quantity].values[0]), error
         if isinstance(self.at, dict):
-            return run.at_value(self.at, self.quantity)
+            return run.at_instant(self.at, self.quantity)
         return float(run.at(self.at, self.of)[self.quantity].values[0]), 0.0
 
     def _require_determined(self, result: Result, told: float) -> None:

@@ -9,7 +9,7 @@ from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.use.result.section import Cell, Section, SectionTable
 from pinarm.use.scenario.border import ALONG_BORDER
 from pinarm.use.scenario.find import Find
-from pinarm.use.scenario.optimum import FLAT, WITHOUT_SLOPES, Descent, Optimum
+from pinarm.use.scenario.optimum import EDGE, FLAT, NOWHERE, WITHOUT_SLOPES, Descent, Optimum
 
 SAME = 1e-3
 """Difference of objectives, relative to them, below which starts have led to the same value."""
@@ -112,7 +112,8 @@ def _remarks(search: Find, found: Optimum, objective: Series, value: float) -> l
         f"{objective.name} = {value:.7g} {unit} after {found.runs} runs; {same} of {len(starts)} starts "
         "led to that value" + (f", {refused} could not be run" if refused else ""),
         f"held by {'; '.join(held)}" if held else "no condition and no bound holds it",
-        f"columns 'from' and 'to': until the objective is worse by {found.allowance:.3g} {unit}, {base}",
+        f"columns 'from' and 'to': until the objective is worse by {found.allowance:.3g} {unit}, {base}; where no "
+        f"bound stops them, they may go up to {EDGE:.0%} of that way, or {NOWHERE:.2g} of the bounds, farther",
     ]
     if found.flat:
         said.append(

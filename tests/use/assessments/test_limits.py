@@ -56,6 +56,30 @@ def test_margins_are_told_with_the_errors_of_their_numbers(turned: pinarm.Scenar
     assert abs(margin - (10.0 - RMS)) <= error
 
 
+def test_errors_stand_beside_their_numbers_in_the_unit_of_the_bound(tmp_path: Path) -> None:
+    """A pendulum, whose swing is known to the same part of itself in every unit."""
+    ball = (
+        '<robot name="r"><link name="base"/><link name="ball"><inertial><origin xyz="0 -1 0"/><mass value="1"/>'
+        '<inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="turn" type="continuous"><parent link="base"/><child link="ball"/><axis xyz="0 0 1"/></joint>'
+        "</robot>"
+    )
+    (tmp_path / "pendulum.urdf").write_text(ball)
+    (tmp_path / "m.yaml").write_text(
+        "pinarm: 1\nrobot: pendulum.urdf\ngravity: {direction: -y, magnitude: 9.81 m/s^2}\n"
+    )
+    (tmp_path / "s.yaml").write_text(
+        "pinarm: 1\nmechanism: m.yaml\nproblem:\n  kind: forward\n  time: {end: 2 s, samples: 21}\n"
+        "  initial: {position: {turn: 1 rad}}\noutputs: [turn]\naccuracy: {target: 1e-3}\n"
+    )
+    scenario = pinarm.load(tmp_path / "s.yaml")
+    rows = [scenario.varied({"limits": {"keep": {"turn @ peak": f"< {bound}"}}}).run().sections["limits"].tables[0].rows
+            for bound in ("2 rad", "100 deg")]  # fmt: skip
+    parts = [float(error) / float(str(value).split()[0]) for ((_, value, _, _, error, _),) in rows]
+    assert parts[0] > 0.0
+    assert parts[1] == pytest.approx(parts[0], rel=0.06)  # both have two digits
+
+
 def test_a_sweep_takes_margins(turned: pinarm.Scenario) -> None:
     asked = limited(turned, peak="< 30 N*m")
     end = "problem.motion.turn.duration"

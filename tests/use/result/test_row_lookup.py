@@ -61,6 +61,22 @@ def test_places(ask: Callable[..., float], kind: str, where: Any, name: str, val
     assert ask(kind, where, name) == pytest.approx(value, rel=ROUNDING, abs=1e-15)
 
 
+@pytest.mark.parametrize("below", [1e-2, 1e-6, 1e-10, 1e-12, 1e-14])
+@pytest.mark.parametrize("name", ["alpha", "cos(alpha)"])
+def test_where_a_curve_is_level_the_place_of_its_value_is_told_with_its_error(
+    scenario: Callable[..., Any], name: str, below: float
+) -> None:
+    """``M = 20 sin(alpha)`` is 20 (1 - d) at ``pi/2 - 2 asin(sqrt(d/2))``: next to the top rounding moves that much."""
+    value, error = scenario("statics").run().number(f"{name} @ M={20.0 * (1.0 - below)!r} N*m, occurrence=1")
+    half = math.asin(math.sqrt(0.5 * below))
+    true = math.pi / 2 - 2.0 * half if name == "alpha" else math.sin(2.0 * half)
+    assert abs(value - true) <= error <= 1e-11 / math.sqrt(max(below, 1e-12))
+
+
+def test_the_error_of_an_instant_that_is_given_is_none(scenario: Callable[..., Any]) -> None:
+    assert scenario("inverse").run().number("alpha @ t=0.3 s") == (pytest.approx(0.045, rel=ROUNDING), 0.0)
+
+
 KEY = """\
 expect:
   - {quantity: M, at: {t: 2.5 s}, value: 0.0 N*m, published: 20 N*m, source: s}
@@ -342,7 +358,7 @@ class TestPlacesOfExtremes:
         result = self.run("law: harmonic, amplitude: 1 m, pulsation: 3 rad/s", f"{np.pi / 3.0!r} s")
         place = f"x={1.0 - below!r} m, occurrence=1"
         x = 1.0 - below
-        angle, change = np.arcsin(x), 1e-12 * max(x, below) / (3.0 * np.sqrt((1.0 - x) * (1.0 + x)))
+        angle, change = np.arcsin(x), 1e-12 / (3.0 * np.sqrt((1.0 - x) * (1.0 + x)))
         for asked, true in (("t", angle / 3.0), ("joint.x.velocity", 3.0 * np.cos(angle))):
             value, error = result.number(f"{asked} @ {place}")
             assert abs(value - true) <= error + 1e-15

@@ -91,6 +91,18 @@ def test_how_far_a_value_may_go_is_what_the_objective_allows():
     assert found.reaches[0].stops == ("bound", "objective")
 
 
+@pytest.mark.parametrize("steep", [0.3, 1.7, 4.0, 23.0, 610.0, 9e4, 1e7])
+def test_ways_that_are_told_end_within_those_of_the_objective_and_it_is_said_how_near(steep):
+    """1 + a x² is worse by 1 % at x = 0.1 / √a; the section says 5 % of the way, or 1e-4 of the width of the bounds."""
+    found = optimum(landscape(lambda x: Trial(1.0 + steep * x[0] ** 2), [-1], [1], [0.3]), 1, 0)
+    search = Find({"x": Unknown.read(["-1 m", "1 m"])}, minimise="y @ end")
+    remarks = optimum_section(search, found, Series("y @ end", unit("m"), np.zeros(1)), 0.0).remarks
+    assert "up to 5% of that way, or 0.0001 of the bounds, farther" in remarks[2]
+    true = 0.1 / np.sqrt(steep)
+    for way in np.abs([found.reaches[0].low, found.reaches[0].high]):
+        assert way - 1e-6 <= true <= max(way / 0.95, way + 1e-4 * 2.0) + 1e-6  # where it is best is known to 1e-6
+
+
 def test_runs_that_are_refused_are_no_optimum():
     """x falls to the left, where runs do not count below 0.3."""
     refused = lambda x: Trial(refusal="loop does not close") if x[0] < 0.3 else Trial(1.0 + x[0])  # noqa: E731

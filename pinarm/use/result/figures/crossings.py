@@ -1,4 +1,8 @@
-"""Where a curve crosses zero: between neighbouring places with opposite signs, and near extremes between these."""
+"""Where a curve crosses zero: between neighbouring places with opposite signs, and near extremes between these.
+
+Brackets in which the curve is no polynomial, as where it swings several times, are halved, as it may cross zero twice
+between two places there.
+"""
 
 from __future__ import annotations
 
@@ -32,6 +36,10 @@ to rest at a value is there within rounding for that long."""
 
 BESIDE = 1e-9
 """Part of the whole from a place to those on both sides of it: an angle has jumped between them, and changed little."""
+
+
+HALVINGS = 5
+"""How often brackets are halved in which the curve is no polynomial, such as those with many swings or a kink."""
 
 
 def crossings(curve: Curve, t: Array, parts: int = 0) -> list[float]:
@@ -111,16 +119,32 @@ def _with_extremes(curve: Curve, t: Array, values: Array, parts: int) -> tuple[A
     known = dict(zip(t.tolist(), values.tolist(), strict=True))
     size = float(np.abs(values).max())
     begin, end = sorted((float(t[0]), float(t[-1])))
-    for low, high in pairwise(np.linspace(begin, end, parts + 1).tolist()):
-        places = BracketFit.places(low, high)
-        heights = curve(places)
-        if np.ptp(heights) <= FLAT * np.abs(heights).max():  # a rest, which has no crossings within
-            continue
-        size = max(size, float(np.abs(heights).max()))
-        known = {**dict(zip(places.tolist(), heights.tolist(), strict=True)), **known}
-        known.update(_extremes(curve, BracketFit(low, high, heights), TOUCHES * size))
+    brackets, halvings = [*pairwise(np.linspace(begin, end, parts + 1).tolist())], 0
+    while brackets:
+        unsure = list[BracketFit]()
+        for low, high in brackets:
+            places = BracketFit.places(low, high)
+            heights = curve(places)
+            if np.ptp(heights) <= FLAT * np.abs(heights).max():  # a rest, which has no crossings within
+                continue
+            size = max(size, float(np.abs(heights).max()))
+            known = {**dict(zip(places.tolist(), heights.tolist(), strict=True)), **known}
+            fit = BracketFit(low, high, heights)
+            known.update(_extremes(curve, fit, TOUCHES * size))
+            unsure += [fit] if _may_cross_unseen(fit) else []
+        halves = [half for fit in unsure for half in pairwise((fit.low, 0.5 * (fit.low + fit.high), fit.high))]
+        brackets, halvings = halves if halvings < HALVINGS else [], halvings + 1
     along = np.array(sorted(known, reverse=bool(t[-1] < t[0])))
     return along, np.array([known[place] for place in along.tolist()])
+
+
+def _may_cross_unseen(fit: BracketFit) -> bool:
+    """Tell whether a curve may cross zero twice between two places of a bracket, at whose extremes it is not known."""
+    values = fit.values
+    if fit.is_resolved or not np.isfinite(values).all():
+        return False
+    away = BracketFit(fit.low, fit.high, -np.abs(values))
+    return bool(values.min() <= 0.0 <= values.max() or away.bound(fit.error) >= 0.0)
 
 
 def _extremes(curve: Curve, fit: BracketFit, slack: float) -> Iterator[tuple[float, float]]:

@@ -78,8 +78,8 @@ what the panel leaves, but the integral."""
 NEAR, FAR = 1e-12, 1e-7
 """Distances from a place, as parts of the interval, between which it is looked at how a function grows towards it."""
 
-FEWEST = 6
-"""Panels there that it takes to see that."""
+FEWEST = 4
+"""Panels on one side there that it takes to see that."""
 
 DIVERGES = 0.05
 """Power of the distance from a place that integrals over ``[d, 2 d]`` fall with towards it at least where they have a
@@ -274,7 +274,10 @@ class Panels(Record, frozen=True):
         distance = np.abs(middle - place) / (self.high[-1] - self.low[0])
         mean = np.abs(self.values[:, k]) / width
         near = (distance > NEAR) & (distance < FAR) & (mean > 0.0)
-        for side in (near, near & (middle < place), near & (middle > place)):  # it may be finite on one of them
+        for side in (
+            near & (middle < place),
+            near & (middle > place),
+        ):  # it may be finite on one, and jump between them
             if np.count_nonzero(side) >= FEWEST:
                 power = np.polyfit(np.log(distance[side]), np.log(mean[side]), 1)[0]
                 if power < DIVERGES - 1.0:

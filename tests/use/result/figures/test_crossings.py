@@ -22,6 +22,16 @@ def test_two_zeros_between_the_nodes_of_the_polynomial_are_found_by_the_extreme(
     assert found == pytest.approx([0.3 - 1e-6, 0.3 + 1e-6], abs=1e-9)
 
 
+@pytest.mark.parametrize(("swings", "level"), [(40, 0.3), (100, -0.9), (110, 0.9)])
+def test_many_swings_between_two_places_are_all_seen(swings, level):
+    """``sin(2 pi n t) = level`` twice in each of n swings, among 68 points."""
+    found = crossings(lambda t: np.sin(2.0 * np.pi * swings * t) - level, ENDS, 4)
+    first = np.arcsin(level) / (2.0 * np.pi)
+    turns = np.arange(swings)
+    exact = np.sort(np.concatenate([first % 1.0 + turns, (0.5 - first) % 1.0 + turns])) / swings
+    assert found == pytest.approx(exact, abs=1e-13)
+
+
 def test_what_touches_zero_is_one_place():
     assert crossings(lambda t: (t - 0.3) ** 2, ENDS, 4) == pytest.approx([0.3], abs=1e-9)
 

@@ -160,3 +160,11 @@ def test_parts_of_a_short_interval_far_from_zero_have_points_that_differ(most):
     (value,), (error,), _ = integrals(lambda t: (t > step)[:, None].astype(float), low, high, most=most)
     assert abs(value - (high - step)) <= error
     assert error < 0.1 * (high - low)
+
+
+@pytest.mark.parametrize(("teeth", "power"), [(66.92891674401906, 3), (70.42252456449205, 2)])
+def test_jumps_that_panels_do_not_suffice_for_are_no_poles(teeth, power):
+    """``(n t mod 1)^p``: towards a jump one side falls and the other does not: together they look like a pole."""
+    (value,), (error,) = integrals(lambda t: np.mod(teeth * t, 1.0)[:, None] ** power, 0.0, 1.0, most=200)[:2]
+    whole, rest = divmod(teeth, 1.0)
+    assert abs(value - (whole + rest ** (power + 1)) / (power + 1) / teeth) <= error < math.inf

@@ -80,7 +80,7 @@ def test_bounds_stand_in_sections_summary_and_terminal_and_come_back(step, tmp_p
     bounds = {row[0]: row[3] for row in table.rows}
     assert bounds["overshoot"] == result.number_errors["response.overshoot"] > 0.0
     assert f"response.overshoot: 0.3723261 (error below {bounds['overshoot']:.1e})" in report(result)
-    assert result.sections["limits"].tables[0].rows[0][4] == f"{bounds['overshoot']:.1e}"
+    assert result.sections["limits"].tables[0].rows[0][4] == f"{100.0 * bounds['overshoot']:.1e}"  # in %
     again = pinarm.restore(result.save(tmp_path / "saved", plots=False))
     assert again.number_errors == pytest.approx(dict(result.number_errors), rel=1e-12)
     assert [each.name for each in again.sections["response"].tables] == ["response", "bounds"]
