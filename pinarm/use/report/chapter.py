@@ -235,7 +235,10 @@ def _cell(series: Series) -> str:
 def _section_table(table: SectionTable, key: str) -> ReportTable:
     """Return a table of a section."""
     rows = [[cell if isinstance(cell, str) else number(cell) for cell in row] for row in table.rows[:MOST_ROWS]]
-    texts = {k for row in table.rows for k, cell in enumerate(row) if isinstance(cell, str)}
+    if table.row_unit is not None:
+        for row in rows:
+            row[table.row_unit] = unit_text(row[table.row_unit])
+    texts = {k for row in table.rows for k, cell in enumerate(row) if isinstance(cell, str) and cell}
     more = len(table.rows) - MOST_ROWS
     remark = f"and {more} more rows in {key}_{table.name}.csv" if more > 0 else ""
     headings = zip(table.columns, table.units, strict=True)

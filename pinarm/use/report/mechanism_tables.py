@@ -61,7 +61,8 @@ def _bodies(mechanism: Mechanism) -> ReportTable:
     rows = [_body(model, index) for index in range(1, model.njoints)]
     total = sum(inertia.mass for inertia in list(model.inertias)[1:])
     return ReportTable(
-        ["Body", "fixed to it", "mass [kg]", "x [m]", "y [m]", "z [m]", "Ixx", "Iyy", "Izz [kg·m²]"], rows, range(2),
+        ["Body", "fixed to it", "mass [kg]", *(f"{axis} [m]" for axis in "xyz"),
+         *(f"I{axis * 2} [kg·m²]" for axis in "xyz")], rows, range(2),
         "Bodies", f"Mass that moves: {number(total)} kg. Centre of mass in the axes of the body's joint; moments of "
         "inertia about it, in the same axes.",
     )  # fmt: skip

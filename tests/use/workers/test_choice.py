@@ -23,6 +23,11 @@ def test_processes_here_unless_there_is_an_executor(monkeypatch: pytest.MonkeyPa
         assert (there.count(), chosen_workers(7, executor).count()) == (3, 7)
 
 
+def test_a_number_is_no_executor() -> None:
+    with pytest.raises(InputError, match="3 is no executor"):
+        chosen_workers(None, 3)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("number", [0, -1])
 def test_none_solve_nothing(number: int) -> None:
     with pytest.raises(InputError, match=f"{number} workers solve nothing"):

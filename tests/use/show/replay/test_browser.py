@@ -382,6 +382,16 @@ def test_numbers_of_any_size_are_told_and_drawn(solved: Callable[..., Any], show
     assert heights[0] - min(heights) > 50.0  # pixels
 
 
+def test_every_axis_has_two_numbers_at_least(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
+    """Also where steps of a quarter of the range that are rounded up leave one, as of -4.1 to 4.1: 0."""
+    page = shown(solved("gen411_arm_static"), plots=[f"sin(phi)*{size}" for size in (4.1, 4.4, 4.7, 13, 15, 17)])
+    counts = page.evaluate(
+        "[...document.querySelectorAll('#plots svg')].map((svg) =>"
+        " svg.querySelectorAll('text[text-anchor=end]').length)"
+    )
+    assert len(counts) == 6 and min(counts) >= 2
+
+
 @pytest.mark.slow
 def test_numbers_of_plots_are_whole(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
     """Forces of 2000 N that differ by some hundredths have numbers of seven digits, which stand in the picture."""

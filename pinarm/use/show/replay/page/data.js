@@ -30,7 +30,7 @@ function round(x) {
   return power * ([1, 2, 5].find((m) => m * power >= 0.999 * x) || 10);
 }
 
-/** Return round numbers from low to high, about as many as wanted, each with its text. */
+/** Return round numbers from low to high, about as many as wanted but two at least, each with its text. */
 function ticks(low, high, wanted) {
   const step = round((high - low) / wanted);
   const largest = Math.max(Math.abs(low), Math.abs(high));
@@ -39,5 +39,5 @@ function ticks(low, high, wanted) {
   for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k += 1) {
     found.push({ place: k * step, text: shown(k * step, digits) });
   }
-  return found;
+  return found.length > 1 ? found : ticks(low, high, 2 * wanted);
 }
