@@ -360,6 +360,31 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         told = self._constant(values) if np.ndim(values) == 0 else np.asarray(values)
         return Series(name, measured, told, doubt, terms=0.0 if alone is None else alone.terms)
 
+    def switches(self, name: str) -> list[Array]:
+        """Return functions that change their sign wherever formulas behind a name go from one smooth part to another.
+
+        Args:
+            name: A quantity, a symbol or a formula; symbols in it are looked into.
+
+        Returns:
+            Values at the rows, each of shape (n,); see ``Expression.switches``.
+
+        Raises:
+            InputError: There is no such quantity.
+        """
+        symbols = {**self.trajectory.mechanism.symbols, **self.symbols}
+        found, pending, met = list[Array](), [name], set[str]()
+        while pending:
+            one = pending.pop()
+            if one in met or not (one in symbols or set(one) & OPERATORS):
+                continue
+            met.add(one)
+            expression = symbols.get(one) or Expression.parse(one)
+            operands = self._operands(expression)
+            found += expression.switches({inner: series.values for inner, series in operands.items()})
+            pending += sorted(operands)
+        return found
+
     def check_symbols(self, symbols: Iterable[str], locate: Callable[..., AbstractContextManager[None]]) -> None:
         """Raise where a symbol stands for what does not exist, for what cannot be added, or for itself.
 

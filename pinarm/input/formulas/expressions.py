@@ -5,10 +5,13 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache, reduce
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from msgspec import field
 
+from pinarm.arrays import Array
 from pinarm.errors import ExpressionError
 from pinarm.input.formulas.dimensions import Rule, pure, ratio, root, same, sign, unit_of
 from pinarm.input.formulas.grammar import CONSTANTS, MANY, Grammar, interpret, look_up, names_in, read_tree
@@ -63,6 +66,23 @@ class Expression(Record, frozen=True):
         with np.errstate(all="ignore"):
             result = interpret(self.tree, _Values(names), self.text)
         return result.item() if np.ndim(result) == 0 else result
+
+    def switches(self, names: Mapping[str, Any]) -> list[Array]:
+        """Return functions that change their sign wherever the formula goes from one smooth part of it to another.
+
+        Those are the arguments of ``abs`` and ``sign``, differences of what ``min``, ``max`` and comparisons compare,
+        and of what ``%``, ``//``, ``floor`` and ``ceil`` round the sine of pi times it.
+
+        Args:
+            names: As in ``evaluate``.
+
+        Returns:
+            Those that vary, in the order in which they are met, of the shape of the names.
+        """
+        found = _Switches(names)
+        with np.errstate(all="ignore"):
+            interpret(self.tree, found, self.text)
+        return [np.asarray(values, float) for values in found.met if np.ndim(values)]
 
     def dimension(self, names: Mapping[str, Unit | None]) -> Unit | None:
         """Return the SI unit of the value; ``None`` where it cannot be known.
@@ -128,6 +148,31 @@ class _Values(ValueRecord, frozen=True):
 
     def call(self, function: str, arguments: Sequence[Any]) -> Any:
         return _applied(_FUNCTIONS[function].apply, *arguments)
+
+
+class _Switches(_Values, frozen=True):
+    """The same algebra, which notes where results go from one smooth part to another."""
+
+    met: list[Any] = field(default_factory=list)
+
+    def binary(self, symbol: str, left: Any, right: Any) -> Any:
+        if symbol in ("%", "//"):
+            self.met.append(np.sin(np.pi * left / right))
+        return super().binary(symbol, left, right)
+
+    def compare(self, symbols: Sequence[str], operands: Sequence[Any]) -> Any:
+        self.met.extend(left - right for left, right in pairwise(operands))
+        return super().compare(symbols, operands)
+
+    def call(self, function: str, arguments: Sequence[Any]) -> Any:
+        if function in ("abs", "sign"):
+            self.met.append(arguments[0])
+        elif function in ("min", "max"):
+            so_far = _FUNCTIONS[function].apply
+            self.met.extend(so_far(*arguments[:k]) - arguments[k] for k in range(1, len(arguments)))
+        elif function in ("floor", "ceil"):
+            self.met.append(np.sin(np.pi * arguments[0]))
+        return super().call(function, arguments)
 
 
 def _unless(unknown: Any, result: Any) -> Any:

@@ -29,6 +29,7 @@ from pinarm.use.result.figures.peak_search import (
     bounded_below,
 )
 from pinarm.use.result.figures.quadrature import NODES
+from pinarm.use.result.formula_switches import switches
 from pinarm.use.result.instant import instant, located
 from pinarm.use.result.output_scales import ZERO, natural_sizes
 
@@ -52,6 +53,9 @@ PLATEAU = 1e-12
 NEARER, FARTHER = 2.0 ** -np.arange(46.0, 15.0, -1.0), 2.0 ** -np.arange(15.0, -1.0, -1.0)
 """Ways from an extreme at which it is looked how far it is level, as parts of those to the ends of its interval: the
 far ones where it is level at all that are near."""
+
+MISPLACED = 4e-15
+"""Part of an instant by which a place may be off where a formula switches: a root may rise from 0 there."""
 
 DECIDED = 1e-6
 """Relative difference between an extreme among other instants and solved alone from which on rounding decides it."""
@@ -136,6 +140,7 @@ class Lookup(Record, frozen=True):
     motion: SolvedMotion | None
     _kept: dict[tuple[int, bytes], Quantities] = {}
     _fits: dict[tuple[float, float, bytes], BracketFit] = {}
+    _switches: dict[str, list[Array]] = {}
 
     @property
     def run(self) -> Trajectory:
@@ -189,6 +194,12 @@ class Lookup(Record, frozen=True):
             np.concatenate([self.cuts(interval), self.jumps[interval], self.knots[interval]])
         ).tolist()
         return found
+
+    def switches(self, name: str) -> list[Array]:
+        """Return where formulas behind a name go from one smooth part to another, interval by interval, ascending."""
+        if name not in self._switches:
+            self._switches[name] = switches(self, name)
+        return self._switches[name]
 
     def short_steps(self, interval: int, bounds: Sequence[float] | Array) -> Array:
         """Return where steps end that the points of a piece may lie beside, such as those through a short blow.
@@ -294,6 +305,8 @@ class Lookup(Record, frozen=True):
             t = np.concatenate(
                 [t[:0] if len(t) and t[0] == start else [start], t, [] if len(t) and t[-1] == end else [end]]
             )
+            if len(changes := self.switches(along)[interval]):
+                t = distinct(np.append(t, changes))[:: 1 if start <= end else -1]
             difference = partial(self._difference, along, value, interval)
             found = find(difference, t, self.parts_of_each if interval in wide else 0)
             spots += [(interval, t) for t in found]
@@ -407,10 +420,24 @@ class Lookup(Record, frozen=True):
         places = self._rests if self._has_bands and not _plain(name) else []
         what = f"{name} has no {_EXTREMES[which]}"
         slack = max(slack, PLATEAU * float(np.max(self.quantities[name].terms, initial=0.0)))
-        peak = self._highest(lambda rows: _HEIGHTS[which](rows[name].values), places, what, slack)
+
+        def height(rows: Quantities) -> Array:
+            return _HEIGHTS[which](rows[name].values)
+
+        cuts = self.switches(name)
+        peak = self._with_error_of_cut(self._highest(height, places, what, slack, cuts), height, cuts)
         row = self._row(peak.interval, peak.place)
         self._require_reproduced(peak, float(_HEIGHTS[which](row[name].values)[0]), row[name].unit, what)
         return peak, row
+
+    def _with_error_of_cut(self, peak: Peak, height: Callable[[Quantities], Array], cuts: Sequence[Array]) -> Peak:
+        """Return a peak with what its height changes by within rounding of its place, where it is at a cut."""
+        if peak.place not in cuts[peak.interval]:
+            return peak
+        low, high = sorted(self.intervals[peak.interval][:2])
+        beside = np.clip(peak.place + MISPLACED * max(abs(low), abs(high)) * np.array([-1.0, 1.0]), low, high)
+        (heights,) = self.heights(height, [(peak.interval, beside)])
+        return replace(peak, error=max(peak.error, float(np.abs(heights - peak.height).max())))
 
     def _require_reproduced(self, peak: Peak, alone: float, unit: Unit | None, lacks: str) -> None:
         """Raise where the state of an extreme has another value when it is solved without others beside it.
@@ -449,7 +476,10 @@ class Lookup(Record, frozen=True):
         peak = self._highest(height, [], f"{name} has no largest value", slack)
         return self._row(peak.interval, peak.place), peak.error
 
-    def _highest(self, height: Callable[[Quantities], Array], places: Spots, lacks: str, slack: float = 0.0) -> Peak:
+    def _highest(
+        self, height: Callable[[Quantities], Array], places: Spots, lacks: str, slack: float = 0.0,
+        cuts: Sequence[Array] = (),
+    ) -> Peak:  # fmt: skip
         """Return the largest value of a function of the quantities.
 
         Args:
@@ -457,9 +487,10 @@ class Lookup(Record, frozen=True):
             places: Intervals and values of the parameter there at which it may jump, for an instant only.
             lacks: That there is none, in words.
             slack: Difference of heights that is rounding, where it is more than that of the largest.
+            cuts: Where it goes from one smooth part to another, interval by interval.
         """
         try:
-            return self._peak(height, [*places, *self._beside_jumps], slack)
+            return self._peak(height, [*places, *self._beside_jumps], slack, self._parts_between(cuts))
         except Endless as pole:
             run = self.run
             raise InputError(
@@ -468,9 +499,9 @@ class Lookup(Record, frozen=True):
                 expected="a quantity that is finite everywhere, or its value at a place, or a percentage such as @ p95",
             ) from None
 
-    def _peak(self, height: Callable[[Quantities], Array], places: Spots, slack: float) -> Peak:
-        """Return the largest value of a function of the quantities; see ``highest``."""
-        t, parts = self.run.grid.t, self._parts
+    def _peak(self, height: Callable[[Quantities], Array], places: Spots, slack: float, parts: list[CurvePart]) -> Peak:
+        """Return the largest value of a function of the quantities, which is looked for in parts; see ``highest``."""
+        t = self.run.grid.t
         values = bounded_below(height(self.quantities), t)
         slack = max(slack, PLATEAU * float(np.abs(values).max()))
         best = int((values >= values.max() - slack).argmax())
@@ -564,13 +595,22 @@ class Lookup(Record, frozen=True):
         return found
 
     @cached_property
-    def _parts(self) -> list[CurvePart]:
+    def parts(self) -> list[CurvePart]:
         """The pieces in which extremes are looked for beside those near rows."""
         pieces = []
         for interval in self._wide:
             start, end, _ = self.intervals[interval]
             cuts = distinct(np.concatenate([np.linspace(start, end, self.parts_of_each + 1), self.cuts(interval)]))
             pieces += [CurvePart(interval, (min(pair), max(pair))) for pair in pairwise(cuts.tolist())]
+        return pieces
+
+    def _parts_between(self, cuts: Sequence[Array]) -> list[CurvePart]:
+        """Return the same, cut besides at places of each interval."""
+        pieces = []
+        for part in self.parts:
+            (low, high), at = part.bracket, cuts[part.interval] if len(cuts) else ()
+            within = [low, *(t for t in at if low < t < high), high]
+            pieces += [CurvePart(part.interval, pair) for pair in pairwise(within)]
         return pieces
 
     def _fit(self, bracket: tuple[float, float], heights: Array) -> BracketFit:

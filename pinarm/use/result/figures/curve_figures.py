@@ -46,6 +46,9 @@ MOST_CUTS = 50
 ROUNDING = 4e-16
 """Of a sum of a few hundred terms, relative to their sum."""
 
+PLACED = 1e-15
+"""Part of an instant by which a place is off where a formula switches; there it may jump by twice its size."""
+
 _PERCENTILE = re.compile(r"p([0-9]{1,3}(?:\.[0-9]{1,3})?)")
 
 
@@ -129,14 +132,18 @@ def _length(run: Lookup) -> float:
     return sum(abs(end - start) for start, end, _ in run.intervals)
 
 
-def integrals(run: Lookup, integrand: Callable[[Quantities], Array], least: float = 1.0) -> tuple[Array, Array]:
+def integrals(
+    run: Lookup, integrand: Callable[[Quantities], Array], least: float = 1.0, of: Sequence[str] = ()
+) -> tuple[Array, Array]:
     """Return the integrals of several functions over a run, and their errors, both of shape (k,).
 
     Args:
         run: The run; its rows are states of one motion.
         integrand: Quantities of n rows -> values of the functions there, of the size of 1 or less, shape (n, k).
         least: Size of functions that are not to be told from 0.
+        of: The quantities of which they are functions, where these may be formulas.
     """
+    switches = [run.switches(name) for name in of]
     parts, left = [], PANELS + PER_STEP * (len(run.intervals) + sum(map(len, run.steps))) + len(run.run) // ROWS
     rows = integrand(run.quantities)
     for interval, (start, end, own) in enumerate(run.intervals):
@@ -144,21 +151,25 @@ def integrals(run: Lookup, integrand: Callable[[Quantities], Array], least: floa
         if low < high:
             curve = _Counted(partial(_evaluated, run, integrand, interval), left // (len(run.intervals) - interval))
             allowed = curve.left
-            bounds = distinct(np.append(np.linspace(low, high, 1 + run.parts_of_each), run.bounds(interval)))
-            known = _known(run, integrand, interval, rows[own], run.short_steps(interval, bounds))
+            cuts = distinct(np.concatenate([run.bounds(interval), *(each[interval] for each in switches)])).tolist()
+            bounds = distinct(np.append(np.linspace(low, high, 1 + run.parts_of_each), cuts))
+            known = _known(run, integrand, interval, rows[own], run.short_steps(interval, bounds), cuts)
             parts += _integrals_between(curve, [low, high], bounds, known, least)
             left -= allowed - curve.left
     total, error = (np.sum(of, axis=0) for of in zip(*parts, strict=True))
-    return total, error + ROUNDING * np.abs(total)
+    sizes = np.max(np.abs(rows), axis=0, where=np.isfinite(rows), initial=0.0)
+    misplaced = PLACED * sum(float(np.abs(t).sum()) for each in switches for t in each)
+    return total, error + ROUNDING * np.abs(total) + misplaced * sizes
 
 
 def _known(
-    run: Lookup, integrand: Callable[[Quantities], Array], interval: int, rows: Array, ends: Array
-) -> KnownValues:
+    run: Lookup, integrand: Callable[[Quantities], Array], interval: int, rows: Array, ends: Array,
+    cuts: Sequence[float],
+) -> KnownValues:  # fmt: skip
     """Return the values of functions at the rows of an interval, shape (n, k), and at ends of steps, shape (m,)."""
     t, first = np.unique(np.append(run.run.grid.t[run.intervals[interval][2]], ends), return_index=True)
     values = np.concatenate([rows, integrand(run.quantities_at(interval, ends))]) if len(ends) else rows
-    return KnownValues(t, values[first], run.bounds(interval))
+    return KnownValues(t, values[first], cuts)
 
 
 class _Unbounded(Exception):
@@ -281,7 +292,7 @@ def _moments(run: Lookup, quantity: str) -> tuple[Array, Array, float]:
         x = rows[quantity].values / scale
         return np.stack([x, x * x], axis=1)
 
-    total, error = integrals(run, powers, least=0.0) if _length(run) else np.zeros((2, 2))
+    total, error = integrals(run, powers, least=0.0, of=[quantity]) if _length(run) else np.zeros((2, 2))
     return total, error, scale
 
 
@@ -315,7 +326,7 @@ def rms_values(run: Lookup, quantities: Sequence[str], scales: Array) -> tuple[A
     def squares(rows: Quantities) -> Array:
         return np.stack([(rows[name].values / scale) ** 2 for name, scale in zip(quantities, scales, strict=True)], 1)
 
-    total, error = (part / length for part in integrals(run, squares))
+    total, error = (part / length for part in integrals(run, squares, of=quantities))
     root = np.sqrt(np.maximum(total, 0.0))
     return scales * root, scales * np.where(root**2 > error, 0.5 * error / np.maximum(root, 1e-300), np.sqrt(error))
 
@@ -350,7 +361,8 @@ def _curve(run: Lookup, quantity: str, interval: int) -> SmoothCurve:
     order = 1 if start < end else -1
     t, values = run.run.grid.t[own][::order], run.quantities[quantity].values[own][::order]
     at = partial(_values, run, quantity, interval)
-    return SmoothCurve(min(start, end), max(start, end), at, run.bounds(interval), t, values)
+    bounds = distinct(np.append(run.bounds(interval), run.switches(quantity)[interval])).tolist()
+    return SmoothCurve(min(start, end), max(start, end), at, bounds, t, values)
 
 
 def _values(run: Lookup, quantity: str, interval: int, t: Array) -> Array:
