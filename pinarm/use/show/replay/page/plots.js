@@ -32,6 +32,12 @@ function fit(made, resize) {
   resize();
 }
 
+/** Return a text in parts, behind whose dots a line may end; other nodes as they are. */
+function breakable(node) {
+  if (node.nodeType !== Node.TEXT_NODE) return [node];
+  return node.textContent.split(/(?<=\.)/).flatMap((part) => [document.createElement("wbr"), part]);
+}
+
 function svg(name, attributes, parent) {
   const element = document.createElementNS(SVG, name);
   for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
@@ -46,7 +52,7 @@ class Plot {
     this.figure = document.createElement("figure");
     const caption = document.createElement("figcaption");
     const label = document.createElement("span");
-    label.append(...lettered(plot.runs));
+    label.append(...lettered(plot.runs).flatMap(breakable));
     label.title = plot.label;
     label.style.color = plot.colour;
     this.now = document.createElement("output");
