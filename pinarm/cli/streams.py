@@ -29,9 +29,11 @@ def open_streams() -> None:
                 os.close(null)
     sys.stdout = sys.stdout or open(1, "w", closefd=False)  # noqa: SIM115  (as long as the process)
     sys.stderr = sys.stderr or open(2, "w", closefd=False)  # noqa: SIM115
-    for stream in (sys.stdout, sys.stderr):  # a terminal without Unicode shows question marks instead of failing
+    for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")
+            # A terminal without Unicode shows question marks instead of failing. With PYTHONUNBUFFERED, what cannot be
+            # written would fail within argparse, which passes over it.
+            stream.reconfigure(errors="replace", write_through=False)
 
 
 def flush_output() -> None:

@@ -36,9 +36,10 @@ def test_streams_that_are_closed_or_full(tail: str, code: int, said: str) -> Non
     ("--help >/dev/full", "error: the output: No space left on device\n"), ("run --help >/dev/full 2>&1", ""),
     ("--version >/dev/full", "error: the output: No space left on device\n"), ("nonsense 2>/dev/full", ""),
 ])  # fmt: skip
-def test_help_and_mistakes_that_cannot_be_written_are_exit_2(arguments: str, said: str) -> None:
-    command = f"'{sys.executable}' -m pinarm {arguments}"
-    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=60, check=False)
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_help_and_mistakes_that_cannot_be_written_are_exit_2(arguments: str, said: str, unbuffered: str) -> None:
+    command, settings = f"'{sys.executable}' -m pinarm {arguments}", {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=60, check=False, env=settings)
     assert (done.returncode, done.stderr) == (2, said)
 
 

@@ -257,11 +257,11 @@ class Trajectory(Record, frozen=True):
         """
         if (gear := self._elastic_gear_at(joint)) is not None:
             shaft = gear.efforts(self.grid.t, self.q, self.v)
-            return self._supplied[..., joint] - shaft + self._lost_behind_shaft(joint)
+            return self.supplied[..., joint] - shaft + self._lost_behind_shaft(joint)
         if self.driven is not None and self.driven[joint]:
-            return self._supplied[..., joint]
+            return self.supplied[..., joint]
         if (drive := self._motor_at(joint)) is not None:
-            return self._supplied[..., self.mechanism.driven_joint(drive).v] + self._lost_in_gear(drive)
+            return self.supplied[..., self.mechanism.driven_joint(drive).v] + self._lost_in_gear(drive)
         if not (acting := self.couplings_at(joint)):
             return self.tau[..., joint]
         lam, places = np.asarray(self.lam), self.closure.slices
@@ -326,7 +326,7 @@ class Trajectory(Record, frozen=True):
         }
         if name not in weights:
             return None
-        tau = self._supplied.reshape(-1, self.tau.shape[-1])
+        tau = self.supplied.reshape(-1, self.tau.shape[-1])
         efforts = np.linalg.lstsq(np.array([*weights.values()]).T, tau.T)[0]
         return np.asarray(efforts[[*weights].index(name)].reshape(self.tau.shape[:-1]))
 
@@ -336,14 +336,10 @@ class Trajectory(Record, frozen=True):
         others = (known.get(drive) for drive in self.drives if drive != joint)
         shared = any(isinstance(one, LinearCoordinate) and one.weights[v] for one in others)
         own = self.effort_along(joint) if shared else None
-        return self._supplied[..., v] if own is None else own
-
-    def motor_effort(self, rotor: int) -> Array:
-        """Return the effort of the motor at a rotor that is a joint of its own, by its index in v, shape (n,)."""
-        return self._supplied[..., rotor]
+        return self.supplied[..., v] if own is None else own
 
     @cached_property
-    def _supplied(self) -> Array:
+    def supplied(self) -> Array:
         """What drives supply at joints: all efforts but what end stops push [N*m or N], shape (n, nv)."""
         pushed = {name: column for name, column in self.columns.items() if name.endswith(".stop")}
         if not pushed:

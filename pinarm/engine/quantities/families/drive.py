@@ -60,7 +60,7 @@ class DriveQuantities(Family, frozen=True):
         if not drive.rigid and drive.efficiency < 1.0:
             self._require_losses(asked, index)
         if drive.turns_rotor and run.driven is not None and run.driven[index]:  # losses come behind the rotor
-            return run.motor_effort(index) / float(drive.ratio)
+            return run.supplied[..., index] / float(drive.ratio)
         if drive.elasticity is not None:
             return self._elastic_torque(asked, drive, index)
         a, effort = run.a[..., index], self._effort(asked, drive)
@@ -93,7 +93,7 @@ class DriveQuantities(Family, frozen=True):
                 f"'{asked.name}': what drives '{drive.coordinate}' here is not the motor behind its elastic gear",
                 expected="a controller of the drive in a forward problem, or a drive without elasticity",
             )
-        return run.motor_effort(index) / float(drive.ratio)
+        return run.supplied[..., index] / float(drive.ratio)
 
     def _deflection(self, asked: Asked, drive: Drive) -> Series:
         """Return the deflection of an elastic gear.

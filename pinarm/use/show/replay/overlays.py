@@ -249,7 +249,9 @@ def _torques(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
     """Yield the efforts of the drives, about or along the axes of their joints."""
     for joint in run.mechanism.joints.values():
         node = nodes[joint.index]
-        yield Arrow("torques", BodyPoint(joint.index, np.zeros(3)), node.kind == "turn", run.tau[:, joint.v], node.axis)
+        yield Arrow(
+            "torques", BodyPoint(joint.index, np.zeros(3)), node.kind == "turn", run.supplied[:, joint.v], node.axis
+        )
 
 
 def _felt(run: Trajectory, nodes: Sequence[Node]) -> list[Arrow]:

@@ -157,3 +157,27 @@ def test_a_slot_has_an_outline_around_the_way_of_its_pin(tmp_path: Path, read: C
     assert slot["node"] == 0 != pair["b"]["node"]
     assert (x.max() + x.min()) / 2 == pytest.approx(0.3, abs=1e-9)
     assert [y.min(), y.max()] == pytest.approx([pin.min() - 3 * half, pin.max() + 3 * half], abs=1e-9)
+
+
+def test_torques_are_those_of_motors_not_what_stops_push(read: Callable[..., Any]) -> None:
+    """A slide on its stop, which a motor presses on with 5 N; with what the stop pushes that is 0."""
+    planar = {
+        "points": {"O": [0, 0], "P": ["1 m", 0]}, "ground": ["O"],
+        "links": {"c": {"points": ["P"], "mass": "2 kg"}}, "sliders": {"x": {"link": "c", "along": ["O", "P"]}},
+    }  # fmt: skip
+    pressed = {
+        "kind": "state_feedback",
+        "drive": "m",
+        "states": ["x"],
+        "gains": [["0 N/m", "0 N*s/m"]],
+        "bias": ["5 N"],
+    }
+    result = pinarm.run({
+        "pinarm": 1, "outputs": ["x"],
+        "mechanism": {"pinarm": 1, "planar": planar, "gravity": "none", "drives": {"m": {"joint": "x"}}},
+        "problem": {"kind": "forward", "time": {"end": "0.2 s", "samples": 3}, "end_stops": {"x": {"upper": "0 m"}},
+                    "control": [pressed]},
+    })  # fmt: skip
+    page = read(result.replay(arrows=["torques"], plots=[]).html)
+    [torque] = page.scene["arrows"]
+    assert page.array(torque["values"]) == pytest.approx([5.0, 5.0, 5.0], rel=1e-6)
