@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 MOST = 100
 """Places of a run at most: of more, as of a sawtooth, each tooth is seen by what looks at the curve."""
 
+MISPLACED = 4e-15
+"""Part of an instant by which such a place may be off: a formula may jump there, or rise from 0 as a root."""
+
 NESTED = 4
 """How deep functions that switch are looked into."""
 

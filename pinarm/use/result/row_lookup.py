@@ -29,7 +29,7 @@ from pinarm.use.result.figures.peak_search import (
     bounded_below,
 )
 from pinarm.use.result.figures.quadrature import NODES
-from pinarm.use.result.formula_switches import switches
+from pinarm.use.result.formula_switches import MISPLACED, switches
 from pinarm.use.result.instant import instant, located
 from pinarm.use.result.output_scales import ZERO, natural_sizes
 
@@ -53,9 +53,6 @@ PLATEAU = 1e-12
 NEARER, FARTHER = 2.0 ** -np.arange(46.0, 15.0, -1.0), 2.0 ** -np.arange(15.0, -1.0, -1.0)
 """Ways from an extreme at which it is looked how far it is level, as parts of those to the ends of its interval: the
 far ones where it is level at all that are near."""
-
-MISPLACED = 4e-15
-"""Part of an instant by which a place may be off where a formula switches: a root may rise from 0 there."""
 
 DECIDED = 1e-6
 """Relative difference between an extreme among other instants and solved alone from which on rounding decides it."""

@@ -30,6 +30,7 @@ from pinarm.input.units import Unit
 from pinarm.records import ValueRecord
 from pinarm.use.result.figures.percentile import SmoothCurve, percentile
 from pinarm.use.result.figures.quadrature import NODES, AllowedErrors, KnownValues, Panels, integrate
+from pinarm.use.result.formula_switches import MISPLACED
 from pinarm.use.result.row_lookup import Lookup
 
 RELATIVE, ABSOLUTE = 1e-10, 1e-13
@@ -45,9 +46,6 @@ MOST_CUTS = 50
 
 ROUNDING = 4e-16
 """Of a sum of a few hundred terms, relative to their sum."""
-
-PLACED = 1e-15
-"""Part of an instant by which a place is off where a formula switches; there it may jump by twice its size."""
 
 _PERCENTILE = re.compile(r"p([0-9]{1,3}(?:\.[0-9]{1,3})?)")
 
@@ -156,9 +154,9 @@ def integrals(
             known = _known(run, integrand, interval, rows[own], run.short_steps(interval, bounds), cuts)
             parts += _integrals_between(curve, [low, high], bounds, known, least)
             left -= allowed - curve.left
-    total, error = (np.sum(of, axis=0) for of in zip(*parts, strict=True))
+    total, error = (np.sum(each, axis=0) for each in zip(*parts, strict=True))
     sizes = np.max(np.abs(rows), axis=0, where=np.isfinite(rows), initial=0.0)
-    misplaced = PLACED * sum(float(np.abs(t).sum()) for each in switches for t in each)
+    misplaced = MISPLACED * sum(float(np.abs(t).sum()) for each in switches for t in each)
     return total, error + ROUNDING * np.abs(total) + misplaced * sizes
 
 

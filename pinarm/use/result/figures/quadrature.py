@@ -274,10 +274,7 @@ class Panels(Record, frozen=True):
         distance = np.abs(middle - place) / (self.high[-1] - self.low[0])
         mean = np.abs(self.values[:, k]) / width
         near = (distance > NEAR) & (distance < FAR) & (mean > 0.0)
-        for side in (
-            near & (middle < place),
-            near & (middle > place),
-        ):  # it may be finite on one, and jump between them
+        for side in (near & (middle < place), near & (middle > place)):  # it may be finite on one of them, or jump
             if np.count_nonzero(side) >= FEWEST:
                 power = np.polyfit(np.log(distance[side]), np.log(mean[side]), 1)[0]
                 if power < DIVERGES - 1.0:
