@@ -119,8 +119,7 @@ ELSEWHERE = {
     ),
     "loops/test_many_rows.py": (
         "many rows against each alone", "engine/constraints/batch_jacobians engine/constraints/row_measures "
-        "engine/constraints/multipliers engine/constraints/nullspaces/nullspace_batch "
-        "engine/motion/systems/batch_rows",
+        "engine/constraints/multipliers",
     ),
     "loops/test_redundancy.py": (
         "degrees of hyperstatism and singular positions", "engine/kinematics/mobility",

@@ -9,10 +9,9 @@ from pinarm.engine.constraints import closure
 from pinarm.engine.constraints.batch_jacobians import BLOCK, BatchJacobians
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspaces.nullspace import split_rows
-from pinarm.engine.constraints.nullspaces.nullspace_batch import free_motions
 from pinarm.engine.kinematics.continuation_batch import BatchContinuation
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.systems.batch_rows import BatchRows
+from pinarm.engine.motion.systems import constrained
 from pinarm.errors import InputError
 from pinarm.mechanics.laws import Harmonic
 
@@ -60,7 +59,7 @@ class TestFreeMotions:
         angle = np.random.default_rng(0).uniform(-3.0, 3.0, 2 * BLOCK + 5)
         angle[[0, 7, 500, BLOCK, 2 * BLOCK + 4]] = np.pi / 2 * np.array([1.0, -1.0, 1.0, 1.0 + 1e-7, 1.0 - 1e-10])
         q, seen = leaning(four_bar, angle), np.zeros(len(angle), dtype=int)
-        for places, motions in free_motions(four_bar.closure, q):
+        for places, motions in four_bar.closure.free_motions(q):
             seen[places] += 1
             for k in range(0, len(places), 37):
                 state = four_bar.closure.state(q[places[k]])
@@ -71,7 +70,7 @@ class TestFreeMotions:
 
     def test_two_where_the_rods_lie_in_one_line(self, four_bar):
         q = leaning(four_bar, np.pi / 2 * np.array([0.3, 1.0, 0.6]))
-        found = [(int(k), len(motions)) for places, motions in free_motions(four_bar.closure, q) for k in places]
+        found = [(int(k), len(motions)) for places, motions in four_bar.closure.free_motions(q) for k in places]
         assert dict(found) == {0: 1, 1: 2, 2: 1}
 
 
@@ -107,7 +106,7 @@ def test_the_rows_of_a_free_motion_are_those_computed_one_by_one(name, tmp_path,
     mechanism = linkage().build(tmp_path, cut)
     motion = {drive: Harmonic(amplitude=0.3, pulsation=5.0)} if name == "five_bar" else {}
     together = free(mechanism, 0.2, 120, tolerance=1e-5, motion=motion)
-    monkeypatch.setattr(BatchRows, "of", lambda *_: None)
+    monkeypatch.setattr(constrained, "BLOCK", 1)
     monkeypatch.setattr(closure, "MANY", 1_000)
     alone = free(mechanism, 0.2, 120, tolerance=1e-5, motion=motion)
     for one, other in ((together.q, alone.q), (together.v, alone.v), (together.a, alone.a), (together.tau, alone.tau)):

@@ -53,6 +53,9 @@ SEVERAL, KEPT = 3, 64
 """Number of configurations from which on it pays to look at them together, fewer where constraints are alike; and up to
 which this is kept."""
 
+BLOCK = 512
+"""Number of configurations whose G is held at once."""
+
 GUIDED = 4
 """Closures with guides that are kept: states between the rows of a motion ask for that of the rows."""
 
@@ -323,10 +326,10 @@ class Closure(Record, frozen=True):
         return RowDecompositions.of(rows, self.reach)
 
     def free_motions(self, q: Array) -> Iterator[tuple[Indices, Array]]:
-        """Yield places of configurations, shape (N, nq), and T there; see ``nullspace_batch.free_motions``."""
-        from pinarm.engine.constraints.nullspaces.nullspace_batch import free_motions
-
-        return free_motions(self, q)
+        """Yield places of configurations, shape (N, nq), and T there, shape (f, places, nv), where f is the same."""
+        for start in range(0, len(q), BLOCK):
+            for places, split in self.apart(q[start : start + BLOCK])[1].parts:
+                yield start + places, np.moveaxis(split.free, -1, 0)
 
     def drifts(self, q: Array, v: Array) -> Array:
         """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""

@@ -19,8 +19,8 @@ from pinarm.engine.constraints.batch_jacobians import BatchJacobians, EvaluatedJ
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.constraints.loop_sizes import extents, unit_of_length
+from pinarm.engine.constraints.nullspaces.elimination import regular_order
 from pinarm.engine.constraints.nullspaces.nullspace import VANISHED
-from pinarm.engine.constraints.nullspaces.nullspace_batch import regular_order
 from pinarm.engine.constraints.nullspaces.orthogonal_rows import OrthogonalRows, along, singular_values
 from pinarm.engine.constraints.nullspaces.refinement import refined
 from pinarm.mechanics.coordinates import Coordinate
@@ -135,7 +135,7 @@ class VariantClosure(Closure, frozen=True):
         return VariantDecomposition.of(self.independent(rows[0, 0]), rows, self.reach)
 
     def free_motions(self, q: Array) -> Iterator[tuple[Indices, Array]]:
-        """Yield all configurations, shape (N, nq), and T there, shape (f, N, nv); see ``nullspace_batch``."""
+        """Yield all configurations, shape (N, nq), and T there, shape (f, N, nv)."""
         rows = self.evaluated(q).matrices((len(q), self.size, self.model.nv))[None]
         yield np.arange(len(q)), np.moveaxis(self.splits(q[None], rows).free[0], -1, 0)
 

@@ -13,11 +13,14 @@ from heapq import heappop, heappush
 import numpy as np
 
 from pinarm.arrays import Array, Flags
-from pinarm.engine.constraints.nullspaces.nullspace import VANISHED
+from pinarm.engine.constraints.nullspaces.nullspace import VANISHED, split_rows
 from pinarm.records import Record
 
 Row = Mapping[int, Array]
 """A row of A: column -> coefficient, shape (n,), or (1,) where it is the same in all configurations."""
+
+REGULAR = 1e-4
+"""Smallest ratio of singular values of G, its rows of length 1, at which other configurations are eliminated alike."""
 
 KEPT, SHRUNK = 0.1, 0.8
 """Part of itself that a pivot, or the determinant, keeps in systems that are like the one of the order. Pivots keeping
@@ -104,6 +107,15 @@ class _Remainder:
         heappush(self.heap, self.largest[i])
 
 
+def regular_order(matrix: Array, reach: Array) -> Order | None:
+    """Return the order of elimination of G at a configuration, shape (m, nv); ``None`` close to singular ones.
+
+    Also where nothing is to be eliminated; ``reach`` as in ``Closure.reach``.
+    """
+    split = split_rows(matrix, reach)
+    return Order.of(matrix, split.rank, reach) if split.rank and split.regularity >= REGULAR else None
+
+
 def dense(rows: Mapping[int, Row], shape: tuple[int, int]) -> Array:
     """Return the matrix of the first configuration, rows that are absent being 0."""
     matrix = np.zeros(shape)
@@ -148,18 +160,17 @@ class Elimination(Record, frozen=True):
                     holding[other].add(later)
         return cls(order, pivots, left, lower)
 
-    def solve(self, right: Mapping[int, Array], free: Mapping[int, Array] | None = None) -> dict[int, Array]:
+    def solve(self, right: Mapping[int, Array]) -> dict[int, Array]:
         """Return x by columns, shape (n,) or (1,) each; columns that are absent are 0.
 
         Args:
             right: Row -> b, shape (n,) or (1,); rows that are absent are 0.
-            free: Column without a pivot -> x, likewise.
         """
         b = {k: right[row] for k, row in enumerate(self.order.rows) if row in right}
         for k, later, share in self.lower:
             if k in b:
                 b[later] = _less(b.get(later), share * b[k])
-        x = dict(free or {})
+        x = dict[int, Array]()
         for k in reversed(range(len(self.pivots))):
             total = b.get(k)
             for column, coefficient in self.upper[k].items():
@@ -168,23 +179,6 @@ class Elimination(Record, frozen=True):
             if total is not None:
                 x[self.order.columns[k]] = total / self.pivots[k]
         return x
-
-    def multipliers(self, force: Array) -> dict[int, Array]:
-        """Return lam by rows with ``A^T lam = force`` in the columns of the pivots, shape (n,) each.
-
-        Args:
-            force: Shape (n, nv).
-        """
-        left = {column: force[:, column] for column in self.order.columns}
-        found = []
-        for column, pivot, row in zip(self.order.columns, self.pivots, self.upper, strict=True):
-            found.append(share := left[column] / pivot)
-            for other, coefficient in row.items():
-                if other in left:
-                    left[other] = left[other] - coefficient * share
-        for k, later, share in reversed(self.lower):
-            found[k] = found[k] - share * found[later]
-        return dict(zip(self.order.rows, found, strict=True))
 
     def sound(self) -> Flags:
         """Return in which systems every pivot has kept its size, so that rounding stays small, shape (n,) or (1,)."""
