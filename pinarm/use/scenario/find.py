@@ -100,7 +100,7 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
             an optimum its bounds, ``[0 kg, 500 kg]``, or ``{from: 0 kg, to: 500 kg, start: 100 kg}``.
         wanted: ``so_that`` in files: quantity or formula -> its value at every row, or number of the run -> its value,
             such as ``{C_B @ rms: 20 N*m}``.
-        minimise: Number of the run that is to be least, such as ``C_B @ rms``.
+        minimise: Number of the run that is to be least, such as ``C_B @ rms``; of ``C_B @ largest`` the amount.
         maximise: Number of the run that is to be largest, such as ``C_B @ min``.
         subject_to: For an optimum: number of the run -> what it must keep to, such as ``{loop.B.force.norm @ max: < 300
             N}``; an equality is ``= 0.52 m``, and a bound with ``>`` stands in quotes.
@@ -140,10 +140,10 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
 
     @property
     def objective(self) -> AnyNumber | None:
-        """The number that is to be least or largest; none where values are wanted."""
+        """The number that is to be least or largest, of ``@ largest`` the size; none where values are wanted."""
         with within("minimise" if self.minimise is not None else "maximise"):
             text = self.minimise if self.minimise is not None else self.maximise
-            return None if text is None else read_number(text)
+            return None if text is None else read_number(text).amount
 
     @property
     def conditions(self) -> list[Condition]:

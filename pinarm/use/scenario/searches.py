@@ -197,7 +197,7 @@ class _Judge:
     @property
     def wanted(self) -> list[Wanted]:
         """What is taken from each run: objective, numbers of conditions, and of a figure of magnitudes all rows."""
-        numbers = [self.objective, *(condition.number for condition in self.conditions)]
+        numbers = [self.objective, *(condition.compared for condition in self.conditions)]
         rows = [self.objective.quantity] if isinstance(self.objective, RunNumber) and self.of_magnitudes else []
         return [*(Wanted(number.label, number) for number in numbers), *map(Wanted, rows)]
 
