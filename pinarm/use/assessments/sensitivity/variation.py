@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 from pinarm.arrays import Array
 from pinarm.errors import InputError, choices, within
 from pinarm.input.units import DIMENSIONLESS, Unit
+from pinarm.input.yaml.values import require_unit
 from pinarm.use.assessments.sensitivity.tolerance import Tolerance
 from pinarm.use.cases.case import Case, Row, Task, Wanted
 from pinarm.use.cases.columns import is_column
@@ -50,6 +51,10 @@ class Input:
         """Return a value in SI as files write it."""
         return f"{float(value / self.unit.factor)!r} {self.unit}" if self.unit else repr(float(value))
 
+    def given(self, value: float) -> str | float:
+        """Return a value in SI as files have it: a number where there is no unit."""
+        return self.text(value) if self.unit else float(value)
+
 
 def path_of(name: str, scenario: Scenario) -> str:
     """Return the path that a name means: ``l2`` is ``arguments.l2``.
@@ -80,6 +85,8 @@ def inputs_of(scenario: Scenario, tolerances: Mapping[str, Tolerance]) -> list[I
             if path in [each.path for each in found]:
                 raise InputError(f"'{path}' has two tolerances", expected="one")
             value = scenario.number_at(path)
+            if not tolerance.relative:
+                require_unit(tolerance, str(value.unit or ""), path)
             if tolerance.unit is not None:
                 if value.unit is None:
                     value.check(DIMENSIONLESS)
@@ -123,7 +130,7 @@ class Variation:
 def case_of(inputs: Sequence[Input], changes: Sequence[float]) -> Case:
     """Return what a case sets: what changes, and anyway what may differ in cases of one kind."""
     changed = zip(inputs, changes, strict=True)
-    return {each.path: each.text(each.value + x) for each, x in changed if x or is_column(each.path)}
+    return {each.path: each.given(each.value + x) for each, x in changed if x or is_column(each.path)}
 
 
 @contextmanager
