@@ -16,7 +16,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.units import Unit
-from pinarm.input.yaml.schema import InputStruct
+from pinarm.input.yaml.schema import InputStruct, Weight
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, opposed
 from pinarm.mechanics.geometry.parallel_axes import check_parallel
@@ -317,7 +317,7 @@ class AngleSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):
         of: Joints, or joint -> weight.
     """
 
-    of: Annotated[list[str], msgspec.Meta(min_length=1)] | Annotated[dict[str, float], msgspec.Meta(min_length=1)]
+    of: Annotated[list[str], msgspec.Meta(min_length=1)] | Annotated[dict[str, Weight], msgspec.Meta(min_length=1)]
 
     def check(self) -> None:
         """Refuse weights of 0 or infinity."""

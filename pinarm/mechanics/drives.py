@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Literal
 
-import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
-from pinarm.input.yaml.schema import Inertia, InputStruct, NotNegative, Positive, Ratio
+from pinarm.input.yaml.schema import Efficiency, Inertia, InputStruct, NotNegative, Positive, Ratio
 from pinarm.mechanics.motors import AnyMotor
 
 
@@ -73,7 +72,7 @@ class Drive(InputStruct, frozen=True):
     joint: str = ""
     along: str = ""
     ratio: Ratio = 1.0
-    efficiency: Annotated[float, msgspec.Meta(gt=0, le=1)] = 1.0
+    efficiency: Efficiency = 1.0
     rotor_inertia: Inertia = 0.0
     elasticity: Elasticity | None = None
     backlash: NotNegative = 0.0

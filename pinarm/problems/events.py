@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Annotated, Literal
+from typing import Literal
 
-import msgspec
 import numpy as np
 
 from pinarm.arrays import Array, Flags
@@ -14,7 +13,7 @@ from pinarm.engine.integration.events import Watch
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.segmented.end_stops import Bound
 from pinarm.errors import InputError, Key, Place
-from pinarm.input.yaml.schema import AnyQuantity, InputStruct, check_unit
+from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Restitution, check_unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.joints import RADIAN, joint_of
 
@@ -51,7 +50,7 @@ class EndStop(InputStruct, frozen=True):
 
     lower: AnyQuantity | None = None
     upper: AnyQuantity | None = None
-    restitution: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.0
+    restitution: Restitution = 0.0
 
     def check(self) -> None:
         """Refuse a stop without limits."""

@@ -351,12 +351,9 @@ class Trajectory(Record, frozen=True):
         return supplied
 
     def direction(self, index: int) -> Array:
-        """Return the direction of a joint's motion at every row, 1, 0 or -1, shape (n,).
+        """Return the direction of a joint's motion at every row, 1, 0 or -1, shape (n,); see ``motion.standstill``.
 
-        Without ``directions`` the rows are states of their own, exact as given: at standstill it is the direction of
-        the motion about to begin.
+        0 where no gear has losses: nothing depends on it.
         """
-        if self.directions is not None:
-            return self.directions[..., index]
-        v, a = self.v[..., index], self.a[..., index]
-        return np.where(v == 0.0, np.sign(a), np.sign(v))
+        known = self.directions
+        return np.zeros_like(self.v[..., index]) if known is None else known[..., index]

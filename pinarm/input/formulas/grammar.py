@@ -8,7 +8,9 @@ run: the tree is checked node by node, and an ``Algebra`` (of values, of units) 
 from __future__ import annotations
 
 import ast
+import keyword
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache, partial
 from typing import Any, Protocol, TypeVar
@@ -140,15 +142,18 @@ def read_tree(text: str, grammar: Grammar) -> ast.expr:
         measured = find_measured(text) if MeasuredNumber in grammar.literals else []
     except ExpressionError as error:
         raise _in_words(error, text) from None
+    plain, keywords = _without_keywords(_without_units(text, measured))
     try:
-        tree = ast.parse(_without_units(text, measured), mode="eval").body
+        tree = ast.parse(plain, mode="eval").body
     except SyntaxError as error:
         place = Location("", 1, max(error.offset or 1, 1), width=1)
-        problem = ExpressionError(f"this is not a formula: {error.msg}", expected=_LANGUAGE, hint=_syntax_hint(text))
+        hint = _syntax_hint(plain, place.column - 1)
+        problem = ExpressionError(f"this is not a formula: {error.msg}", expected=_LANGUAGE, hint=hint)
         raise _in_words(problem.at(place), text) from None
     except (ValueError, RecursionError, MemoryError, OverflowError) as error:
         raise ExpressionError(f"this is not a formula: {error or 'nested too deeply'}", expected=_LANGUAGE) from None
     _put_back(tree, text, measured)
+    _put_keywords_back(tree, keywords)
     _check(tree, grammar, text)
     return tree
 
@@ -169,11 +174,45 @@ def _put_back(tree: ast.expr, text: str, measured: Sequence[tuple[int, MeasuredN
             node.value, node.end_col_offset = number, node.col_offset + len(number.text)  # type: ignore[assignment]
 
 
+_OF_THE_LANGUAGE = ("and", "else", "if", "not", "or")
+_BEFORE_NAME = re.compile(rf"(?:^|[-+*/%<>=(,]|\b(?:{'|'.join(_OF_THE_LANGUAGE)}))\s*$")
+_KEYWORD = re.compile(rf"(?<!\w)(?:{'|'.join(keyword.kwlist)})(?!\w)")
+
+
+def _without_keywords(text: str) -> tuple[str, dict[int, str]]:
+    """Return the text with other letters in place of Python's keywords in names, and these by their place in bytes.
+
+    A keyword beside a dot is part of a name. Alone it is a name where a name may stand, unless formulas use the word.
+    """
+    found = dict[int, str]()
+    for match in _KEYWORD.finditer(text):
+        word, (start, end) = match[0], match.span()
+        dotted = text[start - 1 : start] == "." or text[end : end + 1] == "."
+        free = word not in (*_OF_THE_LANGUAGE, "True", "False", "None")
+        if dotted or (free and _BEFORE_NAME.search(text[:start])):
+            found[len(text[:start].encode())] = word
+            text = f"{text[:start]}{'x' * len(word)}{text[end:]}"
+    return text, found
+
+
+def _put_keywords_back(tree: ast.expr, keywords: Mapping[int, str]) -> None:
+    """Put keywords into the names of a tree, at the columns from which they were taken."""
+    for node in ast.walk(tree) if keywords else ():
+        if isinstance(node, ast.Name):
+            node.id = keywords.get(node.col_offset, node.id)
+        elif isinstance(node, ast.Attribute):
+            node.attr = keywords.get((node.end_col_offset or 0) - len(node.attr.encode()), node.attr)
+
+
 _BLANKS = {ord("\n"): " ", ord("\r"): " ", ord("\t"): " "}
 _LANGUAGE = "numbers, names, + - * / // % **, comparisons, and, or, not, 'a if test else b', functions"
 
 
-def _syntax_hint(text: str) -> str:
+def _syntax_hint(text: str, at: int) -> str:
+    """Return what to try where the text cannot be read at a place."""
+    words = [match for match in _KEYWORD.finditer(text) if match.start() <= at and not text[match.end() : at].strip()]
+    if words:
+        return f"'{words[-1][0]}' is a word of formulas: coordinate.{words[-1][0]}.position for a joint of that name"
     if "=" in text.translate({ord(c): None for c in "<>!"}).replace("==", ""):
         return "== to compare"
     return "* between factors, and a word in plain letters for each name"

@@ -195,10 +195,41 @@ class Readable:
         raise NotImplementedError
 
 
+class PureNumber(Measured):
+    """A number without unit, such as an efficiency: ``0.4``, ``0.4 1`` or ``40 %``."""
+
+    expected = DIMENSIONLESS
+
+    @classmethod
+    def read(cls, value: object, *, bare: bool = True) -> Self:
+        """Read a number with or without the unit ``1``.
+
+        Raises:
+            InputError: It is none, has a unit, or is out of bounds.
+        """
+        number = super().read(value)
+        if number.unit is not None and number.unit.text not in PURE:
+            raise UnitError(f"'{number.unit}' is a unit, and this number has none", expected="such as 0.4, or 40 %")
+        return number
+
+
+PURE = ("1", "%")
+"""Units of numbers without one: those of angles have no dimension either."""
+
+
+def number(**bounds: float) -> Any:
+    """Return the annotation of a number without unit: a subclass of ``PureNumber``.
+
+    Args:
+        bounds: ``least``, ``above`` or ``within``; see ``Measured``.
+    """
+    return type("Number", (PureNumber,), bounds)
+
+
 _FRACTION = rf"({DECIMAL})\s*/\s*({DECIMAL})"
 
 
-class _Fraction(Measured):
+class _Fraction(PureNumber):
     """A number without unit, which may be a fraction of two, such as ``17/43`` of teeth."""
 
     @classmethod
@@ -208,17 +239,19 @@ class _Fraction(Measured):
         Raises:
             InputError: It is neither, or not finite.
         """
-        if not isinstance(value, str):
-            return super().read(value)
-        given = re.fullmatch(_FRACTION, value.strip())
-        if not given:
-            raise InputError(f"'{value[:40]}' is no ratio", expected="a number, or a fraction of two such as 17/43")
-        if not float(given[2]):
-            raise InputError(f"'{value[:40]}' divides by 0", expected="a fraction such as 17/43")
-        return super().read(float(given[1]) / float(given[2]))
+        given = re.fullmatch(_FRACTION, value.strip()) if isinstance(value, str) else None
+        if given and not float(given[2]):
+            raise InputError(f"'{given[0][:40]}' divides by 0", expected="a fraction such as 17/43")
+        try:
+            return super().read(float(given[1]) / float(given[2]) if given else value)
+        except UnitError:
+            raise InputError(f"'{str(value)[:40]}' is no ratio",
+                             expected="a number, or a fraction of two such as 17/43") from None  # fmt: skip
 
 
 Ratio: Any = _Fraction
+Efficiency, Restitution = number(above=0.0, within=1.0), number(least=0.0, within=1.0)
+Coefficient, Weight = number(least=0.0), number()
 
 
 class InputStruct(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -331,6 +364,8 @@ def json_schema(kind: type) -> dict[str, object]:
         raise NotImplementedError(kind)
     description = f"a quantity in {kind.expected}" if kind.expected else "a number with its unit"
     example = {"examples": [f"1 {kind.expected}"]} if kind.expected else {}
+    if issubclass(kind, PureNumber):
+        description, example = "a number without unit", {}
     return {"anyOf": [dict(form) for form in kind.forms], "description": description, **example}
 
 

@@ -23,6 +23,7 @@ from pinarm.errors import InputError, Location, UnitError
 from pinarm.input.units import read_quantity, unit
 from pinarm.input.yaml.document import Document, step_into
 from pinarm.input.yaml.key_path import steps_of
+from pinarm.input.yaml.schema import Measured
 
 Values = Mapping[str, object] | Sequence[str]
 """Path -> value, or texts such as ``problem.time.end=3 s``."""
@@ -74,6 +75,17 @@ def written_unit(data: Any, path: str) -> str:
     except InputError:  # no quantity
         return ""
     return measured.text if measured else ""
+
+
+def require_unit(value: Measured, known: str, path: str) -> None:
+    """Raise where a number has no unit, and the number at the path that it is meant for has one.
+
+    Raises:
+        UnitError: Names the unit.
+    """
+    if value and value.unit is None and known not in ("", "1"):
+        raise UnitError(f"'{value:g}' has no unit, and the number at '{path}' is in {known}",
+                        expected="a number with its unit", hint=f"{value:g} {known}")  # fmt: skip
 
 
 def value_at(data: Any, path: str) -> Any:
@@ -130,8 +142,9 @@ def _with_unit(document: Document, path: str, value: Any, place: Location, decla
     """Return a bare number with the SI unit in which the file has the value that it replaces; others as they are."""
     if isinstance(value, bool) or not isinstance(value, int | float) or value == 0:
         return value
-    text = written_unit(document.data, path) or declared(path)
-    if not text or text == "1":
+    written = written_unit(document.data, path)
+    text = written or declared(path)
+    if not text or text == "1" != written:
         return value
     if unit(text).factor != 1.0:
         raise UnitError(f"{value!r} has no unit, and the value that it replaces is in {text}",

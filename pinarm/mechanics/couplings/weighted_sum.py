@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.errors import InputError, Key, within
-from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Measured
+from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Measured, Weight
 from pinarm.mechanics.couplings.coupling import Coupling, coupled
 from pinarm.mechanics.joints import Joint, joint_of
 from pinarm.records import replace
@@ -26,7 +26,7 @@ class WeightedSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):
         value: The constant.
     """
 
-    weights: Annotated[dict[str, float], msgspec.Meta(min_length=2)]
+    weights: Annotated[dict[str, Weight], msgspec.Meta(min_length=2)]
     value: AnyQuantity = 0.0
 
     def check(self) -> None:

@@ -12,7 +12,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import InputError, choices, within
 from pinarm.input.units import Unit, unit
-from pinarm.input.yaml.schema import Angle, Force, InputStruct, NotNegative, Positive, Span, check_unit
+from pinarm.input.yaml.schema import Angle, Coefficient, Force, InputStruct, NotNegative, Positive, Span, check_unit
 from pinarm.mechanics.ball_joints import Ball, balls_of
 from pinarm.mechanics.couplings.coupling import Coupling, JointRelation
 from pinarm.mechanics.couplings.transmissions import ToothContact
@@ -26,8 +26,6 @@ from pinarm.mechanics.joints import METRE, RADIAN, Joint
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import LowerPair
 from pinarm.mechanics.loops.screw import Thread
-
-Coefficient = Annotated[float, msgspec.Meta(ge=0)]
 
 SLIPS = {"revolute": RADIAN, "pin": RADIAN, "prismatic": METRE}
 """Kinds of loop joints that have friction, and the unit of what they leave free."""

@@ -118,11 +118,21 @@ def combined(axes: Axes, weights: Weights) -> Array:
 
 
 def rotation_vector(axes: Axes) -> Array:
-    """Return ``log R``, shape (3,) or (3, n); of many it is not exact within 1e-6 of half a turn."""
+    """Return ``log R``, shape (3,) or (3, n), at most half a turn; of half a turn, either sense.
+
+    Of one by Pinocchio. Of many, with the unit quaternion (w, u), ``w >= 0``, it is ``2 atan2(|u|, w) u / |u|``. The
+    rows of ``4 (w, u) (w, u)^T`` are linear in R; the row with the largest diagonal has a length of 2 at least.
+
+    Source: Shepperd, Quaternion from rotation matrix, Journal of Guidance and Control 1 (1978).
+    """
     if axes[0].ndim == 1:
         return np.asarray(pin.log3(np.column_stack(list(axes))))
-    x, y, z = axes
-    twice = np.array(np.broadcast_arrays(y[2] - z[1], z[0] - x[2], x[1] - y[0]))
-    sine, cosine = 0.5 * np.sqrt(dot(twice, twice)), 0.5 * (x[0] + y[1] + z[2] - 1.0)
-    small = sine < 1e-8
-    return np.asarray(0.5 * twice * np.where(small, 1.0, np.arctan2(sine, cosine) / np.where(small, 1.0, sine)))
+    (x0, x1, x2), (y0, y1, y2), (z0, z1, z2) = np.broadcast_arrays(*axes)
+    a, b, c, d, e, f = y2 - z1, z0 - x2, x1 - y0, x1 + y0, z0 + x2, y2 + z1
+    own = 1.0 + x0 + y1 + z2, 1.0 + x0 - y1 - z2, 1.0 - x0 + y1 - z2, 1.0 - x0 - y1 + z2
+    rows = np.array([(own[0], a, b, c), (a, own[1], d, e), (b, d, own[2], f), (c, e, f, own[3])])
+    largest = np.argmax(own, axis=0)
+    w, *u = rows[largest, :, np.arange(rows.shape[2])].T
+    sine = np.sqrt(dot(np.array(u), np.array(u)))
+    turn = 2.0 * np.arctan2(sine, np.abs(w)) / np.where(sine > 0.0, sine, 1.0)
+    return np.asarray(np.where(w < 0.0, -turn, turn) * np.array(u))

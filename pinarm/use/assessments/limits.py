@@ -2,7 +2,7 @@
 
 The relative margin is that of the bound, ``(b - x) / |b|`` for ``x < b``. A number that is nearer to its bound than its
 own error is neither within the limit nor beyond it. One that is NaN, as what a run does not come to, is beyond its
-limit; its margin is not known, and so the least of all is not either.
+limit; its margin is not known, and so the least of all is not either. Of ``X @ largest`` the size is compared.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ class Limits(InputStruct, frozen=True):
     """Limits of numbers of the run.
 
     Attributes:
-        keep: Number of the run -> its bound, such as ``{C_B @ rms: < 30 N*m, loads.B.life.time: '> 20000 h'}``.
+        keep: Number of the run -> its bound, such as ``{C_B @ rms: < 30 N*m, loads.B.life.time: '> 20000 h'}``; of
+            ``C_B @ largest`` the amount is compared.
     """
 
     keep: Annotated[dict[str, str], msgspec.Meta(min_length=1, max_length=100)]
@@ -172,7 +173,7 @@ def _error_of_least(compared: Sequence[_Compared]) -> float:
 
 
 def _compared(condition: Condition, result: Result) -> _Compared:
-    (value, left), bound = measured(condition.number, result), global_error(result, condition.number)
+    (value, left), bound = measured(condition.compared, result), global_error(result, condition.number)
     return _Compared(condition, value, bound, left if bound is None else bound)
 
 

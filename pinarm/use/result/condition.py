@@ -1,4 +1,7 @@
-"""A condition on a number of a run: ``C_B @ rms: < 30 N*m``."""
+"""A condition on a number of a run: ``C_B @ rms: < 30 N*m``.
+
+``X @ largest`` is printed with its sign, and ``=`` compares it so; ``<`` and ``>`` compare its size, ``X @ peak``.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from typing import Literal
 
 from pinarm.errors import InputError, within
 from pinarm.input.yaml.schema import AnyQuantity, Measured
+from pinarm.use.result.run_number import RunNumber
 from pinarm.use.result.section_number import AnyNumber, read_number
 
 
@@ -36,7 +40,16 @@ class Condition:
         if text[:1] not in relations:
             raise InputError(f"'{text[:80]}' is no condition", expected="'< 0.52 m', '> 0.52 m' or '= 0.52 m'")
         value = text[1:].removeprefix("=").strip()
-        return cls(read_number(number), relations[text[0]], AnyQuantity.read(value, bare=False))
+        condition = cls(read_number(number), relations[text[0]], AnyQuantity.read(value, bare=False))
+        if condition.compared.figure == "peak" and isinstance(condition.compared, RunNumber) and condition.bound < 0.0:
+            raise InputError(f"'{number}' is a size, which is never below {condition.bound_text}",
+                             expected=f"a bound from 0 on, or {condition.compared.quantity} @ min, @ max")  # fmt: skip
+        return condition
+
+    @property
+    def compared(self) -> AnyNumber:
+        """The number whose value is compared: a bound is one of an amount."""
+        return self.number if self.relation == "=" else self.number.amount
 
     def __str__(self) -> str:
         return f"{self.number.label} {self.relation} {self.bound_text}"

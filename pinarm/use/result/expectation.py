@@ -30,9 +30,10 @@ class Expectation(InputStruct, frozen=True):
 
     Attributes:
         quantity: A quantity, a symbol or a formula; or a number of a section, such as ``loads.B.life.time``.
-        at: ``all`` for every row; ``start``, ``end``; ``max``, ``min``, ``largest`` (of the absolute value) over the
-            run; an instant: ``{t: 1.5 s, side: left}``, ``{phi: 0 deg, occurrence: 1}``; or a figure of the curve over
-            the run: ``mean``, ``rms``, ``integral``, ``peak``, or a percentile such as ``p95``.
+        at: ``all`` for every row; ``start``, ``end``; ``max``, ``min``, ``largest`` (the value of the largest amount,
+            with its sign) over the run; an instant: ``{t: 1.5 s, side: left}``, ``{phi: 0 deg, occurrence: 1}``; or a
+            figure of the curve over the run: ``mean``, ``rms``, ``integral``, ``peak``, or a percentile such as
+            ``p95``.
         value: The right value, from a closed form or a derivation that does not use this program, such as ``12.5 N*m``.
         formula: The same as a formula of symbols, arguments and quantities.
         rtol: Relative tolerance of value and formula.

@@ -84,6 +84,11 @@ class RunNumber(ValueRecord, frozen=True):
         """The figure of the curve; a place where it is asked at one."""
         return self.at if isinstance(self.at, str) else ""
 
+    @property
+    def amount(self) -> RunNumber:
+        """What a bound compares and a search makes least: of ``@ largest``, which has a sign, its size."""
+        return replace(self, at="peak") if self.at == "largest" and self.of == self.quantity else self
+
     def described(self, quantities: Quantities, sections: Mapping[str, object]) -> Series:
         """Return its name and unit as a series without values.
 
@@ -97,7 +102,7 @@ class RunNumber(ValueRecord, frozen=True):
         series, _ = quantities[self.quantity], quantities[self.of]
         if isinstance(self.at, dict):
             located(self.at, quantities)
-        if quantities.trajectory.sampled and is_figure(self.figure):
+        if quantities.trajectory.sampled and is_figure(self.figure) and self.figure != "peak":
             raise stands_alone(quantities.trajectory, self.quantity, self.figure)
         unit = figure_unit(quantities, self.quantity, self.at) if isinstance(self.at, str) else series.unit
         return Series(self.label, unit, np.zeros(0))

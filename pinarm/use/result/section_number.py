@@ -55,6 +55,11 @@ class SectionNumber(ValueRecord, frozen=True):
         """The last part of its name: ``rms`` and ``peak`` mean what they mean for curves."""
         return self.name.rpartition(".")[2]
 
+    @property
+    def amount(self) -> SectionNumber:
+        """The number itself; see ``RunNumber.amount``."""
+        return self
+
     def described(self, quantities: Quantities, sections: Mapping[str, Numbered]) -> Series:
         """Return its name and unit as a series without values; see ``RunNumber.described``.
 

@@ -6,7 +6,7 @@ Either quantities are to take values, see ``roots``, or one number of the run is
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import msgspec
@@ -17,6 +17,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Measured
+from pinarm.input.yaml.values import require_unit
 from pinarm.use.result.condition import Condition, read_conditions
 from pinarm.use.result.section_number import AnyNumber, Numbered, names_section, read_number
 
@@ -43,17 +44,19 @@ class Unknown(Measured):
     def read(cls, value: object, *, bare: bool = True) -> Self:
         """Read a start, such as ``100 kg``; two bounds; or bounds and a start: see ``BOUNDS``.
 
+        A number needs no unit here: the number that it replaces may have none.
+
         Raises:
-            UnitError: A unit is missing, unknown, or of another dimension than that of the other bound.
+            UnitError: A unit is unknown, or of another dimension than that of the other bound.
             InputError: It is no number, or the bounds are not in order.
         """
         if isinstance(value, Sequence) and not isinstance(value, str):
             value = dict(zip(("from", "to"), value, strict=True)) if len(value) == 2 else {}
         if not isinstance(value, Mapping):
-            return super().read(value, bare=bare)
+            return super().read(value)
         if not {"from", "to"} <= value.keys() <= {"from", "to", "start"}:
             raise InputError("these are no bounds of a number", expected=BOUNDS)
-        given = {key: AnyQuantity.read(each, bare=bare) for key, each in value.items()}
+        given = {key: AnyQuantity.read(each) for key, each in value.items()}
         units = [each.unit for each in given.values() if each.unit]
         for each in given.values() if units else ():
             each.check(units[0])
@@ -100,7 +103,7 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
             an optimum its bounds, ``[0 kg, 500 kg]``, or ``{from: 0 kg, to: 500 kg, start: 100 kg}``.
         wanted: ``so_that`` in files: quantity or formula -> its value at every row, or number of the run -> its value,
             such as ``{C_B @ rms: 20 N*m}``.
-        minimise: Number of the run that is to be least, such as ``C_B @ rms``.
+        minimise: Number of the run that is to be least, such as ``C_B @ rms``; of ``C_B @ largest`` the amount.
         maximise: Number of the run that is to be largest, such as ``C_B @ min``.
         subject_to: For an optimum: number of the run -> what it must keep to, such as ``{loop.B.force.norm @ max: < 300
             N}``; an equality is ``= 0.52 m``, and a bound with ``>`` stands in quotes.
@@ -140,10 +143,10 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
 
     @property
     def objective(self) -> AnyNumber | None:
-        """The number that is to be least or largest; none where values are wanted."""
+        """The number that is to be least or largest, of ``@ largest`` the size; none where values are wanted."""
         with within("minimise" if self.minimise is not None else "maximise"):
             text = self.minimise if self.minimise is not None else self.maximise
-            return None if text is None else read_number(text)
+            return None if text is None else read_number(text).amount
 
     @property
     def conditions(self) -> list[Condition]:
@@ -161,16 +164,22 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
         found = {path: one.unit.si if one.unit else None for path, one in self.unknown.items()}
         return {**found, "objective": None} if self.objective else {}
 
-    def check_names(self, quantities: Quantities, sections: Mapping[str, Numbered]) -> None:
+    def check_names(
+        self, quantities: Quantities, sections: Mapping[str, Numbered], unit_at: Callable[[str], str]
+    ) -> None:
         """Check its names and units against the quantities of one row, with nothing solved.
 
         Args:
             quantities: Those of the scenario.
             sections: What its sections are of, by key.
+            unit_at: Path -> the unit of the number there; empty where it has none.
 
         Raises:
             InputError: A name does not exist, or a value has another dimension.
         """
+        for path, unknown in self.unknown.items():
+            with within("for", path):
+                require_unit(unknown, unit_at(path), path)
         for name, value in (self.wanted or {}).items():
             with within("so_that", name):
                 measured = self.number(name, sections)
@@ -188,9 +197,10 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
         """Return the number of the run that a key of ``so_that`` names; none where it names a quantity of all rows."""
         return read_number(name) if "@" in name or names_section(name, sections) else None
 
-    def text(self, values: Array) -> dict[str, str]:
-        """Return values, shape (k,) in SI, by their paths, as files write them: in the units of the starts."""
-        return {path: one.written(value) for (path, one), value in zip(self.unknown.items(), values, strict=True)}
+    def case(self, values: Array) -> dict[str, str | float]:
+        """Return values, shape (k,) in SI, by their paths, as files have them: in the units of the starts."""
+        given = zip(self.unknown.items(), values.tolist(), strict=True)
+        return {path: one.written(value) if one.unit else value for (path, one), value in given}
 
     def figures(self, values: Array) -> dict[str, float]:
         """Return values, shape (k,) in SI, by their paths with units, in the units of the starts."""

@@ -82,7 +82,7 @@ class FoundValues:
         return [f"so_that is met but for whole turns of {name}" for name in self.turned]
 
 
-Residuals = Callable[[Sequence[Mapping[str, str]]], Iterable["dict[str, Array] | Refused"]]
+Residuals = Callable[[Sequence[Mapping[str, str | float]]], Iterable["dict[str, Array] | Refused"]]
 """Several sets of values by path -> for each every wanted quantity less its target, at all rows."""
 
 
@@ -159,7 +159,7 @@ class _Descent:
 
     def _left(self, points: Sequence[Array]) -> list[Array | Refused]:
         """Return what is left at points, shape (rows,) each, or why they cannot be run."""
-        found = self.residuals([self.search.text(x) for x in points])
+        found = self.residuals([self.search.case(x) for x in points])
         return [parts if callable(parts) else self._joined(parts) for parts in found]
 
     def _joined(self, parts: Mapping[str, Array]) -> Array:
@@ -171,7 +171,7 @@ class _Descent:
 
     def _parts(self, x: Array) -> dict[str, Array]:
         """Return what is left of each quantity at a point that must run."""
-        (parts,) = self.residuals([self.search.text(x)])
+        (parts,) = self.residuals([self.search.case(x)])
         if callable(parts):
             raise parts()
         return parts

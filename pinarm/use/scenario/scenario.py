@@ -29,6 +29,7 @@ from pinarm.engine.turn_counters import acted_along
 from pinarm.errors import InputError, Key, MethodError, NumericsError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.roots import contained_file, root_of
+from pinarm.input.units import unit
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.key_path import argument_of
 from pinarm.input.yaml.schema import Measured
@@ -276,6 +277,22 @@ class Scenario(Record, frozen=True):
             what = "nothing stands" if value is None else f"'{str(value)[:40]}' stands"
             expected = "the path of a number, such as arguments.l2 or problem.time.end"
             raise InputError(f"no number is at '{path}': {what} there", expected=expected) from None
+
+    def unit_at(self, path: str) -> str:
+        """Return the unit of the number at a path, in the scenario or else its mechanism; empty where it has none.
+
+        Raises:
+            InputError: The file and the mechanism give the argument in different units.
+        """
+        written = written_unit(self.document.data, path)
+        if path.startswith("changes.") and not written:
+            written = declared_unit(self.document.data, self.folder, path)
+        name = argument_of(path)
+        declared = self.mechanism.description.arguments.get(name, "") if name else ""
+        if written and declared and unit(written) != unit(declared):
+            raise InputError(f"the argument '{name}' is in {written} here and in {declared} in the mechanism",
+                             expected=f"numbers with their unit, such as '1, 2, 3 {written}'")  # fmt: skip
+        return written or declared
 
     def _file_data(self) -> Mapping[str, Any]:
         """Return the content of the mechanism file, a drawing included, which a mechanism itself has expanded."""
@@ -532,7 +549,7 @@ class Scenario(Record, frozen=True):
                     read_number(text).described(quantities, self.numbered)
             if self.content.find:
                 with self.document.locating("find"):
-                    self.content.find.check_names(quantities, self.content.assessments)
+                    self.content.find.check_names(quantities, self.content.assessments, self.unit_at)
             for key, assessment in self.content.assessments.items():
                 with self.document.locating(key):
                     assessment.check_names(quantities, self)

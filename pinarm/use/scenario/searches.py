@@ -58,14 +58,14 @@ def solve_found(scenario: Scenario, search: Find) -> Result:
     data = {key: value for key, value in scenario.document.data.items() if key != "find"}
     bare = scenario.restated(data)
     with scenario.document.locating("find"):
-        search.check_names(bare.quantities(), bare.content.assessments)
+        search.check_names(bare.quantities(), bare.content.assessments, bare.unit_at)
         if search.wanted is not None:
             root = _root(bare, search)
             values, left = root.values, root.left()
         else:
             best = _best(bare, search)
             values, left = best.best.end, {}
-    result = bare.varied(search.text(values)).run() if search.objective else bare.varied(search.text(values)).solve()
+    result = bare.varied(search.case(values)).run() if search.objective else bare.varied(search.case(values)).solve()
     result = replace(result, figures={**result.figures, **search.figures(values), **left})
     if search.objective is None:
         remarks = root.remarks(_noise(result, search, root.missed))
@@ -86,7 +86,7 @@ def _root(bare: Scenario, search: Find) -> FoundValues:
     wanted = search.wanted or {}
     numbers = {name: search.number(name, bare.content.assessments) for name in wanted}
     taken = [Wanted(name, number) if number else RowValues(name) for name, number in numbers.items()]
-    task = Task.of(bare, taken, search.text(search.start))
+    task = Task.of(bare, taken, search.case(search.start))
     of_rows, runs, sizes = sum(number is None for number in numbers.values()), count(1), list[int]()
 
     def left(row: Row) -> dict[str, Array]:
@@ -143,13 +143,13 @@ def _best(bare: Scenario, search: Find) -> Optimum:
         InputError: A path leads nowhere, or a value between the bounds is none that may stand there.
     """
     for corner in (search.start, *_bounds(search)):
-        bare.varied(search.text(corner))  # what cannot be read fails here, and not as a run that is refused
+        bare.varied(search.case(corner))  # what cannot be read fails here, and not as a run that is refused
     judge, runs = _Judge.of(search), count(1)
-    with solving(Task.of(bare, judge.wanted, search.text(search.start)), bare.runners) as solve:
+    with solving(Task.of(bare, judge.wanted, search.case(search.start)), bare.runners) as solve:
 
         def trials(judge: _Judge, points: Sequence[Array]) -> list[Trial]:
             found = []
-            for row in solve([search.text(values) for values in points]):
+            for row in solve([search.case(values) for values in points]):
                 tell(f"find: run {next(runs)}")
                 found.append(judge.trial(row))
             return found
@@ -197,7 +197,7 @@ class _Judge:
     @property
     def wanted(self) -> list[Wanted]:
         """What is taken from each run: objective, numbers of conditions, and of a figure of magnitudes all rows."""
-        numbers = [self.objective, *(condition.number for condition in self.conditions)]
+        numbers = [self.objective, *(condition.compared for condition in self.conditions)]
         rows = [self.objective.quantity] if isinstance(self.objective, RunNumber) and self.of_magnitudes else []
         return [*(Wanted(number.label, number) for number in numbers), *map(Wanted, rows)]
 

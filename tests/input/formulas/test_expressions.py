@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import keyword
 import math
 import warnings
 from collections.abc import Callable
@@ -94,6 +95,28 @@ def test_names_are_flattened_and_win_over_constants() -> None:
     assert "e" not in CONSTANTS
 
 
+@pytest.mark.parametrize("word", keyword.kwlist)
+def test_keywords_of_python_are_words_of_names(word: str) -> None:
+    name = f"joint.{word}.effort"
+    expression = Expression.parse(f"é + 2*{name} - {word}.{word}/(3 N) if {name} > 0 else 1")
+    assert expression.names == {"é", name, f"{word}.{word}"}
+    assert expression.evaluate({"é": 1.0, name: 5.0, f"{word}.{word}": 6.0}) == 1.0 + 10.0 - 2.0
+
+
+@pytest.mark.parametrize("word", ["in", "is", "lambda", "for", "yield"])
+def test_keywords_that_formulas_do_not_use_are_names(word: str) -> None:
+    assert Expression.parse(f"-{word}*sin(3*{word}) if not {word} < 0 else {word}").names == {word}
+    assert Expression.parse(word).evaluate({word: 0.3}) == 0.3
+
+
+@pytest.mark.parametrize("text", ["2*{}", "sin({})", "x + {}", "{}"])
+@pytest.mark.parametrize("word", ["if", "else", "and", "or", "not"])
+def test_words_of_formulas_are_told_as_the_obstacle(text: str, word: str) -> None:
+    with pytest.raises(ExpressionError) as refused:
+        Expression.parse(text.format(word))
+    assert f"'{word}' is a word of formulas" in refused.value.hint
+
+
 def test_integers_are_floats_so_that_powers_end() -> None:
     assert Expression.parse("10**300").evaluate({}) == 1e300
     with pytest.raises(ExpressionError, match="not finite"):
@@ -123,7 +146,8 @@ REFUSED = [
     "", "   ", "a b", "a = 1", "a := 1", "joint.1a", "x[0]", "[1]", "(1, 2)", "{1}", "{1: 2}", "'a'", "f'{x}'", "b'a'",
     "True", "None", "...", "1j", "1e999", "9" * 30, "9" * 1999, "x.y()", "x().y", "(1).real", "(x + y).z", "x(1)(2)",
     "lambda: 1", "[i for i in x]", "x @ x", "x ^ 2", "x << 2", "x & y", "~x", "x is y", "x in y", "*x", "min(*x, 1)",
-    "min(x, y, key=1)", "min(1)", "sin()", "sin(1, 2)", "open(1)", "__import__(1)", "x.__class__()", "await x", "yield",
+    "min(x, y, key=1)", "min(1)", "sin()", "sin(1, 2)", "open(1)", "__import__(1)", "x.__class__()", "await x",
+    "yield x",
     "x; y", "x\\\n+1", "\0", "a\0b", "\ud800", "é(1)", "²", "(" * 1500, "-" * 1500 + "1", "not " * 400 + "1",
     "+".join(["1"] * 900), "(" * 150 + "1" + ")" * 150 + ")", "1" + "**1" * 600, "sin(" * 300 + "1" + ")" * 300,
     "1 if 1 else " * 160 + "1)", "a" + ".a" * 900 + "(", "1" * (MAX_LENGTH + 1), "min(" + "-1," * 600 + "1)",

@@ -210,3 +210,49 @@ def test_a_number_that_is_0_but_for_rounding_is_neither_kept_nor_beyond_a_limit_
     )
     [table] = pinarm.load(tmp_path / "s.yaml").verified().sections["limits"].tables
     assert [row[-1] for row in table.rows] == ["within its error", "within its error"]
+
+
+ARM = (
+    '<robot name="arm"><link name="base"/><joint name="q" type="continuous"><parent link="base"/><child link="arm"/>'
+    '<axis xyz="0 1 0"/></joint><link name="arm"><inertial><origin xyz="0.6 0 0"/><mass value="5"/>'
+    '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>'
+)
+HELD = "problem: {kind: statics, hold: {q: 0 rad}}\n"
+PATH = "problem: {kind: statics, over: {q: {from: 0 deg, to: 70 deg, samples: 5}}}\n"
+EFFORT, WEIGHT = "joint.q.effort", 5.0 * 9.81 * 0.6
+
+
+def held(folder: Path, text: str) -> pinarm.Result:
+    """An arm held against its weight: an effort of -29.43 N*m at the level."""
+    (folder / "arm.urdf").write_text(ARM)
+    (folder / "s.yaml").write_text(f"pinarm: 1\nmechanism: arm.urdf\noutputs: [{EFFORT}]\n{text}")
+    return pinarm.run(folder / "s.yaml")
+
+
+@pytest.mark.parametrize("problem", [HELD, PATH])
+@pytest.mark.parametrize(("place", "kept"), [("largest", 0), ("peak", 0), ("max", 1), ("min", 1), ("start", 1)])
+def test_a_bound_of_a_largest_amount_has_no_sign(tmp_path: Path, problem: str, place: str, kept: int) -> None:
+    result = held(tmp_path, f"{problem}limits: {{keep: {{{EFFORT} @ {place}: < 20 N*m}}}}\n")
+    assert result.number("limits.beyond")[0] == 1.0 - kept
+    left, _ = result.number(f"limits.joint_q_effort_{place}.margin")
+    if not kept:
+        assert left == pytest.approx(20.0 - WEIGHT, rel=1e-9)
+    assert result.number(f"{EFFORT} @ largest")[0] == pytest.approx(-WEIGHT, rel=1e-9)
+    assert result.number(f"{EFFORT} @ peak")[0] == pytest.approx(WEIGHT, rel=1e-9)
+
+
+def test_a_search_for_the_least_largest_amount_does_not_go_for_the_most_negative(tmp_path: Path) -> None:
+    asked = f"minimise: {EFFORT} @ largest, subject_to: {{{EFFORT} @ largest: '> 10 N*m'}}, starts: 2"
+    result = held(tmp_path, f"{HELD}find: {{for: {{problem.hold.q: [-60 deg, 80 deg]}}, {asked}}}\n")
+    assert abs(result.number(f"{EFFORT} @ start")[0]) == pytest.approx(10.0, rel=1e-6)
+
+
+def test_a_negative_bound_of_an_amount_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(PinarmError, match=r"is a size, which is never below -20 N\*m"):
+        held(tmp_path, f"{HELD}limits: {{keep: {{{EFFORT} @ largest: < -20 N*m}}}}\n")
+
+
+def test_advice_for_rows_that_stand_alone_leads_to_the_amount(tmp_path: Path) -> None:
+    with pytest.raises(PinarmError, match="stand alone") as refused:
+        held(tmp_path, HELD).number(f"{EFFORT} @ rms")
+    assert "@ peak (the largest amount)" in refused.value.expected

@@ -131,3 +131,66 @@ def test_runs_that_have_not_as_many_rows_are_refused_with_what_to_ask_instead() 
     with pytest.raises(InputError, match="not as many rows") as caught:
         pinarm.run(swing, changes)
     assert "@ end" in caught.value.hint
+
+
+HOIST = (
+    '<robot name="hoist"><link name="base"/><joint name="z" type="prismatic"><parent link="base"/><child link="load"/>'
+    '<axis xyz="0 0 1"/><limit lower="-5" upper="5" effort="1e6" velocity="100"/></joint>'
+    '<link name="load"><inertial><mass value="60"/>'
+    '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>'
+)
+EFFICIENCY, NUMBER, AT_MOTOR = "changes.drives.d.efficiency", "drive.d.torque @ start", 60.0 * 9.81 / 80.0
+"""A load held behind a gear of 80 takes ``AT_MOTOR / efficiency``."""
+
+
+def hoist(folder: Path, own: str, more: str = "") -> Path:
+    (folder / "hoist.urdf").write_text(HOIST)
+    (folder / "hoist.yaml").write_text(
+        f"pinarm: 1\nmechanism: hoist.urdf\nchanges: {{drives: {{d: {{joint: z, ratio: 80, efficiency: {own}}}}}}}\n"
+        f"problem: {{kind: statics, hold: {{z: 0 m}}}}\noutputs: [drive.d.torque]\n{more}"
+    )
+    return folder / "hoist.yaml"
+
+
+@pytest.mark.parametrize("text", ["0.4", "0.4 1", "40 %"])
+def test_a_number_without_unit_is_read_alike_wherever_it_is_varied(tmp_path: Path, text: str) -> None:
+    exact = AT_MOTOR / 0.4
+    assert pinarm.run(hoist(tmp_path, text)).number(NUMBER)[0] == pytest.approx(exact)
+    assert pinarm.run(hoist(tmp_path, "0.7"), {EFFICIENCY: text}).number(NUMBER)[0] == pytest.approx(exact)
+    assert pinarm.run(hoist(tmp_path, "0.7"), [f"{EFFICIENCY}={text}"]).number(NUMBER)[0] == pytest.approx(exact)
+    swept = pinarm.sweep(hoist(tmp_path, "0.7"), {EFFICIENCY: text}, results=[NUMBER], workers=1)
+    assert swept[NUMBER].values == pytest.approx([exact])
+    sought = f"find: {{for: {{{EFFICIENCY}: {text}}}, so_that: {{{NUMBER}: 14 N*m}}}}\n"
+    found = pinarm.run(hoist(tmp_path, "0.7", sought)).figures
+    (value,) = [number for name, number in found.items() if name.startswith(EFFICIENCY)]
+    assert value / (100.0 if "%" in text else 1.0) == pytest.approx(AT_MOTOR / 14.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("text", ["0.035", "0.035 1", "0.7 ± 0.035", "0.7 ± 0.035 1", "5 %"])
+def test_a_tolerance_of_a_number_without_unit_needs_none(tmp_path: Path, text: str) -> None:
+    asked = f"sensitivity: {{of: [{NUMBER}], to: {{{EFFICIENCY}: {text}}}}}\n"
+    result = pinarm.run(hoist(tmp_path, "0.7", asked))
+    band, error = result.number("sensitivity.drive_d_torque_start.worst_case")
+    assert abs(band - 0.035 * AT_MOTOR / 0.7**2) <= error + 1e-12
+
+
+def test_bounds_of_a_number_without_unit_need_none(tmp_path: Path) -> None:
+    bounds = f"{{{EFFICIENCY}: [0.3, 0.9], changes.drives.d.ratio: [50, 100]}}"
+    result = pinarm.run(hoist(tmp_path, "0.7", f"find: {{for: {bounds}, minimise: {NUMBER}, starts: 1}}\n"))
+    assert result.number(NUMBER)[0] == pytest.approx(60.0 * 9.81 / 100.0 / 0.9)
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ("find: {for: {problem.hold.z: 1}, so_that: {drive.d.torque @ start: 14 N*m}}", "'1' has no unit"),
+        ("sensitivity: {of: [drive.d.torque @ start], to: {problem.hold.z: 0.1}}", "'0.1' has no unit"),
+        (
+            f"find: {{for: {{{EFFICIENCY}: 30 deg}}, so_that: {{drive.d.torque @ start: 14 N*m}}}}",
+            "this number has none",
+        ),
+    ],
+)
+def test_a_number_with_a_unit_still_needs_it(tmp_path: Path, more: str, words: str) -> None:
+    with pytest.raises(PinarmError, match=words):
+        pinarm.run(hoist(tmp_path, "0.7", f"{more}\n")).section("sensitivity")

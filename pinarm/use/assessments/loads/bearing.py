@@ -26,13 +26,11 @@ from pinarm.engine.quantities.family import NEWTON
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
-from pinarm.input.yaml.schema import InputStruct, LoadRating, Span
+from pinarm.input.yaml.schema import Coefficient, InputStruct, LoadRating, Span
 from pinarm.use.assessments.loads.joint import LoadedJoint
 from pinarm.use.assessments.loads.number import LoadNumber, peak, rounding
 from pinarm.use.result.figures.curve_figures import integrals
 from pinarm.use.result.row_lookup import Lookup
-
-Factor = Annotated[float, msgspec.Meta(ge=0.0)]
 
 SECOND, SPIN, SPEED = unit("s"), unit("rad/s"), unit("m/s")
 PASCAL, INTENSITY = unit("Pa"), unit("Pa*m/s")
@@ -57,9 +55,9 @@ class RollingBearing(InputStruct, frozen=True):
 
     C: LoadRating
     p: Annotated[float, msgspec.Meta(ge=1.0, le=10.0)] | Literal["10/3"] = 3.0
-    X: Factor = 1.0
-    Y: Factor = 0.0
-    e: Factor | None = None
+    X: Coefficient = 1.0
+    Y: Coefficient = 0.0
+    e: Coefficient | None = None
 
     def check(self) -> None:
         """Refuse factors that leave no load."""

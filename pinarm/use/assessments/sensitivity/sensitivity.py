@@ -29,6 +29,7 @@ from pinarm.use.assessments.sensitivity.tables import (
     distribution_graph,
     distribution_remarks,
     distribution_table,
+    drawn_remarks,
     effect_table,
     sobol_remarks,
     sobol_table,
@@ -140,9 +141,12 @@ class Sensitivity(InputStruct, frozen=True):
                 Band(number, series, global_error(result, number), own, [row[k] for row in slopes], *corners[k])
                 for k, (number, (series, _), own) in enumerate(zip(asked, taken, errors.tolist(), strict=True))
             ]
-            return self._section(variation, bands)
+            declared = result.scenario.problem.declaration()
+            prescribed = [] if declared is None else declared.prescribed
+            held = [text for band in bands for text in drawn_remarks(band, inputs, prescribed)]
+            return self._section(variation, bands, held)
 
-    def _section(self, variation: Varied, bands: Sequence[Band]) -> Section:
+    def _section(self, variation: Varied, bands: Sequence[Band], held: Sequence[str]) -> Section:
         drawn, inputs = self._drawn(variation, bands), variation.inputs
         numbers, errors = dict[str, Series](), dict[str, float]()
         for band in bands:
@@ -152,7 +156,7 @@ class Sensitivity(InputStruct, frozen=True):
         remarks = [
             "bands are what the tolerances make of a number; its numerical error is another thing, and in none of them"
         ]
-        remarks += [text for band in bands for text in band.remarks(inputs)] + drawn.remarks
+        remarks += [text for band in bands for text in band.remarks(inputs)] + [*held, *drawn.remarks]
         if any(band.error is None for band in bands):
             remarks.append("numerical errors are not estimated; run --verify bounds them")
         title = "Sensitivity to tolerances"

@@ -5,7 +5,7 @@
 ``250 mm ± 5 %``             likewise, a part of the value
 ``0.1 mm``                   about the value of the file
 ``5 %``                      a part of the value of the file, of a number without a unit too
-``0.15 ± 0.05 1``            of a number without a unit, such as a coefficient of friction
+``0.15 ± 0.05``              of a number without a unit, such as a coefficient of friction
 ===========================  =======================================================================================
 """
 
@@ -18,7 +18,7 @@ from pinarm.errors import InputError
 from pinarm.input.units import DIMENSIONLESS, Unit, read_quantity, unit
 from pinarm.input.yaml.schema import Measured
 
-EXAMPLES = "such as 250 ± 0.1 mm, 0.1 mm or 5 %; 0.15 ± 0.05 1 for a number without a unit"
+EXAMPLES = "such as 250 ± 0.1 mm, 0.1 mm or 5 %; 0.15 ± 0.05 for a number without a unit"
 PERCENT = unit("%")
 
 SAME = 1e-9
@@ -40,10 +40,10 @@ class Tolerance(Measured):
 
     @classmethod
     def read(cls, value: object, *, bare: bool = True) -> Self:
-        """Read a tolerance: see above. Where ``bare`` is false, sizes need a unit.
+        """Read a tolerance: see above.
 
         Raises:
-            UnitError: A unit is missing or unknown, or value and size have different dimensions.
+            UnitError: A unit is unknown, or value and size have different dimensions.
             InputError: It is no tolerance, or not positive.
         """
         if isinstance(value, cls):
@@ -54,8 +54,6 @@ class Tolerance(Measured):
         size, written = read_quantity(parts[-1])
         relative = written is not None and written == PERCENT and written.text == "%"
         about, unit_of_value = cls._value(parts[0], written, relative) if len(parts) == 2 else (None, written)
-        if not relative and written is None and not bare:
-            raise InputError(f"the tolerance '{parts[-1]}' has no unit", expected=EXAMPLES)
         return cls.of(size, None if relative and about is None else unit_of_value, relative, about)
 
     @staticmethod

@@ -10,8 +10,10 @@ from itertools import count
 from typing import TYPE_CHECKING, Protocol
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError, choices, within
+from pinarm.errors import InputError, UnitError, choices, within
 from pinarm.input.units import DIMENSIONLESS, Unit
+from pinarm.input.yaml.schema import PURE, Measured
+from pinarm.input.yaml.values import require_unit
 from pinarm.use.assessments.sensitivity.tolerance import Tolerance
 from pinarm.use.cases.case import Case, Row, Task, Wanted
 from pinarm.use.cases.columns import is_column
@@ -21,6 +23,10 @@ from pinarm.use.result.section_number import AnyNumber
 
 if TYPE_CHECKING:
     from pinarm.use.scenario.scenario import Scenario
+
+
+DRAWN = "planar.points."
+"""Part of the paths to points of a drawing."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +55,10 @@ class Input:
     def text(self, value: float) -> str:
         """Return a value in SI as files write it."""
         return f"{float(value / self.unit.factor)!r} {self.unit}" if self.unit else repr(float(value))
+
+    def given(self, value: float) -> str | float:
+        """Return a value in SI as files have it: a number where there is no unit."""
+        return self.text(value) if self.unit else float(value)
 
 
 def path_of(name: str, scenario: Scenario) -> str:
@@ -80,12 +90,26 @@ def inputs_of(scenario: Scenario, tolerances: Mapping[str, Tolerance]) -> list[I
             if path in [each.path for each in found]:
                 raise InputError(f"'{path}' has two tolerances", expected="one")
             value = scenario.number_at(path)
-            if tolerance.unit is not None:
-                if value.unit is None:
-                    value.check(DIMENSIONLESS)
-                tolerance.check(value.unit or DIMENSIONLESS)
+            _check_unit(tolerance, value, path)
             found.append(Input(name, path, float(value), tolerance.size(float(value)), value.unit))
     return found
+
+
+def _check_unit(tolerance: Tolerance, value: Measured, path: str) -> None:
+    """Raise where a tolerance and its number have different units, or only one of them has a unit."""
+    if tolerance.unit is not None and value.unit is not None:
+        tolerance.check(value.unit)
+    elif tolerance.unit is not None and tolerance.unit.text not in PURE:
+        number, size = f"{float(value):g}", f"{float(tolerance) / tolerance.unit.factor:g} {tolerance.unit}"
+        what, where = ("point", " in the drawing") if DRAWN in path else ("number", "")
+        zero = f"[0 {tolerance.unit}, 0 {tolerance.unit}]" if where else f"0 {tolerance.unit}"
+        hint = f"give the {what} a unit{where}: `{zero}`; then `{size}` fits" if not value else ""
+        raise UnitError(
+            f"the number {number} at '{path}' has no unit, and the tolerance is in {tolerance.unit}",
+            expected="" if hint else "such as 0.05 or 5 %, for a number without a unit", hint=hint,
+        )  # fmt: skip
+    elif not tolerance.relative:
+        require_unit(tolerance, str(value.unit or ""), path)
 
 
 class Varied(Protocol):
@@ -123,7 +147,7 @@ class Variation:
 def case_of(inputs: Sequence[Input], changes: Sequence[float]) -> Case:
     """Return what a case sets: what changes, and anyway what may differ in cases of one kind."""
     changed = zip(inputs, changes, strict=True)
-    return {each.path: each.text(each.value + x) for each, x in changed if x or is_column(each.path)}
+    return {each.path: each.given(each.value + x) for each, x in changed if x or is_column(each.path)}
 
 
 @contextmanager

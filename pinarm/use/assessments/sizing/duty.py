@@ -4,7 +4,8 @@ With v and a of the joint, the effort tau that goes through the gear, its effici
 
     y = tau / eta  where the motor drives (tau v >= 0),    y = eta tau  where the load drives it,
 
-a motor of the rotor inertia J behind a gear of the ratio N gives the torque ``T = J N a + y / N``, so that
+with the direction of the motion (``motion.standstill``) where the joint stands still for an instant, a motor of the
+rotor inertia J behind a gear of the ratio N gives the torque ``T = J N a + y / N``, so that
 
     rms(T)² = (J² N² A + 2 J B + C / N²) / L,    A = ∫ a² dt,  B = ∫ a y dt,  C = ∫ y² dt,
 
@@ -20,8 +21,8 @@ from functools import partial
 
 import numpy as np
 
-from pinarm.arrays import Array
-from pinarm.engine.motion.standstill import directions
+from pinarm.arrays import Array, Flags
+from pinarm.engine.motion.standstill import at_rest, directions
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
@@ -230,7 +231,8 @@ def duty_of(
     def columns(rows: Quantities) -> tuple[Array, Array, Array]:
         v, a, effort = (rows[name].values for name in names)
         tau, sides = effort - armature * a, rows.trajectory.grid.sides()
-        direction = directions(v[:, None], a[:, None], pace, sides, np.zeros((len(v), 1)))[:, 0]
+        inside = _inside(run, rows, names[0], at_rest(v[:, None], a[:, None], pace)[:, 0])
+        direction = directions(v[:, None], a[:, None], pace, sides, inside[:, None])[:, 0]
         y = tau * np.where(tau * direction < 0.0, efficiency, 1.0 / efficiency)
         seen.append((rows.trajectory.grid.t, v, a, y))
         return v, a, y
@@ -256,6 +258,15 @@ def duty_of(
     felt, error = _mean_inertia(run, names[0], lambda rows: load_inertia(rows, coordinate, held))
     inertia = felt - armature, error + ROUNDING * armature
     return Duty(t, v, a, y, inertia, speed, found, rest, Course(run, columns))
+
+
+def _inside(run: Lookup, rows: Quantities, velocity: str, still: Flags) -> Array:
+    """Return velocities a little inside the intervals of rows that stand still, 0 of others, shape (n,)."""
+    found, beside = np.zeros(len(still)), np.flatnonzero(still)
+    if run.motion and len(beside):
+        grid = rows.trajectory.grid.some(beside).moved_inside()
+        found[beside] = rows.of(run.motion.at(grid))[velocity].values
+    return found
 
 
 def _evenly(run: Lookup, columns: Columns) -> list[tuple[Array, Array, Array, Array]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 import numpy as np
@@ -17,7 +17,7 @@ from pinarm.errors import InputError, choices, within
 from pinarm.input.numbers import decimal, is_whole
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
-from pinarm.input.yaml.schema import InputStruct, Pause, current_folder
+from pinarm.input.yaml.schema import Efficiency, InputStruct, Pause, current_folder, number
 from pinarm.use.assessments.sizing.catalogue import GREATEST, SMALLEST, Motor, read_catalogue
 from pinarm.use.assessments.sizing.duty import Course, Duty, Known, duty_of
 from pinarm.use.result.figures.curve_figures import made_a_motion
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from pinarm.use.scenario.scenario import Scenario
 
 Ratio = Annotated[float, msgspec.Meta(ge=SMALLEST, le=GREATEST)]
+Safety: Any = number(least=1.0)
 TORQUE, SPEED, INERTIA, ENERGY = unit("N*m"), unit("rad/s"), unit("kg*m^2"), unit("J")
 
 COLUMNS = (
@@ -72,10 +73,10 @@ class Sizing(InputStruct, frozen=True):
     drive: str
     catalogue: str
     ratios: Annotated[list[Ratio], msgspec.Meta(min_length=1, max_length=1000)] | str
-    efficiency: Annotated[float, msgspec.Meta(ge=SMALLEST, le=1)] | None = None
+    efficiency: Efficiency | None = None
     rest: Pause = 0.0
     ambient: str = "40 degC"
-    safety: Annotated[float, msgspec.Meta(ge=1)] = 1.0
+    safety: Safety = 1.0
 
     def check(self) -> None:
         """Read the catalogue and the temperature, so that their mistakes are located in the file."""

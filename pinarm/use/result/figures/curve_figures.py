@@ -80,7 +80,7 @@ def figure(run: Lookup, quantity: str, name: str) -> CurveFigure:
     Raises:
         InputError: The rows are not states of one motion, or the quantity is not finite everywhere.
     """
-    if run.motion is None:
+    if run.motion is None and name != "peak":
         raise stands_alone(run.run, quantity, name)
     share = _percentage(name)
     values = run.quantities[quantity].values
@@ -105,7 +105,7 @@ def stands_alone(rows: Trajectory, quantity: str, name: str) -> InputError:
     """Return that a figure of a quantity is asked of rows that are states of no motion."""
     return InputError(
         f"{quantity} @ {name} is taken over a motion, and these rows stand alone",
-        expected="@ max, @ min, @ largest, or a place such as @ row=1", hint=made_a_motion(rows),
+        expected="@ peak (the largest amount), @ max, @ min, or a place such as @ row=1", hint=made_a_motion(rows),
     )  # fmt: skip
 
 

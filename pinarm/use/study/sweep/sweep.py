@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -15,14 +15,13 @@ import numpy as np
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, Interrupted, PinarmError, as_names, choices, require_map, require_name
 from pinarm.input.roots import noting_files
-from pinarm.input.units import DIMENSIONLESS, unit
-from pinarm.input.yaml.key_path import argument_of
-from pinarm.input.yaml.values import Values, require_apart, written_unit
+from pinarm.input.units import DIMENSIONLESS
+from pinarm.input.yaml.values import Values, require_apart
 from pinarm.use.cases.case import WORTH, Taken, Task, Wanted, WhereReached
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.result.run_number import RunNumber
 from pinarm.use.result.section_number import SectionNumber
-from pinarm.use.scenario.scenario import Given, Scenario, declared_unit, load
+from pinarm.use.scenario.scenario import Given, Scenario, load
 from pinarm.use.study.sweep.axes import MOST, Axis, Cases, Distribution, Sampling, draw
 from pinarm.use.study.sweep.case_solver import Solving
 from pinarm.use.study.sweep.parquet_parts import require_parquet
@@ -284,7 +283,7 @@ def _axes(
     Raises:
         InputError: Something is to be drawn and it is not said how often, or the other way round.
     """
-    unit_of = partial(_unit_of, scenario)
+    unit_of = scenario.unit_at
     if cases is not None:
         yield read_cases(Path(cases), unit_of)
     read = [read_axis(path, given, unit_of) for path, given in over.items()]
@@ -302,23 +301,6 @@ def _axes(
     if drawn and samples is not None:
         yield draw(drawn, samples, seed, how)
     yield from (each for each in read if isinstance(each, Axis))
-
-
-def _unit_of(scenario: Scenario, path: str) -> str:
-    """Return the unit in which bare numbers at a path are meant; empty for none.
-
-    Raises:
-        InputError: The file and the mechanism give the argument in different units.
-    """
-    written = written_unit(scenario.document.data, path)
-    if path.startswith("changes.") and not written:
-        written = declared_unit(scenario.document.data, scenario.folder, path)
-    name = argument_of(path)
-    declared = scenario.mechanism.description.arguments.get(name, "") if name else ""
-    if written and declared and unit(written) != unit(declared):
-        raise InputError(f"the argument '{name}' is in {written} in the scenario and in {declared} in the mechanism",
-                         expected=f"numbers with their unit, such as '1, 2, 3 {written}'")  # fmt: skip
-    return written or declared
 
 
 def _end(scenario: Scenario, cases: Cases) -> Scenario:

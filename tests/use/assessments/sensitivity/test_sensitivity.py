@@ -318,3 +318,42 @@ def test_what_cannot_be_changed_both_ways_is_told() -> None:
     """A mass of 0 has no smaller one."""
     with pytest.raises(PinarmError, match=r"no run succeeds on both sides of 0\.0 kg: .*mass is negative"):
         section(ARM, {"of": ["C_B @ max"], "to": {"m_A": "10 g"}}, **{**FEW, "arguments.m_A": "0 kg"})
+
+
+def drawn_arm(folder: Path, to: str, end: str = "[600 mm, 0 mm]") -> Section:
+    """An arm of 5 kg, drawn level and held at the angle 0 of its drawing: ``m g x/2`` with the length x along x."""
+    (folder / "m.yaml").write_text(
+        f"pinarm: 1\ntitle: arm\nplanar:\n  points: {{O: [0 mm, 0 mm], A: {end}}}\n"
+        "  ground: [O]\n  links: {arm: {points: [O, A], mass: 5 kg}}\n"
+    )
+    (folder / "s.yaml").write_text(
+        "pinarm: 1\nmechanism: m.yaml\nproblem: {kind: statics, hold: {O: 0 deg}}\noutputs: [joint.O.effort]\n"
+        f"sensitivity: {{of: [joint.O.effort @ start], to: {{{to}}}}}\n"
+    )
+    return pinarm.run(folder / "s.yaml").sections["sensitivity"]
+
+
+def test_a_point_that_changes_nothing_says_what_was_held(tmp_path: Path) -> None:
+    x, y = "changes.planar.points.A.0", "changes.planar.points.A.1"
+    found = drawn_arm(tmp_path, f"{x}: 0.1 mm, {y}: 0.1 mm")
+    slope, error = (source[f"joint_O_effort_start.by.{x}"] for source in (found.numbers, found.errors))
+    assert abs(slope.values[0] - 5.0 * 9.81 / 2.0) <= error
+    (said,) = [text for text in found.remarks if "does not change to first order" in text]
+    assert y in said
+    assert x not in said
+    assert "prescribed coordinates (O) keep their values" in said
+
+
+@pytest.mark.parametrize(
+    ("to", "end", "message", "hint"),
+    [
+        ("changes.planar.points.A.1: 0.1 mm", "[600 mm, 0]", "the number 0 at", "`[0 mm, 0 mm]`; then `0.1 mm` fits"),
+        ("changes.planar.points.A.1: 0.2 cm", "[600 mm, 0]", "the number 0 at", "`[0 cm, 0 cm]`; then `0.2 cm` fits"),
+    ],
+)
+def test_a_point_drawn_at_a_bare_zero_needs_a_unit_for_a_tolerance(
+    tmp_path: Path, to: str, end: str, message: str, hint: str
+) -> None:
+    with pytest.raises(PinarmError, match=message) as refused:
+        drawn_arm(tmp_path, to, end)
+    assert refused.value.hint == f"give the point a unit in the drawing: {hint}"

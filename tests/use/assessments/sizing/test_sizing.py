@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+import pinarm
 from pinarm.errors import InputError
 from pinarm.use.assessments.sizing.duty import Duty, duty_of
 
@@ -250,3 +251,45 @@ def test_an_elastic_drive_is_refused(scenario: Callable[..., Any], folder: Path)
     text = "sizing: {drive: motor, catalogue: motors.csv, ratios: [50]}\n"
     with pytest.raises(InputError, match="the drive 'motor' is elastic"):
         _ = scenario("forward", text).run().sections["sizing"]
+
+
+HOIST = (
+    '<robot name="hoist"><link name="base"/><joint name="z" type="prismatic"><parent link="base"/><child link="load"/>'
+    '<axis xyz="0 0 1"/><limit lower="-5" upper="5" effort="1e6" velocity="100"/></joint>'
+    '<link name="load"><inertial><mass value="60"/>'
+    '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>'
+)
+
+
+@pytest.mark.parametrize("own", ["1", "0.7"])
+@pytest.mark.parametrize(("start", "end"), [("0.9 m", "0 m"), ("0 m", "0.9 m")])
+def test_an_instant_of_rest_without_acceleration_has_the_power_of_the_motion_beside_it(
+    tmp_path: Path, start: str, end: str, own: str
+) -> None:
+    """A load of 60 kg along the cycloid, which starts and ends with v = a = 0: let down it drives the motor throughout.
+
+    ``T = g F / N + J N a`` with ``F = m (9.81 + a) > 0``, g = 1/0.7 upwards and 0.7 downwards.
+    """
+    (tmp_path / "hoist.urdf").write_text(HOIST)
+    (tmp_path / "motors.csv").write_text(HEADING + "only,1,10,8,1000,60,2000,3000,100,150,300\n")
+    (tmp_path / "s.yaml").write_text(
+        "pinarm: 1\nmechanism: hoist.urdf\noutputs: [drive.d.torque]\n"
+        f"changes: {{drives: {{d: {{joint: z, ratio: 80, efficiency: {own}}}}}}}\n"
+        "problem: {kind: inverse, time: {end: 1.2 s, samples: 31}, "
+        f"motion: {{z: {{law: cycloidal, from: {start}, to: {end}, duration: 1.2 s}}}}}}\n"
+        "sizing: {drive: d, catalogue: motors.csv, ratios: [80], efficiency: 0.7}\n"
+    )
+    t, up = np.linspace(0.0, 1.2, 1201), start == "0 m"
+    a = (1.0 if up else -1.0) * 2.0 * np.pi * 0.9 / 1.2**2 * np.sin(2.0 * np.pi * t / 1.2)
+    torque = 60.0 * (9.81 + a) / 80.0 * (1.0 / 0.7 if up else 0.7) + 3e-4 * 80.0 * a
+    sizing = pinarm.run(tmp_path / "s.yaml").sections["sizing"]
+    told = {
+        name: (float(sizing.numbers[name].values[0]), sizing.errors[name]) for name in ("peak_torque", "rms_torque")
+    }
+    exact = {
+        "peak_torque": torque.max(),
+        "rms_torque": sqrt((torque[:-1] ** 2).mean()),
+    }  # of a trigonometric polynomial
+    for name, (value, error) in told.items():
+        assert abs(value - exact[name]) <= error + 1e-13 * exact[name]
+        assert error <= 1e-9 * exact[name]
