@@ -233,6 +233,6 @@ def test_the_open_angle_is_the_tilt_of_the_axes_whatever_the_turn_about_them(kin
         state.data.oMf[loop.first], state.data.oMf[loop.second] = pin.SE3.Identity(), pin.SE3(rotation, np.zeros(3))
         open_angle = np.linalg.norm(loop.gap(state))
         if tilt < np.pi:
-            assert open_angle == pytest.approx(tilt, rel=1e-12, abs=1e-15)
+            assert open_angle == pytest.approx(tilt, rel=1e-12, abs=1e-14)
         else:
             assert open_angle > 3.0

@@ -345,7 +345,7 @@ def test_no_effort_at_the_nut_turns_a_screw_that_locks_itself(write, joint, thre
     held = pinarm.run(write(SCREW, LOAD + joint + rubs, HELD_AT_NUT, NUT))
     assert [float(held[name].values[0]) for name in NUT.split(", ")] == pytest.approx([6400.0, -np.inf, np.inf])
     assert held.notes()[0].startswith("joint.lift is self-locking in 1 of 1 rows: friction grows with the effort")
-    assert held.figures["equilibrium"] < 1e-15  # of 6400 N of drive and load, of which nothing is left
+    assert held.figures["equilibrium"] < 1e-13  # of 6400 N of drive and load, of which nothing is left
     entry = held.headline(held["joint.lift.effort.upper"])
     assert (entry["min"], entry["max"]) == (np.inf, np.inf)
     for load in ("6400 kN", "-6400 kN"):
@@ -657,7 +657,7 @@ friction: {{P: {{constant: 300 N*m}}}}
     else:
         moved = pinarm.run(path)
         assert abs(moved["O"].values[-1]) > 1e-3
-        assert np.ptp(moved["joint.P.position"].values) < 1e-14  # by rounding of the closure
+        assert np.ptp(moved["joint.P.position"].values) < 1e-12  # by rounding of the closure
 
 
 SHAFT = f"""<link name="shaft">{BODY.format(mass=5)}</link><joint name="spin" type="continuous"><parent link="base"/>

@@ -58,7 +58,7 @@ def ask(scenario: Callable[..., Any]) -> Callable[..., float]:
     ],
 )  # fmt: skip
 def test_places(ask: Callable[..., float], kind: str, where: Any, name: str, value: float) -> None:
-    assert ask(kind, where, name) == pytest.approx(value, rel=ROUNDING, abs=1e-15)
+    assert ask(kind, where, name) == pytest.approx(value, rel=ROUNDING, abs=1e-14)
 
 
 @pytest.mark.parametrize("below", [1e-2, 1e-6, 1e-10, 1e-12, 1e-14])

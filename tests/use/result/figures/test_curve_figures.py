@@ -95,7 +95,7 @@ def test_a_quantity_that_is_only_rounding_takes_no_more_points_than_a_smooth_one
         taken[name] = (value, error, sum(points))
     (_, _, smooth), (value, error, rounding) = taken.values()
     assert rounding <= 2 * smooth
-    assert 1e-17 < value < 1e-15 and error < 1e-15
+    assert 1e-17 < value < 1e-14 and error < 1e-14  # roundings of numbers below 5 are 4e-16
 
 
 def test_a_jump_in_the_middle_of_a_run_is_no_rounding(scenario: Callable[..., Any]) -> None:
