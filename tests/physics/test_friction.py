@@ -92,7 +92,7 @@ def test_the_block_on_an_incline_of_the_textbook(write):
     rest = np.arctan(0.35)
     exact = 800.0 * np.tan(np.radians(25.0) + np.array([-rest, rest]))
     sides = [held[f"coordinate.x.effort.{side}"].values[0] for side in ("lower", "upper")]
-    assert sides == pytest.approx(exact, rel=1e-13)
+    assert sides == pytest.approx(exact, rel=1e-12)  # the iteration of the load ends below 1e-13
     assert any("coordinate.x.effort: friction holds any value" in note for note in held.notes())
     assert not any("self-locking" in note for note in held.notes())
     moving = "{kind: state, hold: {slope: 0 m}, velocity: {slope: 1 m/s}, drives: [x]}"
