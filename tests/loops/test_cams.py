@@ -73,7 +73,7 @@ class TestEccentricDisc:
         assert torque == pytest.approx(force * E * np.sin(theta), abs=1e-13)
         assert phi == pytest.approx(0.0, abs=1e-14)
         assert rho == pytest.approx(np.full(len(theta), RB + E), rel=1e-12)  # rb + s + s'': that of the disc
-        assert beside == pytest.approx(E * np.sin(theta), abs=1e-16)
+        assert beside == pytest.approx(E * np.sin(theta), abs=1e-15)
         fx, fy = asked(run, "joint.O.force.x", "joint.O.force.y")
         assert fx == pytest.approx(0.0, abs=1e-12)
         assert fy == pytest.approx(force + 1.0 * G, rel=1e-12)

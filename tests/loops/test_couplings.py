@@ -120,7 +120,7 @@ class TestTrain:
     def test_one_that_says_it_again_but_for_rounding_changes_nothing(self, mechanism, beside):
         rounded = {**self.round, "c": gear("one", "three", -4.0 * RATIO * (1.0 + 1e-13))}
         turned = driven(mechanism(DISCS, couplings=rounded, **BESIDE[beside]), {"one": Constant(value=0.3)})
-        assert angles(turned, "three") == pytest.approx(-1.2 * RATIO, abs=1e-12)
+        assert angles(turned, "three") == pytest.approx(-1.2 * RATIO, abs=1e-11)
         load = {"motor": JointEffort(joint="one", effort=Constant(value=4.0))}
         run = free(mechanism(DISCS, couplings=rounded, **BESIDE[beside]), loads=load)
         assert rates(run, "one") == pytest.approx(4.0 / (J1 + RATIO**2 * J2 + (4.0 * RATIO) ** 2 * J3), rel=1e-11)
@@ -181,8 +181,8 @@ class TestJointWithoutADrive:
         jack = mechanism(JACK, couplings=self.screw)
         found = Quantities(self.at_rest(jack, {"nut": 0.01}, ["nut"]))
         assert found["joint.nut.effort"].values == pytest.approx(M * G, rel=1e-14)
-        assert found["joint.screw.effort"].values == 0.0
-        assert found["coupling.thread.effort"].values == 0.0
+        assert found["joint.screw.effort"].values == pytest.approx(0.0, abs=1e-14)
+        assert found["coupling.thread.effort"].values == pytest.approx(0.0, abs=1e-12)  # of 69 N
 
     def test_a_drive_without_load_gives_nothing_though_the_wheels_bear_on_each_other(self, mechanism):
         """Two wheels out of balance that balance each other through their teeth: 1 kg at 0.1 m each."""
@@ -192,7 +192,7 @@ class TestJointWithoutADrive:
         gravity = {"direction": "-y", "magnitude": f"{G} m/s^2"}
         pair = mechanism(xml, gravity=gravity, couplings={"mesh": gear("one", "two", -1.0)})
         found = Quantities(self.at_rest(pair, {"one": 0.0}, ["one"]))
-        assert found["joint.one.effort"].values == pytest.approx(0.0, abs=1e-15)
+        assert found["joint.one.effort"].values == pytest.approx(0.0, abs=1e-14)
         assert found["joint.two.effort"].values == pytest.approx(0.1 * G, rel=1e-14)
 
     def test_the_limit_of_the_nut_counts(self, mechanism):
@@ -206,7 +206,7 @@ class TestJointWithoutADrive:
         run = driven(jack, {"screw": Harmonic(amplitude=40.0, pulsation=3.0)})
         a = rates(run, "nut")
         found = Quantities(run)
-        assert found["joint.nut.effort"].values == pytest.approx(M * (G + a), rel=1e-13)
+        assert found["joint.nut.effort"].values == pytest.approx(M * (G + a), rel=1e-12)
         assert found["joint.nut.power"].values == pytest.approx(M * (G + a) * speeds(run, "nut"), rel=1e-12, abs=1e-12)
         fallen = free(jack)
         assert Quantities(fallen)["joint.nut.effort"].values == pytest.approx(M * (G + rates(fallen, "nut")), rel=1e-10)

@@ -46,7 +46,7 @@ def test_asymmetric_body_without_torque_turns_as_jacobi_says(mechanism, chain):
     sn, cn, dn, _ = ellipj(rate * free.grid.t, m)
     b = np.sqrt((2 * energy * i3 - momentum) / (i2 * (i3 - i2)))
     assert free.v[:, 3:] == pytest.approx(np.array([w1 * cn, b * sn, w3 * dn]).T, abs=1e-9)
-    assert free.v[:, :3] == pytest.approx(0.0, abs=1e-15)
+    assert free.v[:, :3] == pytest.approx(0.0, abs=1e-14)
 
 
 def test_axis_of_middle_inertia_turns_over_in_the_period_of_the_elliptic_integral(mechanism, chain):
@@ -148,7 +148,7 @@ def test_planar_joint_slides_straight_in_its_plane_and_counts_its_turns(mechanis
     velocity = {"puck.x": 0.5, "puck.y": -1.0, "puck.angle": 9.0}
     slide = run(puck, 3.0, initial={"position": {"puck.x": 0.2}, "velocity": velocity})
     t, found = slide.grid.t, Quantities(slide)
-    assert slide.q == pytest.approx(np.array([0.2 + 0.5 * t, -t, 9.0 * t]).T, abs=1e-12)
+    assert slide.q == pytest.approx(np.array([0.2 + 0.5 * t, -t, 9.0 * t]).T, abs=1e-11)
     place = np.array([found[f"point.puck_link.position.{one}"].values for one in "xyz"]).T - [1.0, 2.0, 3.0]
     normal = np.array([float(x) for x in axis.split()])
     normal /= np.linalg.norm(normal)

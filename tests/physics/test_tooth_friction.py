@@ -191,4 +191,4 @@ forces: {{load: {{kind: joint_effort, joint: out, effort: {{law: constant, value
 friction: {{teeth: {{constant: 50 N, teeth: 20}}}}
 """
         result = pinarm.run(write(urdf, mechanism, "{kind: forward, time: {end: 1 s, samples: 3}}", "out"))
-        assert result["out"].values[-1] == pytest.approx(way, rel=1e-7, abs=1e-15)
+        assert result["out"].values[-1] == pytest.approx(way, rel=1e-7, abs=1e-14)

@@ -260,7 +260,7 @@ class TestQuaternions:
         exact = solve_ivp(rate, (0, 1), np.concatenate([q, v]), "DOP853", t_eval=t, rtol=1e-12, atol=1e-13).y.T
         assert found.q == pytest.approx(exact[:, :6], abs=1e-9)
         assert found.v == pytest.approx(exact[:, 6:], abs=1e-8)
-        assert np.linalg.norm(found.q[:, 1:5], axis=1) == pytest.approx(1.0, abs=1e-15)
+        assert np.linalg.norm(found.q[:, 1:5], axis=1) == pytest.approx(1.0, abs=1e-14)
         others = np.setdiff1d(np.arange(5), [joints[name].v for name in names])
         assert found.tau[:, others] == pytest.approx(0.0, abs=1e-12)
         assert np.abs(found.tau).max() > 0.01

@@ -63,7 +63,7 @@ class TestDenseOutput:
         solution = integrate([Interval(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
         ends = solution.steps.t[1:]
         before, after = solution.states(np.nextafter(ends, -1.0)), solution.states(ends)
-        assert np.hstack(before) == pytest.approx(np.hstack(after), abs=1e-14)
+        assert np.hstack(before) == pytest.approx(np.hstack(after), abs=1e-13)
 
     def test_is_as_accurate_as_the_steps(self):
         solution = integrate([Interval(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-10))
@@ -77,7 +77,7 @@ class TestDenseOutput:
             solution = integrate([interval], top.manifold, ATTITUDE, SPIN, method)
             at_end = np.hstack(solution.states(np.array([4.0])))[0]
             assert solution.final is not None
-            assert solution.last == pytest.approx(at_end, abs=1e-14)  # rounding of the polynomial at its end
+            assert solution.last == pytest.approx(at_end, abs=1e-13)  # rounding of the polynomial at its end
 
     def test_takes_times_in_any_order(self):
         solution = integrate([Interval(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
@@ -111,8 +111,8 @@ class TestDenseOutput:
     def test_quaternions_have_unit_length(self, top):
         solution = integrate([Interval(0.0, 4.0, top.acceleration())], top.manifold, ATTITUDE, SPIN, Adaptive(1e-4))
         q, _ = solution.states(np.linspace(0.0, 4.0, 101))
-        assert np.linalg.norm(q, axis=1) == pytest.approx(1.0, abs=1e-15)
-        assert all(abs(np.linalg.norm(step.y[:4]) - 1.0) < 1e-15 for step in solution.steps)
+        assert np.linalg.norm(q, axis=1) == pytest.approx(1.0, abs=1e-14)
+        assert all(abs(np.linalg.norm(step.y[:4]) - 1.0) < 1e-14 for step in solution.steps)
 
 
 class TestTolerance:
@@ -200,9 +200,9 @@ class TestStretches:
         solution = integrate(self.intervals(), self.flat, *self.rest, Adaptive(1e-9))
         first = {k: next(step for step in solution.steps if step.interval == k) for k in range(3)}
         assert [step.t for step in first.values()] == list(self.bounds[:-1])
-        assert solution.end == pytest.approx(5.0, abs=1e-15)
+        assert solution.end == pytest.approx(5.0, abs=1e-14)
         steps = solution.steps
-        assert steps.t[:-1] + steps.h[:-1] == pytest.approx(steps.t[1:], abs=1e-15)
+        assert steps.t[:-1] + steps.h[:-1] == pytest.approx(steps.t[1:], abs=1e-14)
 
     def test_without_them_the_same_load_is_refused_again_and_again(self):
         def load(t):

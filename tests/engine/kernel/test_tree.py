@@ -141,7 +141,7 @@ class TestStates:
             longer[9:11] *= 0.8
             longer[11:13] *= 1.3
             longer[13:] *= 0.9
-            assert space.project(longer) == pytest.approx(q, abs=1e-15)
+            assert space.project(longer) == pytest.approx(q, abs=1e-14)
             found, expected = (flow.slope(0.0, np.concatenate([x, v])) for x in (longer, q))
             assert found == pytest.approx(expected, rel=1e-12, abs=1e-12)
 

@@ -64,7 +64,7 @@ def test_the_same_motion_at_other_instants_of_a_stretch(solved, run, interval):
     s, ds, dds = LAW.on(cuts[interval], cuts[interval + 1])(t)
     assert part.grid.t.tolist() == t.tolist()
     for found, expected in ((part.q, s), (part.v, ds), (part.a, dds)):
-        assert found[:, 0] == pytest.approx(expected, abs=1e-15)
+        assert found[:, 0] == pytest.approx(expected, abs=1e-14)
     rows = slice(run.grid.rows[interval], run.grid.rows[interval + 1])
     assert part.tau[[0, -1]] == pytest.approx(run.tau[rows][[0, -1]], abs=1e-14)
 
@@ -84,7 +84,7 @@ def test_positions_are_those_of_the_stretch_that_each_instant_lies_in(solved):
     begun, left = np.clip(t - 0.5, 0.0, None), np.clip(2.5 - t, 0.0, None)
     wanted = np.where(t < 1.5, 0.5 * begun**2, 1.0 - 0.5 * left**2)
     for found in (solved.motion.positions(t), positions_by_interval(solved.motion, solved.rows.grid.cuts, t)):
-        assert found[:, 0] == pytest.approx(wanted, abs=1e-15)
+        assert found[:, 0] == pytest.approx(wanted, abs=1e-14)
 
 
 def test_some_rows_are_those_rows(run):

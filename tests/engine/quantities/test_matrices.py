@@ -30,11 +30,11 @@ def test_jacobians_of_two_rods_by_closed_form(arm, random):
     expected = np.stack(
         [np.stack([x - 0.25 * np.sin(theta), x], axis=-1), np.stack([y + 0.25 * np.cos(theta), y], axis=-1)], axis=-2
     )
-    assert arm.jacobian("point.A", q)[..., :2, :] == pytest.approx(expected, abs=1e-15)
-    assert arm.jacobian("point.A", q)[..., 2, :] == pytest.approx(0.0, abs=1e-15)
-    assert arm.jacobian("body.A", q)[..., 2, :] == pytest.approx(np.ones((4, 5, 2)), abs=1e-15)
+    assert arm.jacobian("point.A", q)[..., :2, :] == pytest.approx(expected, abs=1e-14)
+    assert arm.jacobian("point.A", q)[..., 2, :] == pytest.approx(0.0, abs=1e-14)
+    assert arm.jacobian("body.A", q)[..., 2, :] == pytest.approx(np.ones((4, 5, 2)), abs=1e-14)
     assert arm.jacobian("phi", q) == pytest.approx(np.ones((4, 5, 2)), abs=0.0)
-    assert arm.jacobian("coordinate.A_height", q) == pytest.approx(expected[..., 1, :], abs=1e-15)
+    assert arm.jacobian("coordinate.A_height", q) == pytest.approx(expected[..., 1, :], abs=1e-14)
 
 
 @pytest.mark.parametrize("name", ["ur5", "anymal", "gyroscope"])
@@ -61,7 +61,7 @@ def test_a_link_and_its_own_axes_are_as_in_pinocchio(random):
     data, frame = panda.model.createData(), panda.model.getFrameId("panda_hand")
     for name, reference in (("panda_hand", pin.LOCAL_WORLD_ALIGNED), ("panda_hand.along.panda_hand", pin.LOCAL)):
         expected = pin.computeFrameJacobian(panda.model, data, q, frame, reference)
-        assert panda.jacobian(name, q) == pytest.approx(expected, abs=1e-15)
+        assert panda.jacobian(name, q) == pytest.approx(expected, abs=1e-14)
 
 
 def test_jacobians_are_differences_of_placements(random):
@@ -89,10 +89,10 @@ def test_placements_have_any_leading_axes(arm, random):
     q = random.normal(size=(2, 3, 2))
     placed = arm.frame("A", q)
     assert placed.shape == (2, 3, 4, 4)
-    assert placed[..., 0, 3] == pytest.approx(0.25 * np.cos(q[..., 0]) + 0.25 * np.cos(q.sum(axis=-1)), abs=1e-15)
+    assert placed[..., 0, 3] == pytest.approx(0.25 * np.cos(q[..., 0]) + 0.25 * np.cos(q.sum(axis=-1)), abs=1e-14)
     joint = arm.frame("joint.B", q[0, 0])
     angle = q[0, 0].sum()
-    assert joint[:2, 0] == pytest.approx([np.cos(angle), np.sin(angle)], abs=1e-15)
+    assert joint[:2, 0] == pytest.approx([np.cos(angle), np.sin(angle)], abs=1e-14)
     assert arm.frame("A", np.zeros((0, 2))).shape == (0, 4, 4)
     assert arm.jacobian("A", np.zeros((0, 2))).shape == (0, 6, 2)
 

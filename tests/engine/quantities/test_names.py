@@ -84,7 +84,7 @@ def test_points_move_as_trigonometry_says(found, tip):
     for k, rate in enumerate(("position", "velocity", "acceleration")):
         for axis, expected in zip("xy", tip[k], strict=True):
             assert found[f"point.A.{rate}.{axis}"].values == pytest.approx(expected, abs=1e-13)
-        assert found[f"point.A.{rate}.z"].values == pytest.approx(0.0, abs=1e-15)
+        assert found[f"point.A.{rate}.z"].values == pytest.approx(0.0, abs=1e-14)
         assert found[f"point.A.{rate}.norm"].values == pytest.approx(np.hypot(*tip[k]), abs=1e-13)
 
 

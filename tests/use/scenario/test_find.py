@@ -72,7 +72,7 @@ def test_an_angle_is_found_across_180_degrees(tmp_path, start, wanted):
     name = "atan2(sin(phi), 0.2 + cos(phi))"
     result = found(tmp_path, f"problem.hold.phi: {start} deg", f'"{name}": {wanted} deg')
     angle = math.radians(wanted) + math.asin(0.2 * math.sin(math.radians(wanted)))
-    assert math.cos(math.radians(result.figures["problem.hold.phi [deg]"]) - angle) == pytest.approx(1.0, abs=1e-15)
+    assert math.cos(math.radians(result.figures["problem.hold.phi [deg]"]) - angle) == pytest.approx(1.0, abs=1e-14)
     assert not [note for note in result.notes() if "not met" in note]
 
 

@@ -365,8 +365,10 @@ def integrate(
                 off = np.sum((panels.high - panels.low)[unseen, None] * off, axis=0)
                 if fine or len(poor):
                     return value, error + off
-                told = panels.deepened(at, error > allowed).with_jumps(known)
-                return told.values.sum(axis=0), told.left_over(error > allowed) + off
+                poles = panels.told_errors > allowed  # jumps at ends of panels are bounded, and have an integral
+                panels = panels.deepened(at, poles)
+                jumps = panels.jumps_at_ends(known).sum(axis=0)
+                return panels.values.sum(axis=0), panels.left_over(poles) + jumps + off
             poor, before = unseen[:room], []
         panels, evaluated = panels.refined(at, poor), evaluated + 2 * len(poor)
 

@@ -109,7 +109,7 @@ def test_the_conditions_of_karush_kuhn_and_tucker_hold(arm):
         jacobian = np.cumsum(parts[:, ::-1], axis=1)[:, ::-1]
         pull = WEIGHTS**2 * (q - TARGET)
         lam = np.linalg.lstsq(jacobian.T, pull)[0]
-        assert jacobian.T @ lam == pytest.approx(pull, abs=1e-12)
+        assert jacobian.T @ lam == pytest.approx(pull, abs=1e-11)
 
 
 def test_a_closed_path_closes_in_the_joints(arm):
@@ -121,7 +121,7 @@ def test_a_closed_path_closes_in_the_joints(arm):
 
 def test_rows_do_not_depend_on_their_number(arm):
     few, many = (follow(arm, posture(), samples=samples) for samples in (7, 121))
-    assert few.q == pytest.approx(many.q[::20], abs=1e-13)
+    assert few.q == pytest.approx(many.q[::20], abs=1e-12)  # each row is solved to 1e-13
     assert few.a == pytest.approx(many.a[::20], abs=1e-10)  # derivatives of J: 1e-12 of terms as large as 10
 
 

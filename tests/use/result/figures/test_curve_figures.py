@@ -95,17 +95,20 @@ def test_a_quantity_that_is_only_rounding_takes_no_more_points_than_a_smooth_one
         taken[name] = (value, error, sum(points))
     (_, _, smooth), (value, error, rounding) = taken.values()
     assert rounding <= 2 * smooth
-    assert 1e-17 < value < 1e-15 and error < 1e-15
+    assert 1e-17 < value < 1e-14 and error < 1e-14  # roundings of numbers below 5 are 4e-16
 
 
 def test_a_jump_in_the_middle_of_a_run_is_no_rounding(scenario: Callable[..., Any]) -> None:
-    """A swing hangs through whole periods, and drives its motor for half of each: 100 eta there, else 100/eta."""
+    """A swing hangs through whole periods, and drives its motor for half of each: 100 eta there, else 100/eta.
+
+    Its 7 jumps are where panels meet: 600 panels halve those of half a second on both sides of each 21 times. What they
+    do not see of a jump by 45 is within 0.22 % of the panels on either side of it.
+    """
     swing = "law: harmonic, amplitude: 1 rad, pulsation: 360 deg/s, phase: 90 deg"
     hanging = ("law: trapezoid, from: 0 rad, to: 1 rad, acceleration: 1 rad/s^2", swing)
     result = scenario("inverse", "", hanging).run()
     mean, error = result.number("joint.pivot.effort/drive.motor.torque @ mean")
-    assert mean == pytest.approx(50.0 * (0.8 + 1.0 / 0.8), rel=1e-9)  # jumps are enclosed to 1e-10 of an integral
-    assert error < 1e-5
+    assert abs(mean - 50.0 * (0.8 + 1.0 / 0.8)) <= error < 14 * 0.0022 * 45.0 * (0.5 / 2**20) / 2.0
 
 
 @pytest.mark.parametrize("way", ["from: 0 deg, to: 180 deg", "from: 180 deg, to: 0 deg"])

@@ -29,12 +29,12 @@ def search(curve):
 @pytest.mark.parametrize(
     ("curve", "value", "slack", "most"),
     [
-        (lambda t: np.sin(t), 1.0, 1e-15, 70),
+        (lambda t: np.sin(t), 1.0, 1e-14, 100),  # four pieces of 17, and one more
         (lambda t: np.sin(40.0 * t) + 1e-2 * t, None, 1e-12, 1500),
         (lambda t: np.sin(t) + 5.0 / (1.0 + ((t - 0.5123) / 4e-3) ** 2), math.sin(0.5123) + 5.0, 1e-6, 1000),
         (lambda t: 1.0 / (1e-14 + (t - 0.7) ** 2), 1e14, 1e-2, 4000),
         (lambda t: -np.abs(np.sin(2.0 * t - 1.3)), 0.0, 1e-13, 4000),
-        (lambda t: np.abs(t - 1.1), 1.9, 1e-15, 500),  # the kink is not where it is largest
+        (lambda t: np.abs(t - 1.1), 1.9, 1e-14, 500),  # the kink is not where it is largest
         (lambda t: np.where(t < 1.234, t, t - 5.0), 1.234, 1e-12, 2000),
     ],
 )  # fmt: skip

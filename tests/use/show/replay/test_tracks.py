@@ -20,6 +20,6 @@ def test_many_rows_are_thinned_but_jumps_and_extremes_stay(
     page_of_swing = read(swing.replay(plots=["alpha"]).html)
     shown = page_of_swing.array(page_of_swing.scene["plots"][0]["values"])
     assert np.radians([shown.min(), shown.max()]) == pytest.approx(
-        [swing["alpha"].values.min(), swing["alpha"].values.max()], abs=1e-15
+        [swing["alpha"].values.min(), swing["alpha"].values.max()], abs=1e-14
     )
     assert page.scene["notes"] == [f"{len(rows)} of {len(result)} rows"]

@@ -370,7 +370,7 @@ class TestReduced:
         table = pinarm.batch(scenario(), STARTS, RATES).reduced({"t": asked, "-2*t": "largest"})
         found = [table[name].values for name in ("min t", "max t", "mean t", "rms t", "median t", "95 % t", "start t")]
         expected = [0.0, 2.0, 1.0, (4.0 / 3.0 + 0.01 / 6.0) ** 0.5, 1.0, 1.9, 0.0]
-        assert np.array(found) == pytest.approx(np.tile(expected, (4, 1)).T, rel=1e-14, abs=1e-15)
+        assert np.array(found) == pytest.approx(np.tile(expected, (4, 1)).T, rel=1e-14, abs=1e-14)
         assert table["end t"].values.tolist() == [2.0] * 4
         assert table["largest -2*t"].values.tolist() == [4.0] * 4
         assert table["max t"].label == "max t [s]"
