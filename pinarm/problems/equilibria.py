@@ -11,7 +11,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.kinematics.newton import start_near
+from pinarm.engine.kinematics.assembly import start_near
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import ROW, Trajectory
@@ -120,17 +120,19 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
         balance, starts = prepared or self.prepare(mechanism, accuracy, place)
         found: list[Equilibrium] = []
         failed: dict[int, AssemblyError] = {}
+        notes: list[str] = []
         for index, q in enumerate(starts):
             try:
                 with place("starts", index):
-                    near = balance.nearest(q)
-                    _merge(found, _equilibrium(balance, near, f"starts[{index}]"), balance.turns)
+                    near = balance.begun(q)
+                    notes += (f"starts[{index}]: {note}" for note in near.notes)
+                    _merge(found, _equilibrium(balance, near.q, f"starts[{index}]"), balance.turns)
             except AssemblyError as error:
                 failed[index] = error
         if not found:
             raise failed[0]
         solved = outcome(balance, found)
-        return replace(solved, notes=(*solved.notes, *(_failure(*one) for one in failed.items())))
+        return replace(solved, notes=(*notes, *solved.notes, *(_failure(*one) for one in failed.items())))
 
 
 def _failure(index: int, error: AssemblyError) -> str:

@@ -15,7 +15,8 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspaces.nullspace import VANISHED
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import friction_columns
-from pinarm.engine.kinematics.newton import near_given, start_configuration
+from pinarm.engine.kinematics.assembly import near_given
+from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.bifurcation import undetermined_rest
@@ -194,7 +195,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         hybrid = prepared or self.prepare(mechanism, accuracy, place)
         with place("initial"):
             q, v = hybrid.start
-        return self.solve_from(mechanism, hybrid, q, v, hybrid.initial.given_rates())
+        outcome = self.solve_from(mechanism, hybrid, q, v, hybrid.initial.given_rates())
+        return replace(outcome, notes=(*hybrid.assembly.notes, *outcome.notes))
 
     def solve_from(
         self, mechanism: Mechanism, hybrid: HybridSystem, q: Array, v: Array, given: Array,
@@ -326,9 +328,10 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         rates = tuple((mechanism.coordinate(name), float(rate)) for name, rate in others.items())
         followers = followers_of(mechanism, {*start, *position}, {*self.initial.velocity, *velocity})
         grid = Grid.cover(np.array([self.time.start, self.time.end]), prescribed.laws)
+        drawn = near_given(mechanism, start_configuration(mechanism, {}), [], prescribed, grid)
         for rough, speeds in zip(q, v, strict=True):
             near = near_given(mechanism, rough, [*start, *position], prescribed, grid)
-            yield Initial(near, speeds, positions, velocities, rates, followers)
+            yield Initial(near, speeds, positions, velocities, rates, followers, near if self.start else drawn)
 
 
 def _rest(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:

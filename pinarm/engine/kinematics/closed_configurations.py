@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.engine.kinematics.assembly import closed_drawing
 from pinarm.engine.kinematics.newton import assembled, start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import AssemblyError
@@ -21,33 +22,18 @@ from pinarm.errors import AssemblyError
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
 
-STARTS, WITHIN = 12, 2.0
-"""Number of starts that are tried where the loops do not close near the one given, and how far they are from the zero
-position at most, in every coordinate [rad, or units of length of the mechanism]."""
-
 BESIDE, STEP = 4, 0.2
 """Number of closed configurations that are compared with the first one, and how far each is from the one before
 [rad, or units of length]."""
 
 
 def closed_near(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
-    """Return the closed configuration near rough joint coordinates, shape (nq,); see ``start_configuration``.
+    """Return a closed configuration, shape (nq,), near rough joint coordinates if there is one; see ``closed_drawing``.
 
     Raises:
-        AssemblyError: The loops cannot be closed from there.
+        AssemblyError: The loops cannot be closed, neither from there nor from elsewhere.
     """
-    return _closed(mechanism, start_configuration(mechanism, start))
-
-
-def closed_anywhere(mechanism: Mechanism) -> Array | None:
-    """Return a closed configuration, shape (nq,), found from starts all over the space, the same ones every time."""
-    model, generator = mechanism.model, np.random.default_rng(0)
-    for way in generator.uniform(-WITHIN, WITHIN, (STARTS, model.nv)) * mechanism.closure.scale:
-        try:
-            return _closed(mechanism, pin.integrate(model, pin.neutral(model), way))
-        except AssemblyError:
-            continue
-    return None
+    return closed_drawing(mechanism.closure, start_configuration(mechanism, start)).q
 
 
 def generic_near(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
@@ -67,17 +53,8 @@ def closed_generic(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
     Raises:
         AssemblyError: The loops cannot be closed, neither from there nor from elsewhere.
     """
-    rough = start_configuration(mechanism, start)
-    if not mechanism.closure.size:
-        return rough
-    try:
-        q = _closed(mechanism, rough)
-    except AssemblyError:
-        other = closed_anywhere(mechanism)
-        if other is None:
-            raise
-        q = other
-    return generic(mechanism, beside(mechanism, q))
+    q = closed_near(mechanism, start)
+    return generic(mechanism, beside(mechanism, q)) if mechanism.closure.size else q
 
 
 def mobility_when_closed(mechanism: Mechanism) -> int:

@@ -16,7 +16,7 @@ from pinarm.engine.kinematics.abscissa import instant
 from pinarm.engine.kinematics.continuation_batch import KNOWN, NOTHING, BatchContinuation
 from pinarm.engine.kinematics.newton import NewtonSolver
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.errors import AssemblyError, InputError
+from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def follow_branch(
     for k, law in enumerate(prescribed.laws):
         w[:, :, k] = grid.evaluate(law)
     q, (v, a) = np.empty((len(t), len(start))), np.empty((2, len(t), solver.model.nv))
-    q[0] = _first(mechanism, solver, prescribed, start, w[0, 0], float(t[0]))
+    q[0] = solver.assemble(start, w[0, 0], float(t[0]))
     _check_regular(mechanism, prescribed, q[0], float(t[0]))
     prescribed.check_mobility(mechanism, q[0])
     v[0], a[0] = solver.rates(q[0], w[1, 0], w[2, 0], t[0])
@@ -50,24 +50,6 @@ def follow_branch(
             (q[rows], v[rows], a[rows]), row = found, rows.stop
             before, target = interval, within
     return q, v, a
-
-
-def _first(
-    mechanism: Mechanism, solver: NewtonSolver, prescribed: PrescribedCoordinates, start: Array, w: Array, t: float
-) -> Array:
-    """Return the first configuration, shape (nq,), near a rough one.
-
-    Raises:
-        InputError: There are more coordinates than degrees of freedom, and their values do not fit one another.
-        AssemblyError: It is out of reach.
-    """
-    try:
-        return solver.assemble(start, w, t)
-    except AssemblyError:
-        from pinarm.engine.kinematics.law_count import check_excess
-
-        check_excess(mechanism, prescribed)
-        raise
 
 
 def _across(

@@ -7,7 +7,8 @@ are solved at once where the equations are linear; elsewhere a branch is continu
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -15,7 +16,8 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.kinematics.newton import check_rank
-from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
+from pinarm.errors import AssemblyError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw, Values
@@ -48,12 +50,21 @@ class JointMotion(Protocol):
         """What there is to say of instants at which velocities jump, though those of the laws do not."""
         ...
 
+    def begin(self, grid: Grid, start: Array) -> Assembly:
+        """Return a configuration at the first of some rows, given that of the drawing or of the start, shape (nq,).
+
+        Raises:
+            AssemblyError: It cannot be reached.
+            InputError: Several may be meant.
+        """
+        ...
+
     def follow(self, grid: Grid, start: Array) -> JointTrajectory:
         """Return the motion at the rows of a grid.
 
         Args:
             grid: Instants.
-            start: A rough configuration at the first one, shape (nq,): it chooses the branch.
+            start: A configuration near the first one, shape (nq,): it chooses the branch.
 
         Raises:
             AssemblyError: A position cannot be reached.
@@ -120,6 +131,21 @@ class DeterminedMotion(Record, frozen=True):
         """Nothing: velocities jump with the laws."""
         return ()
 
+    def begin(self, grid: Grid, start: Array) -> Assembly:
+        """Return the first position: see ``first_position``."""
+        closure, prescribed = self.mechanism.closure, self.prescribed
+        if prescribed.linear_in(closure):
+            return Assembly(start)
+        from pinarm.engine.kinematics.assembly import first_position
+        from pinarm.engine.kinematics.law_count import check_excess
+
+        try:
+            return first_position(closure, prescribed, prescribed.first(grid), float(grid.t[0]), start)
+        except AssemblyError:
+            with suppress(AssemblyError):  # whose loops may not close elsewhere either
+                check_excess(self.mechanism, prescribed)
+            raise
+
     def follow(self, grid: Grid, start: Array) -> JointTrajectory:
         """Return the motion: see ``JointMotion``."""
         return JointTrajectory(self, grid, *follow(self.mechanism, self.prescribed, grid, start))
@@ -142,7 +168,7 @@ def follow(
         mechanism: The mechanism.
         prescribed: As many coordinates as it has degrees of freedom.
         grid: Instants.
-        start: A rough configuration at the first instant, shape (nq,): it chooses the branch.
+        start: A configuration near the first one, shape (nq,): it chooses the branch.
 
     Returns:
         q of shape (n, nq), v and a of shape (n, nv).
@@ -150,10 +176,8 @@ def follow(
     Raises:
         AssemblyError: The positions cannot be reached; ``data`` holds the closest configuration and its gap.
     """
-    couplings = [constraint for constraint in mechanism.constraints if isinstance(constraint, Coupling)]
-    linear = all(isinstance(coordinate, LinearCoordinate) for coordinate in prescribed.coordinates)
-    if linear and len(couplings) == len(mechanism.constraints) and not mechanism.closure.redundant:
-        return _follow_linear(mechanism, couplings, prescribed, grid)
+    if prescribed.linear_in(mechanism.closure):
+        return _follow_linear(mechanism, prescribed, grid)
     from pinarm.engine.kinematics.continuation import (
         follow_branch,  # with all that loops need: open chains do not pay for it
     )
@@ -195,10 +219,9 @@ def prescribed_at_start(mechanism: Mechanism, prescribed: PrescribedCoordinates,
     return q
 
 
-def _follow_linear(
-    mechanism: Mechanism, couplings: Sequence[Coupling], prescribed: PrescribedCoordinates, grid: Grid
-) -> tuple[Array, Array, Array]:
+def _follow_linear(mechanism: Mechanism, prescribed: PrescribedCoordinates, grid: Grid) -> tuple[Array, Array, Array]:
     """Solve for all instants at once: the rows are constant and there is no drift."""
+    couplings = [constraint for constraint in mechanism.constraints if isinstance(constraint, Coupling)]
     linear = [c for c in prescribed.coordinates if isinstance(c, LinearCoordinate)]
     rows = np.array([one.weights for one in [*(coupling.coordinate for coupling in couplings), *linear]])
     if len(rows) != mechanism.model.nv:

@@ -8,26 +8,26 @@ loops (``Closure.measure``), so that they are solved alike at any size.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import SMALL, Closure
 from pinarm.engine.constraints.constraint import JointTie, joint_ties
 from pinarm.engine.constraints.nullspaces.nullspace import MANY, RANK, UNCLOSED, VANISHED, singular_values
 from pinarm.engine.kinematics.abscissa import instant
 from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch, part_of_leap
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.kinematics.travel import travel
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.ball_joints import configuration
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import format_configuration
-from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -57,10 +57,8 @@ PART = 0.1
 """Part of a row in a combination of length 1 that all but vanishes, from which on it is named."""
 
 ITERATIONS, POLISHED = 60, 4
-"""Most steps until a position is closed, and from there on until its gap is rounding."""
-
-KEPT = 16
-"""Configurations near a start that a mechanism keeps: the cases of a sweep, and runs again, mostly begin alike."""
+"""Most steps in which a gap may fail to halve: slower steps count as not converging. And most steps from a closed
+position until its gap is rounding."""
 
 LEAST_GAIN = 1e-12
 """Change of a gap in a step, relative to it, at which it is the smallest: the position is known to the root of that."""
@@ -70,6 +68,13 @@ SMALLEST = 1e-9
 
 CUTS, CUTS_A_ROW = 10_000, 20
 """Cuts of the intervals between the rows of a table, in all and more for each row; a turn of a crank takes about 30."""
+
+
+Target = Callable[[float], tuple[Array, Array, Array]]
+"""``t -> w, w', w''`` of prescribed coordinates, each of shape (k,)."""
+
+Motion = tuple[Array, Array, Array]
+"""q, v and a at one instant."""
 
 
 def assembled(closure: Closure, prescribed: PrescribedCoordinates, q: Array, w: Array, t: float) -> Array:
@@ -97,60 +102,19 @@ def start_configuration(mechanism: Mechanism, start: Mapping[str, float]) -> Arr
     return configuration(mechanism.model, mechanism.joints, mechanism.balls, {**own, **start})
 
 
-def start_near(
-    mechanism: Mechanism, start: Mapping[str, float], prescribed: PrescribedCoordinates, grid: Grid
-) -> Array:
-    """Return the start configuration with the joints that are not given near a solution, shape (nq,).
-
-    Args:
-        mechanism: The mechanism.
-        start: Joint coordinates; see ``start_configuration``.
-        prescribed: What follows laws.
-        grid: Instants of the laws.
-
-    Raises:
-        InputError: A joint does not exist.
-    """
-    return near_given(mechanism, start_configuration(mechanism, start), start, prescribed, grid)
-
-
-def near_given(
-    mechanism: Mechanism, q: Array, given: Collection[str], prescribed: PrescribedCoordinates, grid: Grid
-) -> Array:
-    """Return a configuration with the joints that are not given near a solution, shape (nq,).
-
-    They are where loops, first values of laws and given coordinates share what is left open; from where they are 0 the
-    positions that are found may be on another branch than those given.
-
-    Args:
-        mechanism: The mechanism.
-        q: The configuration, shape (nq,).
-        given: Names of coordinates of joints that are given in it; those of the mechanism's own start where there are
-            none.
-        prescribed: What follows laws.
-        grid: Instants of the laws.
-    """
-    own = [name for name in given or mechanism.start if name in mechanism.joints and name not in prescribed.names]
-    if not own or not mechanism.closure.size:
-        return q
-    places = [mechanism.joints[name].q for name in own]
-    names, w = (*prescribed.names, *own), np.append(prescribed.first(grid), q[places])
-    known, key = mechanism.near_starts, (names, q.tobytes(), w.tobytes())
-    if key not in known:
-        coordinates = *prescribed.coordinates, *(mechanism.coordinate(name) for name in own)
-        solver = NewtonSolver(mechanism.closure, PrescribedCoordinates(names, coordinates, ()))
-        if len(known) == KEPT:
-            known.clear()
-        known[key] = solver.closest(q, w, solver.sliding * solver.untied)[0]
-        known[key][places] = q[places]
-    return known[key].copy()
-
-
 class NewtonSolver:
-    """Newton's method on the constraints and the prescribed coordinates of one mechanism."""
+    """Newton's method on the constraints and the prescribed coordinates of one mechanism, or of a part of it.
 
-    def __init__(self, closure: Closure, prescribed: PrescribedCoordinates) -> None:
-        self.closure, self.model = closure, closure.model
+    Args:
+        closure: The constraints.
+        prescribed: The prescribed coordinates.
+        moving: Indices in v of the joints of the part; the others rest.
+    """
+
+    def __init__(
+        self, closure: Closure, prescribed: PrescribedCoordinates, moving: Indices | slice = slice(None)
+    ) -> None:
+        self.closure, self.model, self.moving = closure, closure.model, moving
         self.coordinates = prescribed.coordinates
         owners = self.closure.owners()
         self.whole = closure.with_guides(prescribed.names, prescribed.coordinates)
@@ -173,18 +137,35 @@ class NewtonSolver:
         return np.concatenate([-self.closure.gap(state), w - reached])
 
     def rows(self, state: Kinematics) -> Array:
-        """Return J in the mechanism's units, shape (m + k, nv); rows that are 0 but for rounding are 0."""
+        """Return J in the mechanism's units, shape (m + k, nv); rows that are 0 but for rounding are 0.
+
+        Of a part it has the columns of the part.
+        """
         own = [coordinate.row(state) for coordinate in self.coordinates]
         rows = np.vstack([self.closure.rows(state), *own])
         counts = np.sqrt((rows * rows).sum(axis=1)) > VANISHED * self.whole.reach
-        return np.asarray(rows * self.scale * (counts / self.measure)[:, None])
+        return np.asarray((rows * self.scale * (counts / self.measure)[:, None])[:, self.moving])
 
     def moved(self, q: Array, step: Array) -> Array:
         """Return the configuration a step away, which is in the mechanism's units."""
-        return np.asarray(pin.integrate(self.model, q, self.scale * step))
+        return np.asarray(pin.integrate(self.model, q, self.spread(step)))
+
+    def spread(self, x: Array) -> Array:
+        """Return velocities of all joints [SI], shape (nv,), from those of the part in the mechanism's units."""
+        v = np.zeros(self.model.nv)
+        v[self.moving] = x
+        return np.asarray(self.scale * v)
 
     def assemble(self, q: Array, w: Array, t: float) -> Array:
-        """Return the configuration with ``w(q) = w`` that damped least-squares steps reach from q.
+        """Return the configuration with ``w(q) = w`` that damped least-squares steps reach from q, to rounding.
+
+        Raises:
+            AssemblyError: They end where the gap can shrink no more.
+        """
+        return self._polish(self.close(q, w, t), w)
+
+    def close(self, q: Array, w: Array, t: float) -> Array:
+        """Return the same, closed to ``CLOSED``.
 
         Nuts first slide to their places, then turn to the nearest thread: to turn all the way would take many steps.
         Joints without a body follow what they are tied to once all else is closed, which is where it is without them;
@@ -198,9 +179,9 @@ class NewtonSolver:
         if self.following:
             q = self._followed(self.closest(q, w, self.untied)[0])
         closest, gap = self.closest(q, w, np.ones(len(self.names)))
-        if self.closed(self.closure.state(closest), gap, w):
-            return self._polish(closest, w)
-        raise self.unreachable(closest, gap, t)
+        if not self.closed(self.closure.state(closest), gap, w):
+            raise self.unreachable(closest, gap, t)
+        return closest
 
     def _prescribes(self, tie: JointTie) -> bool:
         """Tell whether a prescribed coordinate says where a joint without a body is."""
@@ -224,9 +205,8 @@ class NewtonSolver:
         """
         state = self.closure.state(q)
         gap, damping = weight * self.gap(state, w), 0.0
-        for _ in range(ITERATIONS):
-            if self.closed(state, gap, w):
-                break
+        sizes = [np.inf] * ITERATIONS
+        while not self.closed(state, gap, w) and self._size(gap) <= 0.5 * sizes[-ITERATIONS]:
             rows = weight[:, None] * self.rows(state)
             step = _damped(rows, gap / self.measure, damping)
             turning = rows[self.curved].any(axis=0)  # the turns of a screw are many and need no caution
@@ -234,6 +214,7 @@ class NewtonSolver:
             trial = self.closure.state(self.moved(state.q, step))
             trial_gap = weight * self.gap(trial, w)
             before, left = self._size(gap), self._size(trial_gap)
+            sizes.append(before)
             if left < before:
                 state, gap, damping = trial, trial_gap, damping / 10
             else:
@@ -263,10 +244,13 @@ class NewtonSolver:
             q, gap = nearer, left
         return q
 
-    def advance(
-        self, q: Array, v: Array, a: Array, t: float, to: float, target: Callable[[float], tuple[Array, Array, Array]]
-    ) -> tuple[Array, Array, Array]:
-        """Return q, v, a at the instant ``to``, from those at t; the step is cut where the prediction is poor.
+    def advance(self, q: Array, v: Array, a: Array, t: float, to: float, target: Target) -> Motion:
+        """Return q, v, a at the instant ``to``, from those at t; see ``steps``."""
+        *_, last = self.steps(q, v, a, t, to, target)
+        return last
+
+    def steps(self, q: Array, v: Array, a: Array, t: float, to: float, target: Target) -> Iterator[Motion]:
+        """Yield q, v, a after every step from the instant t to ``to``; a step is cut where its prediction is poor.
 
         It is cut as well where it would change sides of a singular position without coming close to it: branches that
         all but meet, as of a crank and a rod of nearly the same length, are as smooth across as along.
@@ -296,6 +280,7 @@ class NewtonSolver:
                 part = part_of_leap(rows, there)
                 if part == 1.0:
                     q, (v, a), t, rows = found, rates, pending.pop(), there
+                    yield q, v, a
                     continue
             if abs(h) > smallest:
                 self.cuts -= 1
@@ -304,7 +289,6 @@ class NewtonSolver:
                 pending.append(t + part * h)
             else:
                 raise self._lost(q, t, to, target(to)[0])
-        return q, v, a
 
     def continues(self, turned: Array, predicted: Array, found: Array) -> bool:
         """Return whether a solution is on the branch of its prediction; see ``on_branch``.
@@ -343,13 +327,13 @@ class NewtonSolver:
                 moves that way for an instant only.
         """
         rows, still = self.rows(self.closure.state(q)), np.zeros(self.closure.size)
-        check_rank(rows, self.names, t)
+        check_rank(rows, self.names, t, lambda: _and(travel(self, q)))
         x = self.agreed(rows, np.concatenate([still, dw]) / self.measure, 0.0, t)
-        v = self.scale * x
+        v = self.spread(x)
         state = self.closure.state(q, v)
         own = np.array([coordinate.drift(state) for coordinate in self.coordinates])
         right = np.concatenate([-self.closure.drift(state), ddw - own]) / self.measure
-        return v, self.scale * self.agreed(rows, right, float(np.abs(x).max()) ** 2, t)
+        return v, self.spread(self.agreed(rows, right, float(np.abs(x).max()) ** 2, t))
 
     def agreed(self, rows: Array, right: Array, square: float, t: float) -> Array:
         """Return x with ``rows x = right``, on which redundant rows agree, unless the loops move for an instant only.
@@ -384,9 +368,9 @@ class NewtonSolver:
         """Return why a branch that has come to q at t does not go on: values w out of reach at ``to``, or what else."""
         closest, gap = self.closest(q, w, np.ones(len(self.names)))
         if not self.closed(self.closure.state(closest), gap, w):
-            return self.unreachable(closest, gap, to, f", as it does up to {instant(t)}")
-        values = singular_values(self.rows(self.closure.state(q)))
-        ratio = float(values[self.model.nv - 1] / values[0])
+            why = travel(self, q) if self._regularity(q) < NEAR_SINGULAR else ""
+            return self.unreachable(closest, gap, to, f", as it does up to {instant(t)}{why and f': {why}'}")
+        ratio = self._regularity(q)
         singular = f"singular position: the smallest singular value of the rows is {ratio:.1e} of the largest"
         return AssemblyError(
             f"the motion cannot be followed beyond {instant(t)}, though the loops close at {instant(to)} on another "
@@ -397,6 +381,12 @@ class NewtonSolver:
             f"at {instant(t)} it is {format_configuration(self.model, q)}",
             t=t, q=q,
         )  # fmt: skip
+
+    def _regularity(self, q: Array) -> float:
+        """Return the least singular value of J over the largest."""
+        rows = self.rows(self.closure.state(q))
+        values = singular_values(rows)
+        return float(values[rows.shape[1] - 1] / values[0]) if len(rows) >= rows.shape[1] else 0.0
 
     def unreachable(self, q: Array, gap: Array, t: float, followed: str = "") -> AssemblyError:
         """Return that a position is out of reach.
@@ -483,13 +473,18 @@ def tied(rows: Array, rank: int, names: Sequence[str]) -> str:
     return ", ".join(dict.fromkeys(name for name, part in zip(names, weak, strict=True) if abs(part) > PART))
 
 
-def check_rank(rows: Array, names: Sequence[str], t: float) -> None:
+def _and(said: str) -> str:
+    return f"{said}; " if said else ""
+
+
+def check_rank(rows: Array, names: Sequence[str], t: float, why: Callable[[], str] = str) -> None:
     """Raise where rows do not determine the velocity of every joint.
 
     Args:
         rows: Those of constraints and coordinates, shape (m, nv).
         names: What they belong to.
         t: The instant, for the message.
+        why: Says what is singular, as far as that is known.
 
     Raises:
         AssemblyError: The position is singular.
@@ -499,7 +494,7 @@ def check_rank(rows: Array, names: Sequence[str], t: float) -> None:
     if len(rows) < nv or not singular[nv - 1] > SINGULAR * singular[0]:
         found = tied(rows, min(len(rows), nv), names)
         raise AssemblyError(
-            f"the position is singular at {instant(t)}: {found} do not move independently there",
+            f"the position is singular at {instant(t)}: {why()}{found} do not move independently there",
             expected="prescribed coordinates that determine the velocity of every joint",
             hint="a motion that keeps clear of the straight or folded position; at a change point a start and rows "
             "beside it, between which the motion passes it; or other coordinates",

@@ -11,11 +11,25 @@ from pinarm.arrays import Array
 from pinarm.errors import LISTED, InputError, several
 from pinarm.mechanics.ball_joints import ball_coordinates
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
-from pinarm.records import ValueRecord
+from pinarm.records import Record, ValueRecord
 
 if TYPE_CHECKING:
+    from pinarm.engine.constraints.closure import Closure
     from pinarm.engine.mechanism import Mechanism
+
+
+class Assembly(Record, frozen=True):
+    """A configuration in which a run begins.
+
+    Attributes:
+        q: The configuration, shape (nq,).
+        notes: Which assembly it is, where it was not reached from the drawing.
+    """
+
+    q: Array
+    notes: tuple[str, ...] = ()
 
 
 class PrescribedCoordinates(ValueRecord, frozen=True):
@@ -99,6 +113,11 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
             f"{'degree' if mobility == 1 else 'degrees'} of freedom",
             expected=f"{mobility} of {', '.join(self.names)}" if mobility else "a mechanism that can move",
         )
+
+    def linear_in(self, closure: Closure) -> bool:
+        """Tell whether the positions of joints are linear in the coordinates: only couplings tie them."""
+        straight = all(isinstance(one, LinearCoordinate) for one in self.coordinates)
+        return straight and all(isinstance(one, Coupling) for one in closure.constraints) and not closure.redundant
 
     def linear_last(self) -> tuple[PrescribedCoordinates, int]:
         """Return the same coordinates with those of joints, and sums of them, last; and how many others there are."""

@@ -2,10 +2,10 @@
 
 From configurations near the rows of every variant Newton's method leads to these: from row i of the first variant, or
 where laws vary from a coarse continuation. That the rows are one motion each, on the branch that the start chooses, is
-checked as the continuation from row to row does: the first row is the one that the damped steps of
-``NewtonSolver.assemble`` reach from the start; every row is near the one that velocity and acceleration predict from
-the row before, and moves as that predicts; the free motions keep their orientation in between. A variant of which one
-of these is not so is to be solved alone.
+checked as the continuation from row to row does: the first row is one step of it away from the closed drawing, within
+the limits of joints (``assembly`` follows longer ways); every row is near the one that velocity and acceleration
+predict from the row before, and moves as that predicts; the free motions keep their orientation in between. A variant
+of which one of these is not so is to be solved alone.
 
 With J the independent rows of constraints and prescribed coordinates: ``J dq = gap``, ``J v = (0, w')`` and
 ``J a = (0, w'') - J' v``. Arrays have the states along their last axis, row by row; see ``chains``.
@@ -14,7 +14,7 @@ With J the independent rows of constraints and prescribed coordinates: ``J dq = 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -101,7 +101,7 @@ class VariantMotion:
             t: The parameter at the rows, shape (n,), or (n, k) where it varies.
             laws: The prescribed coordinates and their two derivatives, shape (3, n, k or 1, d).
             near: Configurations near those of the rows, shape (n, k or 1, nq).
-            start: Rough configurations at the first row, shape (k or 1, nq): they choose the branch.
+            start: Configurations of the drawing, or of the start, shape (k or 1, nq): they choose the branch.
         """
         n, k = len(near), len(self.own.model)
         with np.errstate(all="ignore"):  # of variants that are to be solved alone
@@ -110,9 +110,34 @@ class VariantMotion:
             q, v, a = (x.reshape(-1, n, k) for x in states)
             free = rows.basis[self.own.size - self.whole.size :].reshape(-1, len(q), n, k)
             good = sound.reshape(n, k).all(axis=0) & self._is_one_motion(t.reshape(n, -1), q, v, a, free)
-            first, closed = self._assembled(self._columns(start[None]), w[:, :k])
-            good &= closed & (np.abs(first - q[:, 0]).max(axis=0) <= SAME)
+            first, near_start = self._begun(self._columns(start[None]), w[:, :k])
+            good &= near_start & (np.abs(first - q[:, 0]).max(axis=0) <= SAME)
         return self._told((q, v, a), good)
+
+    def _begun(self, start: Array, w: Array) -> tuple[Array, Flags]:
+        """Return first positions, shape (nv, k), and where they are one step of the continuation from closed drawings.
+
+        Args:
+            start: Configurations of the drawing, or of the start, shape (nv, k).
+            w: First values of the prescribed coordinates, shape (d, k).
+        """
+        unguided, k = NewtonSolver(self.own.first, PrescribedCoordinates((), (), ())), w.shape[1]
+        kept = [row for row in self.kept if row < self.own.size]
+        drawn, good = replace(self, solver=unguided, whole=self.own, kept=kept)._assembled(start, np.zeros((0, k)))
+        first, reached = self._assembled(drawn, w)
+        change = np.tile(self._gaps(self._evaluated(drawn), w)[self.own.size :], 2)
+        states = np.stack([drawn, first], axis=1)
+        _, v, a, rows = self._rates(states.reshape(len(first), -1), change, np.zeros_like(change))
+        v, a, free = (x.reshape(*x.shape[:-1], 2, k) for x in (v, a, rows.basis[self.own.size - self.whole.size :]))
+        good &= self._is_one_motion(np.array([[0.0], [1.0]]), states, v, a, free)
+        return first, good & reached & self._within(states)
+
+    def _within(self, q: Array) -> Flags:
+        """Tell in which variants configurations, shape (nq, 2, k), are within the limits of joints, shape (k,)."""
+        model, given = self.own.first.model, {getattr(one, "joint", None) for one in self.solver.coordinates}
+        judged = [k for k in range(model.nq) if k not in given]
+        low, high = (x[judged, None, None] for x in (model.lowerPositionLimit, model.upperPositionLimit))
+        return np.asarray(((q[judged] >= low) & (q[judged] <= high)).all(axis=(0, 1)))
 
     def follow_near(self, laws: Array, near: Array) -> VariantStates:
         """Return states each of its own, near configurations that are predicted from states of the motion.
@@ -142,7 +167,7 @@ class VariantMotion:
         """
         knots, found = _knots(first), np.empty((len(first), len(self.own.model), first.shape[1]))
         with np.errstate(all="ignore"):
-            q, _ = self._assembled(self._columns(start[None]), self._columns(laws[0, :1]))
+            q, _ = self._begun(self._columns(start[None]), self._columns(laws[0, :1]))
             before = self._moving(q, laws[:, :1])
             found[0] = q.T
             for low, high in pairwise(knots):

@@ -70,13 +70,15 @@ class Prescription(Record, frozen=True):
 
         Args:
             grid: Values of the parameter.
-            start: Rough configuration at the first of them, shape (nq,): it chooses the branch.
+            start: Configuration of the drawing, or of the start, shape (nq,): it chooses the branch.
 
         Raises:
             AssemblyError: A position cannot be reached.
+            InputError: Several first positions may be meant.
         """
         with running(self.parameter, self.unit):
-            states, kept = self._followed(grid, start)
+            assembly = self.motion.begin(grid, start)
+            states, kept = self._followed(grid, assembly.q)
             self._refuse_jumps(states.motion)
             known, grid = replace(self, motion=states.motion), grid if not kept.all() else states.grid
             rows = known.rows_of(states)
@@ -86,12 +88,14 @@ class Prescription(Record, frozen=True):
             if (passing := known._passing(rows, regular, pace)) is not None:
                 rows, passed = passing.through(rows, grid, kept, regular)
             if len(rows) < len(grid.t):
-                self.motion.follow(grid, start)  # which says what is singular
+                self.motion.follow(grid, assembly.q)  # which says what is singular
             notes = known._notes(rows, pace, passed, regular)
         motion = (
             None if rows.numbered else PrescribedMotion(known, grid.cuts, rows.grid.t, rows.q, start, pace, passing)
         )
-        return Outcome(rows, motion, figures=states.motion.figures(states), notes=(*states.motion.jumps, *notes))
+        return Outcome(
+            rows, motion, figures=states.motion.figures(states), notes=(*assembly.notes, *states.motion.jumps, *notes)
+        )
 
     def _refuse_jumps(self, motion: JointMotion) -> None:
         """Raise where efforts are asked for, and velocities jump though the laws do not.
@@ -240,7 +244,7 @@ class PrescribedTable(Record, frozen=True):
     Attributes:
         prescription: What is prescribed.
         grid: Values of the parameter.
-        start: Rough configuration at the first of them, shape (nq,): it chooses the branch.
+        start: Configuration of the drawing, or of the start, shape (nq,): it chooses the branch.
     """
 
     prescription: Prescription
@@ -264,7 +268,7 @@ class PrescribedMotion(Record, frozen=True):
         cuts: Bounds of the intervals between jumps.
         t: Values of the parameter at which it has been solved, shape (n,).
         q: Configurations there, shape (n, nq): they tell the branch in their neighbourhood.
-        start: Rough configuration from which the first of them was found, shape (nq,).
+        start: Configuration of the drawing, or of the start, from which the first of them was found, shape (nq,).
         pace: What rounding of velocities and accelerations is judged against, shape (2, nv); ``None`` where no
             direction is asked for.
         passing: How singular positions are passed; ``None`` where they are not.

@@ -13,7 +13,7 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.variant_closure import VariantClosure
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.kinematics.joint_motion import DeterminedMotion, prescribed_at_start
+from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.kinematics.variant_motion import VariantMotion, VariantStates
 from pinarm.engine.motion.integrated_variants import grid_of_variants
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion, PrescribedTable, Prescription
@@ -105,10 +105,7 @@ class PrescribedVariants:
         laws, first = self._laws, self.run.q
         tables = self.tables[:1] if self._alike else self.tables
         t = np.stack([table.grid.t for table in tables], axis=1)
-        start = np.array([
-            prescribed_at_start(table.prescription.mechanism, _determined(table).prescribed, table.grid, table.start)
-            for table in tables
-        ])  # fmt: skip
+        start = np.array([table.start for table in tables])
         near = first[:, None] if self._alike else self._followers.continued(t, laws, first, start)
         return self._rated(self._followers.follow(t, laws, near, start))
 

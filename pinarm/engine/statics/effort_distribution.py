@@ -38,9 +38,13 @@ class EffortDistribution(Protocol):
         ...
 
     def refusal(
-        self, t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float, rounding: float
-    ) -> DynamicsError | DrivesError:
-        """Return why there are no efforts in one row, shapes (f, d) and (f,)."""
+        self, t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float, rounding: float,
+        motions: Mapping[str, Array],
+    ) -> DynamicsError | DrivesError:  # fmt: skip
+        """Return why there are no efforts in one row, shapes (f, d) and (f,).
+
+        ``motions`` are what coordinates do in the free motions, by name, each of shape (f,).
+        """
         ...
 
 
@@ -53,8 +57,9 @@ class UniqueEfforts(ValueRecord, frozen=True):
         return effort, good & (ways.shape[2] <= ways.shape[1])
 
     def refusal(
-        self, t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float, rounding: float
-    ) -> DynamicsError | DrivesError:
+        self, t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float, rounding: float,
+        motions: Mapping[str, Array],
+    ) -> DynamicsError | DrivesError:  # fmt: skip
         """Return why there are none; see ``EffortDistribution``."""
         freedom, names = len(load), ", ".join(drives)
         if len(drives) > freedom:
@@ -65,7 +70,7 @@ class UniqueEfforts(ValueRecord, frozen=True):
                 hint="the others removed from drives, or share: least_squares, bounded or weights, which choose among "
                 "the efforts that carry the load",
             )  # fmt: skip
-        return undetermined(t, drives, ways, load, least, rounding)
+        return undetermined(t, drives, ways, load, least, rounding, motions)
 
 
 UNIQUE = UniqueEfforts()
@@ -73,12 +78,14 @@ UNIQUE = UniqueEfforts()
 
 
 def undetermined(
-    t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float, rounding: float
-) -> DynamicsError | DrivesError:
+    t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float, rounding: float,
+    motions: Mapping[str, Array],
+) -> DynamicsError | DrivesError:  # fmt: skip
     """Return that drives are at a dead point, or too few to carry the load; shapes (f, d) and (f,)."""
     u, s, vt = np.linalg.svd(ways)
     r, freedom = int((s >= least).sum()), len(load)
-    left = np.abs(load - ways @ (vt[:r].T @ ((u[:, :r].T @ load) / s[:r]))).max()
+    uncarried = load - ways @ (vt[:r].T @ ((u[:, :r].T @ load) / s[:r]))
+    left = np.abs(uncarried).max()
     too_few = len(drives) < freedom and left > max(CARRIED * np.abs(load).max(), rounding)
     if min(len(drives), freedom) > r and not too_few:
         shares = np.abs(vt[r:]).max(axis=0)
@@ -88,10 +95,12 @@ def undetermined(
             "drives",
             expected="drives that can move the mechanism at every instant", t=t,
         )  # fmt: skip
+    lacking = max(motions, key=lambda name: abs(float(motions[name] @ uncarried)))
     return DrivesError(
-        f"at {instant(t)} the drives {', '.join(drives)} leave a load of {left:.3g} N*m or N uncarried",
+        f"at {instant(t)} the drives {', '.join(drives)} leave a load of {left:.3g} N*m or N uncarried: {lacking} "
+        "moves while they rest",
         expected=f"{freedom} drives, as many as the mechanism has degrees of freedom",
-        hint="drives: names of the coordinates that motors act along",
+        hint=f"drives: [{', '.join([*drives, lacking])}{', ...' if len(drives) + 1 < freedom else ''}]",
     )
 
 

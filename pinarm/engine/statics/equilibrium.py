@@ -14,8 +14,9 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspaces.nullspace import SplitRows
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.kinematics.assembly import first_position
 from pinarm.engine.kinematics.newton import assembled
-from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
 from pinarm.engine.statics.stiffness import ZERO, Modes, edge_at, force, slope, stiffness
 from pinarm.errors import AssemblyError, InputError, Key, within
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -23,6 +24,7 @@ from pinarm.mechanics.forces.force_element import ForceElement, refusals
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import METRE, format_configuration
 from pinarm.mechanics.laws import Constant
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -121,8 +123,22 @@ class ForceBalance:
         Raises:
             AssemblyError: There is none that Newton's method reaches.
         """
-        values = np.array([float(law.value) for law in self.held.laws if isinstance(law, Constant)])
-        return assembled(self.mechanism.closure, self.held, q, values, 0.0)
+        return assembled(self.mechanism.closure, self.held, q, self._values, 0.0)
+
+    def begun(self, start: Array) -> Assembly:
+        """Return the configuration that takes the values held, followed from a start; see ``first_position``.
+
+        Raises:
+            AssemblyError: There is none.
+            InputError: Several may be meant.
+        """
+        found = first_position(self.mechanism.closure, self.held, self._values, 0.0, start)
+        return replace(found, q=self.nearest(found.q))
+
+    @property
+    def _values(self) -> Array:
+        """The values held, shape (k,)."""
+        return np.array([float(law.value) for law in self.held.laws if isinstance(law, Constant)])
 
     def split(self, q: Array) -> SplitRows:
         """Return the rows of what is held, taken apart at a configuration."""

@@ -14,6 +14,7 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.statics.effort_distribution import ROUNDED, UNIQUE, EffortDistribution
 from pinarm.engine.statics.stiffness import weight_terms
 from pinarm.errors import DrivesError, DynamicsError
+from pinarm.mechanics.ball_joints import coordinate_name
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, driven_along
 from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.records import Record
@@ -109,4 +110,6 @@ class SelectedDrives(Record, frozen=True):
         """Return why the drives' efforts cannot be had at a configuration, q and demand being one row."""
         ((_, free),) = self.own.free_motions(q)
         (ways,), (load,), (least,), (rounding,) = self._system(q, demand, free)
-        return self.distribution.refusal(t, self.named, ways, load, float(least), float(rounding))
+        model, moved = self.own.model, free[:, 0] / self.own.scale
+        motions = {coordinate_name(model, k): moved[:, k] for k in range(model.nv)}
+        return self.distribution.refusal(t, self.named, ways, load, float(least), float(rounding), motions)

@@ -89,14 +89,15 @@ class SharedEfforts:
         return found
 
     def refusal(
-        self, t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float, rounding: float
-    ) -> DynamicsError | DrivesError:
+        self, t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float, rounding: float,
+        motions: Mapping[str, Array],
+    ) -> DynamicsError | DrivesError:  # fmt: skip
         """Return why there are no efforts in one row; see ``EffortDistribution``."""
         _, good = SharedEfforts(self.weights, np.full_like(self.limits, np.inf)).efforts(
             ways[None], load[None], np.array([least]), np.array([rounding])
         )
         if not good[0]:
-            return undetermined(t, drives, ways, load, least, rounding)
+            return undetermined(t, drives, ways, load, least, rounding, motions)
         limits = [f"{name} {limit:.6g} {effort_unit(coordinate)}"
                   for (name, coordinate), limit in zip(drives.items(), self.limits, strict=True)
                   if np.isfinite(limit)]  # fmt: skip

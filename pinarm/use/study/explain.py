@@ -13,12 +13,14 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.kernel.library import absence
-from pinarm.engine.kinematics.closed_configurations import beside, closed_anywhere, closed_near, generic
+from pinarm.engine.kinematics.assembly import closed_drawing
+from pinarm.engine.kinematics.closed_configurations import beside, generic
 from pinarm.engine.kinematics.loosening import Loosening
 from pinarm.engine.kinematics.mobility import Mobility, joint_kind, mobility_of
+from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import MESH_MASSES
-from pinarm.errors import LISTED, AssemblyError, InputError, several
+from pinarm.errors import LISTED, InputError, several
 from pinarm.input.yaml.values import Values
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import left_open
@@ -287,15 +289,10 @@ def _start(scenario: Scenario) -> Array:
 
 def _structure(mechanism: Mechanism) -> Explanation:
     """Return the structure of a mechanism near its zero position, or wherever its loops close."""
-    try:
-        q, where = closed_near(mechanism, {}), "in the closed position nearest to zero"
-    except AssemblyError as error:
-        found, where = closed_anywhere(mechanism), "in a closed position far from zero"
-        if found is None:
-            raise error
-        q = found
+    found = closed_drawing(mechanism.closure, start_configuration(mechanism, {}))
+    where = "in a closed position far from zero" if found.notes else "in the closed position nearest to zero"
     where = "in the closed position nearest to the file's start" if mechanism.start else where
-    return _explained(mechanism, beside(mechanism, q), where)
+    return _explained(mechanism, beside(mechanism, found.q), where)
 
 
 def _explained(mechanism: Mechanism, q: Sequence[Array], where: str, removals: Sequence[Removal] = ()) -> Explanation:

@@ -5,11 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pinarm.engine.kinematics.joint_motion import follow
+import pinarm
+from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.kinematics.law_count import determining
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.mechanism import Mechanism
-from pinarm.errors import InputError
+from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
 
@@ -56,7 +57,9 @@ def test_too_many_laws_of_a_loop_are_counted_by_its_mobility(names):
     bars = Mechanism.load(MODELS / "crank_rocker" / "mechanism.yaml")
     motion = {name: Constant(value=0.1 * k) for k, name in enumerate(names)}
     with pytest.raises(InputError, match="has only 1 degree of freedom") as caught:
-        follow(bars, determining(bars, motion), Grid.cover(np.array([0.0, 1.0]), []), start_configuration(bars, {}))
+        DeterminedMotion(bars, determining(bars, motion)).begin(
+            Grid.cover(np.zeros(1), []), start_configuration(bars, {})
+        )
     assert caught.value.expected == f"1 of {', '.join(names)}"
 
 
@@ -64,3 +67,14 @@ def test_unknown_coordinates(leg):
     with pytest.raises(InputError, match="no coordinate 'hip_hight'") as caught:
         determining(leg, {"hip_hight": Constant(value=0.0)})
     assert caught.value.hint == "hip_height"
+
+
+def test_loops_that_do_not_close_are_told_as_they_are_met_and_not_as_in_another_attempt():
+    """The base is longer than the other three together; the drawing without the start would leave another gap."""
+    file = MODELS / "crank_rocker" / "mechanism.yaml"
+    problem = {"kind": "kinematics", "time": {"end": "1 s", "samples": 2}, "start": {"A": "0 deg", "theta4": "180 deg"},
+               "motion": {"theta2": {"law": "constant", "value": "0 deg"}}}  # fmt: skip
+    bars = Mechanism.load(file, arguments={"d": 5.0})
+    with pytest.raises(AssemblyError, match=r"the motion is out of reach at t = 0 s: B stays open by") as caught:
+        pinarm.run({"pinarm": 1, "mechanism": bars, "problem": problem, "outputs": ["theta4"]})
+    assert "theta2 = " in caught.value.expected

@@ -99,7 +99,7 @@ def drives(d):
 
 def refused(ways, load, weights, limits):
     shared = SharedEfforts(weights, limits)
-    return shared.refusal(0.25, drives(len(limits)), ways, load, 1e-9, 0.0)
+    return shared.refusal(0.25, drives(len(limits)), ways, load, 1e-9, 0.0, {"elbow": np.ones(len(load))})
 
 
 @pytest.mark.parametrize(("f", "d"), SIZES)
@@ -146,7 +146,10 @@ def test_too_few_drives_are_refused_as_without_sharing():
     ways, load = np.array([[1.0], [0.0]]), np.array([1.0, 2.0])
     assert not solved(ways, load, np.ones(1), np.full(1, np.inf))[1]
     error = refused(ways, load, np.ones(1), np.full(1, np.inf))
-    assert error.message == UniqueEfforts().refusal(0.25, drives(1), ways, load, 1e-9, 0.0).message
+    assert (
+        error.message
+        == UniqueEfforts().refusal(0.25, drives(1), ways, load, 1e-9, 0.0, {"elbow": np.ones(len(load))}).message
+    )
     assert "leave a load of 2 N*m or N uncarried" in error.message
 
 

@@ -262,3 +262,21 @@ def test_torques_beside_forces_need_weights():
 def test_fewer_drives_than_freedoms_leave_a_load(arm):
     with pytest.raises(DrivesError, match=r"leave a load of .* uncarried"):
         held(arm, drives=["A"], share="least_squares")
+
+
+@pytest.mark.parametrize("kind", ["statics", "inverse"])
+def test_too_few_drives_name_the_coordinate_that_lacks_one(kind):
+    """An arm of two links whose elbow has no drive: its weight turns the elbow while the shoulder rests."""
+    points = {"O": ["0 m", "0 m"], "A": ["0.3 m", "0.1 m"], "B": ["0.6 m", "0 m"]}
+    links = {"upper": {"points": ["O", "A"], "mass": "1 kg"}, "fore": {"points": ["A", "B"], "mass": "1 kg"}}
+    mechanism = {"pinarm": 1, "planar": {"points": points, "links": links, "ground": ["O"]}}
+    fixed = {name: {"law": "constant", "value": "10 deg"} for name in "OA"}
+    moving = {"time": {"end": "1 s", "samples": 3}, "motion": fixed}
+    problem = {
+        "kind": kind,
+        "drives": ["O"],
+        **(moving if kind == "inverse" else {"hold": {"O": "1 deg", "A": "1 deg"}}),
+    }
+    with pytest.raises(DrivesError, match="uncarried: A moves while they rest") as caught:
+        pinarm.run({"pinarm": 1, "mechanism": mechanism, "problem": problem, "outputs": ["O"]})
+    assert caught.value.hint == "drives: [O, A]"

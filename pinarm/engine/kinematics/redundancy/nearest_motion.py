@@ -16,7 +16,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.kinematics.joint_motion import JointTrajectory, prescribed_at_start
-from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
 from pinarm.engine.kinematics.redundancy.limited_path import AtLimits, LimitCrossing, LimitedPath, first_crossing
 from pinarm.engine.kinematics.redundancy.nearest import NearestState
 from pinarm.engine.kinematics.redundancy.nearest_start import first_configuration
@@ -78,6 +78,10 @@ class NearestMotion:
     def laws(self) -> tuple[MotionLaw, ...]:
         """Their laws."""
         return self.prescribed.laws
+
+    def begin(self, grid: Grid, start: Array) -> Assembly:
+        """Return the start itself: the posture chooses the first configuration."""
+        return Assembly(start)
 
     def follow(self, grid: Grid, start: Array) -> JointTrajectory:
         """Return the motion of the joints: see ``JointMotion``.

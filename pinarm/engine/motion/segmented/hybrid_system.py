@@ -21,12 +21,14 @@ from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.integrator import Interval, Method
-from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.kinematics.abscissa import running
+from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
 from pinarm.engine.motion.segmented.end_stops import REST, Bound, Contacts, Held
 from pinarm.engine.motion.segmented.separations import Separation
 from pinarm.engine.motion.segmented.stop_shares import StopShares
 from pinarm.engine.motion.systems import Initial, System, system_of
 from pinarm.errors import DynamicsError, InputError
+from pinarm.input.units import unit
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid, MotionLaw
@@ -243,6 +245,8 @@ class HybridSystem(Record, frozen=True):
             InputError: It contradicts itself, the laws, or a stop.
         """
         held = self._closed_at_start(initial)
+        assembly = self.assembly if initial is self.initial else self._assembled(initial)
+        initial = replace(initial, q=assembly.q, drawn=None)
         system, start = self.system(held), np.array(self.cuts[:1])
         whole_q, whole_v = system.whole(start, *(x[None] for x in system.begin(initial, *self.cuts[:2])))
         if initial.rates:
@@ -259,6 +263,23 @@ class HybridSystem(Record, frozen=True):
             if bound.gap(whole_q[0]) < -bound.slack:
                 raise InputError(bound.passed_at_start(whole_q[0]))
         return whole_q[0], whole_v[0]
+
+    @cached_property
+    def assembly(self) -> Assembly:
+        """The first position of the mechanism; see ``first_position``."""
+        return self._assembled(self.initial)
+
+    def _assembled(self, initial: Initial) -> Assembly:
+        """Return the configuration of an initial state, the loops closed; of couplings alone as it is given."""
+        closure, (start, end) = self.closure_of(self._closed_at_start(initial)), self.cuts[:2]
+        if self.prescribed.linear_in(closure):
+            return Assembly(initial.q)
+        from pinarm.engine.kinematics.assembly import first_position
+
+        known, values = initial.known(self.prescribed, closure)
+        w, drawn = self.prescribed.on(start, end)(start)[0], initial.q if initial.drawn is None else initial.drawn
+        with running("t", unit("s")):
+            return first_position(closure, known, np.array([*w, *values]), start, drawn, initial.q)
 
     def _closed_at_start(self, initial: Initial) -> Held:
         """Return the one-sided constraints that hold in an initial state: those that given values do not open.

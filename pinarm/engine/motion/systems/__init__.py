@@ -36,11 +36,10 @@ def system_of(closure: Closure, dynamics: Dynamics, prescribed: PrescribedCoordi
     Raises:
         InputError: They cannot be prescribed independently.
     """
-    couplings = [constraint for constraint in closure.constraints if isinstance(constraint, Coupling)]
     linear = [coordinate for coordinate in prescribed.coordinates if isinstance(coordinate, LinearCoordinate)]
-    bent = len(linear) < len(prescribed.coordinates) or len(couplings) < len(closure.constraints)
-    if bent or closure.redundant:
+    if not prescribed.linear_in(closure):
         return _constrained(closure, dynamics, prescribed, initial, linear)
+    couplings = [constraint for constraint in closure.constraints if isinstance(constraint, Coupling)]
     if couplings or linear:
         return _partitioned(closure, dynamics, prescribed, initial, couplings, linear)
     from pinarm.engine.motion.systems.free import FreeSystem

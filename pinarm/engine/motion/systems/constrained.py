@@ -29,9 +29,7 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems.row_motion import CLOSED, ITERATIONS, ROUNDED, TURNED, RowMotion
 from pinarm.engine.motion.systems.system import KEPT, CompletedStates, Initial
 from pinarm.errors import AssemblyError, InputError
-from pinarm.mechanics.ball_joints import coordinate_at, coordinate_name
 from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record
 
@@ -89,14 +87,7 @@ class ConstrainedSystem(Record, frozen=True):
             DynamicsError: Something without mass is left free.
         """
         w, dw, ddw = self.prescribed.on(start, end)(start)
-        given = [coordinate_at(self.rows.model, index) for index in initial.positions]
-        here = self.rows.state(initial.q)
-        values = [one.value(here) for one in given]
-        everything = PrescribedCoordinates(
-            (*self.prescribed.names, *(coordinate_name(self.rows.model, index) for index in initial.positions)),
-            (*self.prescribed.coordinates, *given),
-            (*self.prescribed.laws, *(Constant(value=value) for value in values)),
-        )
+        everything, values = initial.known(self.prescribed, self.rows)
         q = assembled(self.own, everything, initial.q, np.array([*w, *values]), start)
         self._check_independent(self.rows.rows(self.rows.state(q)))
         require_masses(self.rows, q[None], start)

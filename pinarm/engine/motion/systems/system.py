@@ -13,6 +13,9 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.mechanics.ball_joints import coordinate_at, coordinate_name
+from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, ValueRecord, replace
 
@@ -52,6 +55,8 @@ class Initial(Record, frozen=True):
         velocities: Indices in v of the joints whose velocities are given.
         rates: Other coordinates whose rates are given, and these [rad/s or m/s].
         followers: Rotors of elastic gears.
+        drawn: The configuration of the drawing, or of the start, from which the mechanism is assembled, shape (nq,); q
+            itself where it is left out.
     """
 
     q: Array
@@ -60,6 +65,17 @@ class Initial(Record, frozen=True):
     velocities: tuple[int, ...] = ()
     rates: tuple[tuple[Coordinate, float], ...] = ()
     followers: tuple[Follower, ...] = ()
+    drawn: Array | None = None
+
+    def known(self, prescribed: PrescribedCoordinates, closure: Closure) -> tuple[PrescribedCoordinates, list[float]]:
+        """Return coordinates that follow laws and those that are given; and the values of the latter."""
+        given, here = [coordinate_at(closure.model, index) for index in self.positions], closure.state(self.q)
+        values = [one.value(here) for one in given]
+        return PrescribedCoordinates(
+            (*prescribed.names, *(coordinate_name(closure.model, index) for index in self.positions)),
+            (*prescribed.coordinates, *given),
+            (*prescribed.laws, *(Constant(value=value) for value in values)),
+        ), values
 
     def given_rates(self) -> Array:
         """Return the given velocities, not a number where none is given, shape (nv,)."""

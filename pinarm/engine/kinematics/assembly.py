@@ -1,0 +1,448 @@
+"""The first position of a run: the assembly of the drawing, followed to the first values of the prescribed coordinates.
+
+The loops are closed near the start: all coordinates 0, as drawn, or what ``start`` says. From there the prescribed
+coordinates go in a straight line to their first values, by the steps that follow the rows of a table. Where this way is
+singular, or leaves the limits of joints, other starts are tried: one assembly within the limits is taken, with a note;
+of several none is. Parts of a mechanism that do not depend on one another are assembled one by one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import cached_property
+from itertools import chain
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.constraint import GuidedCoordinate
+from pinarm.engine.constraints.loop_sizes import slides
+from pinarm.engine.kinematics.newton import SINGULAR, NewtonSolver, assembled, start_configuration
+from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
+from pinarm.errors import LISTED, AssemblyError, InputError, several
+from pinarm.input.units import DIMENSIONLESS, Unit
+from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.joints import RADIAN
+from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import Record, ValueRecord, replace
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+
+KEPT = 16
+"""Configurations near a start that a mechanism keeps: the cases of a sweep, and runs again, mostly begin alike."""
+
+STARTS = 20
+"""Number of other starts that are tried where the way from the drawing does not lead to the first position."""
+
+APART = 1e-4
+"""Difference of coordinates from which on two assemblies are not the same one [rad, or units of length]: at a dead
+point a gap of ``CLOSED`` leaves an angle of its root, 1e-6."""
+
+ROUNDING = 1e-9
+"""Part of a limit by which it may be passed."""
+
+OPEN = PrescribedCoordinates((), (), ())
+"""No prescribed coordinates."""
+
+
+def start_near(
+    mechanism: Mechanism, start: Mapping[str, float], prescribed: PrescribedCoordinates, grid: Grid
+) -> Array:
+    """Return the configuration from which the first position is looked for, shape (nq,).
+
+    Args:
+        mechanism: The mechanism.
+        start: Joint coordinates at the first row; see ``start_configuration``.
+        prescribed: What follows laws.
+        grid: Instants of the laws.
+
+    Raises:
+        InputError: A joint does not exist.
+    """
+    return near_given(mechanism, start_configuration(mechanism, start), start, prescribed, grid)
+
+
+def near_given(
+    mechanism: Mechanism, q: Array, given: Collection[str], prescribed: PrescribedCoordinates, grid: Grid
+) -> Array:
+    """Return a configuration with the joints that are not given near a solution, shape (nq,).
+
+    They are where loops, first values of laws and given coordinates share what is left open; from where they are 0 the
+    positions that are found may be on another branch than those given.
+
+    Args:
+        mechanism: The mechanism.
+        q: The configuration, shape (nq,).
+        given: Names of coordinates of joints that are given in it for the first row; where there are none, those of the
+            mechanism's own start count, which is at no row: values of laws play no part.
+        prescribed: What follows laws.
+        grid: Instants of the laws.
+    """
+    prescribed = prescribed if given else OPEN
+    own = [name for name in given or mechanism.start if name in mechanism.joints and name not in prescribed.names]
+    if not own or not mechanism.closure.size:
+        return q
+    places = [mechanism.joints[name].q for name in own]
+    names, w = (*prescribed.names, *own), np.append(prescribed.first(grid), q[places])
+    known, key = mechanism.near_starts, (names, q.tobytes(), w.tobytes())
+    if key not in known:
+        coordinates = *prescribed.coordinates, *(mechanism.coordinate(name) for name in own)
+        solver = NewtonSolver(mechanism.closure, PrescribedCoordinates(names, coordinates, ()))
+        if len(known) == KEPT:
+            known.clear()
+        known[key] = solver.closest(q, w, solver.sliding * solver.untied)[0]
+        known[key][places] = q[places]
+    return known[key].copy()
+
+
+def first_position(
+    closure: Closure, prescribed: PrescribedCoordinates, w: Array, t: float, drawn: Array, near: Array | None = None
+) -> Assembly:
+    """Return the configuration in which prescribed coordinates have their first values, closed to ``CLOSED``.
+
+    Args:
+        closure: The constraints.
+        prescribed: The coordinates; there may be fewer than degrees of freedom.
+        w: Their first values, shape (k,).
+        t: The first instant, for messages.
+        drawn: A configuration near the drawing, or that of the start, shape (nq,).
+        near: A configuration with the first values, rough elsewhere; the drawn one with those of joints where it is
+            left out.
+
+    Raises:
+        AssemblyError: The values are out of reach.
+        InputError: Several assemblies have these values, and none is reached from the drawing.
+    """
+    whole = _Part(closure, prescribed, w, t)
+    if not whole.solver.names or (whole.has_values(drawn) and not whole.beyond(drawn, drawn)):
+        return Assembly(drawn)
+    notes, q = list[str](), drawn
+    for part in _parts(whole):
+        found = part.assembled(q, near)
+        q = found.q
+        notes += found.notes
+    return Assembly(q, tuple(notes))
+
+
+def closed_drawing(closure: Closure, drawn: Array) -> Assembly:
+    """Return the closed configuration near the drawing; with a note where the loops close elsewhere only.
+
+    Raises:
+        AssemblyError: The loops do not close.
+    """
+    nothing = np.zeros(0)
+    found = first_position(closure, OPEN, nothing, 0.0, drawn)
+    return replace(found, q=assembled(closure, OPEN, found.q, nothing, 0.0))
+
+
+def _parts(whole: _Part) -> list[_Part]:
+    """Return the parts of a mechanism that do not depend on one another."""
+    closure, prescribed = whole.closure, whole.prescribed
+    guided = closure.with_guides(prescribed.names, prescribed.coordinates)
+    parts = guided.parts
+    if len(parts) <= 1:
+        return [whole]
+    places, found = {name: place for place, name in enumerate(prescribed.names)}, []
+    for joints, constraints in parts:
+        own = [one for one in constraints if not isinstance(one, GuidedCoordinate)]
+        some = [places[one.name] for one in constraints if isinstance(one, GuidedCoordinate)]
+        moving = np.flatnonzero(guided.groups == guided.groups[joints[0]])
+        found.append(_Part(Closure.of(closure.model, own), _some(prescribed, some), whole.w[some], whole.t, moving))
+    return found
+
+
+def _some(prescribed: PrescribedCoordinates, places: list[int]) -> PrescribedCoordinates:
+    names, coordinates = prescribed.names, prescribed.coordinates
+    return PrescribedCoordinates(tuple(names[k] for k in places), tuple(coordinates[k] for k in places), ())
+
+
+class _Way(Record, frozen=True):
+    """The way along which an assembly is followed from the drawing.
+
+    Attributes:
+        begun: Whether the loops close near the drawing, within the limits of joints and not in a singular position.
+        end: Where it leads, shape (nq,); ``None`` where it does not reach the first position.
+        fault: Why its end is not simply taken; empty where it is.
+    """
+
+    begun: bool
+    end: Array | None
+    fault: str = ""
+
+
+class _Part:
+    """A part of a mechanism, to be assembled.
+
+    Args:
+        closure: Its constraints.
+        prescribed: Its prescribed coordinates.
+        w: First values of these, shape (k,).
+        t: The first instant.
+        moving: Indices in v of its joints; all where it is left out.
+    """
+
+    def __init__(
+        self, closure: Closure, prescribed: PrescribedCoordinates, w: Array, t: float,
+        moving: Indices | slice = slice(None),
+    ) -> None:  # fmt: skip
+        self.closure, self.model, self.prescribed = closure, closure.model, prescribed
+        self.w, self.t, self.moving = w, t, moving
+        self.solver = NewtonSolver(closure, prescribed, moving)
+
+    def has_values(self, q: Array) -> bool:
+        """Tell whether the loops are closed and the coordinates have their first values."""
+        state = self.closure.state(q)
+        return self.solver.closed(state, self.solver.gap(state, self.w), self.w)
+
+    def assembled(self, drawn: Array, near: Array | None) -> Assembly:
+        """Return the first position of the part; see ``first_position``."""
+        direct, error = self._closed(drawn if near is None else self._copied(near, drawn))
+        way = self._way(drawn, direct)
+        if way.end is not None and not way.fault:
+            return Assembly(direct if direct is not None and self._same(way.end, direct) else way.end)
+        if error is not None and way.begun:
+            raise error
+        found = self._found(drawn, [q for q in (way.end, direct) if q is not None])
+        if not found and error is not None:
+            raise error
+        return self._chosen(found, drawn, way)
+
+    def beyond(self, q: Array, start: Array) -> list[str]:
+        """Return the joints that are beyond their limits; not those that a given start, other than 0, has there."""
+        low, high = self.model.lowerPositionLimit, self.model.upperPositionLimit
+        found = []
+        for joint, _, place in self._singles:
+            slack = ROUNDING * max(1.0, abs(q[place]))
+            trusted = start[place] and not low[place] <= start[place] <= high[place]
+            if not low[place] - slack <= q[place] <= high[place] + slack and not trusted:
+                found.append(str(self.model.names[joint]))
+        return found
+
+    def _way(self, drawn: Array, direct: Array | None) -> _Way:
+        """Return the way from the drawing."""
+        free = NewtonSolver(self.closure, OPEN, self.moving)
+        try:
+            begun = free.close(drawn, np.zeros(0), self.t) if free.names else drawn
+        except AssemblyError:
+            return _Way(False, None, "the loops do not close near the start")
+        if beyond := self.beyond(begun, drawn):
+            end = begun if self.has_values(begun) else None
+            return _Way(False, end, f"the start closes with {several(beyond, LISTED)} beyond the limits")
+        if self.has_values(begun):
+            return _Way(True, begun)
+        kept = self._kept(begun, direct)
+        if kept is None:
+            return _Way(False, None, "the start is a singular position")
+        return self._straight(begun, kept, direct)
+
+    def _same(self, end: Array, direct: Array) -> bool:
+        """Tell whether the end of a way is the position found directly, in the same turn of every joint.
+
+        Of screws, whose turns to their places are many, in any: they are on the thread nearest to the start.
+        """
+        if not self.solver.sliding.all():
+            return self._apart(end, direct) <= APART
+        return bool(np.abs(pin.difference(self.model, end, direct) / self.closure.scale).max() <= APART)
+
+    def _straight(self, begun: Array, kept: Sequence[_Kept], direct: Array | None) -> _Way:
+        """Return the way on which what is kept goes to the position found directly, or else the one where it rests."""
+        if kept and direct is not None:
+            state = self.closure.state(direct)
+            way = self._followed(begun, kept, np.array([*self.w, *(one.value(state) for one in kept)]))
+            if way.end is not None:
+                return way
+        return self._followed(begun, kept, np.append(self.w, np.zeros(len(kept))))
+
+    def _followed(self, begun: Array, kept: Sequence[_Kept], w: Array) -> _Way:
+        """Return the straight way of the coordinates to values, shape (k + f,), by steps of the continuation."""
+        names, q, fault = (*self.prescribed.names, *(f"free motion {k}" for k in range(len(kept)))), begun, ""
+        everything = PrescribedCoordinates(names, (*self.prescribed.coordinates, *kept), ())
+        solver, state = NewtonSolver(self.closure, everything, self.moving), self.closure.state(begun)
+        first, still = np.array([one.value(state) for one in everything.coordinates]), np.zeros(len(w))
+        change = w - first
+        try:
+            rates = solver.rates(begun, change, still, 0.0)
+            for q, _, _ in solver.steps(begun, *rates, 0.0, 1.0, lambda s: (first + s * change, change, still)):
+                if not fault and (beyond := self.beyond(q, begun)):
+                    fault = f"the way from the start takes {several(beyond, LISTED)} beyond the limits{self._at(q)}"
+        except (AssemblyError, InputError):
+            return _Way(True, None, f"the way from the start ends at a singular position{self._at(q)}")
+        return _Way(True, q, fault)
+
+    def _kept(self, begun: Array, direct: Array | None) -> list[_Kept] | None:
+        """Return coordinates that keep what prescribed ones leave free; ``None`` where the start is singular."""
+        rows = self.solver.rows(self.closure.state(begun))
+        free = _null_space(rows)
+        if not len(free):
+            return []
+        ends = [rows, *([] if direct is None else [self.solver.rows(self.closure.state(direct))])]
+        own = min(len(_null_space(each[: self.closure.size])) for each in ends)
+        if len(free) != own - len(self.w):
+            return None
+        directions = np.zeros((len(free), self.model.nv))
+        directions[:, self.moving] = free
+        return [_Kept(begun, direction / self.closure.scale) for direction in directions]
+
+    def _found(self, drawn: Array, known: Sequence[Array]) -> list[Array]:
+        """Return the first positions that are known, and others to which other starts lead, each once.
+
+        Where prescribed coordinates leave motions free there are infinitely many: then it ends with one within limits.
+        """
+        found, others = list[Array](), (self._closed(start)[0] for start in self._starts(drawn))
+        for q in map(self._turned_back, chain(known, (q for q in others if q is not None))):
+            if all(self._apart(q, other) > APART for other in found):
+                found.append(q)
+                if not self.beyond(q, drawn) and len(_null_space(self.solver.rows(self.closure.state(q)))):
+                    return [q]
+        return found
+
+    def _starts(self, drawn: Array) -> Iterator[Array]:
+        """Yield other starts: the middle of the limits, then random ones within them, the same every time."""
+        neutral, reach = pin.neutral(self.model), np.where(slides(self.model), self.closure.extent, np.pi)
+        middle = pin.difference(self.model, neutral, drawn)
+        low, high = middle - reach, middle + reach
+        for _, v, q in self._singles:
+            ends = float(self.model.lowerPositionLimit[q]), float(self.model.upperPositionLimit[q])
+            if np.isfinite(ends).all():
+                low[v], high[v], middle[v] = *ends, 0.5 * sum(ends)
+        ways = np.random.default_rng(0).uniform(low, high, (STARTS, self.model.nv))
+        for way in (middle, *ways):
+            yield self._copied(pin.integrate(self.model, neutral, way), drawn)
+
+    def _closed(self, rough: Array) -> tuple[Array | None, AssemblyError | None]:
+        """Return the first position near a rough one, whole turns back in the limits, or why there is none."""
+        q = rough.copy()
+        for one, value in zip(self.prescribed.coordinates, self.w, strict=True):
+            if isinstance(one, LinearCoordinate) and one.joint is not None:
+                q[one.places[one.joint]] = value
+        try:
+            return self.solver.close(q, self.w, self.t), None
+        except AssemblyError as error:
+            return None, error
+
+    def _turned_back(self, q: Array) -> Array:
+        """Return a first position with joints turned back by whole turns towards the middle of their limits."""
+        turned, low, high = q.copy(), self.model.lowerPositionLimit, self.model.upperPositionLimit
+        for place in (q for _, v, q in self._singles if not slides(self.model)[v]):
+            middle = 0.5 * (low[place] + high[place]) if np.isfinite(high[place] - low[place]) else 0.0
+            turned[place] -= 2.0 * np.pi * np.round((q[place] - middle) / (2.0 * np.pi))
+        return turned if self.has_values(turned) else q
+
+    def _chosen(self, found: Sequence[Array], drawn: Array, way: _Way) -> Assembly:
+        """Return the only first position within the limits; where there is none, the end of the way, or the only one.
+
+        Raises:
+            InputError: There are several.
+        """
+        within = [q for q in found if not self.beyond(q, drawn)]
+        chosen = within or (found if way.end is None else found[:1])
+        if len(chosen) > 1:
+            raise self._undecided(chosen, way)
+        q = chosen[0]
+        if within and way.end is not None and self._apart(q, way.end) <= APART:
+            return Assembly(q)
+        limits = "within the limits, " if within else ""
+        return Assembly(q, (
+            f"assembly: {way.fault}. Other starts lead to one that is taken, {limits}{self._words(q)}. Tried were the "
+            f"middle of the limits and {STARTS} random starts only; start: chooses another",
+        ))  # fmt: skip
+
+    def _undecided(self, chosen: Sequence[Array], way: _Way) -> InputError:
+        words = " or ".join(map(self._words, chosen[:2]))
+        return InputError(
+            f"{len(chosen)} assemblies have the first values of the motion, and none is reached from the start: "
+            f"{way.fault}",
+            expected=f"joint coordinates near the one that is meant, such as {words}",
+            hint="limits of joints in the model, which choose where they leave one",
+        )
+
+    def _words(self, q: Array) -> str:
+        """Return the joints at a configuration, as a file says them."""
+        units = slides(self.model)
+        values = [
+            f"{self.model.names[joint]}: " + (f"{q[place]:.6g} m" if units[v] else f"{math.degrees(q[place]):.6g} deg")
+            for joint, v, place in self._singles
+        ]
+        return f"start: {{{several(values, LISTED)}}}"
+
+    def _at(self, q: Array) -> str:
+        """Return the prescribed coordinates at a configuration, in words."""
+        state = self.closure.state(q)
+        told = [
+            f"{name} = " + (f"{math.degrees(one.value(state)):.6g} deg" if one.unit == RADIAN
+                            else f"{one.value(state):.6g} {one.unit}")
+            for name, one in zip(self.prescribed.names, self.prescribed.coordinates, strict=True)
+        ]  # fmt: skip
+        return f" at {several(told, LISTED)}" if told else ""
+
+    def _apart(self, q: Array, other: Array) -> float:
+        """Return how far two configurations are apart, but for whole turns [rad, or units of length]."""
+        apart = pin.difference(self.model, other, q) / self.closure.scale
+        turned = np.where(slides(self.model), apart, np.remainder(apart + np.pi, 2.0 * np.pi) - np.pi)
+        return float(np.abs(turned[self.moving]).max(initial=0.0))
+
+    def _copied(self, q: Array, other: Array) -> Array:
+        """Return a configuration with the joints of the part as in q, and all others as in another one."""
+        found = other.copy()
+        for joint in self._joints:
+            own = slice(self.model.idx_qs[joint], self.model.idx_qs[joint] + self.model.nqs[joint])
+            found[own] = q[own]
+        return found
+
+    @cached_property
+    def _joints(self) -> list[int]:
+        """Indices of the joints of the part."""
+        moving = np.zeros(self.model.nv, dtype=bool)
+        moving[self.moving] = True
+        return [joint for joint in range(1, self.model.njoints) if moving[self.model.idx_vs[joint]]]
+
+    @cached_property
+    def _singles(self) -> list[tuple[int, int, int]]:
+        """Joints of the part with one coordinate that is not prescribed: their indices, those in v and in q."""
+        given = {one.joint for one in self.prescribed.coordinates if isinstance(one, LinearCoordinate)}
+        places = [(joint, self.model.idx_vs[joint], self.model.idx_qs[joint]) for joint in self._joints]
+        return [one for one in places if self.model.nqs[one[0]] == self.model.nvs[one[0]] == 1 and one[1] not in given]
+
+
+class _Kept(ValueRecord, frozen=True):
+    """How far a configuration is from another one along a direction: ``w = d . (q - q0)``.
+
+    Attributes:
+        start: q0, shape (nq,).
+        direction: d, shape (nv,).
+        unit: None: the direction has the unit of every joint.
+    """
+
+    wraps: ClassVar[bool] = False
+    start: Array
+    direction: Array
+    unit: Unit = DIMENSIONLESS
+
+    def value(self, state: Kinematics) -> float:
+        """Return ``d . (q - q0)``."""
+        return float(self.direction @ pin.difference(state.model, self.start, state.q))
+
+    def row(self, state: Kinematics) -> Array:
+        """Return its derivative, shape (nv,)."""
+        return np.asarray(self.direction @ pin.dDifference(state.model, self.start, state.q)[1])
+
+    def drift(self, state: Kinematics) -> float:
+        """Return 0, which is right but for ball joints; predictions of these are corrected."""
+        return 0.0
+
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
+        """Return nothing: it carries no load."""
+        return {}
+
+
+def _null_space(rows: Array) -> Array:
+    """Return the motions that rows leave free, orthonormal, shape (f, nv)."""
+    _, values, ways = np.linalg.svd(rows)
+    return np.asarray(ways[np.count_nonzero(values > SINGULAR * values.max(initial=0.0)) :])
