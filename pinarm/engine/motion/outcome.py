@@ -9,6 +9,7 @@ import numpy as np
 from msgspec import field
 
 from pinarm.arrays import Array, distinct
+from pinarm.engine.motion.decision import Decision
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record
@@ -61,6 +62,7 @@ class Outcome(Record, frozen=True):
         figures: What was measured of accuracy and cost, by name.
         events: Events and impacts, in order of time.
         notes: What to know of the solution, such as that its integrator was a poor choice.
+        decisions: For everything that happens or not, the decision that is the least certain.
     """
 
     rows: Trajectory
@@ -68,6 +70,7 @@ class Outcome(Record, frozen=True):
     figures: Mapping[str, float] = field(default_factory=dict)
     events: Sequence[EventRecord] = ()
     notes: tuple[str, ...] = ()
+    decisions: tuple[Decision, ...] = ()
 
 
 def on_interval(motion: SolvedMotion, cuts: Sequence[float], interval: int, t: Array) -> Trajectory:

@@ -18,6 +18,7 @@ from msgspec.structs import asdict
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import LOST
 from pinarm.engine.checks.limits import Excess, excesses, highest_row
+from pinarm.engine.motion.decision import open_notes
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
@@ -357,7 +358,10 @@ class Result(Record, frozen=True):
         from pinarm.use.result.stored_rows import states
 
         rows, figures = self.trajectory, dict(self.outcome.figures)
-        outcome = {"figures": figures, "events": tuple(self.outcome.events), "notes": self.outcome.notes}
+        outcome = {
+            "figures": figures, "events": tuple(self.outcome.events), "notes": self.outcome.notes,
+            "decisions": self.outcome.decisions,
+        }  # fmt: skip
         measured = {name: getattr(self, name) for name in MEASURED}
         return self.scenario.result_of_rows, (rows.mechanism, states(rows), outcome, measured)
 
@@ -507,7 +511,8 @@ class Result(Record, frozen=True):
         ]
         coarse = coarse_angles(run.mechanism.joints, run.q)
         missed = unreached(self.quantities, self.content.expect)
-        said = [*run.mechanism.notes, *doubts, *self.outcome.notes, *missed, *coarse, *self._periods()]
+        undecided = open_notes(self.outcome.decisions)
+        said = [*run.mechanism.notes, *doubts, *undecided, *self.outcome.notes, *missed, *coarse, *self._periods()]
         return list(dict.fromkeys(said))  # a result that is read from a folder brings its own along
 
     def _periods(self) -> list[str]:
