@@ -37,12 +37,14 @@ class Switch(NamedTuple, Generic[Inputs]):
         mode: Mode afterwards; ``None`` for the same.
         jumps: Whether the value may also change its sign at once, where a sampled controller acts. As long as the mode
             lasts ``-direction * value`` is not negative.
+        leaps: Whether what is given leaps there, as the output of a relay does.
     """
 
     value: Callable[[Inputs], Array]
     direction: int = 0
     mode: int | None = None
     jumps: bool = False
+    leaps: bool = False
 
 
 def mode_of(modes: Modes, k: int) -> Modes:

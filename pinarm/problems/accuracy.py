@@ -32,6 +32,8 @@ class Accuracy(InputStruct, frozen=True):
             of the method if one is given; tolerance and step are then not used.
         max_steps: Number of steps after which the time integration gives up, rejected ones included, such as
             ``1000000``.
+        max_events: Number of impacts, slips that begin or end, and switches of relays after which it gives up, such as
+            ``10000``; the motion until then is kept.
     """
 
     unoffered: ClassVar[Collection[str]] = REMOVED
@@ -40,6 +42,7 @@ class Accuracy(InputStruct, frozen=True):
     step: Duration | None = None
     target: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)] | None = None
     max_steps: Annotated[int, msgspec.Meta(ge=1)] = 200_000
+    max_events: Annotated[int, msgspec.Meta(ge=1)] = 10_000
 
     def check(self) -> None:
         """Refuse a tolerance for steps of one length, and a step for a method that chooses its own.

@@ -9,13 +9,11 @@ import numpy as np
 from pinarm.arrays import Indices
 from pinarm.engine.integration.batch_solution import Ensemble
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.integrated_motion import event_columns, states
-from pinarm.engine.motion.segmented.ensembles import event_records
+from pinarm.engine.motion.integrated_motion import states
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.forward import Forward
-from pinarm.records import replace
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,5 +48,4 @@ class BatchTable:
         rows = Grid(grid.t[instant], grid.cuts, (0, *map(int, np.cumsum([len(some) for some, _ in parts]))))
         q, v = (x[motion, instant] for x in ensemble.states(grid.t))
         run = states(mechanism, hybrid, rows, hybrid.system().complete(hybrid.dynamics, rows, q, v))
-        events = [event_records(hybrid, crossings) for crossings in ensemble.crossings]
-        return cls(replace(run, columns=event_columns(problem.events, events, motion)), motion, instant)
+        return cls(run, motion, instant)

@@ -16,9 +16,10 @@ from pinarm.errors import InputError, Key, Place
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Restitution, check_unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.joints import RADIAN, joint_of
+from pinarm.records import replace
 
 REACHED = 1e-6
-"""Distance of an angle to a value at an instant that is known to rounding where it reaches it [rad]."""
+"""Distance of a value to half a turn that is rounding of its digits [rad]."""
 
 DIRECTIONS = {"rising": 1, "falling": -1, "any": 0}
 
@@ -84,7 +85,8 @@ def watches_of(mechanism: Mechanism, events: Mapping[str, Event], begins: float,
             if coordinate.wraps and abs(float(event.reaches)) > np.pi + REACHED:
                 raise InputError(f"'{event.when}' is told from -180 to 180 deg", expected="a value between these",
                                  hint=f"in the mechanism file: turns: [{event.when}], which counts them")  # fmt: skip
-        found[name] = _watched(mechanism.closure, coordinate, event, begins)
+        watch = _watched(mechanism.closure, coordinate, event, begins)
+        found[name] = replace(watch, what=f"event '{name}' takes place", unit=str(coordinate.unit))
     return found
 
 
@@ -92,7 +94,7 @@ def _watched(closure: Closure, coordinate: Coordinate, event: Event, begins: flo
     """Return what is watched of a coordinate.
 
     Of an angle that may be told between -180 and 180 deg it is the sine of the difference to the value, which does not
-    jump there; that it is 0 at other values, too, does not count, but for -180 deg in place of 180.
+    jump there; that it is 0 half a turn from the value, too, does not count.
     """
     half = abs(abs(float(event.reaches)) - np.pi) < REACHED
     distance = _distance(closure, coordinate, float(event.reaches))
@@ -102,7 +104,7 @@ def _watched(closure: Closure, coordinate: Coordinate, event: Event, begins: flo
 
     def counts(*states: Array) -> Flags:
         apart = np.abs(distance(*states))
-        return np.asarray(np.minimum(apart, np.abs(apart - 2.0 * np.pi) if half else apart) < REACHED)
+        return np.asarray(np.minimum(apart, np.abs(apart - 2.0 * np.pi) if half else apart) < 0.5 * np.pi)
 
     return Watch(lambda *states: np.sin(distance(*states)), direction, stops, counts=counts, begins=begins,
                  level=level)  # fmt: skip

@@ -158,6 +158,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             hybrid = HybridSystem(
                 mechanism.closure, acting, prescribed, initial, span, bounds, watches,
                 accuracy.integrator(), accuracy.max_steps, frictions=mechanism.frictions, controls=controls,
+                max_events=accuracy.max_events,
             )  # fmt: skip
             hybrid.closed_system  # noqa: B018  refuses laws that contradict each other
         return hybrid

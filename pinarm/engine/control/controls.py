@@ -164,7 +164,11 @@ class _SampledStates:
 def _watch(load: PresentEfforts, number: int, switch: Switch[Given]) -> Watch:
     """Return where the way of a controller changes; what a sample may change at once falls through 0."""
     if not switch.jumps:
-        return Watch(lambda t, q, v: switch.value(load.given(number, t, q, v)), switch.direction, stops=True)
+        one = load.memory.continuous[number]
+        what, measured = (f"the controller of {', '.join(one.drives)} switches", str(one.signals[0].unit)) if (
+            switch.leaps) else ("", "")  # fmt: skip
+        return Watch(lambda t, q, v: switch.value(load.given(number, t, q, v)), switch.direction, stops=True, what=what,
+                     unit=measured)  # fmt: skip
     sign = -switch.direction
     return Watch(lambda t, q, v: sign * switch.value(load.given(number, t, q, v)), -1, stops=True, loaded=True)
 

@@ -73,6 +73,11 @@ class Reserve:
     group: int
     slack: float
 
+    def margin(self, t: Array, q: Array, v: Array) -> Array:
+        """Return ``bound - |phi|`` [N*m or N], shape (n,)."""
+        held, bounds = self.sliding_at(float(t[0]), float(t[-1])).reserves(self.group, t, q, v)
+        return np.asarray(bounds - np.abs(held))
+
     def left(self, t: Array, q: Array, v: Array) -> Array:
         """Return ``bound^2 - phi^2`` with some slack, which is smooth where phi vanishes, shape (n,)."""
         held, bounds = self.sliding_at(float(t[0]), float(t[-1])).reserves(self.group, t, q, v)

@@ -12,7 +12,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.integration.batch_solution import ActiveMotions, BatchStep, Ensemble
-from pinarm.engine.integration.events import Watch, keeps_sign, locate_crossings, nodes
+from pinarm.engine.integration.events import Watch, keeps_sign, locate_crossings
 from pinarm.engine.integration.first_step import first_step
 from pinarm.engine.integration.integrator import EmbeddedPair, Interval, Manifold, Solution, StepsOver
 from pinarm.engine.integration.methods.explicit import HALVES, middle
@@ -26,6 +26,7 @@ from pinarm.engine.integration.step_control import (
     growth,
     shrinkage,
 )
+from pinarm.engine.integration.step_series import nodes
 from pinarm.engine.integration.steps import StepTable
 
 Advance = Callable[[ActiveMotions], tuple[ActiveMotions, Flags]]

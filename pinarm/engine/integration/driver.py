@@ -34,6 +34,7 @@ APART = 1e3
 def integrate(
     intervals: Sequence[Interval], manifold: Manifold, q: Array, v: Array, method: Method, *,
     max_steps: int = 1_000_000, watches: Sequence[Watch] = (), steps_over: StepsOver | None = None,
+    begun_with: float = 0.0,
 ) -> Solution:  # fmt: skip
     """Integrate over consecutive intervals; a step ends exactly at the end of each.
 
@@ -46,6 +47,7 @@ def integrate(
         max_steps: Largest number of steps, rejected ones included.
         watches: Values whose zero crossings are located; one that stops ends the integration at its crossing.
         steps_over: Whether a step may have stepped over a piece of a load; methods with variable steps reject it.
+        begun_with: Error of the initial state; see ``Solution``.
 
     Returns:
         The steps, with dense output.
@@ -56,7 +58,7 @@ def integrate(
         Interrupted: The user interrupted it; likewise.
     """
     q, v = manifold.project(np.asarray(q, float)), np.asarray(v, float)
-    solution = Solution(method, manifold, intervals)
+    solution = Solution(method, manifold, intervals, begun_with=begun_with)
     stepper = method.stepper(manifold, solution.count)
     steps = _compiled(solution, stepper, steps_over) or SingleSteps(solution, stepper, steps_over)
     driver = _Driver(solution, stepper, steps, max_steps, watches)
@@ -190,6 +192,7 @@ class _Driver(Struct, eq=False, dict=True, weakref=True):
                 self.steps.drop_all()
                 self.solution.crossings.clear()
                 self.solution.unresolved.clear()
+                self.solution.nearest.clear()
                 self.stepper.begin(span, begun)
         return t, self.stepper.y.copy()
 

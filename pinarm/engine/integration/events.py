@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.integration.integrator import Crossing, Solution
+from pinarm.engine.integration.step_series import nodes, series_of
+from pinarm.engine.integration.turns import (
+    BESIDE,
+    DIGITS,
+    NEGLIGIBLE,
+    REACHED,
+    Turn,
+    may_turn,
+    note_nearest,
+    turns_in,
+)
 from pinarm.records import ValueRecord
 
 MOST_SECANTS = 400
 """Steps to a crossing: a fourth of them halve the bracket, which takes less than 100 halvings to rounding."""
-
-NEGLIGIBLE = 1e-14
-"""Size of the last coefficients of a series that are rounding, over the largest; they would disturb its roots."""
-
-BESIDE = 1e-3
-"""Part of a step up to which roots outside of it are told from those within: one at an end may be on either side. Signs
-between the roots decide what is a crossing."""
 
 NEAR = 1e-6
 """Part of a value by which its series may keep one sign and the step still be looked at: it may come to 0 there but for
@@ -29,10 +32,6 @@ rounding."""
 
 LEFT, ROUNDED = 1e-9, 1e-14
 """Value where a motion begins, relative to the largest in the step, and rounding [rad or m], up to which it is 0."""
-
-REACHED, DIGITS = 1e-13, 1e-15
-"""Rounding of a value, relative to the largest in the step, with that of a few impacts before it; and that of a
-difference, relative to the numbers."""
 
 SAME_INSTANT = 1e-13
 """Difference of two instants, relative to the time or the step, that is rounding of their roots: what is watched at the
@@ -58,8 +57,14 @@ class Watch(ValueRecord, frozen=True):
             motion lasts: where loads jump at a sample and it is negative then, the integration ends there.
         counts: ``(t, q, v) -> whether`` a crossing at these states counts, shape (n,); all do where it is ``None``.
         begins: Instant at which the motion begins [s]: a value that is 0 there does not cross it in leaving it.
-        level: Size of the numbers whose difference the value is. Where it turns back at 0, or the integration ends at
-            0, but for the rounding of these, it comes to 0 as where it crosses it. ``None`` where it has to cross it.
+        level: Size of the numbers whose difference the value is. Where it turns back at 0 but for the error of the
+            solution, or the integration ends at 0 but for the rounding of these numbers, it comes to 0 there, once.
+            ``None`` where it has to cross 0.
+        what: What happens where the value comes to 0, or ends there where ``loaded``; empty where nothing is decided.
+        unit: Unit of the margin.
+        margin: Distance to the threshold, of the sign of the value; ``None`` where it is the value.
+        sensitivity: ``(t, q, v) -> change of the margin`` in one state by a relative error 1 of the states; ``None``
+            where it is not known.
     """
 
     value: Callable[[Array, Array, Array], Array]
@@ -69,10 +74,21 @@ class Watch(ValueRecord, frozen=True):
     counts: Callable[[Array, Array, Array], Flags] | None = None
     begins: float = -math.inf
     level: float | None = None
+    what: str = ""
+    unit: str = ""
+    margin: Callable[[Array, Array, Array], Array] | None = None
+    sensitivity: Callable[[Array, Array, Array], float] | None = None
+
+    @property
+    def decides(self) -> bool:
+        """Whether something is decided where the value turns near 0."""
+        return bool(self.what) or self.level is not None
 
 
 def possible_crossings(solution: Solution, watches: Sequence[Watch], first: int, y: Array) -> Indices:
-    """Return in which steps of a solution a watched value may cross zero: bounds on its Chebyshev series decide.
+    """Return in which steps of a solution a watched value may cross zero, or turn near it.
+
+    Bounds on its Chebyshev series decide.
 
     Args:
         solution: The solution.
@@ -93,9 +109,10 @@ def possible_crossings(solution: Solution, watches: Sequence[Watch], first: int,
         q[:, end], v[:, end] = states[:, :nq], states[:, nq:]
     flat = instants.ravel(), q.reshape(-1, nq), v.reshape(len(instants.ravel()), -1)
     kept = np.ones(len(indices), dtype=bool)
-    for watch in watches:
+    for number, watch in enumerate(watches):
         values = watch.value(*flat).reshape(shape[:2])
         kept &= keeps_sign(values) & (resolved(values) if watch.loaded else True)
+        kept &= ~may_turn(solution, watch, number, values, indices)
     return np.asarray(indices[~kept])
 
 
@@ -118,7 +135,8 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
         Whether the integration stops.
     """
     step, whole = solution.steps[index], np.array([[0.0, 1.0]])
-    crossings, latest, slack = [], math.inf, SAME_INSTANT * max(abs(step.t), abs(step.h))
+    crossings, turns = list[tuple[float, int]](), list[Turn]()
+    latest, slack = math.inf, SAME_INSTANT * max(abs(step.t), abs(step.h))
     first = _states(solution, index, y, whole)
     for number, watch in enumerate(watches):
         for part in _parts(solution, index, y, watch, watch.value(*first)):
@@ -127,12 +145,10 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
                 break
             if not part.resolved:
                 solution.unresolved.append((start, start + length))
-            for low, high, above in _brackets(part.values, watch.direction, watch.level):
-                bracket = start + length * low, start + length * high
-                instant = _refined(solution, index, watch, bracket, above=above) if low < high else bracket[0]
-                if instant is None or not _counts(solution, index, watch, instant):
-                    continue
-                if start == watch.begins and _leaves(solution, index, watch, instant, part.values):
+            near = turns_in(solution, index, watch, number, part.values, (part.low, part.high))
+            turns += (near := [turn for turn in near if _counts(solution, index, watch, turn.t)])
+            for instant in _instants(solution, index, watch, part, near):
+                if watch.level is not None and _stays(solution, watch, (number, instant), crossings, turns):
                     continue
                 crossings.append((instant, number))
                 latest = min(latest, instant) if watch.stops else latest
@@ -142,12 +158,27 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
         crossings += [(end, number) for number, watch in enumerate(watches)
                       if _reaches(solution, index, watch, last.get(number, step.t), end)]  # fmt: skip
         within, stop = _until_stop(sorted(crossings), watches, slack)
+    note_nearest(solution, turns, math.inf if stop is None else stop, within[-1][1] if within else -1)
     for instant, number in within:
         q, v = solution.states_in(np.array([index]), np.array([instant]))
         solution.crossings.append(Crossing(number, instant, q[0], v[0]))
     if stop is not None:
         solution.steps.end_at(index, stop)
     return stop is not None
+
+
+def _instants(solution: Solution, index: int, watch: Watch, part: StepPart, turns: Sequence[Turn]) -> Iterator[float]:
+    """Yield when a watched value comes to 0 in a part of a step [s], but for where it only leaves its start."""
+    step = solution.steps[index]
+    start, length = step.t + step.h * part.low, step.h * (part.high - part.low)
+    for low, high, above in _brackets(part.values, watch.direction, watch.level, turns):
+        bracket = start + length * low, start + length * high
+        instant = _refined(solution, index, watch, bracket, above=above) if low < high else bracket[0]
+        if instant is None or not _counts(solution, index, watch, instant):
+            continue
+        if start == watch.begins and _leaves(solution, index, watch, instant, part.values):
+            continue
+        yield instant
 
 
 class StepPart(NamedTuple):
@@ -245,24 +276,12 @@ def _until_stop(
     return [*before, (instant, stopping)], instant
 
 
-@cache
-def nodes(parts: int) -> Array:
-    """Return the Chebyshev points of [0, 1], ends included: ``(1 - cos(pi k / n)) / 2``, n = 2 parts; (n + 1,)."""
-    return 0.5 - 0.5 * np.cos(np.pi * np.arange(2 * parts + 1) / (2 * parts))
-
-
-@cache
-def _to_series(parts: int) -> Array:
-    """Return the matrix from values at the nodes to Chebyshev coefficients on [-1, 1]."""
-    return np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(2.0 * nodes(parts) - 1.0, 2 * parts)))
-
-
 def keeps_sign(values: Array) -> Flags:
     """Return for which rows of values at the nodes the Chebyshev series has one sign: ``|c_0| > sum |c_k|``; (m,).
 
     Of those that it may bring to 0 but for rounding that is not said.
     """
-    return _is_one_sided(values @ _to_series(values.shape[1] // 2).T)
+    return _is_one_sided(series_of(values))
 
 
 def _is_one_sided(series: Array) -> Flags:
@@ -275,19 +294,28 @@ def resolved(values: Array) -> Flags:
 
     Its last coefficients are the error: of a value that is far from 0 they may be larger than where it may cross 0.
     """
-    series = np.abs(values @ _to_series(values.shape[1] // 2).T)
+    series = np.abs(series_of(values))
     rest, error, size = series[:, 1:].sum(axis=1), series[:, -2:].max(axis=1), series.max(axis=1)
     one_sign = (error <= CONVERGED * size) & (series[:, 0] > rest + FAR * error)
     return np.asarray((series[:, 0] > FAR * rest) | one_sign | (error <= EXACT * size))
 
 
-def _brackets(values: Array, direction: int, level: float | None = None) -> list[tuple[float, float, bool]]:
+def _brackets(
+    values: Array, direction: int, level: float | None = None, turns: Sequence[Turn] = ()
+) -> list[tuple[float, float, bool]]:
     """Return intervals in [0, 1], each with one zero crossing in the given direction of values at the nodes.
 
-    Also whether the values are positive before it. Where they turn back at 0 both ends are the place at which they do.
+    Also whether the values are positive before it. Where they turn back at 0 both ends are the place at which they do;
+    the crossings just before and behind it are none.
+
+    Args:
+        values: The values.
+        direction: See ``Watch``.
+        level: See ``Watch``.
+        turns: Where they turn.
     """
-    series = _to_series(len(values) // 2) @ values
-    if _is_one_sided(series) or not np.isfinite(series).all():
+    series, touches = series_of(values), [turn for turn in turns if turn.is_open and level is not None]
+    if not np.isfinite(series).all() or (_is_one_sided(series) and not touches):
         return []
     size = np.abs(series).max()
     significant = np.flatnonzero(np.abs(series) > NEGLIGIBLE * size)
@@ -297,17 +325,22 @@ def _brackets(values: Array, direction: int, level: float | None = None) -> list
     bounds = np.concatenate([[0.0], 0.5 * (here[1:] + here[:-1]), [1.0]])
     between = np.polynomial.chebyshev.chebval(2.0 * bounds - 1.0, series)
     between[0], between[-1] = values[0], values[-1]
+    above = between >= 0.0
     rounded = np.abs(between) <= (NEGLIGIBLE * size if level is None else REACHED * size + DIGITS * level)
-    above, touches = between >= 0.0, np.zeros(len(bounds), dtype=bool)
-    for k in range(1, len(bounds) - 1):  # two roots of a value that only touches 0 have rounding between them
-        if rounded[k]:
-            touches[k] = level is not None and not rounded[k - 1 : k + 2 : 2].any() and above[k - 1] == above[k + 1]
-            above[k] = above[k - 1]
-    changes = [(bounds[k], bounds[k + 1], above[k]) for k in range(len(bounds) - 1) if above[k] != above[k + 1]]
-    changes += [(bounds[k], bounds[k], above[k]) for k in np.flatnonzero(touches)]
+    for turn in (turn for turn in touches if turn.passes):
+        rounded[1:-1] |= _is_between(here, turn.place)
+    for k in np.flatnonzero(rounded[1:-1]) + 1:  # two roots of a value that only touches 0 have rounding between them
+        above[k] = above[k - 1]
+    found = [(bounds[k], bounds[k + 1], above[k]) for k in range(len(bounds) - 1) if above[k] != above[k + 1]]
+    found += [(turn.place, turn.place, turn.sign > 0.0) for turn in touches]
     return [
-        (float(low), float(high), bool(one)) for low, high, one in sorted(changes) if direction in (0, -1 if one else 1)
+        (float(low), float(high), bool(one)) for low, high, one in sorted(found) if direction in (0, -1 if one else 1)
     ]
+
+
+def _is_between(roots: Array, place: float) -> Flags:
+    """Return between which two neighbouring roots a place is, shape (n - 1,)."""
+    return np.asarray((roots[:-1] <= place) & (place <= roots[1:]))
 
 
 def _refined(
@@ -350,6 +383,30 @@ def _leaves(solution: Solution, index: int, watch: Watch, instant: float, values
     t = watch.begins + np.array([0.0, 0.5, 1.0]) * (instant - watch.begins)
     before = watch.value(t, *solution.states_in(np.full(len(t), index), t))
     return bool(np.abs(before).max() <= LEFT * np.abs(values).max() + ROUNDED)
+
+
+def _stays(
+    solution: Solution, watch: Watch, found: tuple[int, float], crossings: Sequence[tuple[float, int]],
+    turns: Sequence[Turn],
+) -> bool:  # fmt: skip
+    """Tell whether a value has been 0, but for its error, since it last came to 0: then it does not come to 0 again.
+
+    Args:
+        solution: The solution.
+        watch: What is watched.
+        found: Its index, and when it is 0 [s].
+        crossings: Crossings in the step until then.
+        turns: Turns in the step until then.
+    """
+    number, instant = found
+    known = [solution.nearest[number]] if number in solution.nearest else []
+    error = max((turn.error for turn in [*known, *turns] if turn.watch == number and turn.is_open), default=0.0)
+    earlier = [t for t, k in crossings if k == number and t <= instant]
+    earlier = earlier or [one.t for one in solution.crossings[::-1] if one.watch == number][:1]
+    if not error or not earlier:
+        return False
+    t = np.linspace(earlier[-1], instant, 5)
+    return bool(np.abs(watch.value(t, *solution.states(t))).max() <= error)
 
 
 def _reaches(solution: Solution, index: int, watch: Watch, start: float, end: float) -> bool:

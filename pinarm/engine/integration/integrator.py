@@ -20,6 +20,7 @@ from pinarm.records import ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.tableaus import Tableau
+    from pinarm.engine.integration.turns import Turn
     from pinarm.engine.kernel.library import Flow
 
 Acceleration = Callable[[float, Array, Array], Array]
@@ -328,6 +329,8 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
         final: State [q, v] at the end, projected onto the constraints, shape (nq + nv,); ``None`` where an event or a
             failure ended the integration, or where it was one of many at once.
         unresolved: Parts of steps in which a watched value varies with loads faster than it is looked at [s].
+        begun_with: Error of the state at its start, relative to ``size + |y|``.
+        nearest: Index of a watch -> the turn at which it is the least certain whether its value comes to 0.
     """
 
     method: Method
@@ -338,6 +341,8 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
     count: Count = field(default_factory=Count)
     final: Array | None = None
     unresolved: list[tuple[float, float]] = []
+    begun_with: float = 0.0
+    nearest: dict[int, Turn] = {}
     _interpolated: InterpolatedSteps = field(default_factory=InterpolatedSteps)
     _foreseen: Indices | None = None
 

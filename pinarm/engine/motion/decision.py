@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 from pinarm.records import ValueRecord
@@ -32,6 +33,11 @@ class Decision(ValueRecord, frozen=True):
     def is_open(self) -> bool:
         """Whether the error of the margin allows both outcomes."""
         return not abs(self.margin) > self.error or self.happens != (self.margin > 0.0)
+
+    @property
+    def doubt(self) -> float:
+        """Error over margin: 1 or more where it is open."""
+        return self.error / abs(self.margin) if self.margin else math.inf
 
     @property
     def words(self) -> str:

@@ -48,11 +48,15 @@ class IntegratedMotion(Record, frozen=True):
         """Return the motion with its states at the rows of a grid."""
         rows = self.at(grid)
         if not lossy(self.mechanism):
-            return Outcome(rows, self, events=tuple(self.motion.events))
+            return self._outcome(rows)
         followed = zip(self.hybrid.prescribed.coordinates, self.hybrid.prescribed.laws, strict=True)
         known = replace(self, pace=pace_of(self.mechanism, rows.v, rows.a, followed, grid))
         others = tuple(map(known._directed, rows.others))
-        return Outcome(replace(known._directed(rows), others=others), known, events=tuple(self.motion.events))
+        return replace(self._outcome(replace(known._directed(rows), others=others)), motion=known)
+
+    def _outcome(self, rows: Trajectory) -> Outcome:
+        events, decisions = tuple(self.motion.events), tuple(self.motion.decisions.values())
+        return Outcome(rows, self, events=events, decisions=decisions)
 
     def at(self, grid: Grid) -> Trajectory:
         """Return the states at the rows of a grid; accelerations are those of the equation of motion there."""

@@ -98,5 +98,5 @@ class Relay(Controller):
     def switches(self, mode: int) -> list[Switch[Given]]:
         """Return the crossing at which the relay leaves its state."""
         if mode == HIGH:
-            return [Switch(lambda given: self.deviation(given) + self.hysteresis, -1, LOW)]
-        return [Switch(lambda given: self.deviation(given) - self.hysteresis, 1, HIGH)]
+            return [Switch(lambda given: self.deviation(given) + self.hysteresis, -1, LOW, leaps=True)]
+        return [Switch(lambda given: self.deviation(given) - self.hysteresis, 1, HIGH, leaps=True)]

@@ -34,10 +34,11 @@ Value = int | float | str | bool
 Case = Mapping[str, Value]
 """Path -> value that replaces that of the scenario."""
 
-QUADRATURE, GLOBAL_ERROR = "quadrature error", "global error"
-WORTH = (*MEASURES, QUADRATURE, GLOBAL_ERROR)
+QUADRATURE, GLOBAL_ERROR, OPEN = "quadrature error", "global error", "open decisions"
+WORTH = (*MEASURES, QUADRATURE, GLOBAL_ERROR, OPEN)
 """What tells the accuracy of a case: the largest error of its figures of curves, relative to them, where there are any;
-the global error where the scenario has a target for it."""
+the global error where the scenario has a target for it; the number of decisions at thresholds that are not certain,
+where the motion comes to any."""
 
 
 NO_SECTIONS: Mapping[str, Numbered] = MappingProxyType({})
@@ -347,6 +348,8 @@ def solved_case(task: Task, values: Case) -> Solved:
             result = replace(result, figures={**result.figures, **plain(result.quantities.figures())})
             figures = {**result.figures, QUADRATURE: max(quadrature, default=np.nan)}
             figures[GLOBAL_ERROR] = np.nan if result.error is None else result.error
+            decisions = result.outcome.decisions
+            figures[OPEN] = float(sum(one.is_open for one in decisions)) if decisions else np.nan
             worth = (figures.get(name, np.nan) for name in WORTH)
             return Solved(Row((*(number for number, _ in numbers), *worth), "", _names(files)), result)
         except Interrupted:

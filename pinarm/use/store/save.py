@@ -160,7 +160,7 @@ def _resolved(result: Result, folder: Path, laws: LawTables) -> str:
         written["symbols"] = {**{name: str(value) for name, value in arguments.items()}, **result.content.symbols}
     accuracy = result.content.accuracy
     decided = accuracy.setting_keys if accuracy.target is None else result.data["accuracy"]
-    written["accuracy"] = {**decided, "max_steps": accuracy.max_steps}
+    written["accuracy"] = {**decided, "max_steps": accuracy.max_steps, "max_events": accuracy.max_events}
     source = Path(str(written["mechanism"]))
     if source.suffix and result.scenario.given is None:
         written["mechanism"] = os.path.relpath(result.folder / source, folder)

@@ -180,7 +180,7 @@ class FixedStep(ValueRecord, frozen=True):
         error, t, size = 0.0, 0.0, min(solution.size, 1.0)
         for index in distinct(np.linspace(0, len(solution.steps) - 1, SAMPLE).astype(int)):
             step = solution.steps[index]
-            difference = self._error(solution, step, size)
+            difference = self.error(solution, step, size)
             if not difference <= error:  # NaN included
                 error, t = difference, step.t
         over = solution.count.stepped_over
@@ -194,7 +194,7 @@ class FixedStep(ValueRecord, frozen=True):
         )
         return [*stepped_over, Doubt("step too large", error if error < np.inf else np.inf, text)]
 
-    def _error(self, solution: Solution, step: Step, size: float) -> float:
+    def error(self, solution: Solution, step: Step, size: float) -> float:
         """Return the largest difference between a step and its two halves, relative to ``size + |y|``.
 
         For order p it is the error of the step up to a factor ``1 - 2^-p``.

@@ -21,6 +21,7 @@ from pinarm.engine.constraints.nullspaces.nullspace import split_rows
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.records import Record, ValueRecord
 
@@ -110,6 +111,11 @@ class Stop(Protocol):
         ...
 
     @property
+    def unit(self) -> Unit:
+        """Unit of the gap."""
+        ...
+
+    @property
     def reach(self) -> float:
         """Length that its row can have."""
         ...
@@ -162,6 +168,11 @@ class Bound(ValueRecord, frozen=True):
     def acceleration(self, q: Array, v: Array, a: Array) -> float:
         """Return that of the joint."""
         return float(a[self.joint])
+
+    @property
+    def unit(self) -> Unit:
+        """Unit of the joint's coordinate."""
+        return self.coordinate.unit
 
     @property
     def place(self) -> int:

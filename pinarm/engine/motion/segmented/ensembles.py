@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.parallel import threads
 from pinarm.engine.motion.lost_turns import acting_on_angles
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
 from pinarm.engine.motion.segmented.segment_ends import of_mechanism, steps_over, watched
-from pinarm.engine.motion.trajectory import EventRecord
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.batch_solution import Ensemble
-    from pinarm.engine.integration.integrator import Crossing
 
 
 def is_batchable(hybrid: HybridSystem) -> bool:
-    """Tell whether motions from several initial states can be integrated together."""
-    if hybrid.frictions or hybrid.controls or hybrid.separations:
+    """Tell whether motions from several initial states can be integrated together: nothing is decided in them."""
+    if hybrid.frictions or hybrid.controls or hybrid.bounds or hybrid.watches:
         return False
     if acting_on_angles(hybrid.closure.constraints, hybrid.dynamics.forces):
         return False  # where angles leap is looked for motion by motion
@@ -56,12 +51,3 @@ def integrate_together(hybrid: HybridSystem, q: Array, v: Array) -> Ensemble | N
         steps_over=steps_over(hybrid, system),
         threads=threads(),
     )
-
-
-def event_records(hybrid: HybridSystem, crossings: Sequence[Crossing]) -> list[EventRecord]:
-    """Return the events of a segment that no stop has ended, in order of time."""
-    system, names = hybrid.system(), list(hybrid.watches)
-    found = [
-        (crossing, *system.whole(np.array([crossing.t]), crossing.q[None], crossing.v[None])) for crossing in crossings
-    ]
-    return [EventRecord(names[one.watch], one.t, q[0], v[0]) for one, q, v in found]

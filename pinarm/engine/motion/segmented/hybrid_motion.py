@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, takewhile
 
 import numpy as np
 
@@ -19,7 +19,9 @@ from pinarm.engine.integration.driver import integrate as integrate_smooth
 from pinarm.engine.integration.events import ROUNDED, SAME_INSTANT, Watch
 from pinarm.engine.integration.integrator import Solution
 from pinarm.engine.integration.methods.explicit import FixedStep
+from pinarm.engine.integration.turns import Turn
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
+from pinarm.engine.motion.segmented.margins import deciding, decision, sensitivity
 from pinarm.engine.motion.segmented.segment_ends import (
     CAUSES,
     Key,
@@ -95,7 +97,7 @@ class HybridIntegration(Record, frozen=True):
         v = transitions.begun(motion, t, q, v)
         v, mode = transitions.settled(motion, t, q, v, transitions.mode(t, q, v), frozenset())
         while (end := self._segment(mode, t, q, v, first)) is not None:
-            motion.require_progress(hybrid.cuts[-1])
+            motion.require_progress(hybrid.cuts[-1], hybrid.max_events)
             t, q, v, first = self._on_cut(end.t), end.q, end.v, None
             if end.stops:
                 break
@@ -111,6 +113,7 @@ class HybridIntegration(Record, frozen=True):
             before = mode.held
             following = transitions.following(mode, replace(end, t=t, v=v))
             v, mode = transitions.settled(motion, t, q, *following, frozenset() if met else before)
+            self._note_reversal(end, mode, t, q, v)
             opened = sorted((before & separations) - mode.held)
             motion.events.extend(EventRecord(hybrid.bounds[k].name + OPENED, t, q, v) for k in opened)
         return motion
@@ -144,18 +147,21 @@ class HybridIntegration(Record, frozen=True):
             MotionSegment, system, dynamics=acting, holding=hybrid.holding(mode.held),
             rubbing=hybrid.rubs(mode.held), stops=stops, shares=shares,
         )  # fmt: skip
-        watches = [of_mechanism(watch, system) for _, watch in ends]
+        watches = [of_mechanism(deciding(hybrid, watch), system) for _, watch in ends]
         try:
             solution = first() if first else self._solution(system, spans, watches, q, v)
         except (IntegrationError, Interrupted) as error:
             if error.partial and error.partial.steps:
-                self.motion.segments.append(segment(solution=error.partial))
+                self.motion.add(segment(solution=error.partial))
             error.partial = self.motion if self.motion.segments else None
             self._locate(error, system)
             if controls and isinstance(error, IntegrationError):
                 error.hint = f"{controls.advice}, or {error.hint}"
             raise
-        self.motion.segments.append(segment(solution=solution))
+        self.motion.add(segment(solution=solution))
+        for index, turn in solution.nearest.items():
+            key, watch = ends[index]
+            self.motion.consider(decision(watch, turn, "" if watch.stops else str(key)))
         end = self._note_events(solution, system, [key for key, _ in ends])
         if end is None and solution.end < hybrid.cuts[-1]:
             q, v = (x[0] for x in system.whole(np.array([solution.end]), *solution.states(np.array([solution.end]))))
@@ -175,7 +181,8 @@ class HybridIntegration(Record, frozen=True):
         last = self.motion.segments[-1]
         begun, end = float(last.solution.steps.t[-1]), last.solution.end
         slack = SAME_INSTANT * max(abs(end), float(last.solution.steps.h[-1]))
-        if any(event.name == name and event.t >= end - slack for event in self.motion.events):
+        latest = takewhile(lambda event: event.t >= end - slack, reversed(self.motion.events))
+        if any(event.name == name for event in latest):
             return replace(watch, begins=t)
         if abs(here := float(watch.value(np.array([t]), q[None], v[None])[0])) > ROUNDED:
             return watch
@@ -188,15 +195,16 @@ class HybridIntegration(Record, frozen=True):
         self, system: System, spans: Sequence[tuple[float, float]], watches: Sequence[Watch], q: Array, v: Array
     ) -> Solution:
         """Return the states of a segment, until one of what is watched ends it."""
-        hybrid, cost = self.hybrid, self.motion.cost()
+        hybrid, work = self.hybrid, self.motion.work
         return integrate_smooth(
             hybrid.intervals(system, spans),
             system.manifold,
             *system.part(q, v),
             hybrid.method if system.manifold.nv else FixedStep(hybrid.time[1] - hybrid.time[0]),
-            max_steps=hybrid.max_steps - int(cost["steps"] + cost["rejected steps"]),
+            max_steps=hybrid.max_steps - work.steps - work.rejected,
             watches=watches,
             steps_over=steps_over(hybrid, system),
+            begun_with=work.state_error,
         )
 
     def _spans(self, mode: Mode, t: float) -> list[tuple[float, float]]:
@@ -226,6 +234,18 @@ class HybridIntegration(Record, frozen=True):
                 hit, released, slip, control = (key[1] if key[0] == cause else None for cause in CAUSES)
                 end = SegmentEnd(t, q, v, hit, released, slip, control)
         return end
+
+    def _note_reversal(self, end: SegmentEnd, mode: Mode, t: float, q: Array, v: Array) -> None:
+        """Note by how much friction fails to hold a joint that turns back in a state; nothing where none does."""
+        if end.slip is None or end.slip < 0 or end.slip >= len(mode.slip.direction):
+            return
+        friction = self.hybrid.friction(mode.held)
+        watch = friction.could_hold(mode.slip, self.hybrid.span(t), end.slip)
+        if watch is None:
+            return
+        state, wrong = (np.array([t]), q[None], v[None]), self.motion.work.state_error
+        error = wrong * sensitivity(self.hybrid, watch.value, *state)
+        self.motion.consider(decision(watch, Turn(0, t, 0.0, 1.0, float(watch.value(*state)[0]), error, wrong, 0.0)))
 
     def _locate(self, error: NumericsError, system: System) -> None:
         """Say in an error where the integration ended, joint by joint."""

@@ -67,6 +67,7 @@ class HybridSystem(Record, frozen=True):
         size: What errors of steps are relative to besides the states; see ``Interval.size``.
         frictions: Joints with friction that sticks.
         controls: Controllers, whose efforts are among the loads of ``dynamics``; ``None`` for none.
+        max_events: Number of impacts, switches and other changes of contact after which to give up.
     """
 
     closure: Closure
@@ -81,6 +82,7 @@ class HybridSystem(Record, frozen=True):
     size: float = 1.0
     frictions: tuple[FrictionContact, ...] = ()
     controls: Controls | None = None
+    max_events: int = 10_000
     _systems: dict[Held, System] = {}
     _shares: dict[Held, StopShares] = {}
 

@@ -12,6 +12,7 @@ from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
 from pinarm.engine.motion.systems import System
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.joints import RADIAN
 from pinarm.records import Record, replace
 
 Key = str | tuple[str, int]
@@ -67,11 +68,13 @@ def watched(
         if k in tied and isinstance(bound, Bound):
             slack = APART * hybrid.method.tolerance * (hybrid.size + abs(bound.limit))
         if k in mode.held:
-            found.append(
-                (("released", k), Watch(partial(hybrid.push, mode.held, system, k), -1, stops=True, loaded=True))
-            )
+            push, unit = partial(hybrid.push, mode.held, system, k), "N" if bound.unit != RADIAN else "N*m"
+            holds = f"the {bound.title} holds"
+            found.append((("released", k), Watch(push, -1, stops=True, loaded=True, what=holds, unit=str(unit))))
         else:
-            found.append((("hit", k), Watch(partial(_gap, bound, slack), -1, stops=True)))
+            begins = "" if k in resting else f"contact with the {bound.title} begins"
+            gap = partial(_gap, bound, slack)
+            found.append((("hit", k), Watch(gap, -1, stops=True, what=begins, unit=str(bound.unit))))
     edges = [edge for force in hybrid.dynamics.forces.values() for edge in force.edges()]
     edges += [edge for one in hybrid.profiled for edge in one.edges()]
     found += [(("edge", k), Watch(edge.value, 0, stops=True, counts=edge.counts)) for k, edge in enumerate(edges)]
@@ -95,10 +98,12 @@ def steps_over(hybrid: HybridSystem, system: System) -> StepsOver | None:
 
 def of_mechanism(watch: Watch, system: System) -> Watch:
     """Return the watch of integrated states."""
-    counts = watch.counts
+    counts, margin, sensitivity = watch.counts, watch.margin, watch.sensitivity
     return replace(
         watch, value=lambda t, q, v: watch.value(t, *system.whole(t, q, v)),
         counts=counts and (lambda t, q, v: counts(t, *system.whole(t, q, v))),
+        margin=margin and (lambda t, q, v: margin(t, *system.whole(t, q, v))),
+        sensitivity=sensitivity and (lambda t, q, v: sensitivity(t, *system.whole(t, q, v))),
     )  # fmt: skip
 
 

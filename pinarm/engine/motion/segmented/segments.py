@@ -7,11 +7,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from msgspec import field
+from msgspec import Struct, field
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.methods.explicit import LIMITED, STIFF
+from pinarm.engine.integration.turns import step_error
+from pinarm.engine.motion.decision import Decision
 from pinarm.engine.motion.systems import CompletedStates, System
 from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.errors import IntegrationError
@@ -84,6 +86,33 @@ class MotionSegment(Record, frozen=True):
         return found if self.holding.all() else _opened(found, self.holding, self.rubbing)
 
 
+class Work(Struct):
+    """What segments have cost together: counted as they are added, since there may be very many.
+
+    Attributes:
+        steps: Number of steps.
+        evaluations: Number of accelerations computed.
+        rejected: Number of rejected steps.
+        floored: Number of steps at the noise floor.
+        state_error: Error of the state at the end, relative to ``size + |y|``: errors of steps add up.
+    """
+
+    steps: int = 0
+    evaluations: int = 0
+    rejected: int = 0
+    floored: int = 0
+    state_error: float = 0.0
+
+    def add(self, solution: Solution) -> None:
+        """Add that of a segment."""
+        steps, count = len(solution.steps), solution.count
+        self.steps += steps
+        self.evaluations += count.evaluations
+        self.rejected += count.rejected
+        self.floored += count.floored
+        self.state_error += steps * step_error(solution, steps - 1) if steps else 0.0
+
+
 class SegmentedMotion(Record, frozen=True):
     """An integrated motion: segments, end to end.
 
@@ -91,11 +120,15 @@ class SegmentedMotion(Record, frozen=True):
         dynamics: The equation of motion.
         segments: In order of time.
         events: In order of time.
+        decisions: What is decided -> the least certain decision on it.
+        work: What the segments have cost, and the error of the state at their end.
     """
 
     dynamics: Dynamics
     segments: list[MotionSegment] = field(default_factory=list)
     events: list[EventRecord] = field(default_factory=list)
+    decisions: dict[str, Decision] = field(default_factory=dict)
+    work: Work = field(default_factory=Work)
 
     @property
     def end(self) -> float:
@@ -133,15 +166,25 @@ class SegmentedMotion(Record, frozen=True):
         """Return the largest change of a coordinate in a segment, or velocity, that was integrated, in SI."""
         return max(segment.displacement for segment in self.segments)
 
-    def require_progress(self, until: float = 0.0) -> None:
+    def require_progress(self, until: float = 0.0, most: int = 1_000_000) -> None:
         """Raise where events follow one another without end, at one instant or so fast that the run has none.
 
         Args:
             until: Last instant of the run [s].
+            most: Number of segments after which to give up.
 
         Raises:
-            IntegrationError: The last ``CROWDED`` segments take no time.
+            IntegrationError: The last ``CROWDED`` segments take no time, or there are too many.
         """
+        if len(self.segments) > most:
+            raise IntegrationError(
+                f"the run has more than {most} impacts, switches and other changes of contact: it has come to "
+                f"t = {self.end:.9g} s of {until:.9g} s",
+                expected="no more than accuracy.max_events",
+                hint="a shorter time, a restitution below 1, a wider hysteresis of a relay, or a larger "
+                "accuracy.max_events: each takes some milliseconds",
+                partial=self, t=self.end,
+            )  # fmt: skip
         if len(self.segments) <= CROWDED:
             return
         before, end = self.segments[-1 - CROWDED].solution.end, self.end
@@ -151,6 +194,17 @@ class SegmentedMotion(Record, frozen=True):
                 hint="look for a controller, a stop or friction that switches back as soon as it has switched",
                 partial=self, t=end,
             )  # fmt: skip
+
+    def add(self, segment: MotionSegment) -> None:
+        """Add a segment at the end."""
+        self.segments.append(segment)
+        self.work.add(segment.solution)
+
+    def consider(self, decision: Decision) -> None:
+        """Keep a decision if it is less certain than the one that is known."""
+        known = self.decisions.get(decision.what)
+        if known is None or decision.doubt > known.doubt:
+            self.decisions[decision.what] = decision
 
     def complete(self, grid: Grid) -> CompletedStates:
         """Return the motion at the rows of a grid whose intervals do not reach over seams."""
@@ -174,14 +228,10 @@ class SegmentedMotion(Record, frozen=True):
 
     def cost(self) -> dict[str, float]:
         """Return the work done, by name."""
-        counts = [segment.solution.count for segment in self.segments]
-        cost = {
-            "steps": float(sum(len(segment.solution.steps) for segment in self.segments)),
-            "evaluations": float(sum(count.evaluations for count in counts)),
-            "rejected steps": float(sum(count.rejected for count in counts)),
-        }
-        floored = sum(count.floored for count in counts)
-        return {**cost, "steps at the noise floor": float(floored)} if floored else cost
+        work = self.work
+        cost = {"steps": float(work.steps), "evaluations": float(work.evaluations),
+                "rejected steps": float(work.rejected)}  # fmt: skip
+        return {**cost, "steps at the noise floor": float(work.floored)} if work.floored else cost
 
     def remarks(self) -> list[str]:
         """Return what is to be said of how the motion was computed; mostly nothing."""

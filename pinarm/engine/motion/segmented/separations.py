@@ -16,6 +16,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import OneSidedConstraint, one_sided
 from pinarm.engine.motion.segmented.end_stops import Stop
 from pinarm.engine.motion.trajectory import EventRecord
+from pinarm.input.units import Unit
 from pinarm.records import Record
 
 TOUCHING = 1e-11
@@ -60,6 +61,11 @@ class Separation(Record, frozen=True):
     def slack(self) -> float:
         """The gap that counts as contact [m or rad]."""
         return float(TOUCHING * (self.closure.measure[0] + self.closure.reach[0]))
+
+    @property
+    def unit(self) -> Unit:
+        """Unit of the gap."""
+        return self.constraint.unit(0)
 
     @property
     def reach(self) -> float:

@@ -7,6 +7,7 @@ friction that holds a joint reaches its bound.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,7 +22,7 @@ from pinarm.engine.constraints.nullspaces.nullspace import split_rows
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
-from pinarm.engine.friction.balance import FrictionBalance, SlipGroup, companions
+from pinarm.engine.friction.balance import FrictionBalance, SlipGroup, companions, groups_of
 from pinarm.engine.friction.sliding import SlidingFriction
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.friction.switching import decided
@@ -47,6 +48,9 @@ ALIKE = 1e-9
 AT_BOUND = 1e-9
 """Part of its bound by which friction may fall short of it at the instant at which another one reaches its own: which
 of the two comes first is rounding."""
+
+HOLDS = "friction at rest holds "
+"""Beginning of what is decided of a joint with friction."""
 
 INSTANTS = np.array([0.0, 0.0823, 0.2391, 0.3817, 0.5379, 0.6181, 0.7639, 0.9103, 1.0])
 """Parts of an interval at which laws are looked at for whether they rest: uneven, not to meet a period."""
@@ -157,6 +161,32 @@ class StickSlip:
             DynamicsError: Rigid bodies with friction do not determine it.
         """
         return self._decided(span, q, *switch)
+
+    def could_hold(self, slip: Slip, span: tuple[float, float], index: int) -> Watch | None:
+        """Return the margin by which friction at rest would hold a joint that turns back; ``None`` where it does.
+
+        Args:
+            slip: What joints do from the instant on at which it is at rest.
+            span: Interval of time without jumps from then on.
+            index: The joint.
+        """
+        if not slip.direction[index]:
+            return None
+        contact = self.contacts[index]
+
+        def margin(t: Array, q: Array, v: Array) -> Array:
+            return np.array([self._margin(slip, span, index, *state) for state in zip(t, q, v, strict=True)])
+
+        return Watch(margin, -1, stops=True, loaded=True, what=HOLDS + contact.name, unit=str(contact.effort))
+
+    def _margin(self, slip: Slip, span: tuple[float, float], index: int, t: float, q: Array, v: Array) -> float:
+        """Return ``bound - |phi|`` of a joint, and those that move with it, if it were stuck in a state [N*m or N]."""
+        balance = self.sliding(slip, span).balance(t, q, v)
+        [group] = groups_of(self.contacts, balance.response, companions(balance.response, index))
+        others = np.array(slip.direction)
+        others[list(group.members)] = 0.0
+        found = balance.solve(others, [*slip.stuck, group], np.zeros(len(others), dtype=bool))
+        return float(found.bounds[-1] - abs(found.held[-1])) if found else math.nan
 
     def begun(self, before: Slip, slip: Slip, span: tuple[float, float], q: Array) -> Array:
         """Return the acceleration that grows with what friction does not hold any more, but for its size, shape (nv,).
@@ -302,8 +332,11 @@ class StickSlip:
         for i in (i for i in range(len(same)) if int(same[i].argmax()) == i):
             parts = np.flatnonzero(same[i])
             if not held.intersection(parts.tolist()):
-                approach = Approach(self.slips, parts, slip)
-                found.append((i, Watch(approach.gap, -1, stops=True)))
+                approach, contact = Approach(self.slips, parts, slip), self.contacts[i]
+                rests, unit = f"{contact.name} comes to rest", "m/s" if str(contact.effort) == "N" else "rad/s"
+                found.append((i, Watch(approach.gap, -1, stops=True, what=rests, unit=unit)))
         for g, slack in enumerate(slip.slack):
-            found.append((~g, Watch(Reserve(system.sliding_at, g, slack).left, -1, stops=True, loaded=True)))
+            reserve, contact = Reserve(system.sliding_at, g, slack), self.contacts[slip.stuck[g].first]
+            found.append((~g, Watch(reserve.left, -1, stops=True, loaded=True, margin=reserve.margin,
+                                    what=HOLDS + contact.name, unit=str(contact.effort))))  # fmt: skip
         return found

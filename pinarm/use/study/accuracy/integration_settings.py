@@ -121,7 +121,8 @@ def with_setting(
     scenario: Scenario, setting: Mapping[str, Any], max_steps: int | None = None, *, seed: int | None = None
 ) -> Scenario:
     """Return a scenario with another setting of the integration and no target, and with other last digits."""
-    accuracy = {**setting, "max_steps": max_steps or scenario.content.accuracy.max_steps}
+    given = scenario.content.accuracy
+    accuracy = {**setting, "max_steps": max_steps or given.max_steps, "max_events": given.max_events}
     known = scenario if seed == scenario.seed else replace(scenario, seed=seed)
     return known.varied({"accuracy": accuracy})
 

@@ -120,20 +120,15 @@ class Block:
 
     @cached_property
     def ensemble(self) -> Ensemble | None:
-        """Return the motions, their first segments where there are end stops; ``None`` where each is taken alone."""
-        hybrid = self.question.hybrid
-        if hybrid.bounds and any(hybrid.contacts.near(row) for row in self.q):
-            return None
+        """Return the motions, as far as no load begins another segment; ``None`` where each is taken alone."""
         with np.errstate(all="ignore"):  # what is not finite is found in the results, and said in words
-            return integrate_together(hybrid, self.q, self.v)
+            return integrate_together(self.question.hybrid, self.q, self.v)
 
     @cached_property
     def whole(self) -> Ensemble | None:
         """Return the motions where they are integrated together from end to end; none may have to be followed finer."""
         hybrid, ensemble = self.question.hybrid, self.ensemble
-        if hybrid.bounds or ensemble is None:
-            return None
-        if any(one.watch >= len(hybrid.watches) for crossings in ensemble.crossings for one in crossings):
+        if ensemble is None or any(ensemble.crossings):
             return None  # one has come to an edge of a load, where another segment begins
         reached = zip(ensemble.sizes.tolist(), ensemble.displacements.tolist(), strict=True)
         finer = any(is_small(hybrid, size) or is_offset(hybrid, moved, hybrid.size + size) for size, moved in reached)

@@ -11,6 +11,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.series import Series
+from pinarm.use.cases.case import OPEN
 from pinarm.use.output.folder import whole_folder
 from pinarm.use.result.measures import CLOSURES, RESIDUALS
 from pinarm.use.store import case_columns as columns
@@ -27,6 +28,9 @@ WORST: dict[str, Callable[[Array], Any]] = {
     "relative regularity": np.nanmin,
 }
 """Measures of accuracy, and which of their values is the worst."""
+
+SHOWN_CASES = 5
+"""Number of cases that a note names."""
 
 
 def save(
@@ -92,8 +96,22 @@ def summary(sweep: Sweep) -> dict[str, Any]:
         "accuracy": {series.name: worst(series) for series in sweep.columns if series.name in WORST},
         "missing": sweep.missing,
         "failures": columns.failures(sweep.errors),
-        "notes": [*(f"{series.name}: {series.doubt}" for series in sweep.columns if series.doubt), *sweep.notes],
-    }
+        "notes": [*(f"{series.name}: {series.doubt}" for series in sweep.columns if series.doubt), *sweep.notes,
+                  *_open_cases(sweep)],
+    }  # fmt: skip
+
+
+def _open_cases(sweep: Sweep) -> list[str]:
+    """Return a note of the cases whose results hang on decisions that are not certain; none where there are none."""
+    cases = [np.flatnonzero(series.values > 0.0) for series in sweep.columns if series.name == OPEN]
+    if not cases or not len(cases[0]):
+        return []
+    first = ", ".join(map(str, cases[0][:SHOWN_CASES].tolist()))
+    more = ", ..." if len(cases[0]) > SHOWN_CASES else ""
+    return [
+        f"{len(cases[0])} cases hang on decisions that are not certain, such as whether an event takes place: column "
+        f"'{OPEN}', and the notes of single runs (cases {first}{more})"
+    ]
 
 
 def worst(series: Series) -> float:

@@ -1,0 +1,188 @@
+"""Turns of watched values near zero: whether the value crosses zero there is a decision with a margin and an error.
+
+The error of a margin is the error of one step, times the number of steps so far, times the sensitivity of the margin:
+errors of steps add up. Where the motion is unstable, errors grow beyond that; a second solution shows it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags, Indices
+from pinarm.engine.integration.methods.explicit import FixedStep
+from pinarm.engine.integration.step_series import fine_values, series_of
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.events import Watch
+    from pinarm.engine.integration.integrator import Solution
+
+BESIDE = 1e-3
+"""Part of a step up to which roots outside of it are told from those within: one at an end may be on either side."""
+
+NEGLIGIBLE = 1e-14
+"""Size of the last coefficients of a series that are rounding, over the largest; they would disturb its roots."""
+
+REACHED, DIGITS = 1e-13, 1e-15
+"""Rounding of a value, relative to the largest in the step, with that of a few impacts before it; and that of a
+difference, relative to the numbers."""
+
+SAME_PLACE = 1e-4
+"""Imaginary part of roots of a slope that is rounding."""
+
+BENDS = 0.01
+"""Part of the range of a value in a step by which it may be nearer to 0 between the places of ``fine_values`` than at
+them; of a parabola it is a tenth of that."""
+
+CLEAR = 10.0
+"""Margin of a turn over its error from which on it is skipped where an earlier one was nearer."""
+
+
+class Turn(NamedTuple):
+    """Where a watched value turns, or is decided at the start of a motion.
+
+    Attributes:
+        watch: Index of the watch.
+        t: When [s].
+        place: Where in its part of the step, from 0 to 1.
+        sign: 1 where the value is least, -1 where it is greatest.
+        margin: Its margin there; see ``Watch.margin``.
+        error: Error of the margin.
+        state: Error of the states there, relative to ``size + |y|``.
+        step: What one step adds to it.
+    """
+
+    watch: int
+    t: float
+    place: float
+    sign: float
+    margin: float
+    error: float
+    state: float
+    step: float
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the value may be 0 there."""
+        return abs(self.margin) <= self.error
+
+    @property
+    def passes(self) -> bool:
+        """Whether the value is beyond 0 there, so that it crosses 0 before and behind."""
+        return self.margin * self.sign < 0.0
+
+    @property
+    def doubt(self) -> float:
+        """Error over margin: 1 or more where it is open."""
+        return self.error / abs(self.margin) if self.margin else math.inf
+
+
+def may_turn(solution: Solution, watch: Watch, number: int, values: Array, indices: Indices) -> Flags:
+    """Return in which steps a watched value may turn nearer to 0 than ever, or so near that it may be 0, shape (m,).
+
+    Args:
+        solution: The solution.
+        watch: What is watched.
+        number: Its index.
+        values: Values at the nodes, shape (m, k).
+        indices: Indices of the steps, shape (m,).
+    """
+    if not watch.decides:
+        return np.zeros(len(values), dtype=bool)
+    fine = fine_values(values)
+    rates, range_ = np.diff(fine, axis=1), np.ptp(fine, axis=1)
+    sizes, least = np.abs(rates), np.abs(fine).min(axis=1)
+    inside = (rates[:, :-1] * rates[:, 1:] <= 0.0).any(axis=1)
+    at_ends = (sizes[:, 0] < 0.5 * sizes[:, 1]) | (sizes[:, -1] < 0.5 * sizes[:, -2])
+    varies = range_ > NEGLIGIBLE * np.abs(fine).max(axis=1) + DIGITS * (watch.level or 0.0)
+    found = ((inside | at_ends) & varies) | ((indices == 0) & watch.loaded)
+    known = solution.nearest.get(number)
+    if known is None:
+        return np.asarray(found)
+    states = solution.begun_with + known.step * (indices + 1.0)
+    errors = known.error / known.state * states if known.state else np.inf
+    near = least - BENDS * range_ < np.maximum(abs(known.margin), CLEAR * errors)
+    return np.asarray(found & near)
+
+
+def turns_in(
+    solution: Solution, index: int, watch: Watch, number: int, values: Array, part: tuple[float, float]
+) -> list[Turn]:
+    """Return where a watched value turns in a part of a step, if it may be near 0 there, in order of time.
+
+    A value that depends on loads is decided at the start of a motion, too: it must not be negative there.
+
+    Args:
+        solution: The solution.
+        index: Index of the step.
+        watch: What is watched.
+        number: Its index.
+        values: Values at the nodes of the part.
+        part: Its ends, from 0 to 1 in the step.
+    """
+    if not watch.decides or not may_turn(solution, watch, number, values[None], np.array([index]))[0]:
+        return []
+    places, signs = _extremes(values)
+    if watch.level is None:  # crossings in one direction count
+        places, signs = (x[watch.direction * signs <= 0.0] for x in (places, signs))
+    if index == 0 and part[0] == 0.0:
+        places, signs = (x[places > BESIDE] for x in (places, signs))
+        if watch.loaded:
+            places, signs = np.append(0.0, places), np.append(1.0, signs)
+    rounding = 0.0 if watch.level is None else REACHED * float(np.abs(values).max()) + DIGITS * watch.level
+    within = part[0] + (part[1] - part[0]) * places
+    return [
+        Turn(number, *_state_margin(solution, index, watch, where, place, sign, rounding))
+        for where, place, sign in zip(within.tolist(), places.tolist(), signs.tolist(), strict=True)
+    ]
+
+
+def _extremes(values: Array) -> tuple[Array, Array]:
+    """Return where the series of values at the nodes is extreme, in [0, 1], and 1 of minima, -1 of maxima."""
+    series = series_of(values)
+    slope = np.polynomial.chebyshev.chebder(series)
+    significant = np.flatnonzero(np.abs(slope) > NEGLIGIBLE * np.abs(series).max())
+    roots = np.polynomial.chebyshev.chebroots(slope[: significant[-1] + 1]) if len(significant) else np.zeros(0)
+    real = np.sort(roots.real[(np.abs(roots.imag) < SAME_PLACE) & (np.abs(roots.real) < 1.0 + 2.0 * BESIDE)])
+    real = real.clip(-1.0, 1.0)
+    bend = np.polynomial.chebyshev.chebval(real, np.polynomial.chebyshev.chebder(slope))
+    return 0.5 + 0.5 * real, np.sign(bend)
+
+
+def _state_margin(
+    solution: Solution, index: int, watch: Watch, where: float, place: float, sign: float, rounding: float
+) -> tuple[float, float, float, float, float, float, float]:
+    """Return the fields of a turn at a place of a step but for its watch."""
+    step = solution.steps[index]
+    t = np.array([step.t + where * step.h])
+    state, each = (t, *solution.states_in(np.array([index]), t)), step_error(solution, index)
+    margin, wrong = float((watch.margin or watch.value)(*state)[0]), solution.begun_with + each * (index + where)
+    error = wrong * watch.sensitivity(*state) if wrong and watch.sensitivity else 0.0
+    return float(t[0]), place, sign, margin, error + rounding, wrong, each
+
+
+def step_error(solution: Solution, index: int) -> float:
+    """Return the error of a step, relative to ``size + |y|``: the tolerance, or what two half steps change."""
+    method = solution.method
+    if not isinstance(method, FixedStep):
+        return method.tolerance
+    return method.error(solution, solution.steps[index], min(solution.size, 1.0))
+
+
+def note_nearest(solution: Solution, turns: Sequence[Turn], stop: float, stopping: int) -> None:
+    """Keep the turn of every watch that is the least certain; none behind a stop, but the turn that the stop cuts off.
+
+    Args:
+        solution: The solution.
+        turns: Turns in a step.
+        stop: Instant at which the integration stops [s].
+        stopping: Index of the watch that stops it.
+    """
+    for turn in turns:
+        known = solution.nearest.get(turn.watch)
+        cut_off = turn.watch == stopping and turn.passes
+        if (turn.t <= stop or cut_off) and (known is None or turn.doubt > known.doubt):
+            solution.nearest[turn.watch] = turn
