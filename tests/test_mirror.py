@@ -197,7 +197,7 @@ ELSEWHERE = {
     "use/assessments/test_shaking.py": ("sections as they are told and saved", "use/result/section"),
     "use/report/test_report.py": ("its parts", "use/report/chapter use/report/origin use/report/tables"),
     "use/result/test_result.py": ("methods of a result", "use/result/measures use/views"),
-    "use/scenario/test_find.py": ("values that are found", "use/scenario/searches"),
+    "use/scenario/test_find.py": ("values that are found", "use/scenario/number_paths use/scenario/searches"),
     "use/scenario/test_roots.py": ("numbers of any size", "use/scenario/differences"),
     "use/scenario/test_optimum.py": (
         "optima of functions and of runs", "use/scenario/landscape use/scenario/optimum_section",

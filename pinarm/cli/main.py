@@ -142,9 +142,9 @@ def _run(options: argparse.Namespace) -> int:
     else:
         print(report(result))
         print(target)
-    if result.contradiction:
-        return NumericsError.exit_code
-    return MISSED if result.missed else OK
+    if result.missed:
+        return MISSED
+    return NumericsError.exit_code if result.no_bound else OK
 
 
 def _check(options: argparse.Namespace) -> int:

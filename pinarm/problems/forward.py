@@ -10,7 +10,7 @@ import numpy as np
 from msgspec.structs import replace as replace_fields
 
 from pinarm.arrays import Array
-from pinarm.engine.checks.balance import LOST, EnergyAccount, energy_balance
+from pinarm.engine.checks.balance import EnergyAccount, energy_balance
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspaces.nullspace import VANISHED
 from pinarm.engine.dynamics.dynamics import Dynamics
@@ -231,7 +231,6 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         integrated = IntegratedMotion(mechanism, hybrid, motion)
         whole = integrated.outcome(grid)
         energy = energy_balance(*accounts)
-        notes = motion.diagnose() or _lost(energy.get("energy", 0.0))
         remarks = [
             *_changed(mechanism, given, v),
             *_uncertain(hybrid.guided, q, v),
@@ -243,7 +242,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             *_rest(hybrid, motion),
             *profile_remarks(mechanism, self.motion),
         ]
-        return replace(whole, figures={**motion.cost(), **energy, **motion.rounding}, notes=(*remarks, *notes))
+        figures = {**motion.cost(), **energy, **motion.rounding}
+        return replace(whole, figures=figures, notes=(*remarks, *motion.diagnose()))
 
     def _require_branch(self, mechanism: Mechanism, hybrid: HybridSystem, motion: SegmentedMotion) -> None:
         """Raise where rounding has chosen between motions that meet; the motion until then is kept."""
@@ -392,10 +392,3 @@ TELLING = 1e-9
 
 CONSISTENT = 1e-9
 """Difference of given velocities to what loops allow that typed digits explain [rad/s or m/s], or relative to it."""
-
-
-def _lost(energy: float) -> list[str]:
-    """Return what is to be said of energy that nothing accounts for, relative to the energy exchanged."""
-    if energy < LOST:
-        return []
-    return [f"energy: {energy:.2g} of what is exchanged is not accounted for: the motion is not that of the mechanism"]

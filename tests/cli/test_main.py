@@ -325,7 +325,7 @@ def test_checked_scenarios_of_one_name_are_told_apart_by_their_paths(
     main(["check", "a.yaml", "b/a.yaml", "--json"])
     assert [each["scenario"] for each in json.loads(capsys.readouterr().out)["findings"]] == ["a.yaml", "b/a.yaml"]
     main(["check", "b/a.yaml", "miss.yaml"])
-    assert "MISS a: M: " in capsys.readouterr().out
+    assert "MISS a: M at pivot = 90 deg: computed" in capsys.readouterr().out
 
 
 def test_check_goes_on_after_a_mistake(capsys: pytest.CaptureFixture[str]) -> None:

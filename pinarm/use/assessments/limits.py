@@ -92,7 +92,7 @@ class Limits(InputStruct, frozen=True):
         }
         remarks = [f"beyond its limit: {each.condition} is {each.text}" for each in compared if each.verdict == BEYOND]
         remarks += [
-            f"neither kept nor beyond: {each.condition} is {each.text}, with an error of {each.known:.1e} in SI"
+            f"neither kept nor beyond: {each.condition} is {each.text}, with {error_words(each.known)}"
             for each in compared if each.verdict == OPEN
         ]  # fmt: skip
         columns = ("", "value", "limit", "margin [%]", "error", "")
@@ -159,8 +159,15 @@ class _Compared:
     def row(self) -> tuple[Cell, ...]:
         """Return its row of the table, with number and error in the unit of the bound."""
         bound = f"{self.condition.relation} {self.condition.bound_text}"
-        error: Cell = "not estimated" if self.bound is None else f"{self._as_bound(self.bound):.1e}"
+        error: Cell = "not estimated" if self.bound is None else (
+            f"{self._as_bound(self.bound):.1e}" if np.isfinite(self.bound) else "no bound"
+        )  # fmt: skip
         return self.condition.number.label, self.text, bound, 100.0 * self.relative, error, self.verdict
+
+
+def error_words(error: float) -> str:
+    """Return the error of a number in SI in words."""
+    return f"an error of {error:.1e} in SI" if np.isfinite(error) else "an error that has no bound"
 
 
 def _error_of_least(compared: Sequence[_Compared]) -> float:

@@ -279,6 +279,7 @@ class Task:
         """
         last = self._last[0] if self._last else None
         document = self.scenario.varied_document(values)
+        document = replace(document, data={key: part for key, part in document.data.items() if key != "expect"})
         scenario = (last.scenario if last else self.scenario).with_document(document)
         if last and scenario.loaded:
             note_files(last.files)

@@ -148,7 +148,7 @@ def chapter(result: Result, origin: Origin, *, moving: bool) -> Chapter:
 def _warnings(result: Result) -> list[str]:
     """Return what forbids the use of the numbers."""
     target = result.content.accuracy.target
-    found = [f"Contradiction: {result.contradiction}."] if result.contradiction else []
+    found = [f"The error of these numbers has no bound: {result.no_bound}."] if result.no_bound else []
     if result.missed:
         found.append(f"The accuracy that was wanted, {target:g}, is not reached.")
     if result.error is None and "evaluations" in result.figures:
@@ -159,7 +159,7 @@ def _warnings(result: Result) -> list[str]:
 def _merits(result: Result, verdicts: ReportTable | None, missed: Sequence[str]) -> list[str]:
     """Return what was confirmed of the numbers."""
     found = []
-    if result.error is not None and isfinite(result.error) and not result.contradiction:
+    if result.error is not None and isfinite(result.error) and not result.no_bound:
         bound = f"{result.error:.1e} of their largest values, in 99 of 100 cases"
         found.append(f"The global error of all outputs is below {bound}.")
     if verdicts is not None and not missed:

@@ -36,7 +36,7 @@ class Expectation(InputStruct, frozen=True):
             ``p95``.
         value: The right value, from a closed form or a derivation that does not use this program, such as ``12.5 N*m``.
         formula: The same as a formula of symbols, arguments and quantities.
-        rtol: Relative tolerance of value and formula.
+        rtol: Relative tolerance of value and formula; of a formula in all rows relative to its largest size there.
         atol: Absolute tolerance, with its unit. Where neither is given a value must be met to half a unit of its last
             digit, and a formula to 1e-10; 0 without decimals needs one of them.
         published: What is printed, with its digits and unit, as text.

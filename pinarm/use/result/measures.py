@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from pinarm.engine.checks.balance import LOST
+
 RESIDUALS = {
     "equilibrium": "virtual power for every unit velocity, relative to its terms",
     "power": "balance of power along the motion, relative to its terms",
@@ -43,6 +45,18 @@ MEASURES = {
     "condition": "condition number of the mass matrix of the free motions, scaled to a diagonal of ones",
 }
 """Figures that tell the accuracy of a run, and what they mean."""
+
+
+def unexplained(figures: Mapping[str, float]) -> dict[str, float]:
+    """Return the residuals that rounding does not explain, by name: the motion errs by about as much."""
+    return {name: figures[name] for name in RESIDUALS if figures.get(name, 0.0) >= LOST}
+
+
+def unexplained_notes(figures: Mapping[str, float]) -> list[str]:
+    """Return a note for each residual that rounding does not explain."""
+    return [f"{name}: a residual of {size:.2g} is more than rounding: the motion errs by about as much, or more"
+            for name, size in unexplained(figures).items()]  # fmt: skip
+
 
 FALLEN, NEARLY_SINGULAR = 0.5, 1e-4
 """Relative regularity from which on a run is said to come near a singular position, and regularity at which it is there

@@ -54,8 +54,11 @@ def global_error(result: Result, number: AnyNumber) -> float | None:
     """Return the bound of a number's error [SI] that holds in 99 of 100 cases; ``None`` where it is not known.
 
     A figure of a curve is no more wrong than its worst row, nor is an extreme, or the value at an instant; what its
-    quadrature or its search leaves comes on top. Others are compared with those of another solution.
+    quadrature or its search leaves comes on top. Others are compared with those of another solution. It is infinite
+    where the number depends on a decision that the run leaves open.
     """
+    if any(decision.is_open and decision.touches(number.label) for decision in result.outcome.decisions):
+        return np.inf
     own = result.number_errors.get(number.label)
     if not isinstance(number, RunNumber) or number.quantity not in result.errors:
         return own

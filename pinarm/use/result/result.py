@@ -16,7 +16,6 @@ from msgspec import field
 from msgspec.structs import asdict
 
 from pinarm.arrays import Array
-from pinarm.engine.checks.balance import LOST
 from pinarm.engine.checks.limits import Excess, excesses, highest_row
 from pinarm.engine.motion.decision import open_notes
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
@@ -30,7 +29,7 @@ from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.records import Record
 from pinarm.use.result.failures import too_large
-from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED
+from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED, unexplained_notes
 from pinarm.use.result.presentation import FOR_PEOPLE
 from pinarm.use.result.row_lookup import PLATEAU, Lookup, unreached
 
@@ -62,6 +61,7 @@ class Result(Record, frozen=True):
             99 of 100 cases; empty where none was asked for.
         number_errors: Bounds of the errors of its numbers [SI], those of sections among them, by name; likewise.
         setting: How the motion was integrated, and what the estimate rests on, in words.
+        no_bound: Why errors have no bound, and are infinite; empty where all have one, or none was asked for.
         removals: Joints of the mechanism that were not solved for.
         known: Sections that are there already, by key: what the search for the values of the scenario tells, and what
             was read from a folder.
@@ -76,6 +76,7 @@ class Result(Record, frozen=True):
     errors: Mapping[str, float] = field(default_factory=dict)
     number_errors: Mapping[str, float] = field(default_factory=dict)
     setting: str = ""
+    no_bound: str = ""
     removals: Sequence[Removal] = ()
     known: Mapping[str, Section] = field(default_factory=dict)
     source: Path | None = None
@@ -117,26 +118,18 @@ class Result(Record, frozen=True):
 
     @property
     def missed(self) -> bool:
-        """Whether the error is not below the target of the scenario, or contradicted."""
+        """Whether the bound of the error is not below the target of the scenario."""
         target = self.content.accuracy.target
-        reached = self.error is not None and target is not None and self.error <= target
-        return target is not None and (not reached or bool(self.contradiction))
+        return target is not None and not (self.error is not None and self.error <= target)
 
     @property
     def shortfall(self) -> str:
-        """Why the numbers are not as accurate as is wanted, or is said; empty where they are."""
-        if self.contradiction or not self.missed:
-            return self.contradiction
-        return f"the global error is {self.error or np.nan:.1e}, not below its target {self.content.accuracy.target:g}"
-
-    @property
-    def contradiction(self) -> str:
-        """What contradicts the bound of the error; empty where nothing does, or there is none."""
-        energy = self.figures.get("energy", 0.0)
-        if self.error is None or energy < LOST or self.error > CONTRADICTED * energy:
+        """Why the numbers are not as accurate as is wanted; empty where they are, or nothing is wanted."""
+        if not self.missed:
             return ""
-        return (f"{energy:.2g} of the energy exchanged is not accounted for, though two solutions agree to "
-                f"{self.error:.1e}: neither is the motion of the mechanism")  # fmt: skip
+        if self.no_bound:
+            return f"the global error has no bound: {self.no_bound}"
+        return f"the global error is {self.error or np.nan:.1e}, not below its target {self.content.accuracy.target:g}"
 
     @property
     def trajectory(self) -> Trajectory:
@@ -467,7 +460,7 @@ class Result(Record, frozen=True):
         if self.errors:
             measured |= {"error": self.error, "error of outputs": dict(self.errors), "setting": self.setting}
             measured |= {"error of numbers": dict(self.number_errors)} if self.number_errors else {}
-            measured |= {"contradiction": self.contradiction} if self.contradiction else {}
+            measured |= {"no bound": self.no_bound} if self.no_bound else {}
         if self.content.accuracy.target is not None:
             measured |= {"target": self.content.accuracy.target, "target reached": not self.missed}
         return measured
@@ -511,8 +504,9 @@ class Result(Record, frozen=True):
         ]
         coarse = coarse_angles(run.mechanism.joints, run.q)
         missed = unreached(self.quantities, self.content.expect)
-        undecided = open_notes(self.outcome.decisions)
+        undecided = [note for note in open_notes(self.outcome.decisions) if note not in self.no_bound]
         said = [*run.mechanism.notes, *doubts, *undecided, *self.outcome.notes, *missed, *coarse, *self._periods()]
+        said += [] if self.errors else unexplained_notes(self.figures)  # a bound of the error covers them
         return list(dict.fromkeys(said))  # a result that is read from a folder brings its own along
 
     def _periods(self) -> list[str]:
@@ -551,10 +545,5 @@ class Result(Record, frozen=True):
         return hashlib.sha256(text.encode()).hexdigest()
 
 
-MEASURED = ("name", "figures", "errors", "number_errors", "setting", "removals", "known")
+MEASURED = ("name", "figures", "errors", "number_errors", "setting", "no_bound", "removals", "known")
 """Fields that do not follow from the rows."""
-
-CONTRADICTED = 0.01
-"""Error over unaccounted energy, both relative, below which they contradict each other: the energy has twice the error
-of the velocities that hold most of it, and outputs that hardly depend on these may have less. In 20 scenarios at
-tolerances of 1e-5, 1e-8 and 1e-11 the bound of the error was never below 0.28 of the unaccounted energy."""

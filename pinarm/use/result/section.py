@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from msgspec import field
@@ -144,7 +145,8 @@ class Section(Record, frozen=True):
         table = SectionTable("bounds", "Bounds of the errors of its numbers, in 99 of 100 cases",
                              ("", "unit", "value", "error below"), (None,) * 4, rows, row_unit=1)  # fmt: skip
         worst, name = max(((bound / abs(value), name) for name, value, bound in found if value), default=(0.0, ""))
-        said = [f"errors of its numbers: below {worst:.1e} of themselves in 99 of 100 cases, largest in {name}"]
+        below = f"below {worst:.1e} of themselves in 99 of 100 cases, largest in {name}"
+        said = [f"errors of its numbers: {below if isfinite(worst) else f'no bound, as of {name}'}"]
         return replace(self, tables=[*self.tables, table], remarks=[*self.remarks, *(said if name else ())])
 
     def _repr_html_(self) -> str:

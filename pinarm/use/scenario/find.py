@@ -202,6 +202,14 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
         given = zip(self.unknown.items(), values.tolist(), strict=True)
         return {path: one.written(value) if one.unit else value for (path, one), value in given}
 
+    @property
+    def tried(self) -> dict[str, list[str]]:
+        """Starts and bounds of its unknowns by their paths, as files write them."""
+        return {
+            path: [one.written(value) for value in (float(one), one.low, one.high) if math.isfinite(value)]
+            for path, one in self.unknown.items()
+        }
+
     def figures(self, values: Array) -> dict[str, float]:
         """Return values, shape (k,) in SI, by their paths with units, in the units of the starts."""
         named = zip(self.unknown.items(), values, strict=True)

@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from pinarm.problems import PrescribingProblem
     from pinarm.problems.accuracy import Accuracy
     from pinarm.use.result.section_number import Numbered
+    from pinarm.use.scenario.find import Find
 
 SAVED = "mechanism.yaml"
 """Name of the mechanism file that is saved beside the scenario in the folder of a result."""
@@ -370,7 +371,9 @@ class Scenario(Record, frozen=True):
         if control is None and (period is not None or delay):
             raise InputError("a period or a delay is given, but no function",
                              expected="control, with functions of drives")  # fmt: skip
-        return solved(self.controlled(control, period, delay) if control is not None else self)
+        asked = self.controlled(control, period, delay) if control is not None else self
+        asked.check_answer_key()
+        return solved(asked)
 
     def with_workers(self, workers: int | None = None, executor: Executor | None = None) -> Scenario:
         """Return the scenario whose searches and sensitivities give their runs to others; the numbers are the same.
@@ -394,6 +397,7 @@ class Scenario(Record, frozen=True):
         """
         from pinarm.use.study.accuracy.solved import verified
 
+        self.check_answer_key()
         return verified(self)
 
     def solve(self) -> Result:
@@ -548,11 +552,34 @@ class Scenario(Record, frozen=True):
                 with self.document.locating("numbers", index):
                     read_number(text).described(quantities, self.numbered)
             if self.content.find:
-                with self.document.locating("find"):
-                    self.content.find.check_names(quantities, self.content.assessments, self.unit_at)
+                self.check_search(self.content.find, quantities)
             for key, assessment in self.content.assessments.items():
                 with self.document.locating(key):
                     assessment.check_names(quantities, self)
+        self.check_answer_key()
+
+    def check_search(self, search: Find, quantities: Quantities) -> None:
+        """Check names, units and paths of a search, with nothing solved.
+
+        Raises:
+            PinarmError: Something is wrong; the message says where.
+        """
+        from pinarm.use.scenario.number_paths import check_paths
+
+        with self.document.locating("find"):
+            search.check_names(quantities, self.content.assessments, self.unit_at)
+        check_paths(self, search.tried, "find", "for")
+
+    def check_answer_key(self) -> None:
+        """Check names and units of the answer key, with nothing solved.
+
+        Raises:
+            PinarmError: Something is wrong; the message says where.
+        """
+        if not self.content.expect:
+            return
+        with failures_in_words():
+            quantities = self.quantities()
             for index, expectation in enumerate(self.content.expect):
                 with self.document.locating("expect", index):
                     expectation.check_names(quantities, self.numbered)

@@ -57,8 +57,8 @@ def solve_found(scenario: Scenario, search: Find) -> Result:
     """
     data = {key: value for key, value in scenario.document.data.items() if key != "find"}
     bare = scenario.restated(data)
+    scenario.check_search(search, bare.quantities())
     with scenario.document.locating("find"):
-        search.check_names(bare.quantities(), bare.content.assessments, bare.unit_at)
         if search.wanted is not None:
             root = _root(bare, search)
             values, left = root.values, root.left()

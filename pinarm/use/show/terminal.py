@@ -188,11 +188,11 @@ def error_lines(result: Result) -> list[str]:
     target = result.content.accuracy.target
     worst = max(result.errors, key=lambda name: result.errors[name])
     where = f", largest in {worst}" if len(result.errors) > 1 else ""
-    bound = f"below {result.error:.1e} of the largest value in 99 of 100 cases" if isfinite(result.error) else "unknown"
-    lines = [f"global error: {bound}{where} ({result.setting})"]
+    bound = f"below {result.error:.1e} of the largest value in 99 of 100 cases{where}"
+    lines = [f"global error: {bound if isfinite(result.error) else 'no bound'} ({result.setting})"]
+    lines += [f"no bound of the error: {result.no_bound}"] if result.no_bound else []
     if "e-folding" in result.figures:
         lines.append(f"errors grow e-fold every {result.figures['e-folding']:.2g} s")
-    lines += [f"CONTRADICTION: {result.contradiction}"] if result.contradiction else []
     verdict = "MISSED" if result.missed else "reached"
     return lines + ([f"target {target:g}: {verdict}"] if target is not None else [])
 

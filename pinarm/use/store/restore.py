@@ -79,7 +79,7 @@ def restore(folder: str | Path) -> Result:
     rows = trajectory_of(scenario, mechanism, arrays)
     motion = None if rows.isolated else SolvedAnew(scenario, mechanism, rows)
     outcome = Outcome(rows, motion, events=events_of(arrays, mechanism.model))
-    measured = {key: summary[key] for key in ("figures", "errors", "number_errors", "setting", "removals")}
+    measured = {key: summary[key] for key in ("figures", "errors", "number_errors", "setting", "no_bound", "removals")}
     return replace(scenario.result(outcome), name=str(summary["scenario"]), known=known, source=source, **measured)
 
 
@@ -140,7 +140,8 @@ def _summary(path: Path) -> dict[str, Any]:
         notes = [str(note) for note in found["notes"] if not any(doubt in str(note) for doubt in doubts)]
         removals = tuple(Removal(**one) for one in found["not solved for"])
         return {"scenario": found["scenario"], "notes": notes, "removals": removals, "figures": figures,
-                "errors": errors, "number_errors": of_numbers, "setting": str(accuracy.get("setting", ""))}  # fmt: skip
+                "errors": errors, "number_errors": of_numbers, "setting": str(accuracy.get("setting", "")),
+                "no_bound": str(accuracy.get("no bound", ""))}  # fmt: skip
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}", hint=AGAIN) from None
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:

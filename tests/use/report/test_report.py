@@ -131,7 +131,7 @@ def test_what_forbids_the_use_of_the_numbers_stands_first(scenario: Callable[...
     page = report(scenario("forward", wrong).run()).html
     (box,) = re.findall(r'<ul class="box warnings">(.*?)</ul>', page, re.S)
     assert "global error of this motion was not estimated" in box
-    assert "MISS forward: alpha: the computed number is not the independent value" in box
+    assert "MISS forward: alpha at t = 0 s: computed 30 deg, expected 31 deg, difference 3.23 %" in box
     assert "box merits" not in body(page).partition("<body>")[2]
     assert page.index('box warnings">') < page.index("<h3>Question")
 

@@ -1,6 +1,8 @@
 """Numbers of a scenario that bring something about, against closed forms."""
 
 import math
+import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -25,8 +27,6 @@ outputs: [C_B]
 def found(folder: Path, unknown: str, wanted: str, phi: str = "0 deg", arguments: str = "{}"):
     (folder / ".pinarm-root").touch()
     if not (folder / "models").exists():
-        import shutil
-
         shutil.copytree(ROOT / "models" / "gen411_arm", folder / "models" / "gen411_arm")
     file = folder / "arm.yaml"
     file.write_text(ARM.format(models="models", unknown=unknown, wanted=wanted, phi=phi, arguments=arguments))
@@ -194,3 +194,26 @@ def test_bounds_of_a_number_without_unit_need_none(tmp_path: Path) -> None:
 def test_a_number_with_a_unit_still_needs_it(tmp_path: Path, more: str, words: str) -> None:
     with pytest.raises(PinarmError, match=words):
         pinarm.run(hoist(tmp_path, "0.7", f"{more}\n")).section("sensitivity")
+
+
+@pytest.mark.parametrize(
+    ("path", "near"),
+    [
+        ("mechanism.arguments.m_A", "arguments.m_A"), ("changes.arguments.m_AA", "arguments.m_A"),
+        ("problem.hold.phii", "problem.hold.phi"), ("problem.hold.nothing", "problem.hold"),
+        ("changes.gravty", "arguments"),
+    ],
+)  # fmt: skip
+def test_a_path_that_leads_nowhere_is_refused_by_validation_and_run_alike(tmp_path, path, near):
+    file = tmp_path / "arm.yaml"
+    shutil.copytree(ROOT / "models" / "gen411_arm", tmp_path / "gen411_arm")
+    given = {"unknown": f"{path}: 10 deg", "wanted": "C_B: 1 N*m", "phi": "0 deg", "arguments": "{m_A: 1 kg}"}
+    file.write_text(ARM.format(models=".", **given))
+    said = []
+    for refused in (pinarm.validate, pinarm.run):
+        with pytest.raises(PinarmError) as caught:
+            refused(file)
+        said.append(str(caught.value))
+    assert said[0] == said[1]
+    assert re.search(rf"arm\.yaml:7:\d+: {path}: ", said[0])
+    assert near in said[0]

@@ -37,6 +37,9 @@ SAMPLE = 40
 MOST_STEPS = 1e8
 """Largest number of fixed steps of an interval; that many take half a day."""
 
+PASSED_LOADS = "steps go past whole pieces of a load"
+"""Words of a note on steps of fixed length that may have stepped over loads."""
+
 COARSE = 1e-3
 """Error of a fixed step, relative to ``size + |y|``, from which it is reported as too large."""
 
@@ -184,7 +187,7 @@ class FixedStep(ValueRecord, frozen=True):
             if not difference <= error:  # NaN included
                 error, t = difference, step.t
         over = solution.count.stepped_over
-        past = f"step too large: {over} steps go past whole pieces of a load; {self.remedy}"
+        past = f"step too large: {over} {PASSED_LOADS}; {self.remedy}"
         stepped_over = [Doubt("stepped over", over, past)] if over else []
         if error < COARSE:
             return stepped_over

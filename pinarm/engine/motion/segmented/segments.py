@@ -43,6 +43,9 @@ again with a tolerance that is finer by as much; and the finest one, where round
 BLIND = 1e-3
 """Error of a step over the displacement from which on steps are chosen without regard to the motion."""
 
+UNSEEN = "it may let go unseen"
+"""Words of a note on contacts whose end may have been missed."""
+
 REST = 1e-15
 """Size of a motion in SI that rounding of the accelerations explains: the mechanism is at rest."""
 
@@ -247,8 +250,7 @@ class SegmentedMotion(Record, frozen=True):
         longest = max(high - low for low, high in parts)
         return (
             "what rests on a stop, or is held by friction, a cable or a cam, is looked at on parts of up to "
-            f"{longest:.2g} s from t = {parts[0][0]:.6g} to {parts[-1][1]:.6g} s, where its loads vary faster: it may "
-            "let go unseen"
+            f"{longest:.2g} s from t = {parts[0][0]:.6g} to {parts[-1][1]:.6g} s, where its loads vary faster: {UNSEEN}"
         )
 
     def diagnose(self) -> list[str]:

@@ -1,15 +1,21 @@
-"""Rows of two runs that belong together, and instants between them."""
+"""Rows of two runs that belong together, instants between them, and whether both runs take the same course."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Indices
-from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.arrays import Array, Indices
+from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.engine.quantities.names import Quantities
+from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.use.result.row_lookup import Lookup
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
 
 BETWEEN = 100
 """Instants all over a run at which two are compared beside their rows: rows at the turning points of an oscillation do
@@ -21,21 +27,33 @@ GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 def common_rows(one: Trajectory, two: Trajectory) -> tuple[Indices, Indices]:
     """Return the rows of two runs that belong together; none where that cannot be told.
 
-    Events may stand at other instants in either. Where there are as many rows, an event's rows belong together, however
-    far apart; else only the instants that stand in both as often.
+    Rows at a jump belong together by the number of the jump, however far apart it occurs in both runs; other rows by
+    their instants. Runs with other numbers of jumps have only those instants in common that both have as often.
     """
-    if len(one) == len(two):
-        return np.arange(len(one)), np.arange(len(two))
     if one.parameter != "t":
-        return np.arange(0), np.arange(0)
-    (t1, n1), (t2, n2) = (np.unique(run.grid.t, return_counts=True) for run in (one, two))
-    shared, k1, k2 = np.intersect1d(t1, t2, return_indices=True)
+        rows = np.arange(len(one) if len(one) == len(two) else 0)
+        return rows, rows
+    t1, t2 = one.grid.t, _moved(two.grid, one.grid.cuts)
+    order = np.argsort(t2, kind="stable")
+    (at1, n1), (at2, n2) = (np.unique(t, return_counts=True) for t in (t1, t2))
+    shared, k1, k2 = np.intersect1d(at1, at2, return_indices=True)
     shared = shared[n1[k1] == n2[k2]]
-    return np.flatnonzero(np.isin(one.grid.t, shared)), np.flatnonzero(np.isin(two.grid.t, shared))
+    return np.flatnonzero(np.isin(t1, shared)), order[np.isin(t2[order], shared)]
+
+
+def _moved(grid: Grid, cuts: Sequence[float]) -> Array:
+    """Return the instants of a grid, those at the ends of its intervals moved to as many other cuts, shape (n,)."""
+    if len(cuts) != len(grid.cuts):
+        return grid.t
+    t = grid.t.copy()
+    for (start, end, rows), low, high in zip(grid.intervals(), cuts[:-1], cuts[1:], strict=True):
+        here = grid.t[rows]
+        t[rows] = np.where(here == start, low, np.where(here == end, high, here))
+    return t
 
 
 def between_rows(one: Lookup, two: Lookup) -> Iterator[tuple[Quantities, Quantities]]:
-    """Yield the quantities of two motions at the same instants, interval by interval; none where events are others.
+    """Yield the quantities of two motions at the same instants, interval by interval; none where these are others.
 
     Over the whole run, however many intervals it has, the instants are multiples of the golden ratio: they are not
     those of a period.
@@ -49,3 +67,30 @@ def between_rows(one: Lookup, two: Lookup) -> Iterator[tuple[Quantities, Quantit
         t = places[(places >= start) & (places <= end)]
         if len(t):
             yield one.quantities_at(number, t), two.quantities_at(number, t)
+
+
+def different_course(one: Result, two: Result) -> str:
+    """Return how the courses of two runs differ: their ends, events, or changes of contact; empty where they do not."""
+    first, second = one.trajectory, two.trajectory
+    if first.parameter != "t":
+        return f"they have {len(first)} and {len(second)} rows" if len(first) != len(second) else ""
+    ends = f"they end at t = {first.grid.t[-1]:.9g} s and {second.grid.t[-1]:.9g} s"
+    if found := _different_events(one.events, two.events):
+        return f"{found}; {ends}"
+    if len(first.grid.cuts) != len(second.grid.cuts):
+        counts = f"{len(first.grid.cuts) - 2} and {len(second.grid.cuts) - 2} times"
+        return f"contacts, friction, controllers or loads change {counts}; {ends}"
+    return ""
+
+
+def _different_events(one: Sequence[EventRecord], two: Sequence[EventRecord]) -> str:
+    """Return in which event two sequences differ; empty where they do not."""
+    first, second = ([event.name for event in events] for events in (one, two))
+    counts = Counter(first), Counter(second)
+    for name in dict.fromkeys((*first, *second)):
+        if counts[0][name] != counts[1][name]:
+            return f"'{name}' takes place {counts[0][name]} and {counts[1][name]} times"
+    for a, b in zip(one, two, strict=True):
+        if a.name != b.name:
+            return f"'{a.name}' takes place at t = {a.t:.9g} s, and '{b.name}' in its place at {b.t:.9g} s"
+    return ""

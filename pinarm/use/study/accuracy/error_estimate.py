@@ -5,6 +5,10 @@ to an output at the end is seen where the problem is solved again in another way
 mechanism whose numbers differ in their last digits. The difference is the error of the coarser solution but for that of
 the finer one; where a motion is chaotic, it grows in the difference as it does in the error. ``BOUND`` times the
 difference bounds the error in 99 of 100 cases.
+
+There is no bound where measures contradict each other: where the solutions take different courses, where both have the
+same residual and rounding does not explain it, and where the error of a decision at a threshold exceeds its margin.
+Then the errors are infinite, and ``Result.no_bound`` says why.
 """
 
 from __future__ import annotations
@@ -14,11 +18,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinarm.engine.checks.balance import LOST
+from pinarm.engine.integration.methods.explicit import PASSED_LOADS
+from pinarm.engine.motion.decision import Decision, open_notes
+from pinarm.engine.motion.segmented.segments import UNSEEN
 from pinarm.errors import NumericsError
 from pinarm.records import replace
+from pinarm.use.result.measures import unexplained
 from pinarm.use.result.output_scales import output_scales, rounded_to_zero
-from pinarm.use.study.accuracy.common_rows import between_rows, common_rows
+from pinarm.use.study.accuracy.common_rows import between_rows, common_rows, different_course
 from pinarm.use.study.accuracy.error_growth import e_folding, saturation
 from pinarm.use.study.accuracy.integration_settings import (
     comparison_settings,
@@ -47,7 +54,7 @@ LONGER, ROWS = 10.0, 401
 """Time of tight solutions that tell how fast errors grow, over that until coarse ones are far apart: from 1e-13 it
 takes at most ten times as many e-folds as from 1e-2. Their rows."""
 
-UNSEEN = 1e-15
+LEAST = 1e-15
 """Relative error that no comparison in double precision can tell from none."""
 
 
@@ -60,7 +67,7 @@ def estimate_errors(scenario: Scenario, result: Result) -> Result:
 
     Returns:
         The result with its errors: output -> bound of the error relative to the output's scale, infinite where there is
-        no finer solution; with the setting of both in words, and where errors grow exponentially, how fast.
+        none; with the setting of both in words, and where errors grow exponentially, how fast.
     """
     accuracy = scenario.content.accuracy
     if "evaluations" not in result.figures:
@@ -69,11 +76,10 @@ def estimate_errors(scenario: Scenario, result: Result) -> Result:
     used, steps = format_setting(accuracy.setting_keys), step_limit(result, accuracy.max_steps)
     setting: Mapping[str, Any]
     for setting in comparison_settings(accuracy):
-        other = _other(scenario, setting, steps)
-        if other and np.isfinite(max(output_differences(result, other).values())):
+        if other := _other(scenario, setting, steps):
             other, setting = _with_other_steps(scenario, result, other, setting, steps)
             return with_errors(result, other, f"{used}, against {format_setting(setting)} and other last digits")
-    return with_errors(result, None, f"{used}; no other setting got to the end")
+    return with_errors(result, None, used)
 
 
 def _with_other_steps(
@@ -94,7 +100,7 @@ def _with_other_steps(
     while not takes_other_steps(result, other) and setting["method"] == method:
         finer = finer_setting(setting, other) or other_method(method)
         found = _other(scenario, finer, most)
-        if found is None or not np.isfinite(max(output_differences(result, found).values())):
+        if found is None:
             break
         other, setting = found, finer
     return other, setting
@@ -116,18 +122,64 @@ def with_errors(result: Result, other: Result | None, setting: str) -> Result:
         other: A finer solution, or one at rounding; ``None`` where there is none, and errors are infinite.
         setting: Both settings, in words.
     """
-    if other is None:
-        unknown = replace(result, errors=dict.fromkeys(result.content.outputs, np.inf), setting=setting)
-        return _with_number_bounds(unknown, other)
-    errors = error_bounds(result, other)
+    why, errors = reason_for_no_bound(result, other), error_bounds(result, other)
+    result = _with_margins(result, other)
+    if other is None or not np.isfinite([*errors.values()]).any():
+        return _with_number_bounds(replace(result, errors=errors, setting=setting, no_bound=why), None)
     zeros = ", ".join(rounded_to_zero(result))
     setting += f"; 0 but for rounding: {zeros}" if zeros else ""
     rounding = max(_rounding(result), _rounding(other))
     setting += f"; rounding lets errors of steps add up to {rounding:.1e} of so small a motion" if rounding else ""
     time = _growth_time(result, other)
     growth = {} if time is None else {"e-folding": time}
-    found = replace(result, errors=errors, setting=setting, figures={**result.figures, **growth})
+    found = replace(result, errors=errors, setting=setting, figures={**result.figures, **growth}, no_bound=why)
     return _with_number_bounds(found, other)
+
+
+def contradiction(result: Result, other: Result | None) -> str:
+    """Return why another solution gives no bound of the errors of a result; empty where it does.
+
+    A residual is an error that is known: it should be 0. The bound by the difference has to cover it. Loads, or the end
+    of a contact, that both solutions may have missed do not show in their difference.
+    """
+    if other is None:
+        return "no other solution gets to the end"
+    if course := different_course(result, other):
+        return f"two solutions take different courses: {course}"
+    if missed := [note for note in other.outcome.notes if PASSED_LOADS in note or UNSEEN in note]:
+        return f"of two solutions the other may have missed something, too: {missed[0]}"
+    left = {name: (size, other.figures.get(name, 0.0)) for name, size in unexplained(result.figures).items()}
+    kept = [f"'{name}' {one:.2g} and {two:.2g}" for name, (one, two) in left.items() if BOUND * abs(one - two) < one]
+    return (
+        f"two solutions have the same residual, {', '.join(kept)}: neither is the motion of the mechanism"
+        if kept
+        else ""
+    )
+
+
+def reason_for_no_bound(result: Result, other: Result | None) -> str:
+    """Return why another solution does not bound all errors of a result: a contradiction, or decisions left open."""
+    return contradiction(result, other) or "; ".join(open_notes(_with_margins(result, other).outcome.decisions))
+
+
+def _with_margins(result: Result, other: Result | None) -> Result:
+    """Return a result whose decisions have the errors of their margins by another solution.
+
+    Decisions that this has in another interval between events, or not at all, keep their own estimates.
+    """
+    known = other.outcome.decisions if other else ()
+    margins = {(each.what, _interval(other, each)): each.margin for each in known if other}
+    decisions = []
+    for decision in result.outcome.decisions:
+        margin = margins.get((decision.what, _interval(result, decision)))
+        error = decision.error if margin is None else BOUND * abs(decision.margin - margin)
+        decisions.append(replace(decision, error=error))
+    return replace(result, outcome=replace(result.outcome, decisions=tuple(decisions)))
+
+
+def _interval(result: Result, decision: Decision) -> int:
+    """Return the number of the interval between events, or other jumps, in which a decision is taken."""
+    return int(np.searchsorted(result.trajectory.grid.cuts, decision.t))
 
 
 def _with_number_bounds(result: Result, other: Result | None) -> Result:
@@ -154,21 +206,26 @@ def _growth_time(result: Result, other: Result) -> float | None:
     return e_folding(first.trajectory, second.trajectory) if first and second else None
 
 
-def error_bounds(result: Result, other: Result) -> dict[str, float]:
+def error_bounds(result: Result, other: Result | None) -> dict[str, float]:
     """Return the bound of every output's error, relative to its scale, by another solution.
 
     ``BOUND`` times the difference, and where rounding has decided the steps of either, so that it is no finer, their
     own error: as much of what the output varies by as they may be wrong by of the motion. What is 0 but for rounding is
-    wrong by all of it.
+    wrong by all of it. No bound is below a residual that rounding does not explain, such as energy that is lost, and
+    none is finite where the solutions contradict each other, or a decision that is open touches the output.
     """
+    if other is None or contradiction(result, other):
+        return dict.fromkeys(result.content.outputs, np.inf)
+    undecided = [decision for decision in _with_margins(result, other).outcome.decisions if decision.is_open]
     rounding, differences = max(_rounding(result), _rounding(other)), output_differences(result, other)
-    zeros = rounded_to_zero(result)
+    zeros, least = rounded_to_zero(result), max(unexplained(result.figures).values(), default=0.0)
     return {
-        name: max(
-            BOUND * differences[name] + rounding * float(np.ptp(result[name].values)) / scale, zeros.get(name, 0.0)
+        name: np.inf if any(decision.touches(name) for decision in undecided) else max(
+            BOUND * differences[name] + rounding * float(np.ptp(result[name].values)) / scale,
+            zeros.get(name, 0.0), least,
         )
         for name, scale in output_scales(result).items()
-    }
+    }  # fmt: skip
 
 
 def _rounding(result: Result) -> float:
@@ -176,28 +233,21 @@ def _rounding(result: Result) -> float:
     return result.figures.get("rounding", 0.0)
 
 
-def unaccounted_energy(result: Result) -> float:
-    """Return the energy that nothing accounts for, relative to that exchanged; 0 where it is too little to be noted.
-
-    No estimate of the error is worth more than that.
-    """
-    energy = result.figures.get("energy", 0.0)
-    return energy if energy >= LOST else 0.0
-
-
 def output_differences(result: Result, other: Result) -> dict[str, float]:
     """Return the largest difference of every output of two results, relative to its scale in the first.
 
-    In rows, and between those of motions.
+    In rows, and between those of motions. An instant that differs, as of an event, is a difference of every output.
+    Infinite where the results take different courses.
     """
     first, second = common_rows(result.trajectory, other.trajectory)
-    if not len(first):
+    if not len(first) or different_course(result, other):
         return dict.fromkeys(result.content.outputs, np.inf)
-    found = {}
+    found, t = {}, result.trajectory.grid.t
+    moved = float(np.abs(t[first] - other.trajectory.grid.t[second]).max() / (np.ptp(t) or 1.0))
     elsewhere = list(between_rows(result.lookup, other.lookup))
     for name, scale in output_scales(result).items():
         pairs = [(result[name].values[first], other[name].values[second])]
         pairs += [(one[name].values, two[name].values) for one, two in elsewhere]
         difference = float(np.max([np.abs(one - two).max() for one, two in pairs]))
-        found[name] = max(difference / scale, UNSEEN) if np.isfinite(difference) else np.inf
+        found[name] = max(difference / scale, moved, LEAST) if np.isfinite(difference) else np.inf
     return found

@@ -23,9 +23,10 @@ OF_NUMBERS = ("limits", "sensitivity")
 
 
 def number_bounds(result: Result, other: Result | None, factor: float) -> dict[str, float]:
-    """Return bounds [SI] of the errors of the numbers that a result tells, by name; infinite where the other has none.
+    """Return bounds [SI] of the errors of the numbers that a result tells, by name.
 
-    Numbers that the run does not come to have none.
+    They are infinite where the other has none, and where a decision of the run that is open touches the number. Numbers
+    that the run does not come to have none.
 
     Args:
         result: What the errors are wanted of, with those of its outputs.
@@ -36,11 +37,14 @@ def number_bounds(result: Result, other: Result | None, factor: float) -> dict[s
     if search := result.known.get("find"):  # whose objective is called as the number of the run that it is
         asked["find.objective"] = read_number(search.numbers["objective"].name)
     found = {label: (number, *_value(result, number)) for label, number in asked.items()}
+    undecided = [decision for decision in result.outcome.decisions if decision.is_open]
+    worst = max((error for error in result.errors.values() if np.isfinite(error)), default=0.0)
     bounds = {}
     for label, (number, value, left) in found.items():
         if np.isfinite(value):
-            difference = abs(_value(other, number)[0] - value) if other else np.inf
-            least = (result.error or 0.0) * abs(value)
+            known = other and not any(decision.touches(label) for decision in undecided)
+            difference = abs(_value(other, number)[0] - value) if other and known else np.inf
+            least = worst * abs(value)
             bounds[label] = max(factor * difference, least) + left if np.isfinite(difference) else np.inf
     return bounds
 

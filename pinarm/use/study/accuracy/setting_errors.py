@@ -12,7 +12,7 @@ import numpy as np
 from pinarm.errors import IntegrationError, NumericsError
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
-from pinarm.use.study.accuracy.error_estimate import output_differences
+from pinarm.use.study.accuracy.error_estimate import output_differences, reason_for_no_bound
 from pinarm.use.study.accuracy.integration_settings import (
     format_setting,
     reference_settings,
@@ -29,6 +29,9 @@ MARGIN = 3.0
 """Wanted error over that of a setting which is recommended: in 98 of 100 random chains and loops it errs by at most
 3 times as much where initial velocities differ by 1 % (``benchmarks/error_bound.py``)."""
 
+UNDECIDED = "an end before the instant at which they part, or other values: one event more or less is no small error"
+"""What to try where two tight solutions take different courses."""
+
 LONG = 0.05
 """Time for which short solutions are repeated [s]; the shortest of their times counts."""
 
@@ -44,8 +47,8 @@ class TriedSetting:
         method: What is varied within: a curve of the plot.
         setting: The setting in words.
         errors: Output -> largest difference to the reference over the run, relative to the output's scale; infinite
-            where the integration failed.
-        evaluations: Number of accelerations computed.
+            where the integration failed, or takes another course.
+        evaluations: Number of accelerations computed; 0 where the integration failed.
         seconds: Wall time of the solution [s], the model being loaded.
     """
 
@@ -80,7 +83,7 @@ def reference_solution(scenario: Scenario) -> Reference:
     """Return the reference of a scenario.
 
     Raises:
-        IntegrationError: Fewer than two tight settings get to the end.
+        IntegrationError: Fewer than two tight settings get to the end, or these contradict each other.
     """
     solved: list[tuple[str, Result]] = []
     for seed, setting in enumerate(reference_settings()):
@@ -91,6 +94,8 @@ def reference_solution(scenario: Scenario) -> Reference:
             continue
     if len(solved) > 1:
         (two, other), (one, result) = solved[-2:]
+        if why := reason_for_no_bound(result, other):
+            raise IntegrationError(f"there is no reference to measure errors against: {why}", hint=UNDECIDED)
         return Reference(result, max(output_differences(result, other).values()), f"{one}, compared with {two}")
     raise IntegrationError("no two tight settings get to the end: there is no reference to measure errors against",
                            hint="a shorter time, away from singular positions")  # fmt: skip
@@ -121,7 +126,8 @@ def recommended_setting(points: Sequence[TriedSetting], bound: float, wanted: fl
     """Return the cheapest setting that is good enough, as all finer ones of its method are: none by luck.
 
     Good enough is an error that is below what is wanted by ``MARGIN``, whatever that of the reference is. Finer
-    settings that failed do not count: they say so. Evaluations decide because they are the same on every machine.
+    settings that failed do not count: they say so. Those that take another course do. Evaluations decide because they
+    are the same on every machine.
 
     Args:
         points: Settings, those of a method the coarsest first.
@@ -130,6 +136,6 @@ def recommended_setting(points: Sequence[TriedSetting], bound: float, wanted: fl
     """
     good: list[TriedSetting] = []
     for method in dict.fromkeys(point.method for point in points):
-        solved = [point for point in points if point.method == method and np.isfinite(point.error)]
+        solved = [point for point in points if point.method == method and point.evaluations]
         good += takewhile(lambda point: MARGIN * point.error + bound <= wanted, reversed(solved))
     return min(good, key=lambda point: point.evaluations, default=None)

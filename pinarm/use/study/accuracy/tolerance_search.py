@@ -15,7 +15,6 @@ from pinarm.records import replace
 from pinarm.use.study.accuracy.error_estimate import (
     error_bounds,
     estimate_errors,
-    unaccounted_energy,
     with_errors,
 )
 from pinarm.use.study.accuracy.integration_settings import (
@@ -132,16 +131,21 @@ class _Search:
     def search(self, target: float) -> None:
         """Go up and down the ladder for the coarsest rung that reaches the target.
 
-        A rung whose finer solution takes more steps than are left tells nothing of those below it.
+        A rung whose finer solution takes more steps than are left tells nothing of those below it. Where a rung has no
+        bound, as its solutions contradict each other, coarser ones may agree by chance: finer ones are tried.
         """
         last, rung = self.ladder.last - 1, _guess(self.ladder, target)
-        while rung > FIRST and self.run(rung) and self.error(rung) == np.inf:
+        while rung > FIRST and self.run(rung) and not self._compared(rung):
             rung -= 1
         if self.error(rung) <= target:
             while rung > FIRST and self.error(rung - 1) <= target:
                 rung -= 1
-        while (target < self.error(rung) < np.inf or self._diverges(rung)) and rung < last:
+        while ((self._compared(rung) and self.error(rung) > target) or self._diverges(rung)) and rung < last:
             rung += 1
+
+    def _compared(self, rung: int) -> bool:
+        """Return whether a rung has a solution, and another that it is compared with."""
+        return self.run(rung) is not None and self.finer(rung) is not None
 
     def _diverges(self, rung: int) -> bool:
         """Return whether there is no solution with the steps of a rung: shorter ones may have one."""
@@ -172,17 +176,17 @@ class _Search:
         return found
 
     def error(self, rung: int) -> float:
-        """Return the bound of the error at a rung, no less than its energy shows; infinite where a solution failed."""
+        """Return the bound of the error at a rung; infinite where there is none, or a solution failed."""
         if rung not in self.errors:
             one, two = self.run(rung), self.finer(rung)
-            self.errors[rung] = np.inf if one is None or two is None else max(
-                max(error_bounds(one, two).values()), unaccounted_energy(one))  # fmt: skip
+            self.errors[rung] = max(error_bounds(one, two).values()) if one else np.inf
         return self.errors[rung]
 
     def best_rung(self, target: float) -> int:
-        """Return the coarsest rung that reaches the target, or that of the smallest error."""
+        """Return the coarsest rung that reaches the target, or that of the smallest error; the finest without any."""
         good = [rung for rung, error in self.errors.items() if error <= target]
-        return min(good) if good else min(self.errors, key=lambda rung: (self.errors[rung], rung))
+        finest = max((rung for rung in self.errors if self._compared(rung)), default=FIRST)
+        return min(good) if good else min(self.errors, key=lambda rung: (self.errors[rung], abs(rung - finest)))
 
     def cost(self, target: float) -> tuple[float, float]:
         """Return how much is missing to the target, 0 where it is reached, and the evaluations that it takes."""

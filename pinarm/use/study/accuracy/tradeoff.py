@@ -64,7 +64,8 @@ class Tradeoff:
             }
         found["variants"] = {
             variant.name: {"seconds": variant.seconds, "errors": variant.errors, "relative": variant.relative,
-                           "where": variant.where, "failure": variant.failure} for variant in self.variants
+                           "where": variant.where, "failure": variant.failure, "course": variant.course}
+            for variant in self.variants
         }  # fmt: skip
         return found
 

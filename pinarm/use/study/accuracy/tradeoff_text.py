@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from pinarm.use.study.accuracy.setting_errors import TriedSetting
     from pinarm.use.study.accuracy.tradeoff import Tradeoff
 
 
@@ -27,9 +28,14 @@ def settings(trade: Tradeoff) -> list[list[str]]:
     for point in trade.points:
         worst = max(point.errors, key=lambda name: point.errors[name])
         error = f"{point.error:.1e}" if point.error > trade.reference.bound else f"< {trade.reference.bound:.0e}"
-        cells = [error, worst[:24]] if math.isfinite(point.error) else ["failed", ""]
+        cells = [error, worst[:24]] if math.isfinite(point.error) else [without_error(point), ""]
         rows.append([point.setting, *cells, f"{point.evaluations}", f"{1e3 * point.seconds:.1f}"])
     return rows
+
+
+def without_error(point: TriedSetting) -> str:
+    """Return why a setting has no error: it failed, or its solution has other events than the reference."""
+    return "other events" if point.evaluations else "failed"
 
 
 def advice(trade: Tradeoff) -> list[str]:
@@ -57,9 +63,13 @@ def solve_variants(trade: Tradeoff) -> list[list[str]]:
 
 
 def remarks(trade: Tradeoff) -> list[str]:
-    """Return what the errors of variants are relative to, and which variants failed."""
+    """Return what the errors of variants are relative to, and which variants failed or have other events."""
     exact = f"exact model: {1e3 * trade.variants[0].seconds:.1f} ms; relative to its largest value"
-    return [exact, *(f"{one.name}: failed: {one.failure}" for one in trade.variants[1:] if one.result is None)]
+    simpler = trade.variants[1:]
+    failed = [f"{variant.name}: failed: {variant.failure}" for variant in simpler if variant.result is None]
+    parted = [f"{variant.name}: compared only in rows that both models have: {variant.course}"
+              for variant in simpler if variant.course]  # fmt: skip
+    return [exact, *failed, *parted]
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:

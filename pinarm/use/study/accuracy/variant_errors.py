@@ -11,7 +11,7 @@ from pinarm.errors import InputError
 from pinarm.use.result.output_scales import output_scales
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
-from pinarm.use.study.accuracy.common_rows import common_rows
+from pinarm.use.study.accuracy.common_rows import common_rows, different_course
 from pinarm.use.study.accuracy.timed_solutions import SolveTrials, TimedSolution, TimedTrial
 
 
@@ -27,6 +27,8 @@ class Variant:
         where: Output -> row parameter at which that stands.
         seconds: Wall time of the solution [s].
         failure: Why there is no result.
+        course: How its events, contacts or end differ from those of the exact model; then only the rows are compared
+            that both have.
     """
 
     name: str
@@ -36,6 +38,7 @@ class Variant:
     where: dict[str, float] = field(default_factory=dict)
     seconds: float = 0.0
     failure: str = ""
+    course: str = ""
 
 
 def solve_variants(scenario: Scenario, solve: SolveTrials) -> list[Variant]:
@@ -77,4 +80,5 @@ def _compared(variant: Variant, exact: Result) -> Variant:
         row = int(apart.argmax())
         errors[name], relative[name] = float(apart[row]), float(apart[row]) / scale
         where[name] = float(exact.trajectory.grid.t[one[row]])
-    return Variant(variant.name, variant.result, errors, relative, where, variant.seconds)
+    course = different_course(exact, variant.result)
+    return Variant(variant.name, variant.result, errors, relative, where, variant.seconds, course=course)

@@ -59,13 +59,15 @@ class Finding:
         scenario: Name of the scenario; its path where several of one name are checked.
         expectation: The entry of the answer key.
         unit: Unit of the numbers; ``None`` where unknown.
-        computed: The computed number; of many rows, the one that is farthest off.
+        computed: The computed number; of many rows, the one that is farthest off, or the first where rounding is all.
         independent: The independent value, ``None`` where none is given.
         published: The published number, ``None`` where none is given.
-        error: Largest difference to the independent value, relative to it.
+        error: Largest difference to the independent value over its largest size; the difference in SI where that is 0.
+        allowed: Largest such difference that agrees, in the same measure: ``error <= allowed`` is the test.
         verdict: ``agrees``, ``rounding``, ``reading``, ``misprint``, ``model_error`` or ``MISS``.
         reason: Why it is a miss.
         shown_in: Unit that people are shown the numbers in, unless one is published; ``None`` for ``unit``.
+        where: Where on the run the numbers are, such as ``t = 0.3 s``; empty where they are of no place.
     """
 
     scenario: str
@@ -78,6 +80,8 @@ class Finding:
     verdict: str
     reason: str = ""
     shown_in: Unit | None = None
+    where: str = ""
+    allowed: float | None = None
 
     @property
     def ok(self) -> bool:
@@ -145,33 +149,51 @@ def finding_of(result: Result, expectation: Expectation) -> Finding:
 
 
 def compare(result: Result, expectation: Expectation) -> Finding:
-    """Compare a result with one expectation."""
+    """Compare a result with one expectation, by ``|computed - independent| <= allowed`` in all rows.
+
+    What is allowed is one number for all rows: of a formula relative to its largest size over these.
+    """
     quantities, series, slack = _computed(result, expectation)
     rounding = ZERO * natural_sizes(result.trajectory)(series.unit)
     wanted, tolerance = _wanted(quantities, expectation, series.unit, rounding)
-    if wanted is not None:
-        if not np.isfinite(wanted).all():
-            return Finding(result.name, expectation, series.unit, np.nan, None, None, None, "MISS",
-                           "the independent value is not finite")  # fmt: skip
-        tolerance = tolerance + np.minimum(slack, np.maximum(tolerance, FORMULA * np.abs(wanted)))
-    difference = np.abs(series.values - wanted) if wanted is not None else np.zeros(1)
-    worst = int(np.nan_to_num(difference - tolerance, nan=np.inf).argmax())
-    met = wanted is not None and bool((difference <= tolerance).all())
-    error = None
-    if wanted is not None:
-        scale = np.abs(wanted).max()
-        error = float(difference.max() / scale) if scale else float(difference.max())
-    printed, off, explained = _published(quantities, expectation, series.values, series.unit)
-    verdict, reason = _verdict(expectation, wanted is not None, met, off, explained)
-    if verdict == "MISS" and slack > tolerance.min():
+    scale = 0.0 if wanted is None else float(np.abs(wanted).max())
+    if not np.isfinite(scale):
+        return Finding(result.name, expectation, series.unit, np.nan, None, None, None, "MISS",
+                       "the independent value is not finite")  # fmt: skip
+    allowed = tolerance + min(slack, max(tolerance, FORMULA * scale))
+    difference = np.zeros(1) if wanted is None else np.abs(series.values - wanted)
+    worst = int(np.nan_to_num(np.where(difference <= FLOOR * scale, 0.0, difference), nan=np.inf).argmax())
+    met = wanted is not None and bool((difference <= allowed).all())
+    printed = _published(quantities, expectation, series.values, series.unit)
+    apart = _apart(float(difference.max()), allowed, scale, series.unit)
+    verdict, reason = ("MISS", apart) if wanted is not None and not met else _verdict(expectation, wanted, printed)
+    if verdict == "MISS" and slack > tolerance:
         reason = f"{reason}, and it is known to {slack:.1e} {series.unit or ''} only"
     if not np.isfinite(series.values).all():
         verdict, reason = "MISS", "the computed number is not finite"
     return Finding(
         result.name, expectation, series.unit, float(series.values[worst]),
-        float(np.broadcast_to(wanted, series.values.shape)[worst]) if wanted is not None else None,
-        printed, error, verdict, reason, result.presentation.unit(series),
+        None if wanted is None else float(np.broadcast_to(wanted, series.values.shape)[worst]),
+        printed.value, None if wanted is None else float(difference.max() / (scale or 1.0)), verdict, reason,
+        result.presentation.unit(series), _where(result, quantities, expectation, worst), allowed / (scale or 1.0),
     )  # fmt: skip
+
+
+def _apart(difference: float, allowed: float, scale: float, measured: Unit | None) -> str:
+    """Return a difference and the allowed one in words, both as parts of a scale, or where it is 0 [SI]."""
+    if scale:
+        return f"difference {100.0 * difference / scale:.3g} % (allowed {100.0 * allowed / scale:.3g} %)"
+    return f"difference {difference:.3g} {measured or ''} (allowed {allowed:.3g} {measured or ''})".replace(" )", ")")
+
+
+def _where(result: Result, quantities: Quantities, expectation: Expectation, row: int) -> str:
+    """Return the place of a row, such as ``t = 0.3 s``; empty for figures of the whole run, and numbers of sections."""
+    at = expectation.at
+    if (isinstance(at, str) and is_figure(at)) or names_section(expectation.quantity, result.numbered):
+        return ""
+    along = result.presentation.shown(quantities.parameter)
+    unit = "" if str(along.unit or "1") == "1" else f" {along.unit}"
+    return f"{along.name} = {along.values[row]:.9g}{unit}"
 
 
 def _computed(result: Result, expectation: Expectation) -> tuple[Quantities, Series, float]:
@@ -194,8 +216,8 @@ def _computed(result: Result, expectation: Expectation) -> tuple[Quantities, Ser
 
 def _wanted(
     quantities: Quantities, expectation: Expectation, measured: Unit | None, rounding: float
-) -> tuple[Array | None, Array]:
-    """Return the independent value at every row, and how far from it the computed one may be.
+) -> tuple[Array | None, float]:
+    """Return the independent value at every row, and how far from it the computed one may be in any row.
 
     Args:
         quantities: Those of the rows.
@@ -204,7 +226,7 @@ def _wanted(
         rounding: What may be left of a number that is 0 [SI].
     """
     if expectation.value is None and expectation.formula is None:
-        return None, np.zeros(1)
+        return None, 0.0
     with within("atol"):
         absolute = in_si(expectation.atol, measured) if expectation.atol is not None else 0.0
         if absolute < 0.0:
@@ -217,7 +239,7 @@ def _wanted(
         relative = FORMULA if expectation.rtol is None and expectation.atol is None else expectation.rtol or 0.0
         largest = float(np.abs(wanted).max())
         floor = FLOOR * largest if largest > rounding else rounding
-        return wanted, absolute + floor + relative * np.abs(wanted)
+        return wanted, absolute + floor + relative * largest
     with within("value"):
         wanted = np.full(1, in_si(expectation.value, measured))
         if expectation.rtol is None and expectation.atol is None:
@@ -226,7 +248,7 @@ def _wanted(
                 raise InputError(f"'{expectation.value}' does not say how near to it the number must be",
                                  expected="atol beside it, or decimals, half a unit of the last of which counts",
                                  hint=f"atol: 1e-9 {measured or ''}".rstrip())  # fmt: skip
-    return wanted, absolute + (expectation.rtol or 0.0) * np.abs(wanted)
+    return wanted, absolute + (expectation.rtol or 0.0) * float(np.abs(wanted).max())
 
 
 def _half_unit(text: str, value: float) -> float:
@@ -234,21 +256,37 @@ def _half_unit(text: str, value: float) -> float:
     return max(half_last_digit(text) * ONE_UNIT, UNITS * abs(value))
 
 
-def _published(
-    quantities: Quantities, expectation: Expectation, values: Array, measured: Unit | None
-) -> tuple[float | None, bool, bool]:
-    """Return the published number, whether the computed one differs from it, and whether rounding explains that."""
+@dataclass(frozen=True)
+class _Published:
+    """What is published beside the computed number.
+
+    Attributes:
+        value: The published number; of many rows, where it is farthest off; ``None`` where nothing is published.
+        off: Whether the computed number differs from it.
+        explained: Whether rounding, reading or the entry's reason explains that.
+        apart: The difference, and the one that its digits allow, in words.
+    """
+
+    value: float | None = None
+    off: bool = False
+    explained: bool = False
+    apart: str = ""
+
+
+def _published(quantities: Quantities, expectation: Expectation, values: Array, measured: Unit | None) -> _Published:
+    """Return the published number beside the computed ones."""
     if expectation.published_formula is not None:
         with within("published_formula"):
             formula = np.broadcast_to(quantities.figure(expectation.published_formula), values.shape)
         difference = np.abs(values - formula)
         worst, slack = int(difference.argmax()), FORMULA * float(np.abs(formula).max())
         if not np.isfinite(slack):
-            return float(formula[worst]), True, False
-        agree = bool((difference <= slack).all())
-        return float(formula[worst]), not agree, _follows(quantities, expectation, formula, slack)
+            return _Published(float(formula[worst]), True)
+        agree, explained = bool((difference <= slack).all()), _follows(quantities, expectation, formula, slack)
+        apart = _apart(float(difference[worst]), slack, slack / FORMULA, measured)
+        return _Published(float(formula[worst]), not agree, explained, apart)
     if expectation.published is None:
-        return None, False, False
+        return _Published()
     with within("published"):
         printed = in_si(expectation.published, measured)
         half = _half_unit(expectation.published, printed)
@@ -256,7 +294,7 @@ def _published(
     explained = distance <= (READING * abs(printed) if expectation.verdict == "reading" else 2 * half)
     if expectation.because is not None:
         explained = _follows(quantities, expectation, printed, half)
-    return printed, not distance <= half, explained
+    return _Published(printed, not distance <= half, explained, _apart(distance, half, abs(printed), measured))
 
 
 def _follows(quantities: Quantities, expectation: Expectation, printed: Array | float, slack: float) -> bool:
@@ -267,18 +305,16 @@ def _follows(quantities: Quantities, expectation: Expectation, printed: Array | 
         return bool(np.abs(quantities.figure(expectation.because) - printed).max() <= slack)
 
 
-def _verdict(expectation: Expectation, independent: bool, met: bool, off: bool, explained: bool) -> tuple[str, str]:
-    """Return the verdict and, for a miss, its reason."""
+def _verdict(expectation: Expectation, wanted: Array | None, printed: _Published) -> tuple[str, str]:
+    """Return the verdict on a number that meets its independent value, if any, and for a miss its reason."""
     claim = expectation.verdict
-    if independent and not met:
-        return "MISS", "the computed number is not the independent value"
-    if not off:
+    if not printed.off:
         return ("agrees", "") if claim == "agrees" else ("MISS", f"claimed as {claim}, but the published figure agrees")
-    if not independent:
-        return "MISS", "it differs from the published figure, and there is no independent value to decide"
+    if wanted is None:
+        return "MISS", f"no independent value decides who is right; to the published figure {printed.apart}"
     if claim == "agrees":
-        return "MISS", "it differs from the published figure beyond its printed digits"
-    if not explained and (claim in ("rounding", "reading") or expectation.because is not None):
+        return "MISS", f"beyond the digits of the published figure: {printed.apart}"
+    if not printed.explained and (claim in ("rounding", "reading") or expectation.because is not None):
         return "MISS", f"claimed as {claim.replace('_', ' ')}, but that does not lead to the printed digits"
     return claim, ""
 

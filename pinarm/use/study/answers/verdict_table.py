@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable, Sequence
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from pinarm.errors import printable
@@ -64,9 +65,20 @@ def rows(findings: Sequence[Finding]) -> list[list[str]]:
 
 def remarks(findings: Sequence[Finding]) -> list[str]:
     """Return why findings are a miss, and how many there are of each verdict."""
-    lines = [printable(f"MISS {one.scenario}: {one.expectation.quantity}: {one.reason}")
-             for one in findings if not one.ok]  # fmt: skip
+    lines = [printable(miss_text(finding)) for finding in findings if not finding.ok]
     return [*lines, "; ".join(said for verdict in LOOKS if (said := _counted(findings, verdict))) or "nothing to check"]
+
+
+def miss_text(finding: Finding) -> str:
+    """Return what was found and expected of a miss: where, both numbers, their difference and what was allowed."""
+    entry, unit = finding.expectation, finding.shown_in or finding.unit
+    where = f" at {finding.where}" if finding.where else ""
+    numbers = [f"computed {_shown(finding.computed, unit, entry)}"] if isfinite(finding.computed) else []
+    if finding.independent is not None:
+        numbers.append(f"expected {_shown(finding.independent, unit, entry)}")
+    if finding.published is not None:
+        numbers.append(f"published {_shown(finding.published, unit, entry)}")
+    return f"MISS {finding.scenario}: {entry.quantity}{where}: {', '.join([*numbers, finding.reason])}"
 
 
 def errata(findings: Iterable[Finding], verdict: str) -> int:
@@ -90,8 +102,8 @@ def plain(finding: Finding) -> dict[str, Any]:
     return {
         "scenario": finding.scenario, "quantity": entry.quantity, "at": entry.at, "unit": str(finding.unit or "?"),
         "computed": finding.computed, "independent": finding.independent, "published": entry.published,
-        "difference": finding.error, "verdict": finding.verdict, "erratum": entry.erratum, "reason": finding.reason,
-        "source": entry.source, "note": entry.note,
+        "where": finding.where, "difference": finding.error, "allowed": finding.allowed, "verdict": finding.verdict,
+        "erratum": entry.erratum, "reason": finding.reason, "source": entry.source, "note": entry.note,
     }  # fmt: skip
 
 

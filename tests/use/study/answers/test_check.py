@@ -3,6 +3,7 @@
 The pendulum of 2 kg and 1 m is held at an angle a by 20 sin(a) N*m (g = 10 m/s^2): at most 20 N*m.
 """
 
+import math
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -257,3 +258,58 @@ def test_misses_are_counted(scenario: Callable[..., Any]) -> None:
 def test_a_result_that_is_there_is_not_computed_again(scenario: Callable[..., Any]) -> None:
     one, other = scenario("statics"), scenario("statics", "expect:\n  - {quantity: M, value: 1 N*m, source: s}\n")
     assert len(pinarm.check(other, result=one.run())) == 1
+
+
+LARGEST = 20.0 * math.sin(math.radians(540.0 / 7.0))
+"""Of the rows of M, every 180/7 deg [N*m]."""
+
+
+def test_a_column_that_crosses_zero_is_judged_by_its_largest_value(verdict: Callable[..., Finding]) -> None:
+    """M = 20 N*m sin(alpha) is 0 at both ends: 7.4e-8 N*m are 3.8e-9 of its largest row, at 540/7 deg."""
+    met = verdict(entry(at="all", quantity="M + (7.4e-8 N*m)", formula="M", rtol="1e-5"))
+    assert met.verdict == AGREES
+    assert met.error == pytest.approx(7.4e-8 / LARGEST, rel=1e-6)
+    assert met.allowed == pytest.approx(1e-5, rel=1e-6)
+    assert verdict(entry(at="all", quantity="M + (7.4e-4 N*m)", formula="M", rtol="1e-5")).verdict == MISS
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-9, 1e-6, 1e-3, 1.0, 40.0])
+@pytest.mark.parametrize(
+    "allowed",
+    [{}, {"rtol": "1e-5"}, {"atol": "1e-3 N*m"}, {"rtol": "1e-7", "atol": "1e-8 N*m"}, {"rtol": "1e-2"}],
+)
+@pytest.mark.parametrize("wanted", [{"at": "all", "formula": "M"}, {"at": "max", "value": "20.00 N*m"}])
+def test_the_printed_difference_and_the_allowed_one_are_those_compared(
+    verdict: Callable[..., Finding], off: float, allowed: dict[str, str], wanted: dict[str, str]
+) -> None:
+    found = verdict(entry(quantity=f"M*(1 + {off!r})", **wanted, **allowed))
+    assert found.error is not None
+    assert found.allowed is not None
+    assert (found.verdict == AGREES) == (found.error <= found.allowed)
+
+
+def test_a_miss_tells_its_row_both_numbers_their_difference_and_the_allowed_one(
+    verdict: Callable[..., Finding],
+) -> None:
+    """The largest difference is in the largest row."""
+    found = verdict(entry(at="all", quantity="1.07*M", formula="M", rtol="1e-5"))
+    numbers = f"computed {1.07 * LARGEST:.9g} N*m, expected {LARGEST:.9g} N*m, difference 7 % (allowed 0.001 %)"
+    assert remarks([found])[0] == f"MISS statics: 1.07*M at pivot = 77.1428571 deg: {numbers}"
+    zero = verdict(entry(at="end", quantity="M + (0.5 N*m)", formula="0*M", atol="0.01 N*m"))
+    assert remarks([zero])[0].endswith(
+        "at pivot = 180 deg: computed 0.5 N*m, expected 0 N*m, difference 0.5 N*m (allowed 0.01 N*m)"
+    )
+    printed = verdict(entry(published="21 N*m"))
+    assert "computed 20 N*m, published 21 N*m" in remarks([printed])[0]
+    assert "difference 4.76 % (allowed 2.38 %)" in printed.reason
+
+
+def test_a_run_refuses_an_answer_key_as_validation_does(scenario: Callable[..., Any]) -> None:
+    asked = scenario("statics", "expect:\n  - {quantity: joint.pivto.effort, value: 1 N*m, source: s}\n")
+    said = []
+    for refused in (asked.validate, asked.run, asked.verified):
+        with pytest.raises(InputError) as caught:
+            refused()
+        said.append(str(caught.value))
+    assert said[0] == said[1] == said[2]
+    assert "statics.yaml:9:" in said[0]
