@@ -9,10 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from os import PathLike
+from os.path import basename, dirname
 from typing import Any, ClassVar
 
 from pinarm.records import ValueRecord
 
+PACKAGE = dirname(__file__)
+"""Folder of the program's own code."""
 SHOWN = 160
 """Most characters of a line that an excerpt shows, and of a name in a list."""
 LISTED = 24
@@ -158,6 +161,16 @@ class Interrupted(NumericsError):
 def of_interrupt(error: BaseException) -> bool:
     """Tell whether an error stands for an interrupt, as Python 3.11 makes one of it while a class is made."""
     return isinstance(error.__cause__, KeyboardInterrupt)
+
+
+def fault(error: BaseException) -> str:
+    """Return an error of the program itself in one line: its kind, its words, and the line of pinarm that raised it."""
+    from traceback import extract_tb
+
+    frames = extract_tb(error.__traceback__)
+    own = [frame for frame in frames if frame.filename.startswith(PACKAGE)] or frames
+    where = f" ({basename(own[-1].filename)}, line {own[-1].lineno}, in {own[-1].name})" if own else ""
+    return f"{type(error).__name__}: {error}{where}"
 
 
 class Key(str):

@@ -1,8 +1,9 @@
 """The command line: ``run``, ``check``, ``validate``, ``explain``, ``sweep``, ``tradeoff``, ``replay``, ``report`` ...
 
 Exit codes: 0 all is well, 1 an expectation or the wanted accuracy is missed, 2 the input has a mistake or what comes
-out cannot be written, 3 the numerics failed (what was computed until then is kept) or a case of a sweep did, 130
-interrupted. Results go to stdout; progress to stderr, where that is a terminal.
+out cannot be written, 3 the numerics failed (what was computed until then is kept) or a case of a sweep did, 4 the
+program has a fault, 130 interrupted, 143 terminated (SIGTERM). Results go to stdout; progress to stderr, where that is
+a terminal.
 """
 
 from __future__ import annotations
@@ -22,21 +23,40 @@ from typing import TYPE_CHECKING, NoReturn
 from pinarm import __version__
 from pinarm.cli.options import EXAMPLES, add
 from pinarm.cli.streams import flush_output, give_up, leave, open_streams, unwritable
-from pinarm.errors import InputError, NumericsError, PinarmError, choices, of_interrupt, printable
+from pinarm.errors import InputError, NumericsError, PinarmError, choices, fault, of_interrupt, printable
 from pinarm.input.roots import file_root
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
+    from types import FrameType
 
     from pinarm.use.study.answers.check import Findings
 
-OK, MISSED, BAD_INPUT, NUMERICS_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
+OK, MISSED, BAD_INPUT, NUMERICS_FAILED, FAULT, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 4, 130, 143
+
+INNERMOST = 30
+"""Calls that a bug report shows: of a recursion without end all would be 180 kB."""
 
 
 def program() -> NoReturn:
-    """Run one command as a program of its own."""
+    """Run one command as a program of its own; SIGTERM ends it as Ctrl-C does, with another exit code."""
     sys.unraisablehook = _once_more
+    for name in ("MPLBACKEND", "SOURCE_DATE_EPOCH"):  # matplotlib fails over wrong ones; files have no dates
+        os.environ.pop(name, None)
+    if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, _terminate)
     leave(main())
+
+
+def _terminate(number: int, frame: FrameType | None) -> NoReturn:
+    """End the program as Ctrl-C does; a second SIGTERM ends it at once."""
+    signal.signal(number, signal.SIG_DFL)
+    terminated.append(number)
+    raise KeyboardInterrupt
+
+
+terminated: list[int] = []
+"""SIGTERM, once it has come."""
 
 
 def _once_more(lost: sys.UnraisableHookArgs) -> None:
@@ -55,15 +75,35 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if "_ARGCOMPLETE" in os.environ:
         _complete(os.environ.get("COMP_LINE", ""))
     open_streams()
+    code = _code_of(given)
+    return TERMINATED if terminated and code == INTERRUPTED else code
+
+
+def _code_of(arguments: Sequence[str]) -> int:
+    """Run one command and return its exit code; interrupts, and faults of the program, have been reported."""
     try:
-        return _ended(given)
+        return _ended(arguments)
     except KeyboardInterrupt:
         pass
+    except MemoryError as error:
+        _say(f"error: this machine has not enough memory for it ({error})")
+        return NUMERICS_FAILED
     except Exception as error:
         if not of_interrupt(error):
-            raise
-    _say("interrupted")
+            _report_fault(error)
+            return FAULT
+    _say("terminated (SIGTERM)" if terminated else "interrupted")
     return INTERRUPTED
+
+
+def _report_fault(error: Exception) -> None:
+    """Print a bug report: where in the program an error arose that no input should cause."""
+    import traceback
+
+    lines = traceback.format_exception(error, limit=-INNERMOST)
+    _say(f"{''.join(lines)}error: pinarm {__version__} has a fault: {fault(error)}\n"
+         "  expected: an answer, or a message on what to change in the input\n"
+         "  try: please report it, with the lines above and the input files")  # fmt: skip
 
 
 def _ended(arguments: Sequence[str]) -> int:

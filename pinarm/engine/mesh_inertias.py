@@ -25,8 +25,14 @@ from pinarm.input.roots import contained_file
 MOST_BYTES = 50_000_000
 """Largest size of all mesh files of a model together."""
 
-MEMORY, SECONDS = 4_000_000_000, 60
-"""Bounds of the compiler: address space [bytes], and processor time [s]; 50 MB of triangles take 1 GB and 10 s."""
+MEMORY, SECONDS = 1_000_000_000, 10
+"""Bounds of the compiler: address space [bytes], and processor time [s]; and more for the bytes that it is given.
+
+50 MB of triangles take 1 GB and 10 s. A mesh that it generates itself has no bytes, and any number of triangles.
+"""
+
+MEMORY_PER_BYTE, SECONDS_PER_BYTE = 60, 1e-6
+"""What it may need more for a byte of mesh or model."""
 
 KEPT = ("compiler", "default", "asset", "worldbody")
 """Sections that inertias depend on."""
@@ -50,8 +56,8 @@ try:
 except ImportError:  # a system without bounds
     pass
 else:
-    resource.setrlimit(resource.RLIMIT_AS, (%d, %d))
-    resource.setrlimit(resource.RLIMIT_CPU, (%d, %d))
+    for bound, most in ((resource.RLIMIT_AS, %d), (resource.RLIMIT_CPU, %d)):
+        resource.setrlimit(bound, (most, most))
 import mujoco
 given = json.load(sys.stdin)
 files = {name: base64.b64decode(content) for name, content in given["files"].items()}
@@ -63,7 +69,8 @@ else:
     bodies = ((model.body(k).name, k) for k in range(1, model.nbody))
     json.dump({"bodies": {name: [model.body_mass[k], *model.body_ipos[k], *model.body_iquat[k], *model.body_inertia[k]]
                           for name, k in bodies}}, sys.stdout)
-""" % (MEMORY, MEMORY, SECONDS, SECONDS)  # noqa: UP031  braces are its own
+"""
+"""Program of the compiler's process: with its bounds in place of ``%d``."""
 
 
 def with_mesh_inertias(xml: str, path: Path, root: Path) -> str:
@@ -160,13 +167,16 @@ def _compiled(xml: str, files: dict[str, bytes]) -> dict[str, list[float]]:
         ModelError: The compiler refuses the model, or needs too much memory or time.
     """
     given = json.dumps({"xml": xml, "files": {name: base64.b64encode(x).decode() for name, x in files.items()}})
+    size = len(xml) + sum(map(len, files.values()))
+    memory, seconds = MEMORY + MEMORY_PER_BYTE * size, SECONDS + int(SECONDS_PER_BYTE * size)
+    program = COMPILER % (memory, seconds)
     with TemporaryDirectory() as folder:  # the compiler writes a log where it runs
         done = subprocess.run(
-            [sys.executable, "-I", "-c", COMPILER], input=given, cwd=folder, capture_output=True, text=True, check=False
+            [sys.executable, "-I", "-c", program], input=given, cwd=folder, capture_output=True, text=True, check=False
         )
     if done.returncode:
         raise ModelError("the masses of meshes cannot be computed: MuJoCo's compiler ended without an answer",
-                         expected=f"meshes that it can read within {SECONDS} s and {MEMORY // 10**9} GB",
+                         expected=f"meshes that it can read within {seconds} s and {memory / 1e9:.2g} GB",
                          hint="an <inertial> of each body")  # fmt: skip
     answer: dict[str, Any] = json.loads(done.stdout)
     if "error" in answer:

@@ -18,7 +18,7 @@ from pinarm.arrays import Array, as_rows, same_rows
 from pinarm.engine.dynamics.parallel import Parallel
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, VariantsDiffer
-from pinarm.mechanics.geometry.pinocchio_data import new_data
+from pinarm.mechanics.geometry.pinocchio_data import new_data, require_depth_first
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace
 
@@ -52,7 +52,12 @@ class Dynamics(Record, frozen=True):
 
     @classmethod
     def of(cls, model: pin.Model, forces: Mapping[str, ForceElement] = NO_FORCES) -> Dynamics:
-        """Return the dynamics of a model under the given forces."""
+        """Return the dynamics of a model under the given forces.
+
+        Raises:
+            ModelError: Its joints are not numbered depth-first, as Pinocchio's algorithms need them.
+        """
+        require_depth_first(model)
         return cls(model, dict(forces), new_data(model))
 
     @classmethod

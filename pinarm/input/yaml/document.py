@@ -20,7 +20,7 @@ from pinarm.errors import InputError, Key, Location, PinarmError, within
 from pinarm.input.roots import similar_file
 from pinarm.input.yaml.deferred import with_types
 from pinarm.input.yaml.key_path import steps_of
-from pinarm.input.yaml.parser import Builder, Path_
+from pinarm.input.yaml.parser import LEVELS, MAX_DEPTH, NESTED, Builder, Path_
 from pinarm.input.yaml.schema import InputStruct, convert, reading_from
 from pinarm.input.yaml.validation_messages import explain, failing_path, unknown_key
 from pinarm.records import ValueRecord, replace
@@ -220,18 +220,20 @@ def _named(source: str, path: Path_) -> Location:
     return Location(f"{source}: {'.'.join(map(str, path))}" if path else source)
 
 
-def _plain(data: Any) -> Any:
-    """Return data as a file would give them."""
+def _plain(data: Any, depth: int = 0) -> Any:
+    """Return data as a file would give them; maps and lists that hold themselves have no end of levels."""
+    if depth > MAX_DEPTH:
+        raise InputError(NESTED, expected=LEVELS)
     if isinstance(data, Mapping):
         plain = {}
         for key, value in data.items():
             with within(str(key)):
-                plain[str(key)] = _plain(value)
+                plain[str(key)] = _plain(value, depth + 1)
         return plain
     if isinstance(data, np.ndarray | np.generic):
         return data.tolist()
     if isinstance(data, list | tuple):
-        return [_plain(value) for value in data]
+        return [_plain(value, depth + 1) for value in data]
     if isinstance(data, str | int | float | None):
         return data
     if isinstance(data, Path):

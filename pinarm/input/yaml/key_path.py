@@ -10,14 +10,15 @@ import re
 from typing import Any
 
 from pinarm.errors import InputError, Location
+from pinarm.input.yaml.parser import LEVELS, MAX_DEPTH
 
 _STEP = re.compile(r"""(?P<quote>["'])(?P<quoted>.*?)(?P=quote)(?=\.|$)|(?P<plain>[^."'][^.]*)(?=\.|$)""", re.DOTALL)
 
 QUOTED = """keys that have dots in quotes, such as --set 'problem.motion."tcp.y".value=3 mm'"""
 """What to try where a path does not lead to where it should."""
 
-SHOWN = 5
-"""Keys that a message lists."""
+SHOWN, SHOWN_LETTERS = 5, 40
+"""Keys that a message lists, and characters that it shows of a path."""
 
 
 def steps_of(path: str, data: Any, place: Location) -> list[str]:
@@ -29,9 +30,11 @@ def steps_of(path: str, data: Any, place: Location) -> list[str]:
         place: Of the path, for messages.
 
     Raises:
-        InputError: A step is empty, or the path ends in the middle of keys that have dots.
+        InputError: A step is empty, there are too many, or the path ends in the middle of keys that have dots.
     """
     parts, steps = _parts(path, place), list[str]()
+    if len(parts) > MAX_DEPTH:
+        raise InputError(f"the path '{path[:SHOWN_LETTERS]}...' has {len(parts)} steps", expected=LEVELS).at(place)
     while parts:
         step, parts = _next(parts, data, steps, place)
         steps.append(step)

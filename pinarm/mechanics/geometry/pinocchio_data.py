@@ -18,6 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
+from pinarm.errors import ModelError
 from pinarm.mechanics.geometry.model_cache import cached_by_model
 
 WIDE = 64
@@ -30,6 +31,28 @@ VECTORS, COLUMNS = ("tau", "nle", "g", "ddq"), ("J", "dJ", "Ag")
 def new_data(model: pin.Model) -> pin.Data:
     """Return buffers for the algorithms named above, of a size in proportion to that of the model."""
     return model.createData() if model.nv <= WIDE else _prototype(model).copy()
+
+
+def require_depth_first(model: pin.Model) -> None:
+    """Raise where the joints beyond one are not numbered next to it.
+
+    ``crba`` and the derivatives of ``rnea`` and ``aba`` take the velocities beyond a joint for those that follow its
+    own, and are wrong without a word where they do not.
+
+    Raises:
+        ModelError: A joint is numbered apart from the one that carries it.
+    """
+    path, names = list[int](), model.names
+    for joint, carrier in list(enumerate(model.parents.tolist()))[1:]:
+        while path and path[-1] != carrier:
+            path.pop()
+        if carrier and not path:
+            raise ModelError(
+                f"joint '{names[joint]}' is numbered {joint}, apart from '{names[carrier]}' ({carrier}), its carrier",
+                expected="joints numbered depth-first: all beyond a joint directly after it",
+                hint="pinarm.Mechanism.of(model), which numbers them anew",
+            )
+        path.append(joint)
 
 
 def with_masses(model: pin.Model, data: pin.Data) -> pin.Data:

@@ -46,7 +46,7 @@ class Trapezoid(MotionLaw, frozen=True, tag_field="law", tag="trapezoid", rename
         if distance == 0.0:
             return [Piece(-math.inf, math.inf, polynomial(0.0, self.start))]
         a = math.copysign(limit, distance)
-        peak = math.sqrt(abs(distance) * limit)
+        peak = math.sqrt(abs(distance)) * math.sqrt(limit)  # the product of small numbers may be 0
         top = math.copysign(min(peak, abs(self.speed)) if self.speed else peak, distance)
         t1 = self.begin + top / a
         plateau = max(0.0, distance / top - top / a)

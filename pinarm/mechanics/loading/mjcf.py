@@ -28,6 +28,8 @@ from pinarm.mechanics.loading.model_tree import Kind, Tree, TreeJoint, checked_m
 
 WORLD = "world"
 JOINTS = ("joint", "freejoint")
+HOLDERS = ("worldbody", "body", "frame")
+"""Elements that bodies stand in."""
 
 
 @dataclass
@@ -78,6 +80,7 @@ def mjcf_tree(model: Element) -> Tree:
             supported: couplings by curves, generated bodies.
     """
     unread = check_names(model, MJCF)
+    _refuse_generated(model)
     settings = Settings.of(model)
     reader = _Reader(settings)
     for world in model.findall("worldbody"):
@@ -105,12 +108,23 @@ def mjcf_tree(model: Element) -> Tree:
     )  # fmt: skip
 
 
+def _refuse_generated(model: Element) -> None:
+    """Raise where bodies stand for many others: MuJoCo's compiler, which is asked for masses, would generate them.
+
+    Raises:
+        ModelError: Some do.
+    """
+    for world in model.findall("worldbody"):
+        for holder in world.iter():
+            if holder.tag in HOLDERS and (tag := next((child.tag for child in holder if child.tag in GENERATED), "")):
+                raise ModelError(f"in '{holder.get('name', WORLD)}': <{tag}> is not read",
+                                 expected="the bodies that it stands for",
+                                 hint="the model as MuJoCo writes it, by mj_saveLastXML")  # fmt: skip
+
+
 def _bodies(reader: _Reader, element: Element, parent: str, frame: pin.SE3, childclass: str, *, moves: bool) -> None:
     """Read the bodies and sites in a body, or in a frame of it with the given placement in the body."""
     for child in element:
-        if child.tag in GENERATED:
-            raise ModelError(f"in '{parent}': <{child.tag}> is not read", expected="the bodies that it stands for",
-                             hint="the model as MuJoCo writes it, by mj_saveLastXML")  # fmt: skip
         if child.tag == "frame":
             place = frame * reader.settings.placement(child.attrib, f"a frame of '{parent}'")
             _bodies(reader, child, parent, place, child.get("childclass", childclass), moves=moves)

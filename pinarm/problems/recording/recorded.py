@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from copy import deepcopy
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
@@ -24,7 +24,8 @@ from pinarm.input.yaml.schema import InputStruct, current_folder
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.actuation.effort_sharing import Share, drives_of
 from pinarm.problems.loads import LOADS, bind_loads
-from pinarm.problems.recording.recorded_columns import check_rows, names_read, recorded_rows
+from pinarm.problems.recording.recorded_columns import check_rows, names_read, recorded_headings, recorded_rows
+from pinarm.problems.time_grid import require_memory
 from pinarm.records import replace
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row near the start, with what is known of the motion."""
-        rows, _ = self.rows(mechanism)
+        rows, _ = self._read(mechanism, most=1)
         drives = None if rows.tau is not None else self._drives(mechanism, nowhere)
         start = {name: float(rows.q[0, joint.q]) for name, joint in mechanism.joints.items()}
         dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, nowhere))
@@ -129,33 +130,66 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
         Raises:
             InputError: They are no motion of this mechanism.
         """
-        rows, unread = recorded_rows(mechanism, self._columns(mechanism))
+        rows, unread = self._read(mechanism)
+        require_memory(len(rows.t), mechanism.model, 0, "file" if self.file else "table")
         check_rows(mechanism, rows)
-        if self.derivatives == "spline" and (rows.v is not None or rows.a is not None):
+        return rows, unread
+
+    def _read(self, mechanism: Mechanism, most: int | None = None) -> tuple[RecordedRows, tuple[str, ...]]:
+        """Return the rows, or the first ones of them, and the headings that are not read; headings are checked first.
+
+        Raises:
+            InputError: See ``rows``.
+        """
+        headings = recorded_headings(mechanism, self._headings())
+        self._check_known(mechanism, headings.arrays)
+        return recorded_rows(mechanism, headings, self._columns(mechanism, most)), headings.unread
+
+    def _check_known(self, mechanism: Mechanism, arrays: Set[str]) -> None:
+        """Refuse what does not go together of the question and of the arrays that there are columns of.
+
+        Raises:
+            InputError: See ``rows``.
+        """
+        if self.derivatives == "spline" and arrays & {"v", "a"}:
             raise InputError("velocities or accelerations are given, and those of a spline are asked for",
                              expected="derivatives: given, or positions only")  # fmt: skip
-        if self.derivatives == "given" and rows.tau is not None and rows.unknown:
-            raise InputError(f"efforts are given, but {rows.unknown}", hint="derivatives: spline")
-        if rows.tau is not None and mechanism.frictions:
+        if self.derivatives == "given" and "tau" in arrays and not {"v", "a"} <= arrays:
+            lacking = "accelerations" if "v" in arrays else "velocities"
+            raise InputError(f"efforts are given, but the {lacking} of this motion are not given",
+                             hint="derivatives: spline")  # fmt: skip
+        if "tau" in arrays and mechanism.frictions:
             sticking = ", ".join(dict.fromkeys(contact.name for contact in mechanism.frictions))
             raise InputError(f"efforts are given, and {sticking} has friction of its own: the two are not told apart",
                              expected="no efforts: they follow from the motion and the friction")  # fmt: skip
-        if rows.v is None and rows.a is not None:
+        if "a" in arrays and "v" not in arrays:
             raise InputError("accelerations are given without velocities", expected="both, or none")
-        return rows, unread
 
-    def _columns(self, mechanism: Mechanism) -> Mapping[str, Sequence[float] | str]:
+    def _headings(self) -> Iterable[str]:
         if not self.file:
             return self.columns
+        from pinarm.input.motion_tables import read_headings
+
+        return read_headings(self.file)
+
+    def _columns(self, mechanism: Mechanism, most: int | None) -> Mapping[str, Sequence[float] | str]:
+        if not self.file:
+            return self.columns if most is None else {heading: x[:most] for heading, x in _apart(self.columns)}
         from pinarm.input.motion_tables import read_columns
 
         state = Path(self.file).stat()
-        return read_columns(self.file, names_read(mechanism), (state.st_mtime_ns, state.st_size))
+        return read_columns(self.file, names_read(mechanism), (state.st_mtime_ns, state.st_size), most)
 
     def _drives(self, mechanism: Mechanism, place: Place) -> Actuation | None:
         if not self.drives and self.share is None:
             return everywhere(mechanism)
         return drives_of(mechanism, self.drives, [], self.share, place)
+
+
+def _apart(columns: Mapping[str, list[float] | str]) -> Iterator[tuple[str, Sequence[Any]]]:
+    """Yield headings with their numbers, those of texts still as texts."""
+    for heading, numbers in columns.items():
+        yield heading, numbers.split() if isinstance(numbers, str) else numbers
 
 
 def _doubts(mechanism: Mechanism, figures: Mapping[str, float]) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence, Set
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.recorded_motion import RecordedRows
-from pinarm.errors import InputError, Key, UnitError, choices, within
+from pinarm.errors import InputError, Key, UnitError, choices, several, within
 from pinarm.input.csv_rows import split_heading
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.mechanics.forces.joint_definitions import effort_unit
@@ -78,50 +78,82 @@ def _aliases(mechanism: Mechanism) -> dict[str, str]:
     }
 
 
-def recorded_rows(
-    mechanism: Mechanism, columns: Mapping[str, Sequence[float] | str]
-) -> tuple[RecordedRows, tuple[str, ...]]:
-    """Return the rows that columns hold, and the headings of columns that are none of a state.
+class RecordedHeadings(NamedTuple):
+    """The headings of a recorded motion, understood before its numbers are read.
+
+    Attributes:
+        columns: Name of the column, see ``state_columns``, or ``t`` -> its heading, and its unit in SI.
+        arrays: Which of ``q``, ``v``, ``a`` and ``tau`` there are columns of.
+        unread: Headings of columns that are none of a state.
+    """
+
+    columns: Mapping[str, tuple[str, float]]
+    arrays: Set[str]
+    unread: tuple[str, ...]
+
+
+def recorded_headings(mechanism: Mechanism, headings: Iterable[str]) -> RecordedHeadings:
+    """Return what headings say, such as ``joint.knee.velocity [deg/s]``; a joint's own name is its position.
 
     Args:
         mechanism: What moves.
-        columns: Heading such as ``joint.knee.velocity [deg/s]`` -> numbers, or a text of them with blanks between. A
-            joint's or a coordinate's own name is its position.
+        headings: Of the columns.
 
     Raises:
-        InputError: A column is missing or stands twice, a unit does not fit, or something is no finite number.
+        InputError: A column is missing or stands twice.
         UnitError: A unit does not fit.
     """
     known, aliases = state_columns(mechanism), _aliases(mechanism)
-    given: dict[str, Array] = {}
-    unread: list[str] = []
-    for heading, numbers in columns.items():
+    given: dict[str, tuple[str, float]] = {}
+    unread, names = list[str](), list[str]()
+    for heading in headings:
         with within(Key(heading)):
             name, measured = _split(heading)
+            names.append(name)
             name = aliases.get(name, name)
             if name in given:
                 raise InputError(f"two columns are '{name}'", expected="one for each")
             if name == "t" or name in known:
-                given[name] = _values(numbers) * _factor(name, measured, unit("s") if name == "t" else known[name].unit)
+                given[name] = heading, _factor(name, measured, unit("s") if name == "t" else known[name].unit)
             else:
                 unread.append(heading)
     if "t" not in given:
-        expected, hint = choices("t", [_split(heading)[0] for heading in columns])
+        expected, hint = choices("t", names)
         raise InputError("there is no column 't'", expected=f"t [s] beside {expected}", hint=hint)
+    _require_complete(known, given)
+    return RecordedHeadings(given, {known[name].array for name in given if name != "t"}, tuple(unread))
+
+
+def recorded_rows(
+    mechanism: Mechanism, headings: RecordedHeadings, columns: Mapping[str, Sequence[float] | str]
+) -> RecordedRows:
+    """Return the rows that columns hold.
+
+    Args:
+        mechanism: What moves.
+        headings: What the headings say.
+        columns: Heading -> numbers, or a text of them with blanks between.
+
+    Raises:
+        InputError: Something is no finite number, or two columns have not the same length.
+    """
+    given = dict[str, Array]()
+    for name, (heading, factor) in headings.columns.items():
+        with within(Key(heading)):
+            given[name] = _values(columns[heading]) * factor
     _require_one_length(given)
-    model = mechanism.model
-    positions = _states("q", model.nq, known, given)
-    if positions is None:
-        raise InputError("there are no columns of positions", expected=f"such as {next(iter(known))}")
-    v, a, tau = (_states(array, model.nv, known, given) for array in ("v", "a", "tau"))
-    return RecordedRows(given["t"], positions, v, a, tau), tuple(unread)
+    known, model = state_columns(mechanism), mechanism.model
+    sizes = {"q": model.nq, "v": model.nv, "a": model.nv, "tau": model.nv}
+    found = {array: _states(array, sizes[array], known, given) for array in headings.arrays}
+    return RecordedRows(given["t"], **found)
 
 
 def check_rows(mechanism: Mechanism, rows: RecordedRows) -> None:
     """Refuse rows that are no motion.
 
     Raises:
-        InputError: There are none, instants descend, a number is not finite, or a quaternion has not the length 1.
+        InputError: There are none, instants descend or are too close to divide by what is between them, a number is
+            not finite, or a quaternion has not the length 1.
     """
     if not len(rows.t):
         raise InputError("the motion has no rows", expected="one at least")
@@ -129,9 +161,14 @@ def check_rows(mechanism: Mechanism, rows: RecordedRows) -> None:
         if values is not None and not np.isfinite(values).all():
             row = int((~np.isfinite(values)).reshape(len(values), -1).any(axis=1).argmax())
             raise InputError(f"{name} is not finite in row {row}", expected="finite numbers")
-    if (np.diff(rows.t) < 0.0).any():
-        row = int((np.diff(rows.t) < 0.0).argmax())
+    steps = np.diff(rows.t)
+    if (steps < 0.0).any():
+        row = int((steps < 0.0).argmax())
         raise InputError(f"the instants descend: {rows.t[row]:.9g} s, then {rows.t[row + 1]:.9g} s (row {row + 1})")
+    if (close := (steps > 0.0) & (steps < np.finfo(float).tiny)).any():
+        row = int(close.argmax())
+        raise InputError(f"the instants {rows.t[row]:.9g} s and {rows.t[row + 1]:.9g} s (row {row + 1}) are too close",
+                         expected=f"the same instant, or at least {np.finfo(float).tiny:.2g} s between")  # fmt: skip
     for ball in mechanism.balls.values():
         lengths = np.linalg.norm(ball.quaternion(rows.q), axis=1)
         for row in np.flatnonzero(np.abs(lengths - 1.0) > UNIT)[:1]:
@@ -139,27 +176,31 @@ def check_rows(mechanism: Mechanism, rows: RecordedRows) -> None:
                              expected="(x, y, z, w) of length 1")  # fmt: skip
 
 
-def _states(array: str, width: int, known: Mapping[str, StateColumn], given: Mapping[str, Array]) -> Array | None:
-    """Return q, v, a or tau, shape (n, width); ``None`` where no column gives any of it.
-
-    Efforts that are not given beside others are 0.
+def _require_complete(known: Mapping[str, StateColumn], given: Collection[str]) -> None:
+    """Refuse a motion without positions, or with some columns of q, v or a but not all; efforts may be missing.
 
     Raises:
-        InputError: Some columns of q, v or a are missing.
+        InputError: It is one; says which are missing.
     """
-    wanted = [name for name, column in known.items() if column.array == array]
-    missing = [name for name in wanted if name not in given]
-    if len(missing) == len(wanted):
-        return None
-    if missing and array != "tau":
-        others = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
-        raise InputError(
-            f"the columns {', '.join(missing[:3])}{others} are missing",
-            expected=f"one for every joint, by the names of quantities, such as {wanted[0]} [{known[wanted[0]].unit}]",
-        )
+    for array in ("q", "v", "a"):
+        wanted = [name for name, column in known.items() if column.array == array]
+        missing = [name for name in wanted if name not in given]
+        if missing and len(missing) < len(wanted):
+            raise InputError(
+                f"the columns {several(missing, 3)} are missing",
+                expected="one for every joint, by the names of quantities, such as "
+                f"{wanted[0]} [{known[wanted[0]].unit}]",
+            )
+        if missing and array == "q":
+            raise InputError("there are no columns of positions", expected=f"such as {wanted[0]}")
+
+
+def _states(array: str, width: int, known: Mapping[str, StateColumn], given: Mapping[str, Array]) -> Array:
+    """Return q, v, a or tau, shape (n, width); efforts that are not given beside others are 0."""
     values = np.zeros((len(given["t"]), width))
-    for name in wanted:
-        values[:, known[name].place] = given.get(name, 0.0)
+    for name, column in known.items():
+        if column.array == array:
+            values[:, column.place] = given.get(name, 0.0)
     return values
 
 

@@ -95,7 +95,7 @@ class KnownMotion(Record, frozen=True):
             before = len(found)
             for coupling in self._couplings:
                 weights = coupling.coordinate.weights
-                left = [v for v in self.joints_of(weights) if v not in found]
+                left = [v for v in _joints_in(coupling.coordinate) if v not in found]
                 if len(left) == 1 and left[0] not in self.own_laws:
                     others = sum(weights[v] * law.value for v, law in found.items())
                     found[left[0]] = Constant(value=float((coupling.constant - others) / weights[left[0]]))
@@ -109,7 +109,7 @@ class KnownMotion(Record, frozen=True):
     @cached_property
     def stationary_couplings(self) -> dict[str, set[int]]:
         """Couplings of joints that all stand still, one of them because of it; and their joints."""
-        found = {coupling.name: self.joints_of(coupling.coordinate.weights) for coupling in self._couplings}
+        found = {coupling.name: _joints_in(coupling.coordinate) for coupling in self._couplings}
         still = {name: joints for name, joints in found.items() if joints <= set(self.stationary)}
         followers = set(self.stationary) - set(self.own_laws)
         return still if len(still) == len(followers & set().union(*still.values())) else {}
@@ -146,11 +146,12 @@ class KnownMotion(Record, frozen=True):
             for coordinate in self.prescribed.values()
             if isinstance(coordinate, LinearCoordinate) and coordinate.joint is None
         ]
-        found = set().union(*(self.joints_of(total.weights) for total in sums))
+        found = set().union(*map(_joints_in, sums))
         found |= set().union(*(self._joints_moving(self.mechanism.coordinates[name]) for name in self.guided))
-        for name, rows in self.mechanism.closure.slices.items():
-            if name not in self.stationary_couplings:
-                found |= self.joints_of(self._rows[rows])
+        left = [one for one in self.mechanism.constraints if one.name not in self.stationary_couplings]
+        for one in left:
+            rows = self.mechanism.closure.slices[one.name]
+            found |= _joints_in(one.coordinate) if isinstance(one, Coupling) else _joints_of(self._rows[rows])
         return found
 
     def kept_joints(self, requested: Collection[str]) -> set[int]:
@@ -198,13 +199,20 @@ class KnownMotion(Record, frozen=True):
 
     def _joints_moving(self, coordinate: Coordinate) -> set[int]:
         """Return the joints that move a coordinate."""
-        return self.joints_of(coordinate.row(self._state))
+        if isinstance(coordinate, LinearCoordinate):
+            return _joints_in(coordinate)
+        return _joints_of(coordinate.row(self._state))
 
-    @staticmethod
-    def joints_of(rows: Array) -> set[int]:
-        """Return the joints that have a part in rows, shape (nv,) or (m, nv)."""
-        size = np.abs(np.atleast_2d(rows))
-        return {int(v) for v in np.flatnonzero((size > ABSENT * size.max(initial=0.0)).any(axis=0))}
+
+def _joints_in(coordinate: LinearCoordinate) -> set[int]:
+    """Return the joints in a sum: its weights are numbers of the input, however small."""
+    return set(np.flatnonzero(coordinate.weights).tolist())
+
+
+def _joints_of(rows: Array) -> set[int]:
+    """Return the joints that have a part in computed rows, shape (nv,) or (m, nv)."""
+    size = np.abs(np.atleast_2d(rows))
+    return set(np.flatnonzero((size > ABSENT * size.max(initial=0.0)).any(axis=0)).tolist())
 
 
 def removable(

@@ -15,7 +15,16 @@ from pinarm.arrays import Array
 from pinarm.engine.checks.figures import plain
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
-from pinarm.errors import DynamicsError, InputError, Interrupted, Location, NumericsError, PinarmError, of_interrupt
+from pinarm.errors import (
+    DynamicsError,
+    InputError,
+    Interrupted,
+    Location,
+    NumericsError,
+    PinarmError,
+    fault,
+    of_interrupt,
+)
 from pinarm.input.roots import file_root, given_root, note_files, noting_files
 from pinarm.input.units import Unit
 from pinarm.records import replace
@@ -360,7 +369,7 @@ def solved_case(task: Task, values: Case) -> Solved:
         except Exception as error:  # a fault of the program costs one case, and is told as what it is
             if of_interrupt(error):
                 raise KeyboardInterrupt from None
-            said = f"the program failed: {type(error).__name__}: {error}"
+            said = f"the program failed: {fault(error)}"
             return Solved(Row((), said, _names(files), final=False))
 
 

@@ -70,7 +70,17 @@ def whole_folder(
             yield draft
             _publish(draft, folder, Manifest(kind, {}, source=source_from(folder, source) if source else ""), beside)
     except OSError as error:
-        raise InputError(f"the {kind} cannot be written to {folder}: {error.strerror or error}") from None
+        raise InputError(f"the {kind} cannot be written to {folder}: {reason(error)}") from None
+
+
+def reason(error: OSError) -> str:
+    """Return why the system refuses to write, in words.
+
+    It says "File exists" where a folder is to be made in place of a file, or of a link that leads nowhere.
+    """
+    if isinstance(error, FileExistsError):
+        return f"{error.filename} is no folder, or a symbolic link that leads to none"
+    return error.strerror or str(error)
 
 
 def check_replaceable(folder: Path, kind: str, *, beside: Collection[str] = ()) -> None:
@@ -83,7 +93,7 @@ def check_replaceable(folder: Path, kind: str, *, beside: Collection[str] = ()) 
         if folder.is_symlink() or folder.exists():
             own_files(folder, kind, beside)
     except OSError as error:
-        raise InputError(f"the {kind} cannot be written to {folder}: {error.strerror or error}") from None
+        raise InputError(f"the {kind} cannot be written to {folder}: {reason(error)}") from None
 
 
 def write_file(path: Path, parts: Iterable[bytes], *, home: Path | None = None) -> None:
@@ -111,7 +121,7 @@ def write_file(path: Path, parts: Iterable[bytes], *, home: Path | None = None) 
         finally:
             draft.unlink(missing_ok=True)
     except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
+        raise InputError(f"{path} cannot be written: {reason(error)}") from None
 
 
 def write_new_file(path: Path, content: bytes) -> bool:
@@ -162,7 +172,7 @@ def claim_folder(folder: Path, kind: str, source: Path) -> bool:
     except OSError as error:
         if error.errno in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR):  # another process was faster
             return False
-        raise InputError(f"the {kind} cannot be written to {folder}: {error.strerror or error}") from None
+        raise InputError(f"the {kind} cannot be written to {folder}: {reason(error)}") from None
     return True
 
 

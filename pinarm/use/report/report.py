@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import datetime
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -134,7 +134,7 @@ def _rendered(template: Any, title: str, chapters: Sequence[Chapter]) -> str:
     return str(template.render(
         title=title, chapters=chapters, style=(FILES / "report.css").read_text(encoding="utf-8"),
         margin=_css_text(title[:IN_MARGIN]), frames=[frame(each.replay, height=REPLAY_HEIGHT) for each in chapters],
-        date=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %z"), host=host_kind(), version=_version(),
+        date=time.strftime("%Y-%m-%d %H:%M %z"), host=host_kind(), version=_version(),
     ))  # fmt: skip
 
 

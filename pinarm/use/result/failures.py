@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from pinarm.engine.constraints.nullspaces.dense_nullspace import SingularMasses
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import DynamicsError
@@ -16,23 +17,25 @@ from pinarm.mechanics.joints import format_configuration
 
 @contextmanager
 def failures_in_words() -> Iterator[None]:
-    """Raise in words what linear algebra and Python's numbers raise; what is not finite is found in the results.
+    """Raise in words what the numbers of the input cause; any other error is a fault of the program, and stays.
+
+    Floating-point warnings are off: the results are searched for numbers that are not finite.
 
     Raises:
-        DynamicsError: A matrix is singular, or a number is beyond 1e308.
+        DynamicsError: The mass matrix is singular, or a number is beyond 1e308.
     """
     try:
         with np.errstate(all="ignore"):
             yield
-    except np.linalg.LinAlgError as error:
+    except SingularMasses as error:
         raise DynamicsError(
-            f"the equations of this mechanism have no solution ({error})",
+            f"the mass matrix of this mechanism is singular ({error}): the accelerations are not determined",
             hint="numbers of ordinary size, and a mass for whatever is free to move",
         ) from error
-    except ArithmeticError as error:
+    except (OverflowError, FloatingPointError) as error:
         raise DynamicsError(
-            f"a number of this run is too large or too small to be computed with ({error})",
-            hint="numbers of ordinary size: their squares, too, lie between 1e-308 and 1e308",
+            f"a number of this run is too large to be computed with ({error})",
+            hint="numbers of ordinary size: their squares, too, lie below 1e308",
         ) from error
 
 

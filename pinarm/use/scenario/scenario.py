@@ -38,6 +38,7 @@ from pinarm.mechanics.perturbation import perturbed_numbers
 from pinarm.problems import KINDS, PRESCRIBING, Problem, problem_class
 from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
+from pinarm.problems.time_grid import require_memory
 from pinarm.records import Record, replace
 from pinarm.use.result.failures import failures_in_words, overflow
 from pinarm.use.result.result import Result
@@ -322,7 +323,12 @@ class Scenario(Record, frozen=True):
 
     @cached_property
     def simplification(self) -> Simplification:
-        """What is solved in place of the question about the whole mechanism."""
+        """What is solved in place of the question about the whole mechanism.
+
+        Raises:
+            InputError: It asks for more rows than there may be.
+        """
+        self._require_memory()
         if self.content.modelled == "whole":
             return Simplification.whole(self._question, self.mechanism, self.content.accuracy, self.place)
         expected = (text for entry in self.content.expect for text in (entry.quantity, entry.formula or ""))
@@ -407,6 +413,8 @@ class Scenario(Record, frozen=True):
             PinarmError: See ``run``.
         """
         self.check_presentation()
+        if self.problem.kind == "recorded":  # the headings say what can be asked: a long table is not read in vain
+            self.document.with_each("outputs", self.content.outputs, self.quantities().__getitem__)
         if self.content.find:
             from pinarm.use.scenario.searches import solve_found
 
@@ -541,6 +549,7 @@ class Scenario(Record, frozen=True):
 
     def _check_asked(self) -> None:
         """Check what is solved and what is asked of it; symbols of variants that do not ask for them may be others'."""
+        self._require_memory()
         with failures_in_words():
             self.problem.prepare(self.mechanism, self.content.accuracy, self.place)
             quantities = self.quantities()
@@ -583,6 +592,16 @@ class Scenario(Record, frozen=True):
             for index, expectation in enumerate(self.content.expect):
                 with self.document.locating("expect", index):
                     expectation.check_names(quantities, self.numbered)
+
+    def _require_memory(self) -> None:
+        """Raise where the rows that ``time.samples`` or a range asks for need too much memory."""
+        time, ranges = getattr(self.problem, "time", None), list[tuple[tuple[str, ...], Any]]()
+        ranges += [(("time",), time)] if time else []
+        ranges += [(("over", name), given) for name, given in getattr(self.problem, "over", {}).items()]
+        for path, given in ranges:
+            with self.place(*path, "samples"):
+                key = ".".join(("problem", *path, "samples"))
+                require_memory(given.samples, self.mechanism.model, len(self.content.outputs), key)
 
     def check_presentation(self) -> None:
         """Refuse units and labels of what does not exist, and units of another dimension.

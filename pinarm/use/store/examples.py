@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pinarm.errors import InputError
-from pinarm.use.output.folder import write_new_file
+from pinarm.use.output.folder import reason, write_new_file
 
 FOLDERS = ("models", "scenarios", "examples")
 LEFT_BY_RUNS = ("results", "__pycache__")
@@ -34,15 +34,30 @@ def examples(folder: str | Path = "pinarm-examples") -> Path:
     target, source = Path(folder), example_files()
     try:
         target.mkdir(parents=True, exist_ok=True)
-        (target / ".pinarm-root").touch()
-        for file in _files(source):
+        write_new_file(target / ".pinarm-root", b"")
+        files = [*_files(source)]
+        for home in sorted({file.parent for file in files}):
+            _require_inside(target, home)
+        for file in files:
             write_new_file(target / file, (source / file).read_bytes())
     except OSError as error:
         raise InputError(
-            f"the examples cannot be written to {target}: {error.strerror}",
+            f"the examples cannot be written to {target}: {reason(error)}",
             expected="a folder, or a path where one can be made", hint="another folder: -o DIR",
         ) from None  # fmt: skip
     return target
+
+
+def _require_inside(target: Path, folder: Path) -> None:
+    """Raise where a folder below the target is reached by a symbolic link: files would be written elsewhere.
+
+    Raises:
+        InputError: It is.
+    """
+    if (target / folder).resolve() != target.resolve() / folder:
+        raise InputError(f"{target / folder} leads to {(target / folder).resolve()}, by a symbolic link",
+                         expected="folders of their own in the folder of the examples",
+                         hint="another folder: -o DIR")  # fmt: skip
 
 
 def example_files() -> Path:

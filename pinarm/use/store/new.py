@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from pinarm.errors import InputError, choices
-from pinarm.use.output.folder import write_new_file
+from pinarm.use.output.folder import reason, write_new_file
 
 TEMPLATES = Path(__file__).parent / "templates"
 
@@ -135,7 +135,7 @@ def _written(folder: Path, files: Mapping[str, str]) -> Path:
         if isinstance(error, InputError):
             raise
         raise InputError(
-            f"the files cannot be written to {folder}: {error.strerror}",
+            f"the files cannot be written to {folder}: {reason(error)}",
             expected="a folder, or a path where one can be made", hint="another folder: -o DIR",
         ) from None  # fmt: skip
     return folder

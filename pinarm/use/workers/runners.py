@@ -26,14 +26,19 @@ Apply = Callable[[Iterable[JobT]], "Iterator[AnswerT | LostJob]"]
 """Jobs -> their answers, in their order; the answers are the same whoever gives them."""
 
 
+MOST = 10_000
+"""Most workers: each is a process with 60 MB of memory, here or on a cluster."""
+
+
 def check_number(workers: int | None) -> None:
     """Raise where a number of workers is none.
 
     Raises:
-        InputError: It is below 1.
+        InputError: It is below 1, or above ``MOST``.
     """
-    if workers is not None and workers < 1:
-        raise InputError(f"{workers} workers solve nothing", expected="at least 1")
+    if workers is not None and not 1 <= workers <= MOST:
+        said = f"{workers} workers solve nothing" if workers < 1 else f"{workers} workers are too many"
+        raise InputError(said, expected="at least 1" if workers < 1 else f"at most {MOST}")
 
 
 class Runners(ValueRecord, frozen=True):

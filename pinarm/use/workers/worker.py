@@ -9,6 +9,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Protocol, runtime_checkable
 
+from pinarm.errors import fault
 from pinarm.input.roots import noting_files
 from pinarm.use.workers.chunk_order import AnsweredPart, Answers, ChunkOrder, FilesLacking, LostJob, answered, unpacked
 from pinarm.use.workers.travelling_files import Mirror, SharedFiles
@@ -95,7 +96,7 @@ class _Session:
         try:
             return self.function(job)
         except Exception as error:  # a fault of the program costs one job
-            return LostJob(f"the program failed: {type(error).__name__}: {error}")
+            return LostJob(f"the program failed: {fault(error)}")
 
 
 _kept = threading.local()

@@ -102,7 +102,8 @@ def interrupted_class() -> None:
 def test_a_fault_of_the_program_costs_one_case(held: pinarm.Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Wanted, "numbers", lambda *_: 1 / 0)
     row = solved(held, ["M"])
-    assert (row.error, row.final) == ("the program failed: ZeroDivisionError: division by zero", False)
+    assert row.error.startswith("the program failed: ZeroDivisionError: division by zero (")
+    assert not row.final
 
 
 FALLING = {"problem": {"kind": "forward", "time": {"end": "1 s"}, "initial": {"position": {"pivot": "30 deg"}}}}

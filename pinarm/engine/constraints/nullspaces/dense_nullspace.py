@@ -193,15 +193,25 @@ def solved(matrix: Array, right: Array) -> Array:
     return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
 
 
+class SingularMasses(np.linalg.LinAlgError):
+    """A mass matrix, reduced to free motions or not, that is singular."""
+
+
 def solved_positive(matrix: Array, right: Array) -> Array:
     """Return x with ``matrix x = right``, shapes (.., k, k), (.., k, c) and (.., k, c), of symmetric positive matrices.
 
     They are scaled to a diagonal of ones: LAPACK takes the largest entries as pivots, in which what is left of masses
     far smaller than others would be lost.
+
+    Raises:
+        SingularMasses: A matrix is singular.
     """
     diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
     scale = (1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)))[..., None]
-    return np.asarray(scale * np.linalg.solve(scale * matrix * scale.swapaxes(-1, -2), scale * right))
+    try:
+        return np.asarray(scale * np.linalg.solve(scale * matrix * scale.swapaxes(-1, -2), scale * right))
+    except np.linalg.LinAlgError as error:
+        raise SingularMasses(str(error)) from None
 
 
 def acting_values(rows: Array, units: Array) -> Array:

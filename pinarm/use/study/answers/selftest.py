@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from pinarm.errors import fault
 from pinarm.use.store.examples import example_files
 from pinarm.use.study.answers.check import check
 
@@ -89,7 +90,7 @@ def _checks(folder: Path) -> Iterator[KindCheck]:
         try:
             findings = check(folder / f"{name}.yaml")
         except Exception as error:  # whatever it is, it is what is wrong with this installation
-            yield KindCheck(kind, name, 0, " ".join(f"{type(error).__name__}: {error}".split()))
+            yield KindCheck(kind, name, 0, " ".join(fault(error).split()))
             continue
         missed = [f"{one.expectation.quantity} = {one.computed:.9g}" for one in findings if not one.ok]
         yield KindCheck(kind, name, len(findings), f"not as in the answer key: {', '.join(missed)}" if missed else "")

@@ -16,7 +16,7 @@ from pinarm.records import replace
 from pinarm.use.cases.case import WORTH, Row, Task
 from pinarm.use.cases.case_table import CaseTable, RowTable
 from pinarm.use.cases.together import CaseSolver
-from pinarm.use.output.folder import check_replaceable, signals_waiting
+from pinarm.use.output.folder import check_replaceable, reason, signals_waiting
 from pinarm.use.study.sweep.axes import Cases
 from pinarm.use.study.sweep.journal import JOURNAL, Journal, Sources, task_digest
 from pinarm.use.study.sweep.parquet_parts import Parts
@@ -171,5 +171,5 @@ def open_journal(folder: Path, task: Task, width: int) -> Journal:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"the sweep cannot be written to {folder}: {error.strerror}") from None
+        raise InputError(f"the sweep cannot be written to {folder}: {reason(error)}") from None
     return Journal(folder / JOURNAL, task_digest(task), width)
