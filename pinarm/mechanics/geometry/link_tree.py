@@ -147,7 +147,7 @@ class LinkTree(Record, frozen=True):
     def multiplied(self, turns: Array) -> Array:
         """Return the products of rotations along these paths; that of the world is 1; shape (3, 3, njoints, ..)."""
         for jump in self.jumps:
-            turns = np.einsum("ab...,bc...->ac...", turns.take(jump, axis=2), turns)
+            turns = product(turns.take(jump, axis=2), turns)
         return turns
 
     def along(self, columns: Array, x: Array) -> Array:
@@ -206,7 +206,7 @@ class LinkTree(Record, frozen=True):
         """Set the placements of links on ball joints and of those that float, for coordinates of shape (nq, ..)."""
         balls, rank = self.balls, x.ndim - 1
         turn = states_last(balls.turn, rank, 3)
-        turns[:, :, balls.links] = np.einsum("ab...,bc...->ac...", turn, rotations(x[balls.quaternions.T]))
+        turns[:, :, balls.links] = product(turn, rotations(x[balls.quaternions.T]))
         arms[:, balls.links] = states_last(balls.shift, rank, 2)
         afloat = balls.floating
         arms[:, balls.links[afloat]] += turned(turn[:, :, afloat], x[balls.ways.T])
@@ -227,6 +227,11 @@ def rotations(quaternion: Array) -> Array:
 def turned(turns: Array, vectors: Array) -> Array:
     """Return ``R x``, shapes (3, 3, ..) and (3, ..)."""
     return np.asarray(np.einsum("ab...,b...->a...", turns, vectors))
+
+
+def product(one: Array, other: Array) -> Array:
+    """Return the products of matrices, shape (3, 3, ..)."""
+    return np.asarray(np.einsum("ab...,bc...->ac...", one, other))
 
 
 def states_last(x: Array, rank: int, tail: int) -> Array:
