@@ -254,6 +254,26 @@ class EvaluatedRows(Record, frozen=True):
                 found[own, k] = _rows(one, state).ravel()
         return found
 
+    def times(self, x: Array) -> tuple[Array, Array]:
+        """Return ``G x``, of shape (.., m), for x of shape (.., nv), and the sums of the sizes of its terms."""
+        pattern, terms = self.rows.pattern, self.entries * components_first(x, 1)[self.rows.pattern.columns]
+        held = np.diff(pattern.starts) > 0
+        total, sizes = np.zeros((2, self.rows.size, *terms.shape[1:]))
+        if held.any():
+            total[held] = np.add.reduceat(terms, pattern.starts[:-1][held])
+            sizes[held] = np.add.reduceat(np.abs(terms), pattern.starts[:-1][held])
+        return states_first(total, 1), states_first(sizes, 1)
+
+    def some(self, rows: Indices, columns: Indices) -> Array:
+        """Return some rows and columns of G, ascending, components first, shape (r, c, ..)."""
+        pattern, place = self.rows.pattern, np.zeros(self.rows.pattern.nv, dtype=np.intp)
+        place[columns] = np.arange(len(columns))
+        found = np.zeros((len(rows), len(columns), *self.states))
+        for k, row in enumerate(rows.tolist()):
+            own = slice(pattern.starts[row], pattern.starts[row + 1])
+            found[k, place[pattern.columns[own]]] = self.entries[own]
+        return found
+
     @cached_property
     def matrices(self) -> Array:
         """G, shape (.., m, nv)."""
@@ -335,3 +355,8 @@ def _value(one: Measured, state: Kinematics) -> Array | float:
 
 def _rows(one: Measured, state: Kinematics) -> Array:
     return one.rows(state) if hasattr(one, "rows") else one.row(state)
+
+
+def rows_of(model: Model, coordinates: Sequence[Coordinate], q: Array) -> Array:
+    """Return the rows of coordinates at configurations, shape (n, nq), as an array of shape (n, d, nv)."""
+    return ConstraintRows.of(model, coordinates).at(q).matrices

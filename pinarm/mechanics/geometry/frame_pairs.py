@@ -20,7 +20,7 @@ import numpy as np
 from pinarm.arrays import Array, Indices
 from pinarm.mechanics.geometry.link_tree import LinkTree, product, states_last, turned
 from pinarm.mechanics.geometry.model_variants import Model
-from pinarm.mechanics.geometry.vectors import cross
+from pinarm.mechanics.geometry.vectors import cross, dot
 from pinarm.records import Record
 
 
@@ -141,6 +141,15 @@ class FramePairs(Record, frozen=True):
             np.cumsum(counts) - counts, senses,
         )  # fmt: skip
 
+    @classmethod
+    def between(cls, model: Model, first: int, second: int) -> FramePairs:
+        """Return the pair of two frames, given by their indices."""
+        return cls.of(model, [(first, second)])
+
+    def at_configurations(self, q: Array) -> RelativeMotion:
+        """Return how frames 2 are placed and move in frames 1 at configurations, shape (.., nq)."""
+        return self.at(*self.tree.placed(q))
+
     def at(self, turns: Array, arms: Array) -> RelativeMotion:
         """Return how frames 2 are placed and move in frames 1.
 
@@ -198,6 +207,13 @@ class RelativeMotion(Record, frozen=True):
     def flat(self) -> tuple[Array, Array]:
         """``p`` and the axes of frames 2, all pairs and states along the last axis: shapes (3, N) and (3, 3, N)."""
         return self.p.reshape(3, -1), self.turn.swapaxes(0, 1).reshape(3, 3, -1)
+
+    def efforts(self, force: Array, moment: Array) -> Array:
+        """Return the efforts along the velocities of a force and a moment at the origins of frames 2.
+
+        Shapes (3, L, ..) to (s, L, ..).
+        """
+        return np.asarray(dot(force[:, None], self.linear) + dot(moment[:, None], self.angular))
 
     def rates(self, v: Array) -> tuple[Array, Array, Array, Array]:
         """Return ``p'`` and ``omega``, and ``p''`` and ``omega'`` while the velocities are constant.

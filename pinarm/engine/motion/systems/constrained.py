@@ -7,16 +7,16 @@ change, measured by the masses: positions by Newton's method, velocities in one 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
-from pinarm.engine.constraints.batch_jacobians import BLOCK
+from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.constraint_rows import BLOCK
 from pinarm.engine.constraints.coupled_joints import coupled_joints
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspaces.nullspace import RANK, VANISHED, RowDecompositions, split_rows
@@ -27,7 +27,6 @@ from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.integration.integrator import Energy, Interval, Manifold
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.systems.batch_rows import CLOSED, ITERATIONS, ROUNDED, TURNED, BatchRows, Solved
 from pinarm.engine.motion.systems.row_motion import RowMotion
 from pinarm.engine.motion.systems.system import KEPT, CompletedStates, Initial
 from pinarm.errors import AssemblyError, InputError
@@ -39,6 +38,17 @@ from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.kernel.library import Flow
+
+CLOSED, ROUNDED, TURNED = 1e-13, 1e-15, 1e-15
+"""Gap at which a state counts as closed [m or rad]; gap that is rounding, relative to the extent; and what rounding
+leaves open of an angle of many turns, over the angle."""
+
+ITERATIONS = 12
+"""Steps of Newton's method at most, which close a state that is nearly closed in two or three."""
+
+Solved = tuple[Flags, Sequence[Array]]
+"""Which rows have been solved, shape (n,), and of these q, v, a, the efforts, and the multipliers of the constraints,
+NaN where they are not known: shapes (s, nq), (s, nv), (s, nv), (s, k) and (s, m)."""
 
 LASTING, ROUNDING = 1e-6, 1e-10
 """Part of the centripetal terms that redundant loops may leave: closed to rounding, they leave 1e-12; and what rounding
@@ -257,13 +267,9 @@ class ConstrainedSystem(Record, frozen=True):
         """Return the states themselves."""
         return q, v
 
-    @cached_property
-    def _together(self) -> BatchRows | None:
-        return BatchRows.of(self.rows, self.own.size)
-
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
         """Return the motion, closed at every row, with accelerations, efforts and multipliers."""
-        k, together = len(self.prescribed.names), self._together
+        k = len(self.prescribed.names)
         w = np.array([grid.evaluate(law) for law in self.prescribed.laws]).reshape(k, 3, len(q)).swapaxes(0, 1)
         found = q.copy(), v.copy(), np.empty_like(v), np.empty((len(q), k)), np.empty((len(q), self.own.size))
         for part, local in parts(dynamics, grid):
@@ -271,7 +277,7 @@ class ConstrainedSystem(Record, frozen=True):
                 left = np.arange(begin, min(begin + BLOCK, part.stop))
                 while len(left):
                     state = grid.t[left], w[:, :, left], q[left], v[left]
-                    served, solved = (together and together.solve(local, *state)) or self._few(local, *state)
+                    served, solved = self._few(local, *state)
                     for whole, some in zip(found, solved, strict=True):
                         whole[left[served]] = some
                     left = left[~served]
