@@ -3,16 +3,14 @@
 import catalogue
 import numpy as np
 import pytest
-from motions import driven, free
+from motions import driven
 
 from pinarm.engine.constraints import closure
-from pinarm.engine.constraints.batch_jacobians import BLOCK, BatchJacobians
+from pinarm.engine.constraints.constraint_rows import BLOCK
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspaces.nullspace import split_rows
-from pinarm.engine.constraints.nullspaces.nullspace_batch import free_motions
 from pinarm.engine.kinematics.continuation_batch import BatchContinuation
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.systems.batch_rows import BatchRows
 from pinarm.errors import InputError
 from pinarm.mechanics.laws import Harmonic
 
@@ -33,7 +31,7 @@ def test_a_motion_and_its_efforts_are_those_found_row_by_row(name, tmp_path, mon
     motion = {drive: Harmonic(amplitude=0.3, pulsation=5.0 + k) for k, drive in enumerate(drives)}
     together = driven(mechanism, motion, samples=40, drives=drives)
     monkeypatch.setattr(BatchContinuation, "of", lambda *_: None)
-    monkeypatch.setattr(BatchJacobians, "of", lambda *_: None)
+    monkeypatch.setattr(closure, "SEVERAL", 1_000_000)
     monkeypatch.setattr(closure, "MANY", 1_000)
     alone = driven(mechanism, motion, samples=40, drives=drives)
     for one, other in ((together.q, alone.q), (together.v, alone.v), (together.a, alone.a), (together.tau, alone.tau)):
@@ -60,7 +58,7 @@ class TestFreeMotions:
         angle = np.random.default_rng(0).uniform(-3.0, 3.0, 2 * BLOCK + 5)
         angle[[0, 7, 500, BLOCK, 2 * BLOCK + 4]] = np.pi / 2 * np.array([1.0, -1.0, 1.0, 1.0 + 1e-7, 1.0 - 1e-10])
         q, seen = leaning(four_bar, angle), np.zeros(len(angle), dtype=int)
-        for places, motions in free_motions(four_bar.closure, q):
+        for places, motions in four_bar.closure.free_motions(q):
             seen[places] += 1
             for k in range(0, len(places), 37):
                 state = four_bar.closure.state(q[places[k]])
@@ -71,7 +69,7 @@ class TestFreeMotions:
 
     def test_two_where_the_rods_lie_in_one_line(self, four_bar):
         q = leaning(four_bar, np.pi / 2 * np.array([0.3, 1.0, 0.6]))
-        found = [(int(k), len(motions)) for places, motions in free_motions(four_bar.closure, q) for k in places]
+        found = [(int(k), len(motions)) for places, motions in four_bar.closure.free_motions(q) for k in places]
         assert dict(found) == {0: 1, 1: 2, 2: 1}
 
 
@@ -99,20 +97,6 @@ class TestStates:
         states[column][BLOCK + 3, 0] += 1e-6
         with pytest.raises(InputError, match=f"row {BLOCK + 3}: the {what} tear 'top_1'"):
             four_bar.at(*states)
-
-
-@pytest.mark.parametrize("name", LINKAGES)
-def test_the_rows_of_a_free_motion_are_those_computed_one_by_one(name, tmp_path, monkeypatch):
-    linkage, cut, (drive, *_) = LINKAGES[name]
-    mechanism = linkage().build(tmp_path, cut)
-    motion = {drive: Harmonic(amplitude=0.3, pulsation=5.0)} if name == "five_bar" else {}
-    together = free(mechanism, 0.2, 120, tolerance=1e-5, motion=motion)
-    monkeypatch.setattr(BatchRows, "of", lambda *_: None)
-    monkeypatch.setattr(closure, "MANY", 1_000)
-    alone = free(mechanism, 0.2, 120, tolerance=1e-5, motion=motion)
-    for one, other in ((together.q, alone.q), (together.v, alone.v), (together.a, alone.a), (together.tau, alone.tau)):
-        assert one == pytest.approx(other, rel=1e-8, abs=1e-8 * np.abs(other).max())  # of the squares of gaps of 1e-5
-    assert np.asarray(together.lam) == pytest.approx(np.asarray(alone.lam), rel=1e-7, abs=1e-7)
 
 
 def test_rows_of_several_runs_stand_one_after_the_other():

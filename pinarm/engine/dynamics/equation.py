@@ -19,7 +19,6 @@ projects them onto the constraints, ``f = M v`` and ``b = w'``, and gives the ve
 Other routes to the same numbers are faster where they apply, and tested against this one:
 
 - ``Dynamics.forward`` (``aba``) and ``Dynamics.inverse`` (``rnea``) for open chains;
-- ``constraints.nullspace_batch`` for many configurations that one order of elimination serves;
 - ``dynamics.coordinate_partition`` for constraints that are linear in the joint coordinates;
 - ``dynamics.pinocchio_constraints`` for loops that coinciding points close.
 

@@ -12,10 +12,7 @@ import pytest
 
 import pinarm
 from pinarm import Mechanism
-from pinarm.engine.constraints.batch_jacobians import BatchJacobians
-from pinarm.engine.constraints.nullspaces.elimination import Order, dense
 from pinarm.engine.constraints.nullspaces.nullspace import split_rows
-from pinarm.engine.constraints.nullspaces.nullspace_batch import BatchNullspace, regular_order
 from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
 from pinarm.engine.dynamics.equation import accelerations, solve
 from pinarm.engine.dynamics.pinocchio_constraints import SPREAD, PointConstraints
@@ -67,22 +64,6 @@ class TestLoops:
         right = dense_accelerations(mechanism, q, v, tau)
         assert a == pytest.approx(right, abs=ACCURATE * np.abs(right).max())
 
-    def test_elimination_in_one_order_gives_the_same(self, name, seed):
-        mechanism, q, v, tau = state(name, seed)
-        closure, dynamics = mechanism.closure, mechanism.dynamics.on(0.0, 1.0)
-        measures = BatchJacobians.of(mechanism.model, closure.constraints)
-        assert measures is not None
-        rows = measures.at(q[:, None]).rows(range(measures.size))
-        order = regular_order(dense(rows, (measures.size, len(q))), closure.reach)
-        assert order is not None
-        mass, force = dynamics.mass_matrices(q[None]), tau[None] - dynamics.inverse(0.0, q, v, np.zeros_like(v))
-        drift = measures.at(q[:, None]).drift(range(measures.size), v[:, None])
-        (a,) = BatchNullspace.of(rows, order, (len(q), 1), closure.reach).solve(
-            mass, force, {row: -x for row, x in drift.items()}
-        )
-        (right,) = accelerations(dynamics, closure, 0.0, q[None], v[None], tau[None])
-        assert a == pytest.approx(right, abs=ACCURATE * np.abs(right).max())
-
     def test_efforts_and_multipliers_leave_nothing_of_the_equation(self, name, seed):
         mechanism, q, v, tau = state(name, seed)
         dynamics, closure = mechanism.dynamics.on(0.0, 1.0), mechanism.closure
@@ -90,16 +71,6 @@ class TestLoops:
         rows = closure.rows(closure.state(q))
         held = dynamics.inverse(0.0, q, v, a)[0] - tau
         assert rows.T @ split_rows(rows).multipliers(held) == pytest.approx(held, abs=1e-9 * np.abs(held).max())
-
-
-def test_where_the_order_of_elimination_does_not_serve_nothing_is_warned_of():
-    """The pivot of ``2 x + y = 5`` is 0 in the second system; the shortest x of the first is (2, 1)."""
-    reach, rows = np.ones(1), {0: {0: np.array([2.0, 0.0]), 1: np.array([1.0, 1.0])}}
-    order = Order.of(np.array([[2.0, 1.0]]), 1, reach)
-    found = BatchNullspace.of(rows, order, (2, 2), reach)
-    x = found.solve(np.tile(np.eye(2), (2, 1, 1)), np.zeros((2, 2)), {0: np.array([5.0, 5.0])})
-    assert found.served.tolist() == [True, False]
-    assert x[0] == pytest.approx([2.0, 1.0], abs=1e-15)
 
 
 @pytest.mark.parametrize("seed", range(3))

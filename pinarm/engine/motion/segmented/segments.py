@@ -13,7 +13,6 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.methods.explicit import LIMITED, STIFF
 from pinarm.engine.motion.systems import CompletedStates, System
-from pinarm.engine.motion.systems.batch_rows import FEWEST
 from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.errors import IntegrationError
 from pinarm.mechanics.laws.motion_law import Grid
@@ -215,11 +214,11 @@ class SegmentedMotion(Record, frozen=True):
 
 
 def _states(segment: MotionSegment, t: Array) -> tuple[Array, Array]:
-    """Return the integrated states at instants; few are closed in compiled code, one by one, which costs least."""
+    """Return the integrated states at instants, closed in compiled code where there is such."""
     solution = segment.solution
     q, v = solution.states(t)
     flows = {k: flow for k, interval in enumerate(solution.intervals) if (flow := interval.compiled) and flow.settles}
-    if len(t) >= FEWEST or not flows:
+    if not flows:
         return q, v
     y = np.concatenate([q, v], axis=1)
     owners = np.searchsorted([interval.start for interval in solution.intervals[1:]], t, side="right")
