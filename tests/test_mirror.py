@@ -52,7 +52,6 @@ ELSEWHERE = {
     "engine/friction/test_switching.py": (
         "what joints at rest begin to do", "engine/friction/balance engine/friction/response engine/friction/slip",
     ),
-    "engine/integration/methods/test_collocation.py": ("a part of it", "engine/integration/methods/collocation_window"),
     "engine/integration/methods/test_orders.py": (
         "the order of every method", "engine/integration/integrator "
         "engine/integration/methods/explicit",

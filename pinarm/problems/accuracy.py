@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 
-from pinarm.engine.integration.methods import METHODS, MethodName, described
+from pinarm.engine.integration.methods import METHODS, REMOVED, MethodName, described
 from pinarm.errors import InputError, within
 from pinarm.input.yaml.schema import Duration, InputStruct
 
@@ -40,7 +40,11 @@ class Accuracy(InputStruct, frozen=True):
     max_steps: Annotated[int, msgspec.Meta(ge=1)] = 200_000
 
     def check(self) -> None:
-        """Refuse a tolerance for steps of one length, and a step for a method that chooses its own."""
+        """Refuse a tolerance for steps of one length, and a step for a method that chooses its own.
+
+        The name of a removed method becomes that of the method that has replaced it.
+        """
+        msgspec.structs.force_setattr(self, "method", REMOVED.get(self.method, self.method))
         by = METHODS[self.method].setting
         if by == "step" and self.step is None and self.target is None:
             raise InputError(f"the method {self.method} takes steps of one length and needs it", hint="step: 1 ms")

@@ -18,7 +18,7 @@ from benchmarks.race.mechanisms import ORIGIN, Body, Linkage, Vector, Z
 from benchmarks.race.problems import Batch, Inverse, Motion, Problem
 from pinarm.engine.integration.methods import METHODS
 
-PASSED_OVER = frozenset({"rk4", "dopri5", "conserving"})
+PASSED_OVER = frozenset({"rk4", "dopri5"})
 """Methods for other purposes: never the fastest of a single motion here."""
 
 
@@ -32,8 +32,6 @@ def prepare(problem: Problem) -> list[Setting]:
     methods.sort(key=lambda name: name != "stiff")
     if not problem.linkage.damping.any():
         methods.remove("stiff")
-    if problem.linkage.loops:
-        methods.remove("collocation")
     return [Setting(method, tolerance, partial(_motion, problem, method, tolerance))
             for method in methods for tolerance in decades(3, 13, 4)]  # fmt: skip
 

@@ -93,8 +93,7 @@ class ControlledSystem:
         of_step = (lambda t: self._acceleration(inner.of_step(t), efforts)) if inner.acceleration_of_step else None
         return replace(
             inner, acceleration=self._acceleration(inner.acceleration, efforts), acceleration_of_step=of_step,
-            settle=self._settle(inner.settle) if inner.settle else None, energy=None, batch=None,
-            unchecked_batch=None, compiled=None,
+            settle=self._settle(inner.settle) if inner.settle else None, batch=None, compiled=None,
         )  # fmt: skip
 
     def _acceleration(self, inner: Acceleration, efforts: PresentEfforts) -> Acceleration:

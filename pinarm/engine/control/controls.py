@@ -110,9 +110,7 @@ class Controls:
             return acceleration
 
         sampling = _SampledStates(memory, system) if memory.sampled else None
-        return replace(
-            interval, acceleration_of_step=of_step, batch=None, unchecked_batch=None, energy=None, sampling=sampling
-        )
+        return replace(interval, acceleration_of_step=of_step, batch=None, sampling=sampling)
 
     def watches(self, span: Span) -> list[tuple[int, Watch]]:
         """Return where continuous controllers change their way in a span without jumps, each with its number."""

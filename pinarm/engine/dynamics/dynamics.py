@@ -18,14 +18,14 @@ from pinarm.arrays import Array, as_rows, same_rows
 from pinarm.engine.dynamics.parallel import Parallel
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, VariantsDiffer
-from pinarm.mechanics.geometry.pinocchio_data import WIDE, new_data
+from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.dynamics.mass_matrix import Masses
     from pinarm.engine.dynamics.side_by_side import SideBySide
-    from pinarm.engine.integration.integrator import Acceleration, Accelerations, Energy, Manifold
+    from pinarm.engine.integration.integrator import Acceleration, Accelerations, Manifold
 
 NO_FORCES: Mapping[str, ForceElement] = MappingProxyType({})
 
@@ -217,26 +217,6 @@ class Dynamics(Record, frozen=True):
 
         return free
 
-    def unchecked(self) -> Accelerations:
-        """Return the same of a few states, as lean as can be: to be checked by whoever takes them."""
-        if self.model.nv > WIDE:  # Pinocchio's pool of buffers grows as nv^3
-            return self.accelerations()
-        aba, parallel, nv = pin.abaInParallel, self._parallel, self.model.nv
-        steady, changing, tau = self.steady, self.changing, np.zeros((0, nv))
-
-        def free(t: Array, q: Array, v: Array) -> Array:
-            nonlocal tau
-            if len(tau) < len(q):
-                tau = np.tile(steady, (len(q), 1))
-            loads = tau[: len(q)]
-            if changing:
-                loads[:] = steady
-                for force in changing:
-                    force.add_load(t, q, v, loads)
-            return aba(1, parallel.one, q.T, v.T, loads.T).reshape(nv, len(q)).T  # type: ignore[no-any-return]
-
-        return free
-
     def load(self) -> Acceleration:
         """Return ``(t, q, v) -> tau``, the load in one state, to be read only; steady loads are summed once."""
         steady, changing, tau = self.steady, self.changing, np.zeros(self.model.nv)
@@ -294,21 +274,6 @@ class Dynamics(Record, frozen=True):
         from pinarm.mechanics.forces.joint_springs import energetic
 
         return energetic(self.forces.values())
-
-    @cached_property
-    def conserved(self) -> Energy | None:
-        """Return ``(q, v) -> T, V`` of one state; ``None`` where force elements exchange energy."""
-        model, data, forces, forgotten = self.model, self.data, tuple(self.forces.values()), self._forgotten
-        if not all(force.conservative for force in forces):
-            return None
-
-        def energy(q: Array, v: Array) -> tuple[float, float]:
-            potential = pin.computePotentialEnergy(model, data, q)
-            for force in forces:
-                potential += float(force.potential_energy(q))
-            return pin.computeKineticEnergy(model, data, q, v) + float(forgotten.dot(v * v)), potential
-
-        return energy
 
     @cached_property
     def _forgotten(self) -> Array:

@@ -56,7 +56,7 @@ def integrate(
         Interrupted: The user interrupted it; likewise.
     """
     q, v = manifold.project(np.asarray(q, float)), np.asarray(v, float)
-    solution = Solution(method, manifold, method.prepare(intervals, q, v))
+    solution = Solution(method, manifold, intervals)
     stepper = method.stepper(manifold, solution.count)
     steps = _compiled(solution, stepper, steps_over) or SingleSteps(solution, stepper, steps_over)
     driver = _Driver(solution, stepper, steps, max_steps, watches)

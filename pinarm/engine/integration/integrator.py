@@ -41,9 +41,6 @@ StepsOver = Callable[[Array, Array, Array], bool]
 
 t, q and v are states along the step, its ends included, shapes (n,), (n, nq) and (n, nv)."""
 
-Energy = Callable[[Array, Array], tuple[float, float]]
-"""``(q, v) -> T, V``: kinetic and potential energy [J]; T is quadratic in v."""
-
 
 class SampleTimes(Protocol):
     """Instants at which loads may change by what is measured there: no step goes past one of them."""
@@ -104,12 +101,9 @@ class Interval(ValueRecord, frozen=True):
         settle: Projection onto the constraints, applied after every accepted step; ``None`` without constraints.
         floor: Returns the smallest useful step [s]: close to a singular position, where rounding is amplified, shorter
             steps are no better. Such a step is accepted with an error above the tolerance, up to ``explicit.NOISE``.
-        energy: Kinetic and potential energy of a state; ``None`` where dampers, loads over time, drives or laws of
-            motion exchange energy.
         acceleration_of_step: Start of an accepted step [s] -> the acceleration that this step used; ``None`` where it
             does not depend on the step (it does where the step began close to a singular position).
         batch: Acceleration of many states at once; ``None`` where only that of one state is known.
-        unchecked_batch: ``batch`` without its comparison with ``acceleration``, for callers that compare themselves.
         size: Errors of a step are relative to ``size + |y|``: 1 in SI, or the size of a motion that is much smaller.
         compiled: The same motion in compiled code; ``None`` where there is none.
         knots: Instants within it at which steps have to end, since a derivative of the acceleration jumps, ascending.
@@ -124,10 +118,8 @@ class Interval(ValueRecord, frozen=True):
     acceleration: Acceleration
     settle: Projection | None = None
     floor: Callable[[], float] = float
-    energy: Energy | None = None
     acceleration_of_step: Callable[[float], Acceleration] | None = None
     batch: Accelerations | None = None
-    unchecked_batch: Accelerations | None = None
     size: float = 1.0
     compiled: Flow | None = None
     knots: tuple[float, ...] = ()
@@ -171,14 +163,12 @@ class Count(Struct):
         rejected: Number of rejected steps.
         floored: Number of steps accepted at ``Interval.floor``, with an error above the tolerance.
         stepped_over: Number of steps of fixed length that may have stepped over a piece of a load.
-        limited: Number of steps whose length was limited by the convergence of an iteration, not by their error.
     """
 
     evaluations: int = 0
     rejected: int = 0
     floored: int = 0
     stepped_over: int = 0
-    limited: int = 0
 
 
 class Stepper(Protocol):
@@ -270,14 +260,6 @@ class Method(Protocol):
     @property
     def pair(self) -> EmbeddedPair | None:
         """The method itself where it is an embedded pair, with which many motions can be integrated at once."""
-        ...
-
-    def prepare(self, intervals: Sequence[Interval], q: Array, v: Array) -> Sequence[Interval]:
-        """Return the intervals as this method integrates them from an initial state.
-
-        Raises:
-            MethodError: The method does not integrate such motions.
-        """
         ...
 
     def stepper(self, manifold: Manifold, count: Count) -> Stepper:

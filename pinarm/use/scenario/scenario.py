@@ -19,6 +19,7 @@ from pinarm.engine.checks.figures import plain
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.checks.unclosed import unclosed
 from pinarm.engine.constraints.blas_threads import one_blas_thread
+from pinarm.engine.integration.methods import REMOVED
 from pinarm.engine.mechanism import Mechanism, mechanism_document, mechanism_of_data, read_mechanism
 from pinarm.engine.motion.lost_turns import acting_on_angles, between, require_turns, turned_between
 from pinarm.engine.motion.outcome import Outcome
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
     from pinarm.engine.motion.prescribed_motion import PrescribedTable
     from pinarm.mechanics.control.function import ControlFunction, FunctionControl
     from pinarm.problems import PrescribingProblem
+    from pinarm.problems.accuracy import Accuracy
     from pinarm.use.result.section_number import Numbered
 
 SAVED = "mechanism.yaml"
@@ -441,7 +443,7 @@ class Scenario(Record, frozen=True):
 
             measured |= friction_figures(solved.rows)
         removals = self.simplification.removals if solved is not whole else ()
-        noted = replace(whole, notes=(*whole.notes, *unclosed(whole.rows)))
+        noted = replace(whole, notes=(*whole.notes, *unclosed(whole.rows), *self.method_notes(self.content.accuracy)))
         result = replace(self.result(noted), figures=plain(measured), removals=removals)
         self.document.with_each("outputs", self.content.outputs, result.require_finite)
         result = replace(result, figures={**result.figures, **plain(result.quantities.figures())})
@@ -468,7 +470,19 @@ class Scenario(Record, frozen=True):
     def broken_off(self, outcome: Outcome, why: str) -> Result:
         """Return the result of what there was when the numerics failed."""
         note = f"the numerics failed, and what there was by then is not checked: {why}"
-        return self.result(replace(outcome, notes=(*outcome.notes, note)))
+        return self.result(replace(outcome, notes=(*outcome.notes, note, *self.method_notes(self.content.accuracy))))
+
+    def method_notes(self, accuracy: Accuracy) -> list[str]:
+        """Return a note where the scenario names a removed method of integration: which one is used at which setting.
+
+        Args:
+            accuracy: The setting that is used.
+        """
+        named = self.document.data.get("accuracy", {}).get("method", accuracy.method)
+        if named not in REMOVED or self.problem.kind != "forward":
+            return []
+        by, value = accuracy.setting
+        return [f"accuracy.method: {named} was removed; {accuracy.method} integrates the motion, {by} {value:g}"]
 
     def result(self, outcome: Outcome) -> Result:
         """Return the result of what came out for the whole mechanism; its accuracy is not measured."""

@@ -10,8 +10,8 @@ import pytest
 import pinarm
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Flat, Interval
-from pinarm.engine.integration.methods import METHODS
-from pinarm.errors import InputError, MethodError
+from pinarm.engine.integration.methods import METHODS, REMOVED
+from pinarm.errors import InputError, IntegrationError
 from pinarm.problems.accuracy import Accuracy
 from pinarm.use.scenario.json_schema import schema
 from pinarm.use.study.accuracy.tolerance_search import CHEAPEST_STEP, TRIED
@@ -33,18 +33,56 @@ def test_the_setting_of_the_entry_is_what_the_method_takes(name):
     assert getattr(entry.make(1e-3), entry.setting) == 1e-3
 
 
-@pytest.mark.parametrize("name", METHODS)
-def test_a_method_refuses_exactly_the_motions_that_its_entry_excludes(name):
-    known = {"energy": lambda q, v: (0.5 * v @ v, 0.5 * q @ q), "batch": lambda t, q, v: -q}
-    assert len(solved(name, 1e-3, **known).steps) >= 1
-    missing = {"constant energy": "energy", "open chains": "batch"}
-    for requirement, key in missing.items():
-        rest = {k: value for k, value in known.items() if k != key}
-        if METHODS[name].requires == requirement:
-            with pytest.raises(MethodError):
-                solved(name, 1e-3, **rest)
-        else:
-            solved(name, 1e-3, **rest)
+SWING = ROOT / "scenarios" / "crank_rocker_free.yaml"
+REMOVED_NOTE = "accuracy.method: {} was removed; dop853 integrates the motion, tolerance {:g}"
+
+
+class TestRemovedMethods:
+    """Files that name them are read; another method integrates the motion, and a note says which, at which setting."""
+
+    @pytest.fixture(params=["conserving", "collocation"])
+    def removed(self, request):
+        return request.param
+
+    @pytest.fixture
+    def swing(self, removed):
+        """Return a scenario that names a removed method."""
+        return pinarm.load(SWING).varied({"accuracy": {"method": removed, "tolerance": 1e-8}})
+
+    def test_another_method_integrates_the_motion_and_a_note_says_so(self, removed, swing):
+        old, new = swing.run(), pinarm.run(SWING, {"accuracy": {"method": "dop853", "tolerance": 1e-8}})
+        assert np.array_equal(old.trajectory.q, new.trajectory.q)
+        assert set(old.notes()) - set(new.notes()) == {REMOVED_NOTE.format(removed, 1e-8)}
+
+    def test_saved_results_bring_the_note_along_once(self, removed, swing, tmp_path):
+        found = pinarm.restore(swing.run().save(tmp_path / "result", plots=False))
+        assert found.notes().count(REMOVED_NOTE.format(removed, 1e-8)) == 1
+
+    def test_with_a_target_the_note_tells_the_setting_that_reaches_it(self, removed):
+        result = pinarm.run(SWING, {"accuracy": {"method": removed, "target": 1e-4}})
+        assert not result.missed
+        (note,) = [note for note in result.notes() if removed in note]
+        assert note.partition("was removed; ")[2] in {
+            f"dop853 integrates the motion, tolerance {10.0**-rung:g}"
+            for rung in range(2, 9)
+            if f"dop853, tolerance {10.0**-rung:.3g}" in result.setting
+        }
+
+    def test_sweeps_and_motions_that_break_off_say_it_too(self, removed, swing):
+        table = pinarm.sweep(swing, {"accuracy.tolerance": [1e-6, 1e-7]}, results=["theta2 @ end"])
+        notes = [f"case {k}: {REMOVED_NOTE.format(removed, 10.0 ** -(6 + k))}" for k in range(2)]
+        assert set(notes) <= set(table.notes)
+        with pytest.raises(IntegrationError) as caught:
+            swing.varied({"accuracy.max_steps": 3}).run()
+        assert REMOVED_NOTE.format(removed, 1e-8) in caught.value.partial.notes()
+
+    def test_where_nothing_is_integrated_there_is_no_note(self, removed):
+        result = pinarm.run(ROOT / "scenarios" / "gen411_arm_static.yaml", {"accuracy.method": removed})
+        assert not any(removed in note for note in result.notes())
+
+    def test_a_step_is_refused_as_the_new_method_refuses_it(self, removed):
+        with pytest.raises(InputError, match="the method dop853 chooses its steps"):
+            Accuracy(method=removed, step="1 ms")
 
 
 def test_files_name_every_method_and_no_other():
@@ -56,7 +94,7 @@ def test_files_name_every_method_and_no_other():
 
 def test_the_schema_lists_and_describes_every_method():
     method = schema()["$defs"]["Accuracy"]["properties"]["method"]
-    assert set(method["enum"]) == set(METHODS)
+    assert set(method["enum"]) == set(METHODS) | set(REMOVED)
     assert all(f"{name}: {entry.summary}" in method["description"] for name, entry in METHODS.items())
 
 

@@ -29,17 +29,15 @@ class Entry(ValueRecord, frozen=True):
         factory: Class or function in the module that returns the method, of the tolerance or of the longest step [s].
         setting: Which of the two it takes.
         summary: Its order and its use, for the JSON Schema.
-        finest: Finest setting that a trade-off tries: the tolerance ``10^-finest``, or the span by ``16 2^finest``. 0
-            leaves the method out of trade-offs, and of the search for a tolerance.
-        requires: The motions that it is restricted to; empty where it integrates all.
+        finest: Finest setting that a trade-off tries: the tolerance ``10^-finest``, or the span by
+            ``16 2^finest``.
     """
 
     module: str
     factory: str
     setting: Setting
     summary: str
-    finest: int = 0
-    requires: Literal["", "constant energy", "open chains"] = ""
+    finest: int
 
     def make(self, value: float) -> Method:
         """Return the method of a tolerance, or of a longest step [s]; see ``setting``."""
@@ -59,27 +57,15 @@ METHODS: dict[MethodName, Entry] = {
         "stiff", "radau_of", "tolerance",
         "Radau IIA, order 5, 9 or 13, adaptive, implicit: for stiff springs with dampers", finest=7,
     ),
-    "conserving": Entry(
-        "conserving", "Conserving", "tolerance",
-        "dop853 with velocities scaled to constant energy: for free motions over many periods",
-        requires="constant energy",
-    ),
-    "collocation": Entry(
-        "collocation", "Collocation", "tolerance",
-        "Gauss-Legendre, order 32, adaptive: for smooth motions of open chains at tight tolerances",
-        requires="open chains",
-    ),
 }  # fmt: skip
 """Name -> method. The search for a tolerance tries them in this order, the other way round where a motion is stiff."""
 
+REMOVED: dict[MethodName, MethodName] = {"conserving": "dop853", "collocation": "dop853"}
+"""Methods of earlier versions -> the method that integrates the motions of files that name them."""
+
 if not TYPE_CHECKING:
-    MethodName = Literal[tuple(METHODS)]
+    MethodName = Literal[tuple(METHODS | REMOVED)]
     """Names of the methods, as files may give them; type checkers see a ``str``."""
-
-
-def for_all_motions() -> dict[MethodName, Entry]:
-    """Return the methods that integrate every motion, in the order of ``METHODS``."""
-    return {name: entry for name, entry in METHODS.items() if not entry.requires}
 
 
 def described() -> str:

@@ -7,7 +7,6 @@ the unit sphere, so every Runge-Kutta method keeps its order (with ``pin.integra
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -80,10 +79,6 @@ class Adaptive(ValueRecord, frozen=True):
     def order(self) -> int:
         """Order of the step."""
         return self.tableau.order
-
-    def prepare(self, intervals: Sequence[Interval], q: Array, v: Array) -> Sequence[Interval]:
-        """Return the intervals unchanged."""
-        return intervals
 
     def stepper(self, manifold: Manifold, count: Count) -> AdaptiveStepper:
         """Return a stepper of this method."""
@@ -170,10 +165,6 @@ class FixedStep(ValueRecord, frozen=True):
     def order(self) -> int:
         """Order of the step."""
         return self.tableau.order
-
-    def prepare(self, intervals: Sequence[Interval], q: Array, v: Array) -> Sequence[Interval]:
-        """Return the intervals unchanged."""
-        return intervals
 
     def stepper(self, manifold: Manifold, count: Count) -> FixedStepper:
         """Return a stepper of this method."""

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinarm.arrays import Array
-from pinarm.engine.integration.methods.gauss_legendre import legendre
 
 Complex = NDArray[np.complex128]
 
@@ -66,6 +65,19 @@ def radau(s: int) -> RadauTableau:
         c, a, inverse, values[chosen], np.linalg.inv(vectors)[chosen], vectors[:, chosen] * pairs, weights @ inverse,
         powers, _terms(powers),
     )  # fmt: skip
+
+
+def legendre(x: Array, s: int) -> tuple[Array, Array]:
+    """Return the Legendre polynomials on [0, 1] of degree 0 to s - 1 at x, and their integrals from 0, each (n, s).
+
+    ``(k + 1) P_(k+1) = (2k + 1) z P_k - k P_(k-1)`` with ``z = 2x - 1``;
+    ``int_0^x P_k = (P_(k+1) - P_(k-1)) / (2 (2k + 1))``.
+    """
+    p = [np.ones_like(x), 2.0 * x - 1.0]
+    for k in range(1, s):
+        p.append(((2 * k + 1) * (2.0 * x - 1.0) * p[k] - k * p[k - 1]) / (k + 1))
+    integrals = [x] + [(p[k + 1] - p[k - 1]) / (2 * (2 * k + 1)) for k in range(1, s)]
+    return np.stack(p[:s], axis=-1), np.stack(integrals, axis=-1)
 
 
 def _nodes(s: int) -> Array:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -72,10 +71,6 @@ class Radau:
     def order(self) -> int:
         """Order of the step."""
         return 2 * self.stages - 1
-
-    def prepare(self, intervals: Sequence[Interval], q: Array, v: Array) -> Sequence[Interval]:
-        """Return the intervals unchanged."""
-        return intervals
 
     def stepper(self, manifold: Manifold, count: Count) -> RadauStepper:
         """Return a stepper of this method."""

@@ -24,7 +24,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.dynamics.equation import solve, solve_each
 from pinarm.engine.dynamics.mass_matrix import masses
 from pinarm.engine.dynamics.masses import require_masses
-from pinarm.engine.integration.integrator import Energy, Interval, Manifold
+from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems.row_motion import RowMotion
@@ -187,10 +187,7 @@ class ConstrainedSystem(Record, frozen=True):
         """Return the motion on an interval without jumps."""
         motion = self._motion(dynamics, start, end)
         compiled, remark = self._judged(dynamics, start, end)
-        return Interval(
-            start, end, motion.acceleration, motion.settle, energy=self.energy(dynamics), compiled=compiled,
-            remark=remark,
-        )  # fmt: skip
+        return Interval(start, end, motion.acceleration, motion.settle, compiled=compiled, remark=remark)
 
     def _motion(self, dynamics: Dynamics, start: float, end: float) -> RowMotion:
         return RowMotion(self.rows, self.settled, dynamics.on(start, end), self.prescribed.on(start, end))
@@ -210,10 +207,6 @@ class ConstrainedSystem(Record, frozen=True):
             return compiled_rows(self._motion(dynamics, start, end), dynamics.on(start, end), self.near, start)
 
         return lru_cache(maxsize=KEPT)(judged)
-
-    def energy(self, dynamics: Dynamics) -> Energy | None:
-        """Return the energy of a state, as far as it is conserved."""
-        return dynamics.conserved if all(isinstance(law, Constant) for law in self.prescribed.laws) else None
 
     def settled(self, q: Array, v: Array, w: Array, dw: Array, t: Array) -> tuple[Array, Array, RowDecompositions]:
         """Return the closed states nearest to given ones, the distance measured by the masses, and their rows apart.

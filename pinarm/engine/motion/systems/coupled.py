@@ -15,7 +15,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration.integrator import Accelerations, Energy, Interval, Manifold
+from pinarm.engine.integration.integrator import Accelerations, Interval, Manifold
 from pinarm.engine.kernel.library import Flow
 from pinarm.engine.motion.systems.partitioned import PartitionedSystem
 from pinarm.engine.motion.systems.system import CompletedStates, Initial, KeptIntervals
@@ -51,11 +51,7 @@ class CoupledSystem(KeptIntervals):
             return np.asarray(basis @ inner.acceleration(t, *part(q, v)))
 
         flow, remark = self._compiled(dynamics.on(start, end), acceleration, start)
-        energy, batch = self._energy(inner.energy), self._batch(inner.batch)
-        return Interval(start, end, acceleration, energy=energy, batch=batch, compiled=flow, remark=remark)
-
-    def _energy(self, inner: Energy | None) -> Energy | None:
-        return None if inner is None else lambda q, v: inner(*self._independent(q, v))
+        return Interval(start, end, acceleration, batch=self._batch(inner.batch), compiled=flow, remark=remark)
 
     def _batch(self, inner: Accelerations | None) -> Accelerations | None:
         basis = self.inner.reduction.basis

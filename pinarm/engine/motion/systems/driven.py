@@ -17,7 +17,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
-from pinarm.engine.integration.integrator import Accelerations, Energy, Interval, Manifold
+from pinarm.engine.integration.integrator import Accelerations, Interval, Manifold
 from pinarm.engine.kernel.laws import Followed, is_known
 from pinarm.engine.kernel.links import links_of
 from pinarm.engine.motion.systems.partitioned import PartitionedSystem
@@ -81,11 +81,8 @@ class DrivenSystem(Record, KeptIntervals, frozen=True):
             return reduction.velocity(inner.acceleration(t, *self.inner.part(q, v)), targets(t)[2])
 
         flow, remark = self._compiled(dynamics, start, end, acceleration)
-        energy, batch = self._energy(inner.energy), self._batch(inner.batch, start, end)
-        return Interval(start, end, acceleration, energy=energy, batch=batch, compiled=flow, remark=remark)
-
-    def _energy(self, inner: Energy | None) -> Energy | None:
-        return None if inner is None else lambda q, v: inner(*self.inner.part(q, v))
+        batch = self._batch(inner.batch, start, end)
+        return Interval(start, end, acceleration, batch=batch, compiled=flow, remark=remark)
 
     def _batch(self, inner: Accelerations | None, start: float, end: float) -> Accelerations | None:
         reduction, targets = self.inner.reduction, self.inner.prescribed.along(start, end)

@@ -39,10 +39,7 @@ class FreeSystem(Record, KeptIntervals, frozen=True):
     def _prepared(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         here = dynamics.on(start, end)
         compiled, remark = self._compiled(here, start)
-        return Interval(
-            start, end, here.acceleration(), energy=dynamics.conserved, batch=here.accelerations(),
-            unchecked_batch=here.unchecked(), compiled=compiled, remark=remark,
-        )  # fmt: skip
+        return Interval(start, end, here.acceleration(), batch=here.accelerations(), compiled=compiled, remark=remark)
 
     def _compiled(self, dynamics: Dynamics, t: float) -> tuple[Flow | None, str]:
         """Return the motion in compiled code where Pinocchio agrees at t [s], and what is to be said where not."""

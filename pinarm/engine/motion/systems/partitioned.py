@@ -11,11 +11,10 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
-from pinarm.engine.integration.integrator import Acceleration, Accelerations, Energy, Interval, Manifold
+from pinarm.engine.integration.integrator import Acceleration, Accelerations, Interval, Manifold
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems.system import CompletedStates, Initial
 from pinarm.errors import InputError
-from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
 
 CONTRADICTION = 1e-9
@@ -58,20 +57,8 @@ class PartitionedSystem:
 
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         """Return the motion of the free coordinates."""
-        together, energy = self._accelerations(dynamics, start, end), self._energy(dynamics)
-        return Interval(start, end, self._acceleration(dynamics, start, end), energy=energy, batch=together)
-
-    def _energy(self, dynamics: Dynamics) -> Energy | None:
-        """Return the energy of the free coordinates, as far as it is conserved."""
-        whole, constant = dynamics.conserved, all(isinstance(law, Constant) for law in self.prescribed.laws)
-        if whole is None or not constant:
-            return None
-        reduction, (w, dw, _) = self.reduction, self.prescribed.on(0.0, 0.0)(0.0)
-
-        def energy(q: Array, v: Array) -> tuple[float, float]:
-            return whole(reduction.configuration(q, w), reduction.velocity(v, dw))
-
-        return energy
+        together = self._accelerations(dynamics, start, end)
+        return Interval(start, end, self._acceleration(dynamics, start, end), batch=together)
 
     def _acceleration(self, dynamics: Dynamics, start: float, end: float) -> Acceleration:
         return self.reduction.acceleration(dynamics.on(start, end), self.prescribed.on(start, end))

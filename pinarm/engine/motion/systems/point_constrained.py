@@ -53,8 +53,8 @@ class PointSystem(Record, frozen=True):
         motion = self._motion(dynamics, start, end)
         compiled, remark = self._compiled(dynamics, start, end, motion)
         return Interval(
-            start, end, motion.acceleration, motion.settle, motion.floor, self.general.energy(dynamics), motion.since,
-            compiled=compiled, remark=remark, outlook=motion.outlook,
+            start, end, motion.acceleration, motion.settle, motion.floor, motion.since, compiled=compiled,
+            remark=remark, outlook=motion.outlook,
         )  # fmt: skip
 
     def _motion(self, dynamics: Dynamics, start: float, end: float) -> PointMotion:

@@ -40,8 +40,7 @@ BOUND = 2.0
 """Factor by which differences of solutions are multiplied, so that 99 of 100 true errors are below.
 
 Measured by ``benchmarks/error_bound.py`` (``docs/accuracy.md``): the 99 % quantile of error over difference is 1.1 for
-all methods together, 1.4 to 1.7 for collocation, whose windows hardly follow the tolerance, and 1.3 where only rounding
-is left.
+all methods together, and 1.5 where only rounding is left.
 """
 
 LONGER, ROWS = 10.0, 401

@@ -60,7 +60,7 @@ def finer_setting(setting: Mapping[str, Any], taken: Result) -> dict[str, Any] |
 
 def other_method(method: MethodName) -> dict[str, Any]:
     """Return the tightest setting of another method: its errors are others, even in steps that are the same."""
-    return setting_keys("dopri5" if method in ("dop853", "conserving") else "dop853", TIGHTEST)
+    return setting_keys("dopri5" if method == "dop853" else "dop853", TIGHTEST)
 
 
 def takes_other_steps(one: Result, two: Result) -> bool:
@@ -137,5 +137,4 @@ def settings_by_method(result: Result) -> dict[str, list[dict[str, Any]]]:
     return {
         method: [Ladder(method, float(t[-1] - t[0])).setting(rung) for rung in range(2, entry.finest + 1)]
         for method, entry in METHODS.items()
-        if entry.finest
     }

@@ -46,9 +46,7 @@ FEW = 100
 MANY = 3000
 """Steps within which it shows whether an explicit method is limited by stability."""
 
-TRIED: tuple[MethodName, ...] = tuple(
-    name for name, entry in METHODS.items() if entry.setting == "tolerance" and entry.finest
-)
+TRIED: tuple[MethodName, ...] = tuple(name for name, entry in METHODS.items() if entry.setting == "tolerance")
 """Methods that are tried where the scenario names none, in this order; the other way round where a motion is stiff."""
 
 
@@ -214,6 +212,7 @@ class _Search:
         rung = self.best_rung(target)
         chosen = self.ladder.setting(rung)
         result = with_errors(with_setting(self.scenario, chosen).solve(), self.finer(rung), format_setting(chosen))
-        result = replace(result, scenario=self.scenario)
+        notes = *result.outcome.notes, *self.scenario.method_notes(result.content.accuracy)
+        result = replace(result, scenario=self.scenario, outcome=replace(result.outcome, notes=notes))
         verdict = "best" if result.missed else "cheapest"
         return replace(result, setting=f"{result.setting}, the {verdict} of {tried} settings tried")

@@ -225,7 +225,7 @@ def sweep(
         solving.run(chosen_workers(workers, executor), Path(folder) if folder is not None else None)
     except KeyboardInterrupt:
         interrupted = True
-    notes = _period_notes(scenario, chosen, wanted)
+    notes = _notes(scenario, chosen, wanted)
     swept = Sweep(scenario.name, scenario.content.title, definition, chosen, solving.columns(), solving.failures(),
                   scenario.content.presentation, notes)  # fmt: skip
     if interrupted:
@@ -260,18 +260,18 @@ def _task(scenario: Scenario, cases: Cases, wanted: Sequence[Taken]) -> Task:
     return Task.of(scenario, wanted, *map(cases.values, anchors))
 
 
-def _period_notes(scenario: Scenario, cases: Cases, wanted: Sequence[Taken]) -> list[str]:
-    """Return notes of the first and the last case whose figures are not taken over whole periods."""
+def _notes(scenario: Scenario, cases: Cases, wanted: Sequence[Taken]) -> list[str]:
+    """Return notes of the first and the last case: figures not over whole periods, a removed method of integration."""
     numbers = [entry.number for entry in wanted if entry.number is not None]
-    if not numbers:
-        return []
-    from pinarm.use.result.figures.whole_periods import whole_period_notes
-
     notes = []
     for case in (0, len(cases) - 1):
         with suppress(PinarmError):  # a case that fails says why itself
-            found = whole_period_notes(scenario.varied(cases.values(case)), numbers)
-            notes += [f"case {case}: {note}" for note in found]
+            varied = scenario.varied(cases.values(case))
+            notes += [f"case {case}: {note}" for note in varied.method_notes(varied.content.accuracy)]
+            if numbers:
+                from pinarm.use.result.figures.whole_periods import whole_period_notes
+
+                notes += [f"case {case}: {note}" for note in whole_period_notes(varied, numbers)]
     return list(dict.fromkeys(notes))
 
 

@@ -37,10 +37,6 @@ def orbit(t):
     return q, np.stack([-np.sin(anomaly) * rate, minor * np.cos(anomaly) * rate], axis=-1)
 
 
-def orbital_energy(q, v):
-    return 0.5 * float(v @ v), -1.0 / float(np.linalg.norm(q))
-
-
 @cache
 def body():
     """A body free to turn about its mass centre."""
@@ -66,7 +62,6 @@ def turned():
 
 def equal_steps(method, interval, manifold, q, v, n):
     """Return the solution of n equal steps of any method, and its last state."""
-    (interval,) = method.prepare([interval], q, v)
     solution, h = Solution(method, manifold, [interval]), (interval.end - interval.start) / n
     stepper = method.stepper(manifold, solution.count)
     stepper.begin(interval, np.concatenate([q, v]))
