@@ -38,7 +38,7 @@ def states(model: pin.Model) -> tuple[np.ndarray, np.ndarray]:
 
 
 def by_pinocchio(model: pin.Model, first: int, second: int, q: np.ndarray, v: np.ndarray) -> list[np.ndarray]:
-    """Return p, R, the linear and angular rows, and the rates, in the axes of frame 1, from both frames in the world."""
+    """Return p, R, the linear and angular rows and the rates in frame 1, from both frames in the world."""
     data, world = model.createData(), pin.LOCAL_WORLD_ALIGNED
     pin.computeJointJacobians(model, data, q)
     pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
