@@ -3,7 +3,7 @@
 import catalogue
 import numpy as np
 import pytest
-from motions import driven
+from motions import driven, free
 
 from pinarm.engine.constraints import closure
 from pinarm.engine.constraints.constraint_rows import BLOCK
@@ -11,6 +11,7 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspaces.nullspace import split_rows
 from pinarm.engine.kinematics.continuation_batch import BatchContinuation
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.systems import constrained
 from pinarm.errors import InputError
 from pinarm.mechanics.laws import Harmonic
 
@@ -97,6 +98,20 @@ class TestStates:
         states[column][BLOCK + 3, 0] += 1e-6
         with pytest.raises(InputError, match=f"row {BLOCK + 3}: the {what} tear 'top_1'"):
             four_bar.at(*states)
+
+
+@pytest.mark.parametrize("name", LINKAGES)
+def test_the_rows_of_a_free_motion_are_those_computed_one_by_one(name, tmp_path, monkeypatch):
+    linkage, cut, (drive, *_) = LINKAGES[name]
+    mechanism = linkage().build(tmp_path, cut)
+    motion = {drive: Harmonic(amplitude=0.3, pulsation=5.0)} if name == "five_bar" else {}
+    together = free(mechanism, 0.2, 120, tolerance=1e-5, motion=motion)
+    monkeypatch.setattr(constrained, "BLOCK", 1)
+    monkeypatch.setattr(closure, "MANY", 1_000)
+    alone = free(mechanism, 0.2, 120, tolerance=1e-5, motion=motion)
+    for one, other in ((together.q, alone.q), (together.v, alone.v), (together.a, alone.a), (together.tau, alone.tau)):
+        assert one == pytest.approx(other, rel=1e-8, abs=1e-8 * np.abs(other).max())  # of the squares of gaps of 1e-5
+    assert np.asarray(together.lam) == pytest.approx(np.asarray(alone.lam), rel=1e-7, abs=1e-7)
 
 
 def test_rows_of_several_runs_stand_one_after_the_other():

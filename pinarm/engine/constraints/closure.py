@@ -53,6 +53,9 @@ SEVERAL, KEPT = 8, 64
 """Number of configurations from which on numpy takes less time on all of them than Pinocchio one by one; and up to
 which what they measure is kept."""
 
+BLOCK = 512
+"""Number of configurations whose G is held at once."""
+
 GUIDED = 4
 """Closures with guides that are kept: states between the rows of a motion ask for that of the rows."""
 
@@ -320,10 +323,10 @@ class Closure(Record, frozen=True):
         return RowDecompositions.of(rows, self.reach)
 
     def free_motions(self, q: Array) -> Iterator[tuple[Indices, Array]]:
-        """Yield places of configurations with equally many free motions, given (N, nq), and T, (f, places, nv)."""
-        for places, split in self.splits(q).parts:
-            free = split.free if split.free.ndim > 2 else split.free[None]
-            yield places, np.moveaxis(np.broadcast_to(free, (len(places), *free.shape[1:])), -1, 0)
+        """Yield places of configurations, shape (N, nq), and T there, shape (f, places, nv), where f is the same."""
+        for start in range(0, len(q), BLOCK):
+            for places, split in self.apart(q[start : start + BLOCK])[1].parts:
+                yield start + places, np.moveaxis(split.free, -1, 0)
 
     def drifts(self, q: Array, v: Array) -> Array:
         """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""

@@ -9,12 +9,9 @@ import numpy as np
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.blas_threads import one_blas_thread
-from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.closure import BLOCK, Closure
 from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions
 from pinarm.records import Record
-
-BLOCK = 512
-"""Number of rows whose G is held at once."""
 
 
 class Multipliers(Record, frozen=True):
@@ -69,22 +66,6 @@ class Multipliers(Record, frozen=True):
             return RowDecompositions.of(g[:, :m], closure.reach[:m]).multipliers(force)
 
         return cls(own, along)
-
-    def knowing(self, lam: Array) -> Multipliers:
-        """Return the same multipliers, of which those of the constraints are known in some rows.
-
-        Args:
-            lam: Multipliers of the constraints, NaN in rows where they are not known, shape (n, m).
-        """
-        known = np.asarray(np.isfinite(lam).all(axis=1))
-
-        def own(rows: Indices) -> Array:
-            found, left = lam[rows], ~known[rows]
-            if left.any():
-                found[left] = self.own(rows[left])
-            return found
-
-        return Multipliers(own, self.along)
 
     @classmethod
     def joined(cls, parts: Sequence[Multipliers]) -> Multipliers:

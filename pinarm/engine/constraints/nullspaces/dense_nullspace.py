@@ -9,9 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.constraints.nullspaces.independent_rows import SEVERAL, IndependentRows
 from pinarm.engine.constraints.nullspaces.refinement import refined
-from pinarm.engine.constraints.nullspaces.squared_rows import ROUNDING, regular_values
 from pinarm.records import Record
 
 MANY = 100
@@ -34,6 +32,9 @@ until it told those others what to do. A row that stands alone is 40 times above
 RANK = 1e-7
 """Singular value of G, its rows of length 1 or less, relative to the largest, below which rows count as dependent. What
 ``UNCLOSED`` makes of redundant rows stays well below it, so that it changes no rank and is not divided by."""
+
+ROUNDING = 1e-16
+"""Part of the largest entry of all rows below which a row is 0, as those that hold a plane linkage in its plane."""
 
 ACTS = 1e-7
 """Part of a self-stress of length 1 that acts on a component: what rounding of the file tilts it by stays below."""
@@ -151,14 +152,7 @@ class RowDecomposition(Record, frozen=True):
 
 def dense_parts(rows: Array, reach: Array | float) -> list[tuple[Indices, SplitRows]]:
     """Return the parts of G at n configurations, shape (n, m, nv), those with the same rank together."""
-    scale, acting, scaled = _scaled(rows, reach)
-    if not SEVERAL <= scaled.shape[1] <= rows.shape[2]:
-        return [*_singular_parts(rows, scale, acting, scaled)]
-    independent, sure = IndependentRows.of(rows, scaled, scale, acting, RANK)
-    doubtful = np.flatnonzero(~sure)
-    parts = _singular_parts(rows[doubtful], scale[doubtful], acting, scaled[doubtful]) if len(doubtful) else []
-    found: list[tuple[Indices, SplitRows]] = [(doubtful[some], split) for some, split in parts]
-    return [*found, (np.flatnonzero(sure), independent)] if sure.any() else found
+    return [*_singular_parts(rows, *_scaled(rows, reach))]
 
 
 def _scaled(rows: Array, reach: Array | float) -> tuple[Array, Flags, Array]:
@@ -213,8 +207,6 @@ def solved_positive(matrix: Array, right: Array) -> Array:
 def acting_values(rows: Array, units: Array) -> Array:
     """Return the singular values of matrices, descending; rows that are 0 cost nothing.
 
-    Of several rows that are regular those between the largest and the smallest are given as the largest.
-
     Args:
         rows: G, shape (.., m, nv).
         units: What entries are multiplied by, shape (m, nv).
@@ -224,9 +216,7 @@ def acting_values(rows: Array, units: Array) -> Array:
     most = np.maximum(np.maximum.reduce(every, initial=0.0), -np.minimum.reduce(every, initial=0.0)) * units
     sizes = np.maximum.reduce(most, axis=1, initial=0.0)
     counts = sizes > ROUNDING * sizes.max(initial=0.0)
-    acting = every[:, counts] * units[counts]
-    values, known = regular_values(acting)
-    values[~known] = np.linalg.svd(acting[~known], compute_uv=False)
+    values = np.linalg.svd(every[:, counts] * units[counts], compute_uv=False)
     found = np.zeros((len(every), min(m, nv)))
     found[:, : values.shape[-1]] = values
     return found.reshape(*rows.shape[:-2], min(m, nv))

@@ -25,7 +25,6 @@ from pinarm.engine.constraints.nullspaces.dense_nullspace import (
 )
 from pinarm.engine.constraints.nullspaces.refinement import refined
 from pinarm.engine.constraints.nullspaces.sparse_rows import BlockDecomposition
-from pinarm.engine.constraints.nullspaces.squared_rows import regular_values_of_sparse
 
 ROUNDING, LEFT = 1e-14, 0.5
 """Size of a projection, relative to what is projected, that is rounding; part of a unit vector that is left when it is
@@ -196,8 +195,6 @@ def extreme_values(rows: csr_array) -> Array:
     They are at the places that they have in the order of all, which is descending; those between are not known and
     given as the largest, those behind, below ``RANK`` of the largest, as 0.
     """
-    if (regular := regular_values_of_sparse(rows)) is not None:
-        return regular
     blocks = _clear(rows)
     if blocks is None:
         return np.asarray(np.linalg.svd(rows.toarray(), compute_uv=False))

@@ -214,7 +214,7 @@ class SegmentedMotion(Record, frozen=True):
 
 
 def _states(segment: MotionSegment, t: Array) -> tuple[Array, Array]:
-    """Return the integrated states at instants, closed in compiled code where there is such."""
+    """Return the integrated states at instants, closed in compiled code where it knows the motion."""
     solution = segment.solution
     q, v = solution.states(t)
     flows = {k: flow for k, interval in enumerate(solution.intervals) if (flow := interval.compiled) and flow.settles}

@@ -7,16 +7,15 @@ change, measured by the masses: positions by Newton's method, velocities in one 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Flags
-from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.constraint_rows import BLOCK
+from pinarm.arrays import Array
+from pinarm.engine.constraints.closure import BLOCK, Closure
 from pinarm.engine.constraints.coupled_joints import coupled_joints
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspaces.nullspace import RANK, VANISHED, RowDecompositions, split_rows
@@ -27,7 +26,7 @@ from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.systems.row_motion import RowMotion
+from pinarm.engine.motion.systems.row_motion import CLOSED, ITERATIONS, ROUNDED, TURNED, RowMotion
 from pinarm.engine.motion.systems.system import KEPT, CompletedStates, Initial
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.ball_joints import coordinate_at, coordinate_name
@@ -39,17 +38,6 @@ from pinarm.records import Record
 if TYPE_CHECKING:
     from pinarm.engine.kernel.library import Flow
 
-CLOSED, ROUNDED, TURNED = 1e-13, 1e-15, 1e-15
-"""Gap at which a state counts as closed [m or rad]; gap that is rounding, relative to the extent; and what rounding
-leaves open of an angle of many turns, over the angle."""
-
-ITERATIONS = 12
-"""Steps of Newton's method at most, which close a state that is nearly closed in two or three."""
-
-Solved = tuple[Flags, Sequence[Array]]
-"""Which rows have been solved, shape (n,), and of these q, v, a, the efforts, and the multipliers of the constraints,
-NaN where they are not known: shapes (s, nq), (s, nv), (s, nv), (s, k) and (s, m)."""
-
 LASTING, ROUNDING = 1e-6, 1e-10
 """Part of the centripetal terms that redundant loops may leave: closed to rounding, they leave 1e-12; and what rounding
 leaves where these terms vanish, relative to the square of the velocity [m]."""
@@ -58,8 +46,8 @@ REGULAR = 1e-6
 """Least singular value of G, over the largest, at which velocities may be given. At 6e-7 those of a four-bar were wrong
 by 1e-4, at 1e-7 altogether."""
 
-FEW, LARGE = 64, 10**7
-"""Number of rows whose G is taken apart at once, and of numbers in these."""
+LARGE = 10**7
+"""Number of entries of G, of several rows of a table, that are taken apart at once."""
 
 
 class ConstrainedSystem(Record, frozen=True):
@@ -262,37 +250,39 @@ class ConstrainedSystem(Record, frozen=True):
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
         """Return the motion, closed at every row, with accelerations, efforts and multipliers."""
-        k = len(self.prescribed.names)
+        k, most = len(self.prescribed.names), max(1, min(BLOCK, LARGE // max(1, self.rows.size * self.rows.model.nv)))
         w = np.array([grid.evaluate(law) for law in self.prescribed.laws]).reshape(k, 3, len(q)).swapaxes(0, 1)
-        found = q.copy(), v.copy(), np.empty_like(v), np.empty((len(q), k)), np.empty((len(q), self.own.size))
+        found = q.copy(), v.copy(), np.empty_like(v), np.empty((len(q), k))
         for part, local in parts(dynamics, grid):
-            for begin in range(part.start, part.stop, BLOCK):
-                left = np.arange(begin, min(begin + BLOCK, part.stop))
-                while len(left):
-                    state = grid.t[left], w[:, :, left], q[left], v[left]
-                    served, solved = self._few(local, *state)
-                    for whole, some in zip(found, solved, strict=True):
-                        whole[left[served]] = some
-                    left = left[~served]
+            for begin in range(part.start, part.stop, most):
+                some = slice(begin, min(begin + most, part.stop))
+                solved = self._solved(local, grid.t[some], w[:, :, some].transpose(0, 2, 1), q[some], v[some])
+                for whole, values in zip(found, solved, strict=True):
+                    whole[some] = values
         return self._with_efforts(dynamics, grid, *found)
 
-    def _few(self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array) -> Solved:
-        """Return the first rows, each taken apart by itself: few, close to singular positions, or with ball joints."""
-        some = np.arange(len(t)) < max(1, min(FEW, LARGE // (self.rows.size * self.rows.model.nv)))
-        w, t = w[:, :, some].transpose(0, 2, 1), t[some]
-        q, v, splits = self.settled(q[some], v[some], w[0], w[1], t)
+    def _solved(
+        self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array
+    ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
+        """Return closed states at instants, shape (n,), their accelerations, and the efforts of what is prescribed.
+
+        Args:
+            dynamics: The equation of motion.
+            t: Instants [s], shape (n,).
+            w: Prescribed coordinates and their two derivatives, shape (3, n, k).
+            q: Configurations, shape (n, nq).
+            v: Velocities, shape (n, nv).
+        """
+        q, v, splits = self.settled(q, v, w[0], w[1], t)
         mass, force = dynamics.masses(q), -dynamics.inverse(t, q, v, np.zeros_like(v))
         a = solve_each(splits, mass, force, self.rates(w[2]) - self.rows.drifts(q, v))
         efforts = splits.multipliers((mass @ a[..., None])[..., 0] - force)[:, self.own.size :] if w.size else w[0]
-        return some, (q, v, a, efforts, np.full((len(q), self.own.size), np.nan))
+        return q, v, a, efforts
 
     def _with_efforts(
-        self, dynamics: Dynamics, grid: Grid, q: Array, v: Array, a: Array, efforts: Array, lam: Array
+        self, dynamics: Dynamics, grid: Grid, q: Array, v: Array, a: Array, efforts: Array
     ) -> CompletedStates:
-        """Return a motion with the efforts of the prescribed coordinates, shape (n, k): at joints and along others.
-
-        The multipliers of the constraints, shape (n, m), are NaN where they are not known yet.
-        """
+        """Return a motion with the efforts of the prescribed coordinates, shape (n, k): at joints and along others."""
         demand = np.concatenate([local.inverse(grid.t[rows], q[rows], v[rows], a[rows])
                                  for rows, local in parts(dynamics, grid)])  # fmt: skip
         others = self.closure.size - self.own.size
@@ -301,7 +291,7 @@ class ConstrainedSystem(Record, frozen=True):
         ]
         tau = efforts[:, others:] @ np.reshape(weights, (-1, v.shape[1]))
         least = Multipliers.least(self.closure, q, demand - tau, efforts[:, :others])
-        return CompletedStates(q, v, a, tau, least.knowing(lam))
+        return CompletedStates(q, v, a, tau, least)
 
 
 def _moved(model: pin.Model, q: Array, x: Array) -> Array:

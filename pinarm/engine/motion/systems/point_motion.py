@@ -13,8 +13,7 @@ from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.pinocchio_constraints import PointConstraints, joint_at
 from pinarm.engine.integration.integrator import Acceleration
-from pinarm.engine.motion.systems.constrained import ITERATIONS, ROUNDED
-from pinarm.engine.motion.systems.row_motion import require_closed_accelerations
+from pinarm.engine.motion.systems.row_motion import ITERATIONS, ROUNDED, require_closed_accelerations
 from pinarm.errors import NumericsError
 
 if TYPE_CHECKING:

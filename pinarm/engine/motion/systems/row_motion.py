@@ -24,6 +24,18 @@ if TYPE_CHECKING:
 Settled = Callable[[Array, Array, Array, Array, Array], tuple[Array, Array, RowDecompositions]]
 """``(q, v, w, dw, t) -> q, v`` closed, of many states, and the rows there; see ``ConstrainedSystem.settled``."""
 
+CLOSED = 1e-13
+"""Gap at which a state counts as closed [m or rad]; one step more ends at rounding."""
+
+ROUNDED = 1e-15
+"""Gap that is rounding, relative to the extent: close to singular positions less than that is still felt."""
+
+TURNED = 1e-15
+"""What rounding of an angle of many turns leaves open, over the angle."""
+
+ITERATIONS = 12
+"""Steps of Newton's method at most, which close a state that is nearly closed in two or three."""
+
 MET, LEAST = 1e-6, 1.0
 """Part of its terms that ``G a + G' v`` may be at accepted states, where closed loops leave less than 1e-10; and the
 size that terms have at least, since at rest all of them vanish [m/s^2 or rad/s^2]."""

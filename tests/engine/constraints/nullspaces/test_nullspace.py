@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space, orth
 
-from pinarm.engine.constraints.nullspaces.dense_nullspace import solved_positive
+from pinarm.engine.constraints.nullspaces.dense_nullspace import acting_values, solved_positive
 from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions, split_rows
 from pinarm.engine.dynamics.equation import solve, solve_each
 
@@ -105,3 +105,14 @@ def test_masses_far_apart_keep_their_digits(light: float, order: tuple[int, int]
 def test_a_motion_without_mass_is_refused() -> None:
     with pytest.raises(np.linalg.LinAlgError):
         solved_positive(np.diag([1.0, 0.0]), np.ones((2, 1)))
+
+
+def test_singular_values_are_those_of_rows_in_their_units() -> None:
+    """A row that is 0 in its own unit is none, at however many configurations; without rows there are no values."""
+    rows, units = GENERATOR.normal(size=(2, 2, 6, NV)), GENERATOR.uniform(0.3, 3.0, (6, NV))
+    rows[:, :, 3], units[3] = 1e-12, 1e-9
+    rows[:, :, 4] = -np.abs(rows[:, :, 4])
+    found = acting_values(rows, units)
+    assert found[..., :5] == pytest.approx(np.linalg.svd(np.delete(rows * units, 3, axis=2), compute_uv=False))
+    assert not found[..., 5].any()
+    assert acting_values(rows[:, :, :0], units[:0]).shape == (2, 2, 0)

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from pinarm.engine.constraints.nullspaces.dense_nullspace import RowDecomposition
-from pinarm.engine.constraints.nullspaces.independent_rows import IndependentRows
 from pinarm.engine.constraints.nullspaces.nullspace import MANY, RowDecompositions, split_rows
 from pinarm.engine.constraints.nullspaces.sparse_nullspace import SparseRowDecomposition
 from pinarm.engine.constraints.variant_closure import VariantDecomposition
 
 GENERATOR = np.random.default_rng(3)
-KINDS = {2: RowDecomposition, 10: IndependentRows, 5 + MANY // 2: SparseRowDecomposition}
+KINDS = {2: RowDecomposition, 10: RowDecomposition, 5 + MANY // 2: SparseRowDecomposition}
 """Numbers of linkages of two rows and two joints each, all on one crank, and how their rows are taken apart."""
 
 

@@ -19,9 +19,8 @@ from pinarm.engine.kernel.structures import LimitsStructure, ProximalStructure
 from pinarm.engine.kernel.tree import AGREEMENT, DISAGREES, CompiledTree
 from pinarm.engine.motion.systems import point_motion
 from pinarm.engine.motion.systems.compiled.compiled_loops import LoopSystem, State, closed_states, disagreement
-from pinarm.engine.motion.systems.constrained import ITERATIONS, ROUNDED
 from pinarm.engine.motion.systems.point_motion import PointMotion
-from pinarm.engine.motion.systems.row_motion import LEAST, MET
+from pinarm.engine.motion.systems.row_motion import ITERATIONS, LEAST, MET, ROUNDED
 
 if TYPE_CHECKING:
     from pinarm.engine.dynamics.many_points import ManyCoincidentPoints
