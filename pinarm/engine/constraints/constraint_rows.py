@@ -147,7 +147,7 @@ class Pattern(Record, frozen=True):
         ] + [start * nv + moved_by(relation) for start, relation in relations] + [
             start * nv + np.arange(getattr(one, "size", 1) * nv) for start, one in others
         ]  # fmt: skip
-        every = np.unique(np.concatenate([np.zeros(0, np.intp), *numbers]))
+        every = np.array(sorted({place for part in numbers for place in part.tolist()}), dtype=np.intp)
         rows, columns = np.divmod(every, nv) if nv else (every, every)
         return cls(nv, rows, columns, np.searchsorted(rows, np.arange(size + 1)))
 

@@ -141,7 +141,7 @@ class DeterminingRows(Record, frozen=True):
             reach: Length that each row can have, shape (m,); see ``Closure.reach``.
         """
         rows, columns, factors = list[Indices](), list[Indices](), list[OrthogonalRows]()
-        for group in np.unique(groups):
+        for group in sorted(set(groups.tolist())):
             own = np.flatnonzero(groups == group)
             tied = np.flatnonzero((np.abs(matrix[:, own]) > VANISHED * reach[:, None]).any(axis=1))
             if len(tied) < len(own):
