@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Collection
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import msgspec
 
@@ -33,6 +34,7 @@ class Accuracy(InputStruct, frozen=True):
             ``1000000``.
     """
 
+    unoffered: ClassVar[Collection[str]] = REMOVED
     method: Annotated[MethodName, msgspec.Meta(description=described())] = "dop853"
     tolerance: Annotated[float, msgspec.Meta(ge=1e-14, le=1e-2)] | None = None
     step: Duration | None = None

@@ -3,7 +3,7 @@
 # Annotations are no text here (``from __future__ import annotations``): msgspec would compile each in every run.
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
@@ -226,9 +226,11 @@ class InputStruct(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         deferred: Keys whose types are imported when a file has them; see ``deferred.with_types``.
+        unoffered: Values that files may have and messages do not suggest, such as removed methods.
     """
 
     deferred: ClassVar[Deferred] = {}
+    unoffered: ClassVar[Collection[str]] = ()
 
     def __post_init__(self) -> None:
         """Validate values given in Python against the annotations, as those from files are; then run ``check``."""

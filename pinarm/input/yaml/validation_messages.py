@@ -186,7 +186,8 @@ def _tags(struct: type[InputStruct], data: Any, path: Keys) -> list[str]:
 def _values(struct: type[InputStruct], data: Any, path: Keys) -> list[str]:
     """Return the values allowed at a path: tags of a union, or literals."""
     kinds = [kind for kind in _kinds(struct, data, path) if get_origin(kind) is Literal]
-    names = [str(literal) for kind in kinds for literal in get_args(kind)]
+    unoffered = {name for kind in _structs(struct, data, path[:-1]) for name in kind.unoffered}
+    names = [str(literal) for kind in kinds for literal in get_args(kind) if literal not in unoffered]
     holder = _at(data, list(path[:-1]))
     if path and isinstance(holder, dict):
         without = {key: value for key, value in holder.items() if key != path[-1]}

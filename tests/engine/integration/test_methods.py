@@ -80,6 +80,11 @@ class TestRemovedMethods:
         result = pinarm.run(ROOT / "scenarios" / "gen411_arm_static.yaml", {"accuracy.method": removed})
         assert not any(removed in note for note in result.notes())
 
+    def test_messages_do_not_suggest_it(self, removed):
+        with pytest.raises(InputError) as caught:
+            pinarm.load(SWING).varied({"accuracy.method": f"{removed}s"}).run()
+        assert (caught.value.expected, caught.value.hint) == (f"one of {', '.join(sorted(METHODS))}", "")
+
     def test_a_step_is_refused_as_the_new_method_refuses_it(self, removed):
         with pytest.raises(InputError, match="the method dop853 chooses its steps"):
             Accuracy(method=removed, step="1 ms")
