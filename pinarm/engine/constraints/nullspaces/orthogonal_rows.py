@@ -9,7 +9,6 @@ Loan, *Matrix Computations*, section 5.2.8; a second pass makes Q orthogonal to 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,8 +31,7 @@ PASSES = 2
 """Times that each row is made orthogonal to those before it."""
 
 
-@dataclass(frozen=True, eq=False)
-class OrthogonalRows:
+class OrthogonalRows(Record, frozen=True):
     """Independent rows A at many states, ``A^T = Q R``; numbers are not finite where they are dependent.
 
     Attributes:
