@@ -3,7 +3,6 @@
 import ast
 import subprocess
 import sys
-from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
@@ -97,25 +96,17 @@ def module_level(tree: ast.Module) -> Iterator[str]:
 
 
 class Source(NamedTuple):
-    """What a file imports anywhere and at its top, by module, and the classes that it defines."""
+    """What a file imports anywhere and at its top, by module."""
 
     imports: set[str]
     top: set[str]
-    classes: list[str]
 
 
 @cache
 def sources() -> dict[Path, Source]:
     """Return what stands in every file of the package."""
     trees = ((file, ast.parse((PACKAGE / file).read_text(encoding="utf-8"))) for file in FILES)
-    return {
-        file: Source(
-            set(imports(tree)),
-            set(module_level(tree)),
-            [node.name for node in ast.walk(tree) if isinstance(node, ast.ClassDef)],
-        )
-        for file, tree in trees
-    }
+    return {file: Source(set(imports(tree)), set(module_level(tree))) for file, tree in trees}
 
 
 @cache
@@ -158,11 +149,6 @@ def test_the_floor_plan_lists_what_there_is() -> None:
     for layer, *room in (module.split(".") for module in MODULES):
         there[layer] |= set(room[:1])
     assert there == rooms
-
-
-def test_no_class_name_is_used_twice() -> None:
-    classes = Counter(name for source in sources().values() for name in source.classes)
-    assert {name for name, count in classes.items() if count > 1 and not name.startswith("_")} == set()
 
 
 def test_costly_modules_are_imported_where_they_are_used() -> None:

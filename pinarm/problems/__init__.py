@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from pinarm.errors import InputError, Place, choices
 
@@ -15,20 +16,58 @@ if TYPE_CHECKING:
     from pinarm.problems.accuracy import Accuracy
     from pinarm.problems.declaration import Declaration
 
-KINDS = {
-    "statics": ("states", "Statics"),
-    "state": ("states", "State"),
-    "inverse": ("inverse", "Inverse"),
-    "forward": ("forward", "Forward"),
-    "kinematics": ("kinematics", "KinematicMotion"),
-    "equilibria": ("equilibria", "Equilibria"),
-    "recorded": ("recording.recorded", "Recorded"),
-}
-"""Kind, and its module and class. A new kind is one class and one entry."""
+
+class ProblemKind(NamedTuple):
+    """A kind of problem.
+
+    Attributes:
+        module: Module of its class, below ``pinarm.problems``.
+        name: Name of its class.
+        question: What it asks, in words.
+        examples: Scenarios of it that ``pinarm.selftest`` solves in a few seconds, with answers from elsewhere.
+        prescribing: Whether laws determine the motion, as in a ``PrescribingProblem``.
+    """
+
+    module: str
+    name: str
+    question: str
+    examples: tuple[str, ...]
+    prescribing: bool = False
 
 
-PRESCRIBING = ("statics", "state", "inverse", "kinematics")
-"""Kinds in which laws determine the motion: those of ``PrescribingProblem``."""
+KINDS: Mapping[str, ProblemKind] = {
+    "statics": ProblemKind(
+        "states", "Statics", "Which efforts of the drives hold the mechanism still?", ("gen411_arm_static",),
+        prescribing=True,
+    ),
+    "state": ProblemKind(
+        "states", "State", "Which efforts of the drives belong to the given positions, velocities and accelerations?",
+        ("exoskeleton_leg_state",), prescribing=True,
+    ),
+    "inverse": ProblemKind(
+        "inverse", "Inverse", "Which efforts must the drives give, so that the mechanism moves as the given laws say?",
+        ("gen411_arm_dynamic_true",), prescribing=True,
+    ),
+    "forward": ProblemKind(
+        "forward", "Forward", "How does the mechanism move from its initial state under the loads that act on it?",
+        ("brick_thrown", "crank_rocker_free"),
+    ),
+    "kinematics": ProblemKind(
+        "kinematics", "KinematicMotion",
+        "How do all parts of the mechanism move when the given coordinates follow their laws?",
+        ("magic_arms_kinematics",), prescribing=True,
+    ),
+    "equilibria": ProblemKind(
+        "equilibria", "Equilibria",
+        "In which positions does the mechanism rest without any drive, and are these positions stable?",
+        ("gen411_arm_equilibria",),
+    ),
+    "recorded": ProblemKind(
+        "recording.recorded", "Recorded",
+        "Which velocities, forces and energies belong to a motion that was recorded?", ("gen411_arm_recorded",),
+    ),
+}  # fmt: skip
+"""Name of a kind -> the kind. A new kind is one class and one entry."""
 
 
 class Problem(Protocol):
@@ -70,18 +109,6 @@ class PrescribingProblem(Problem, Protocol):
         ...
 
 
-if TYPE_CHECKING:  # mypy compares the kinds with the protocol, which are imported by name
-    from pinarm.problems.equilibria import Equilibria
-    from pinarm.problems.forward import Forward
-    from pinarm.problems.inverse import Inverse
-    from pinarm.problems.kinematics import KinematicMotion
-    from pinarm.problems.recording.recorded import Recorded
-    from pinarm.problems.states import State, Statics
-
-    _PROBLEMS: tuple[type[Problem], ...] = (Statics, State, Inverse, Forward, KinematicMotion, Equilibria, Recorded)
-    _PRESCRIBING: tuple[type[PrescribingProblem], ...] = (Statics, State, Inverse, KinematicMotion)
-
-
 def problem_class(kind: object) -> type[Any]:
     """Return the class of a kind of problem.
 
@@ -91,6 +118,6 @@ def problem_class(kind: object) -> type[Any]:
     if not isinstance(kind, str) or kind not in KINDS:
         expected, hint = choices(str(kind), KINDS)
         raise InputError(f"unknown kind '{kind}'", expected=expected, hint=hint)
-    module, name = KINDS[kind]
-    found: type[Any] = getattr(import_module(f"pinarm.problems.{module}"), name)
+    entry = KINDS[kind]
+    found: type[Any] = getattr(import_module(f"pinarm.problems.{entry.module}"), entry.name)
     return found

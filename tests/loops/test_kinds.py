@@ -13,7 +13,6 @@ from linkage import GROUND, Linkage, random_body, random_joint
 from motions import driven, free, poses, power, states, wrench
 from newton_euler import newton_euler
 
-from pinarm.engine.constraints.batch_jacobians import BatchJacobians
 from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
@@ -189,21 +188,17 @@ class TestRows:
     def test_many_at_once_are_those_one_by_one(self, loop):
         mechanism, _ = loop
         closure, model, n = mechanism.closure, mechanism.model, 7
-        many, wanted = BatchJacobians.of(model, closure.constraints), range(closure.size)
         q, v = np.random.default_rng(4).normal(size=(2, n, model.nv))
-        measured = many.at(q.T)
-        rows, drift = measured.rows(wanted), measured.drift(wanted, v.T)
-        gaps = np.array([np.broadcast_to(value, n) for value in measured.gap()]).T
+        measured = closure.constraint_rows.at(q)
+        gaps, rows, drifts, (total, sizes) = measured.gaps, measured.matrices, measured.drifts(v), measured.times(v)
         for i in range(n):
-            state = closure.state(q[i])
+            state = closure.state(q[i], v[i])
             assert gaps[i] == pytest.approx(closure.gap(state), abs=1e-12)  # sums of terms of size 1, in another order
-            dense = np.zeros((closure.size, model.nv))
-            for k, entries in rows.items():
-                for column, entry in entries.items():
-                    dense[k, column] = np.broadcast_to(entry, n)[i]
-            assert dense == pytest.approx(closure.rows(state), abs=1e-13)
-            found = [np.broadcast_to(drift.get(k, 0.0), n)[i] for k in wanted]
-            assert found == pytest.approx(closure.drift(closure.state(q[i], v[i])), abs=1e-12)
+            assert rows[i] == pytest.approx(closure.rows(state), abs=1e-13)
+            assert measured.sparse_matrices[i].toarray() == pytest.approx(rows[i], abs=0.0)
+            assert drifts[i] == pytest.approx(closure.drift(state), abs=1e-12)
+            assert total[i] == pytest.approx(rows[i] @ v[i], abs=1e-13)
+            assert sizes[i] == pytest.approx(np.abs(rows[i]) @ np.abs(v[i]), abs=1e-13)
 
     def test_they_leave_the_freedom_that_the_kind_has(self, linkage, loop):
         mechanism, q = loop

@@ -12,7 +12,7 @@ from pinarm.mechanics.control.kinds import Control
 from pinarm.mechanics.control.pid import Pid
 from pinarm.mechanics.forces.kinds import Force
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Motion
-from pinarm.problems import KINDS, PRESCRIBING, Problem, problem_class
+from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.actuation.effort_sharing import EffortSharing, Share
 from pinarm.problems.events import EndStop, Event
 from pinarm.problems.forward import InitialState
@@ -109,7 +109,9 @@ def test_a_coordinate_that_is_prescribed_or_watched_is_declared(kind: str, name:
 
 
 def test_kinds_whose_motion_laws_determine_have_a_table_of_what_is_prescribed() -> None:
-    assert {kind for kind in KINDS if hasattr(problem_class(kind), "table")} == set(PRESCRIBING)
+    assert {kind for kind in KINDS if hasattr(problem_class(kind), "table")} == {
+        kind for kind, entry in KINDS.items() if entry.prescribing
+    }
 
 
 def test_problems_differ_by_numbers_where_the_same_coordinates_stand_still_and_move() -> None:

@@ -39,7 +39,7 @@ from pinarm.records import Record, replace
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-    from pinarm.engine.constraints.batch_jacobians import BatchJacobians, EvaluatedJacobians
+    from pinarm.engine.constraints.constraint_rows import ConstraintRows, EvaluatedRows
     from pinarm.engine.constraints.sparse_matrices import Matrices
 
 SMALL = 0.01
@@ -49,9 +49,9 @@ DENSE = 400
 """Velocities up to which singular values are those of a dense matrix: those of 200 take a fifth of the time of Lanczos'
 method, whose time grows with their number, not with its cube."""
 
-SEVERAL, KEPT = 3, 64
-"""Number of configurations from which on it pays to look at them together, fewer where constraints are alike; and up to
-which this is kept."""
+SEVERAL, KEPT = 8, 64
+"""Number of configurations from which on numpy takes less time on all of them than Pinocchio one by one; and up to
+which what they measure is kept."""
 
 BLOCK = 512
 """Number of configurations whose G is held at once."""
@@ -266,11 +266,11 @@ class Closure(Record, frozen=True):
         return np.concatenate([np.zeros(0), *(constraint.drift(state) for constraint in self.constraints)])
 
     @cached_property
-    def batch_jacobians(self) -> BatchJacobians | None:
-        """What the constraints measure, at many configurations; none where something cannot be had so."""
-        from pinarm.engine.constraints.batch_jacobians import BatchJacobians
+    def constraint_rows(self) -> ConstraintRows:
+        """What the constraints measure, at many configurations."""
+        from pinarm.engine.constraints.constraint_rows import ConstraintRows
 
-        return BatchJacobians.of(self.model, self.constraints)
+        return ConstraintRows.of(self.model, self.constraints)
 
     def at(self, q: Array) -> tuple[Array, Array]:
         """Return the gaps, shape (n, m), and G, shape (n, m, nv), at configurations, shape (n, nq).
@@ -297,14 +297,11 @@ class Closure(Record, frozen=True):
 
     def _many(self, q: Array) -> bool:
         """Tell whether it pays to look at configurations together."""
-        if not self.size or not self.batch_jacobians:
-            return False
-        return len(q) * len(self.constraints) >= SEVERAL * self.batch_jacobians.kinds
+        return self.size > 0 and len(q) * len(self.constraints) >= SEVERAL
 
     def together(self, q: Array) -> MeasuredRows:
-        """Return the rows at configurations, shape (n, nq), measured together; ``batch_jacobians`` is not None."""
-        assert self.batch_jacobians is not None
-        return MeasuredRows(self.batch_jacobians.at(q.T), (len(q), self.size, self.model.nv), self.reach)
+        """Return the rows at configurations, shape (n, nq), measured together."""
+        return MeasuredRows(self.constraint_rows.at(q), self.reach)
 
     def gaps(self, q: Array) -> Array:
         """Return the gaps at configurations, shape (n, nq), as an array of shape (n, m)."""
@@ -500,53 +497,52 @@ class Closure(Record, frozen=True):
 
 
 class MeasuredRows(Record, frozen=True):
-    """The rows of a closure at n configurations, and what has been computed of them.
+    """The rows of a closure at n configurations, and what has been computed of them, to be read only.
 
     Attributes:
         rows: The rows.
-        shape: Of G, (n, m, nv).
         reach: Length that each row can have, shape (m,).
     """
 
-    rows: EvaluatedJacobians
-    shape: tuple[int, int, int]
+    rows: EvaluatedRows
     reach: Array
 
     @cached_property
     def gaps(self) -> Array:
-        """The gaps, shape (n, m), to be read only."""
-        found = self.rows.gaps(self.shape[0])
-        found.flags.writeable = False
-        return found
+        """The gaps, shape (n, m)."""
+        return _read_only(self.rows.gaps)
 
     @cached_property
     def matrices(self) -> Array:
-        """G, to be read only."""
-        found = self.rows.matrices(self.shape)
-        found.flags.writeable = False
-        return found
+        """G, shape (n, m, nv)."""
+        return _read_only(self.rows.matrices)
 
     def drifts(self, v: Array) -> Array:
-        """Return G' v for velocities v, shape (n, nv), as an array of shape (n, m), to be read only."""
+        """Return G' v for velocities v, shape (n, nv), as an array of shape (n, m)."""
         return self._drifts(v.tobytes())
 
     @cached_property
     def _drifts(self) -> Callable[[bytes], Array]:
         """Those of the velocities asked for last: all that looks at a table asks for them."""
-        n, m, nv = self.shape
-        return lru_cache(maxsize=1)(lambda content: self.rows.drifts(np.frombuffer(content).reshape(n, nv).T, m))
+        n = len(self.rows.q)
+        return lru_cache(maxsize=1)(lambda content: _read_only(self.rows.drifts(np.frombuffer(content).reshape(n, -1))))
 
-    @cached_property
+    @property
     def sparse_matrices(self) -> list[csr_array]:
-        """G as n matrices of shape (m, nv), to be read only."""
-        return self.rows.sparse_matrices(self.shape)
+        """G as n matrices of shape (m, nv)."""
+        return self.rows.sparse_matrices
 
     @cached_property
     def splits(self) -> RowDecompositions:
         """G taken apart."""
-        if self.shape[2] > MANY:
+        if self.rows.rows.pattern.nv > MANY:
             return RowDecompositions.of_many_joints(self.sparse_matrices, self.reach)
         return RowDecompositions.of(self.matrices, self.reach)
+
+
+def _read_only(x: Array) -> Array:
+    x.flags.writeable = False
+    return x
 
 
 @kept_in_a_run(4)

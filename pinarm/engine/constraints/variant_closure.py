@@ -15,13 +15,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.constraints.batch_jacobians import BatchJacobians, EvaluatedJacobians
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import Constraint
+from pinarm.engine.constraints.constraint_rows import ConstraintRows
 from pinarm.engine.constraints.loop_sizes import extents, unit_of_length
-from pinarm.engine.constraints.nullspaces.elimination import regular_order
-from pinarm.engine.constraints.nullspaces.nullspace import VANISHED
-from pinarm.engine.constraints.nullspaces.orthogonal_rows import OrthogonalRows, along, singular_values
+from pinarm.engine.constraints.nullspaces.nullspace import VANISHED, split_rows
+from pinarm.engine.constraints.nullspaces.orthogonal_rows import (
+    REGULAR,
+    OrthogonalRows,
+    along,
+    independent_rows,
+    singular_values,
+)
 from pinarm.engine.constraints.nullspaces.refinement import refined
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.model_variants import ModelVariants, VariantsDiffer
@@ -75,35 +80,19 @@ class VariantClosure(Closure, frozen=True):
         return np.asarray((unit_of_length(whole) == unit_of_length(self.extent)) & same.all(axis=-1))
 
     @cached_property
-    def measures(self) -> BatchJacobians:
+    def constraint_rows(self) -> ConstraintRows:
         """What the constraints measure.
 
         Raises:
             VariantsDiffer: It cannot be had of many states at once.
         """
-        found = BatchJacobians.of(self.model, self.constraints)
-        if found is None or self.model.nv > WIDE:
-            raise VariantsDiffer("loops or couplings of other kinds, or many of them")
-        return found
+        if self.model.nv > WIDE:
+            raise VariantsDiffer("loops or couplings of many joints")
+        return ConstraintRows.of(self.model, self.constraints)
 
     def with_guides(self, names: Sequence[str], coordinates: Sequence[Coordinate]) -> VariantClosure:
         """Return the closure with the rows of guided coordinates after its own."""
         return VariantClosure(self.model, self.first.with_guides(names, coordinates).constraints)
-
-    def evaluated(self, q: Array) -> EvaluatedJacobians:
-        """Return the rows at configurations of n rows of k variants, shape (N, nq) with N = n k."""
-        return self._repeated(max(1, len(q) // len(self.model))).each(np.ascontiguousarray(q.T))
-
-    def _repeated(self, n: int) -> BatchJacobians:
-        """Return the measures for n rows of all variants; the last ones are kept, as one motion asks for them often."""
-        if n not in self._known:
-            self._known.clear()
-            self._known[n] = self.measures.repeated(n)
-        return self._known[n]
-
-    @cached_property
-    def _known(self) -> dict[int, BatchJacobians]:
-        return {}
 
     def spread(self, *arrays: Array) -> list[Array]:
         """Return arrays of shape (n, k or 1, w), spread over the variants where the constraints differ."""
@@ -114,16 +103,13 @@ class VariantClosure(Closure, frozen=True):
     def at(self, q: Array) -> tuple[Array, Array]:
         """Return the gaps, shape (n, k, m), and G, shape (n, k, m, nv)."""
         (q,) = self.spread(q)
-        states, flat = q.shape[:-1], q.reshape(-1, q.shape[-1])
-        evaluated, shape = self.evaluated(flat), (len(flat), self.size, self.model.nv)
-        return evaluated.gaps(len(flat)).reshape(*states, -1), evaluated.matrices(shape).reshape(*states, *shape[1:])
+        measured = self.constraint_rows.at(q)
+        return measured.gaps, measured.matrices
 
     def drifts(self, q: Array, v: Array) -> Array:
         """Return ``G' v``, shape (n, k, m)."""
         q, v = self.spread(q, v)
-        flat = q.reshape(-1, q.shape[-1])
-        rates = np.ascontiguousarray(v.reshape(-1, v.shape[-1]).T)
-        return self.evaluated(flat).drifts(rates, self.size).reshape(*q.shape[:-1], self.size)
+        return self.constraint_rows.at(q).drifts(v)
 
     def gaps(self, q: Array) -> Array:
         """Return the gaps, shape (n, k, m)."""
@@ -135,9 +121,10 @@ class VariantClosure(Closure, frozen=True):
         return VariantDecomposition.of(self.independent(rows[0, 0]), rows, self.reach)
 
     def free_motions(self, q: Array) -> Iterator[tuple[Indices, Array]]:
-        """Yield all configurations, shape (N, nq), and T there, shape (f, N, nv)."""
-        rows = self.evaluated(q).matrices((len(q), self.size, self.model.nv))[None]
-        yield np.arange(len(q)), np.moveaxis(self.splits(q[None], rows).free[0], -1, 0)
+        """Yield all configurations of n rows of k variants, shape (n k, nq), and T there, shape (f, n k, nv)."""
+        states = q.reshape(-1, len(self.model), q.shape[-1])
+        free = self.splits(states).free
+        yield np.arange(len(q)), np.moveaxis(free.reshape(len(q), *free.shape[2:]), -1, 0)
 
     def independent(self, rows: Array) -> list[int]:
         """Return rows of G that say what all do, given G of a state of the first variant, shape (m, nv).
@@ -147,10 +134,10 @@ class VariantClosure(Closure, frozen=True):
         """
         if not (np.abs(rows) > VANISHED * self.reach[:, None]).any():
             return []
-        order = regular_order(rows, self.reach)
-        if order is None:
+        split = split_rows(rows, self.reach)
+        if split.regularity < REGULAR:
             raise VariantsDiffer("a motion that begins near a singular position")
-        return sorted(order.rows)
+        return independent_rows(rows, split.rank, self.reach)
 
     def values_of(self, rows: Matrices) -> Array:
         """Return the singular values of given rows G, shape (n, k, m, nv), without those of rows that are 0 in all."""

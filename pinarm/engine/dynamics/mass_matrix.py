@@ -12,7 +12,7 @@ from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.nullspaces.nullspace import MANY
 from pinarm.engine.one_run import kept_in_a_run
 from pinarm.mechanics.geometry.buffers import give_back, take
-from pinarm.mechanics.geometry.link_tree import LinkTree
+from pinarm.mechanics.geometry.link_tree import LinkTree, states_first
 from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.mechanics.geometry.pinocchio_data import with_masses
 from pinarm.mechanics.geometry.vectors import crossed
@@ -130,16 +130,15 @@ def _carried(model: pin.Model, q: Array) -> tuple[Array, Array, Array]:
         beyond it, shape (n, njoints, 6, 6).
     """
     tree = LinkTree.of(model)
-    relative = tree.relative(model, q, np.zeros((len(q), model.nv)))
-    turns, arms = relative.turns.transpose(3, 2, 0, 1), relative.arms.transpose(2, 1, 0)
-    outwards, motions = np.zeros((*turns.shape[:2], 6, 6)), relative.subspaces.swapaxes(1, 2)
+    turns, arms = (states_first(part, tail) for part, tail in zip(tree.relative(q), (3, 2), strict=True))
+    outwards, motions = np.zeros((*turns.shape[:2], 6, 6)), tree.subspace.T
     outwards[..., :3, :3] = outwards[..., 3:, 3:] = turns
     outwards[..., 3:, :3] = crossed(arms[..., None, :], turns.swapaxes(-2, -1)).swapaxes(-2, -1)  # r x its columns
     composite = np.tile(tree.inertias, (len(q), 1, 1, 1))
     for links in _levels(model):
         passed = outwards[:, links] @ composite[:, links] @ outwards[:, links].swapaxes(-2, -1)
         np.add.at(composite.swapaxes(0, 1), tree.parents[links], passed.swapaxes(0, 1))
-    return outwards, np.broadcast_to(motions, (len(q), *motions.shape[1:])), composite
+    return outwards, np.broadcast_to(motions, (len(q), *motions.shape)), composite
 
 
 class _Step(Record, frozen=True):

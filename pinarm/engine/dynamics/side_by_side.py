@@ -76,7 +76,7 @@ class SideBySide:
         trees, and move as these do. Then what else acts on the links beyond is taken off.
         """
         tree = LinkTree.of(self.variants)
-        if tree.others:
+        if len(tree.balls.links):
             raise VariantsDiffer("joints with several coordinates")
         states = _free_states(tree, q, v, a)
         beyond = links.at_joints(tree.carried(acting))

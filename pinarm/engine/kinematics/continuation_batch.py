@@ -11,15 +11,13 @@ The equations are those of ``engine.following``. Arrays have the rows of the tab
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from pinarm.arrays import Array, Flags
-from pinarm.engine.constraints.batch_jacobians import BLOCK, BatchJacobians, EvaluatedJacobians
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspaces.elimination import Elimination, Order, dense
+from pinarm.engine.constraints.constraint_rows import EvaluatedRows
 from pinarm.engine.constraints.nullspaces.nullspace import singular_values
+from pinarm.engine.constraints.nullspaces.orthogonal_rows import REGULAR, DeterminingRows
 from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch
 from pinarm.engine.kinematics.newton import CLOSED, CONTRACTION
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
@@ -41,10 +39,8 @@ ITERATIONS = 5
 ROUNDING = 1e-15
 """Correction that would change nothing any more [rad or m]."""
 
-REGULAR = 1e-4
-"""Smallest ratio of singular values of J from which sweeps begin: while the determinant keeps a tenth of itself, it
-stays well above ``SINGULAR``."""
-
+BLOCK = 2048
+"""Number of rows that are tried at once at most."""
 
 SIZES = (1e-4, 1e4)
 """Lengths of mechanisms that are solved in metres [m]."""
@@ -54,27 +50,24 @@ class BatchContinuation:
     """Sweeps over the rows of one table.
 
     Args:
-        measures: What the constraints measure, then what the prescribed coordinates do.
-        rows: The constraints, and these coordinates.
+        rows: The constraints, and the prescribed coordinates.
         own: Number m of rows of the constraints.
     """
 
-    def __init__(self, measures: BatchJacobians, rows: Closure, own: int) -> None:
-        self.nv, self.measures, self.own = rows.model.nv, measures, own
-        self.reach, self.slack = rows.reach, rows.slack
-        self._order: Order | None = None
+    def __init__(self, rows: Closure, own: int) -> None:
+        self.nv, self.rows, self.own = rows.model.nv, rows, own
+        self._chosen: DeterminingRows | None = None
         self._length = BLOCK
 
     @classmethod
     def of(cls, closure: Closure, prescribed: PrescribedCoordinates) -> BatchContinuation | None:
-        """Return the sweeps of a mechanism; ``None`` where something cannot be had at many configurations.
+        """Return the sweeps of a mechanism; ``None`` where configurations are not numbers, as of ball joints.
 
         Nor for the very small or large, which only ``NewtonSolver`` measures in a unit of their own.
         """
-        if not SIZES[0] < closure.extent < SIZES[1]:
+        if not SIZES[0] < closure.extent < SIZES[1] or closure.model.nq > closure.model.nv:
             return None
-        rows = closure.with_guides(prescribed.names, prescribed.coordinates)
-        return cls(rows.batch_jacobians, rows, closure.size) if rows.batch_jacobians else None
+        return cls(closure.with_guides(prescribed.names, prescribed.coordinates), closure.size)
 
     def ahead(self, t: Array, w: Array, q: Array, v: Array, before: Array, a: Array) -> tuple[Array, ...]:
         """Return q, v and a, shape (m, nv), at as many of the instants after the first as surely are on its branch.
@@ -90,13 +83,13 @@ class BatchContinuation:
         h, wanted = t[: self._length] - t[0], np.ascontiguousarray(w[:, : self._length].transpose(0, 2, 1))
         with np.errstate(all="ignore"):  # beyond the branch anything may come out: it is not accepted
             predicted, slope = _predicted(h, q, v, before, a)
-            order = self._order_at(q)
-            if order is None:
+            chosen = self._chosen_at(q)
+            if chosen is None:
                 return NOTHING
-            found, correction, good = self._newton(order, predicted, wanted[0])
-            measured = self.measures.at(found)
-            dq, ddq, served = self._rates(order, measured, wanted[1], wanted[2], len(h))
-            good &= self._closed(order, measured, wanted[0]) & on_branch(h * (dq - slope), correction)
+            found, correction, good = self._newton(chosen, predicted, wanted[0])
+            measured = self._evaluated(found)
+            dq, ddq, served = self._rates(chosen, measured, wanted[1], wanted[2])
+            good &= self._closed(chosen, measured, wanted[0]) & on_branch(h * (dq - slope), correction)
             n = self._leading(served, good)
             self._length = _next_length(n, correction, 2 + len(a))
         return found[:, 1:n].T, dq[:, 1:n].T, ddq[:, 1:n].T
@@ -111,42 +104,40 @@ class BatchContinuation:
         """
         block = np.ascontiguousarray(q[:BLOCK].T)
         with np.errstate(all="ignore"):
-            order = self._order_at(q[0])
-            if order is None:
+            chosen = self._chosen_at(q[0])
+            if chosen is None:
                 return NOTHING[1:]
-            measured, n = self.measures.at(block), block.shape[1]
-            v, a, served = self._rates(order, measured, dw[:, None], ddw[:, None], n)
-            n = self._leading(served, np.ones(n, dtype=bool))
+            targets = (np.repeat(x[:, None], block.shape[1], axis=1) for x in (dw, ddw))
+            v, a, served = self._rates(chosen, self._evaluated(block), *targets)
+            n = self._leading(served, np.ones(block.shape[1], dtype=bool))
         return v[:, :n].T, a[:, :n].T
 
-    def _order_at(self, q: Array) -> Order | None:
-        """Return the order of the pivots: the last one, or else one for a configuration if that is regular enough."""
-        if self._order is None:
-            shape = self.measures.size, self.nv
-            matrix = dense(self.measures.at(q[:, None]).rows(range(shape[0])), shape)
+    def _evaluated(self, q: Array) -> EvaluatedRows:
+        return self.rows.constraint_rows.at(np.ascontiguousarray(q.T))
+
+    def _chosen_at(self, q: Array) -> DeterminingRows | None:
+        """Return the rows that determine the motion: the last ones, or else those of a regular configuration."""
+        if self._chosen is None:
+            matrix = self.rows.rows(self.rows.state(q))
             values = singular_values(matrix)
             if len(values) == self.nv and values[-1] >= REGULAR * values[0]:
-                order = Order.of(matrix, self.nv, self.reach)
-                self._order = order if len(order.rows) == self.nv else None
-        return self._order
+                self._chosen = DeterminingRows.of(matrix, self.rows.groups, self.rows.reach)
+        return self._chosen
 
-    def _newton(self, order: Order, q: Array, w: Array) -> tuple[Array, Array, Flags]:
+    def _newton(self, chosen: DeterminingRows, q: Array, w: Array) -> tuple[Array, Array, Flags]:
         """Return the solutions near predictions, how far they were from them, and which of them are to be trusted.
 
         Args:
-            order: Order of the pivots.
+            chosen: Rows that determine the motion.
             q: Predictions, shape (nv, n); they become the solutions.
             w: Wanted values of the prescribed coordinates, shape (k, n).
         """
-        wanted, n, needed = [0.0] * self.own + list(w), q.shape[1], set(order.rows)
+        n = q.shape[1]
         first, last, left, good = np.zeros(n), np.full(n, np.inf), np.full(n, np.inf), np.ones(n, dtype=bool)
         for iteration in range(ITERATIONS):
-            measured = self.measures.at(q)
-            gap, elimination = measured.gap(), Elimination.of(measured.rows(needed), order)
-            size = np.zeros(n)
-            for column, step in elimination.solve({row: wanted[row] - gap[row] for row in order.rows}).items():
-                q[column] += step
-                size = np.maximum(size, np.abs(step))
+            measured = self._evaluated(q)
+            step = chosen.at(measured).solve(self._missing(measured, w))
+            q, size = q + step, np.abs(step).max(axis=0)
             if iteration == 0:
                 first, left, good = size, size, size <= NEAR
             else:
@@ -157,38 +148,33 @@ class BatchContinuation:
                 break
         return q, first, good & (left < ROUNDING)
 
-    def _closed(self, order: Order, measured: EvaluatedJacobians, w: Array) -> Flags:
-        """Return where all rows are closed, shape (n,): those without pivots, which repeat others, but for a slack."""
-        gap, closed, exact = measured.gap(), np.ones(w.shape[1], dtype=bool), set(order.rows)
-        for row, x in enumerate(gap[: self.own]):
-            closed &= np.abs(x) <= CLOSED + (0.0 if row in exact else self.slack[row])
-        for x, wanted in zip(gap[self.own :], w, strict=True):
-            closed &= np.abs(wanted - x) <= CLOSED * (1.0 + np.abs(wanted))
-        return closed
+    def _missing(self, measured: EvaluatedRows, w: Array) -> Array:
+        """Return what is missing in all rows [m or rad], shape (m, n)."""
+        missing = -measured.gaps.T
+        missing[self.own :] += w
+        return missing
+
+    def _closed(self, chosen: DeterminingRows, measured: EvaluatedRows, w: Array) -> Flags:
+        """Return where all rows are closed, shape (n,): those that repeat the chosen ones, but for a slack."""
+        slack, wanted = self.rows.slack.copy(), np.zeros((len(self.rows.slack), w.shape[1]))
+        slack[chosen.every] = 0.0
+        wanted[self.own :] = np.abs(w)
+        return np.asarray((np.abs(self._missing(measured, w)) <= CLOSED * (1.0 + wanted) + slack[:, None]).all(axis=0))
 
     def _rates(
-        self, order: Order, measured: EvaluatedJacobians, dw: Array, ddw: Array, n: int
+        self, chosen: DeterminingRows, measured: EvaluatedRows, dw: Array, ddw: Array
     ) -> tuple[Array, Array, Flags]:
-        """Return v and a, each of shape (nv, n), and where the order of the pivots still serves, shape (n,) or (1,)."""
-        needed = set(order.rows)
-        elimination = Elimination.of(measured.rows(needed), order)
-        v = self._stacked(elimination.solve(dict(enumerate(dw, self.own))), n)
-        right = {row: -x for row, x in measured.drift(needed, v).items()}
-        for row, x in enumerate(ddw, self.own):
-            right[row] = x + right[row] if row in right else x
-        return v, self._stacked(elimination.solve(right), n), elimination.sound() & elimination.continued()
-
-    def _stacked(self, columns: Mapping[int, Array], n: int) -> Array:
-        """Return an array of shape (nv, n) from its rows, 0 where they are absent."""
-        stacked = np.zeros((self.nv, n))
-        for column, x in columns.items():
-            stacked[column] = x
-        return stacked
+        """Return v and a, each of shape (nv, n), and where the chosen rows still determine the motion, shape (n,)."""
+        solver, right = chosen.at(measured), np.zeros((self.rows.size, dw.shape[1]))
+        right[self.own :] = dw
+        v = solver.solve(right)
+        right[self.own :] = ddw
+        return v, solver.solve(right - measured.drifts(v.T).T), solver.served
 
     def _leading(self, served: Flags, good: Flags) -> int:
-        """Return how many rows come before the first that is not good; forget the order where it no longer serves."""
+        """Return how many rows precede the first one that is not good; forget chosen rows that serve no longer."""
         if not served.all():
-            self._order = None
+            self._chosen = None
         good = good & served
         return len(good) if good.all() else int(good.argmin())
 

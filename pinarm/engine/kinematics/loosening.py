@@ -14,7 +14,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.nullspaces.nullspace import ACTS
 from pinarm.engine.constraints.self_stresses import SelfStresses
-from pinarm.mechanics.geometry.chains import screw_of
+from pinarm.mechanics.geometry.screws import screw_of
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import looser, normals
 

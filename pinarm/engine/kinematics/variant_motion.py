@@ -21,12 +21,12 @@ from typing import NamedTuple
 import numpy as np
 
 from pinarm.arrays import Array, Flags
-from pinarm.engine.constraints.batch_jacobians import EvaluatedJacobians
+from pinarm.engine.constraints.constraint_rows import EvaluatedRows
 from pinarm.engine.constraints.nullspaces.nullspace import RANK, VANISHED
-from pinarm.engine.constraints.nullspaces.orthogonal_rows import OrthogonalRows
+from pinarm.engine.constraints.nullspaces.orthogonal_rows import REGULAR, OrthogonalRows
 from pinarm.engine.constraints.variant_closure import VariantClosure
 from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch
-from pinarm.engine.kinematics.continuation_batch import NEAR, REGULAR
+from pinarm.engine.kinematics.continuation_batch import NEAR
 from pinarm.engine.kinematics.newton import CLOSED, ITERATIONS, NewtonSolver
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
@@ -213,21 +213,18 @@ class VariantMotion:
         q, v, a = (np.where(good, x, x[..., :1]).transpose(1, 2, 0) for x in states)
         return VariantStates(q, v, a, good & self.own.alike_in_size)
 
-    def _evaluated(self, q: Array) -> EvaluatedJacobians:
-        return self.whole.evaluated(q.T)
+    def _evaluated(self, q: Array) -> EvaluatedRows:
+        return self.whole.constraint_rows.at(q.T.reshape(-1, len(self.own.model), len(q)))
 
-    def _orthogonal(self, measured: EvaluatedJacobians, n: int) -> OrthogonalRows:
+    def _orthogonal(self, measured: EvaluatedRows, n: int) -> OrthogonalRows:
         """Return the kept rows J, made orthogonal, at n configurations."""
-        rows = np.zeros((len(self.kept), self.own.model.nv, n))
-        places = {row: place for place, row in enumerate(self.kept)}
-        for row, coefficients in measured.rows(self.kept).items():
-            for column, x in coefficients.items():
-                rows[places[row], column] = x
-        return OrthogonalRows.of(rows)
+        return OrthogonalRows.of(
+            measured.some(np.array(self.kept), np.arange(self.own.model.nv)).reshape(len(self.kept), -1, n)
+        )
 
-    def _gaps(self, measured: EvaluatedJacobians, w: Array) -> Array:
+    def _gaps(self, measured: EvaluatedRows, w: Array) -> Array:
         """Return what is missing in all rows, ``(-phi(q), w - w(q))``, shape (size, n)."""
-        gaps = -measured.gaps(w.shape[1]).T
+        gaps = -measured.gaps.reshape(w.shape[1], -1).T
         gaps[self.own.size :] += w
         return gaps
 
@@ -254,15 +251,15 @@ class VariantMotion:
                 break
         return q, done
 
-    def _rates(self, q: Array, dw: Array, ddw: Array) -> tuple[EvaluatedJacobians, Array, Array, OrthogonalRows]:
+    def _rates(self, q: Array, dw: Array, ddw: Array) -> tuple[EvaluatedRows, Array, Array, OrthogonalRows]:
         """Return what is measured at configurations, velocities, accelerations, and the rows J."""
         measured, n, m = self._evaluated(q), q.shape[1], len(self.kept) - len(dw)
         rows, right = self._orthogonal(measured, n), np.zeros((len(self.kept), n))
         right[m:] = dw
         v = rows.shortest(right)
         right[m:] = ddw
-        for row, x in measured.drift(self.kept, v).items():
-            right[self.kept.index(row)] -= x
+        drifts = measured.drifts(v.T.reshape(measured.q.shape[0], -1, len(v)))
+        right -= drifts.reshape(n, -1).T[self.kept]
         return measured, v, rows.shortest(right), rows
 
     def _regular(self, rows: OrthogonalRows) -> Flags:
@@ -303,7 +300,7 @@ class VariantMotion:
             good &= closed | (left < size)
             if (closed | ~good).all():
                 break
-            rows = measured.matrices((w.shape[1], self.whole.size, len(q)))
+            rows = measured.matrices.reshape(w.shape[1], self.whole.size, len(q)).copy()
             counts = np.linalg.norm(rows, axis=2, keepdims=True) > VANISHED * self.whole.reach[:, None]
             rows *= counts * (solver.scale / solver.measure[:, None])
             step = np.matvec(np.linalg.pinv(rows, rcond=RANK), (gaps / solver.measure[:, None]).T).T

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.constraints.batch_jacobians import rows_of
+from pinarm.engine.constraints.constraint_rows import rows_of
 from pinarm.engine.constraints.nullspaces.nullspace import split_rows
 from pinarm.engine.friction.carried_loads import CarriedLoads
 from pinarm.engine.friction.columns import BANDS, EffortBand, bands_of, friction_columns

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.mechanics.geometry.chains import screw_of
+from pinarm.mechanics.geometry.screws import screw_of
 
 if TYPE_CHECKING:
     from pinarm.mechanics.loops.loop_joints import LoopJoint

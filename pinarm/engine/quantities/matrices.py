@@ -9,7 +9,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.batch_jacobians import rows_of
+from pinarm.engine.constraints.constraint_rows import rows_of
 from pinarm.engine.dynamics import mass_matrix
 from pinarm.engine.quantities.broadcasting import LeadingAxes, refuse_foreign
 from pinarm.engine.quantities.states import check_quaternions

@@ -10,9 +10,9 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, real
-from pinarm.engine.constraints.batch_jacobians import BLOCK, BatchJacobians
-from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.closure import Closure, MeasuredRows
 from pinarm.engine.constraints.constraint import one_sided
+from pinarm.engine.constraints.constraint_rows import BLOCK
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
@@ -438,30 +438,18 @@ def _tears(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: Array)
 
 def _suspects(closure: Closure, q: Array, v: Array, a: Array) -> Iterator[int]:
     """Yield the rows that may tear a loop or a coupling: those beyond half of what typed digits explain."""
-    measures = closure.batch_jacobians
-    if measures is None:
-        yield from range(len(q))
-        return
     for start in range(0, len(q) if closure.size else 0, BLOCK):
         part = slice(start, start + BLOCK)
-        yield from (
-            start + int(i)
-            for i in np.flatnonzero(_torn(measures, *(np.ascontiguousarray(x[part].T) for x in (q, v, a))))
-        )
+        yield from (start + np.flatnonzero(_torn(closure.together(q[part]), v[part], a[part]))).tolist()
 
 
-def _torn(measures: BatchJacobians, q: Array, v: Array, a: Array) -> Flags:
-    """Return which configurations, velocities and accelerations, each of shape (nv, n), are suspect, shape (n,)."""
-    measured, torn = measures.at(q), np.zeros(q.shape[1], dtype=bool)
-    for x in measured.gap():
-        torn |= np.abs(x) > 0.5 * CLOSED
-    drift = measured.drift(range(measures.size), v)
-    for i, row in measured.rows(range(measures.size)).items():
-        for rates, left in ((v, np.zeros(1)), (a, drift.get(i, np.zeros(1)))):
-            parts = [x * rates[j] for j, x in row.items()]
-            terms = sum((np.abs(part) for part in parts), np.abs(left))
-            torn |= np.abs(sum(parts, left)) > 0.5 * CLOSED * (1.0 + terms)
-    return torn
+def _torn(measured: MeasuredRows, v: Array, a: Array) -> Flags:
+    """Return which configurations, velocities and accelerations, each of shape (n, nv), are suspect, shape (n,)."""
+    torn, drifts = (np.abs(measured.gaps) > 0.5 * CLOSED).any(axis=1), measured.drifts(v)
+    for rates, left in ((v, np.zeros_like(drifts)), (a, drifts)):
+        total, terms = measured.rows.times(rates)
+        torn |= (np.abs(total + left) > 0.5 * CLOSED * (1.0 + terms + np.abs(left))).any(axis=1)
+    return np.asarray(torn)
 
 
 def from_pinocchio(mechanism: Mechanism, q: ArrayLike, v: ArrayLike | None) -> tuple[Array, Array]:

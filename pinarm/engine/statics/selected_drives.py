@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array, Flags
-from pinarm.engine.constraints.batch_jacobians import rows_of
 from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.constraint_rows import rows_of
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.statics.effort_distribution import ROUNDED, UNIQUE, EffortDistribution
 from pinarm.engine.statics.stiffness import weight_terms

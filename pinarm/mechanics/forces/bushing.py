@@ -33,7 +33,7 @@ from pinarm.mechanics.joints import METRE, RADIAN, Joint, frames_of
 from pinarm.records import AbstractRecord
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.geometry.chains import Chain
+    from pinarm.mechanics.geometry.frame_pairs import FramePairs
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """The components of a deflection: displacements along the axes, then those of the rotation vector."""
@@ -83,20 +83,18 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
 
     def _add_many(self, q: Array, v: Array, tau: Array) -> None:
         """Add the loads at n configurations."""
-        if self.chain is None or len(q) < MANY:
+        if len(q) < MANY:
             for state, rate, load in zip(q, v, tau, strict=True):
                 self.add_load(0.0, state, rate, load)
             return
-        placed = self.chain.placed(q.T, np.cos(q.T), np.sin(q.T))
-        apart = Deflection.many(placed.p, placed.axes)
+        motion = self.frame_pair.at_configurations(q)
+        apart = Deflection.many(*motion.flat)
         pull = self.stiffness @ np.array([*apart.d, *apart.phi])
         if self._damped:
-            dp, w, _, _ = placed.rates(v.T)
+            dp, w, _, _ = (part[:, 0] for part in motion.rates(v.T))
             pull += self.damping @ np.concatenate(apart.rate(tuple(dp), tuple(w)))
         force, moment = (np.array(part) for part in apart.wrench(tuple(-pull[:3]), tuple(-pull[3:])))
-        for rows in (placed.along(force), placed.about(moment)):
-            for j, x in rows.items():
-                tau[:, j] += x
+        tau[:, self.frame_pair.velocities[:, 0]] += motion.efforts(force[:, None], moment[:, None])[:, 0].T
 
     def potential_energy(self, q: Array) -> Array:
         """Return the energy of the spring."""
@@ -141,11 +139,12 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
 
         Then a row at which there is no load stands between those on either side of half a turn.
         """
-        if self.chain is None:
+        if self.model.nq > self.model.nv:
             turns = [self._relative(state)[0].rotation for state in q]
             way = np.array([np.linalg.norm(pin.log3(a.T @ b)) for a, b in pairwise(turns)])
         else:
-            turning = [stage.index for stage in self.chain.stages if stage.turns]
+            between = self.frame_pair.velocities[:, 0]
+            turning = between[self.frame_pair.tree.subspace[3:, between].any(axis=0)]
             way = np.abs(np.diff(q[:, turning], axis=0)).sum(axis=1)
         if way.max(initial=0.0) < 2.0 * (math.pi - REACH):
             return None
@@ -174,11 +173,11 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
         return " and ".join(self.model.frames[frame].name for frame in self.frames)
 
     @cached_property
-    def chain(self) -> Chain | None:
-        """From frame 1 to frame 2; ``None`` where other than simple joints are between."""
-        from pinarm.mechanics.geometry.chains import Chain  # for many states only
+    def frame_pair(self) -> FramePairs:
+        """Frame 2 seen from frame 1."""
+        from pinarm.mechanics.geometry.frame_pairs import FramePairs  # for many states only
 
-        return Chain.between(self.model, *self.frames)
+        return FramePairs.between(self.model, *self.frames)
 
     @cached_property
     def _damped(self) -> bool:

@@ -16,14 +16,14 @@ from pinarm.input.units import DIMENSIONLESS, unit
 from pinarm.input.yaml.schema import Damping, Force, InputStruct, Length, Moment, Stiffness
 from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
 from pinarm.mechanics.geometry.pinocchio_data import new_data
-from pinarm.mechanics.geometry.vectors import combined, cross, crossed, dot, joined
+from pinarm.mechanics.geometry.vectors import cross, crossed, dot, joined
 from pinarm.mechanics.joints import METRE, UNIVERSE, Joint, format_configuration, frame_of, frames_of
 from pinarm.mechanics.laws import Constant, Law
 from pinarm.mechanics.laws.motion_law import MotionLaw, Values
 from pinarm.records import AbstractRecord, replace
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.geometry.chains import Chain
+    from pinarm.mechanics.geometry.frame_pairs import FramePairs
     from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 Number = TypeVar("Number", float, Array)
@@ -61,7 +61,7 @@ class AppliedWrench(AbstractRecord, ForceElement, frozen=True):
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load ``J^T w`` to ``tau``."""
-        if q.ndim == 2 and len(q) >= MANY and self.chains:
+        if q.ndim == 2 and len(q) >= MANY:
             self._add_many(t, q, tau)
             return
         for instant, state, load in _rows(t, q, tau):
@@ -71,21 +71,18 @@ class AppliedWrench(AbstractRecord, ForceElement, frozen=True):
             load += jacobian.reshape(6, -1).T @ self._in_world(instant)
 
     @cached_property
-    def chains(self) -> tuple[Chain, Chain] | None:
-        """From the world to the point and to the axes; ``None`` where other than simple joints are between."""
-        from pinarm.mechanics.geometry.chains import Chain  # for many states only
+    def frame_pairs(self) -> tuple[FramePairs, FramePairs]:
+        """The point and the axes, seen from the world."""
+        from pinarm.mechanics.geometry.frame_pairs import FramePairs  # for many states only
 
-        point, axes = (Chain.between(self.model, UNIVERSE, frame) for frame in (self.frame, self.axes))
-        return (point, axes) if point and axes else None
+        point, axes = (FramePairs.between(self.model, UNIVERSE, frame) for frame in (self.frame, self.axes))
+        return point, axes
 
     def _add_many(self, t: Array | float, q: Array, tau: Array) -> None:
         """Add the loads at many configurations, shape (n, nv)."""
-        point, axes = (chain.placed(q.T, np.cos(q.T), np.sin(q.T)) for chain in self.chains or ())
-        force, moment = (combined(axes.axes, part) for part in (self.wrench[:3], self.wrench[3:]))
-        factor = self._factor(t)
-        for rows in (point.along(force), point.about(moment)):
-            for j, x in rows.items():
-                tau[:, j] += factor * x
+        point, axes = (frames.at_configurations(q) for frames in self.frame_pairs)
+        force, moment = (np.tensordot(part, axes.turn, (0, 1)) for part in (self.wrench[:3], self.wrench[3:]))
+        tau[:, point.pairs.velocities[:, 0]] += (self._factor(t) * point.efforts(force, moment)[:, 0]).T
 
     def potential_energy(self, q: Array) -> Array:
         """Return 0."""
@@ -228,11 +225,11 @@ class TwoPointSpring(AbstractRecord, ForceElement, frozen=True):
         return self.stiffness * (length - self.free_length) + self.damping * rate + self.force
 
     @cached_property
-    def chain(self) -> Chain | None:
-        """From the first point to the second; ``None`` where other than simple joints are between."""
-        from pinarm.mechanics.geometry.chains import Chain
+    def frame_pair(self) -> FramePairs:
+        """The second point, seen from the first."""
+        from pinarm.mechanics.geometry.frame_pairs import FramePairs
 
-        return Chain.between(self.model, *self.frames)
+        return FramePairs.between(self.model, *self.frames)
 
     def _lines(self, q: Array) -> tuple[Array, Array]:
         """Return lengths [m], shape (...), and dl/dq, shape (..., nv), at configurations, shape (..., nq)."""
@@ -247,16 +244,16 @@ class TwoPointSpring(AbstractRecord, ForceElement, frozen=True):
 
     def _lines_of(self, states: Array) -> tuple[Array, Array]:
         """Return lengths [m], shape (n,), and dl/dq, shape (n, nv), at configurations, shape (n, nq)."""
-        if self.chain is None or len(states) < MANY:
+        if len(states) < MANY:
             lines = [self._line(state) for state in states]
             lengths, rows = np.array([length for length, _, _ in lines]), np.array([row for _, _, row in lines])
         else:
-            placed = self.chain.placed(states.T, np.cos(states.T), np.sin(states.T))
-            lengths, rows = np.sqrt(dot(placed.p, placed.p)), np.zeros((len(states), self.model.nv))
+            motion = self.frame_pair.at_configurations(states)
+            lengths, rows = np.sqrt(dot(motion.p, motion.p))[0], np.zeros((len(states), self.model.nv))
             if not lengths.all() and not self._passes_zero:
                 raise self._meeting(states[lengths.argmin()])
-            for j, x in placed.along(placed.p / np.where(lengths == 0.0, 1.0, lengths)).items():
-                rows[:, j] = x
+            along = motion.p / np.where(lengths == 0.0, 1.0, lengths)
+            rows[:, motion.pairs.velocities[:, 0]] = dot(along[:, None], motion.linear)[:, 0].T
         return np.broadcast_to(lengths, len(states)), rows
 
     def _line(self, q: Array) -> tuple[float, Array, Array]:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.mechanics.geometry.link_tree import LinkTree, RelativeMotion, components_first, states_first, turned
+from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, states_first, turned
 from pinarm.mechanics.geometry.model_variants import Model
 from pinarm.mechanics.geometry.vectors import cross, crossed, joined, rotated
 from pinarm.records import Record
@@ -33,11 +33,9 @@ class LinkPlacements(Record, frozen=True):
     @classmethod
     def at(cls, model: Model, q: Array) -> LinkPlacements:
         """Return the placements at configurations, shape (n, nq)."""
-        tree, still = LinkTree.of(model), np.zeros((*q.shape[:-1], model.nv))
-        relative = tree.relative(model, q, still)
-        turns = tree.multiplied(relative.turns)
-        places = tree.summed(turned(turns.take(tree.parents, axis=2), relative.arms))
-        return cls(model, states_first(turns, 3), states_first(places), q)
+        tree = LinkTree.of(model)
+        turns, arms = tree.placed(q)
+        return cls(model, states_first(turns, 3), states_first(tree.summed(arms)), q)
 
     def some(self, rows: Indices) -> LinkPlacements:
         """Return the placements at some of the configurations."""
@@ -133,11 +131,8 @@ def moving(model: Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, 
         the joints as twists in the world frame, shape (n, 6, nv).
     """
     tree = LinkTree.of(model)
-    relative, turns, arms, places, columns, (d, w), omega, swept, u = _speeds(tree, model, q, v)
+    turns, arms, places, columns, (d, w), omega, swept, u = _speeds(tree, q, v)
     dd, dw = (tree.along(part, a) for part in columns)
-    if tree.others:
-        sliding, spinning = _turned(turns, components_first(relative.biases))
-        dd, dw = dd + sliding, dw + spinning
     before = omega.take(tree.parents, axis=1)
     alpha = tree.summed(dw + cross(before, w))
     swinging = cross(alpha.take(tree.parents, axis=1), arms)
@@ -149,7 +144,7 @@ def moving(model: Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, 
 
 def speeding(model: Model, q: Array, v: Array) -> tuple[LinkPlacements, Array]:
     """Return the placements of links and their twists in link frames, shape (n, njoints, 6); see ``moving``."""
-    _, turns, _, places, _, _, omega, _, u = _speeds(LinkTree.of(model), model, q, v)
+    turns, _, places, _, _, omega, _, u = _speeds(LinkTree.of(model), q, v)
     return LinkPlacements(model, states_first(turns, 3), states_first(places), q), _inwards(turns, u, omega)
 
 
@@ -159,7 +154,6 @@ class _Speeds(NamedTuple):
     Columns are ``S``, at the origins of the links, shape (3, nv, ..) each; parts are ``d`` and ``w``.
     """
 
-    relative: RelativeMotion
     turns: Array
     arms: Array
     places: Array
@@ -170,15 +164,13 @@ class _Speeds(NamedTuple):
     u: Array
 
 
-def _speeds(tree: LinkTree, model: Model, q: Array, v: Array) -> _Speeds:
-    relative = tree.relative(model, q, v)
-    turns = tree.multiplied(relative.turns)
-    arms = turned(turns.take(tree.parents, axis=2), relative.arms)
-    columns = _turned(turns.take(tree.moved, axis=2), components_first(relative.subspaces.swapaxes(-2, -1)))
+def _speeds(tree: LinkTree, q: Array, v: Array) -> _Speeds:
+    turns, arms = tree.placed(q)
+    columns = tree.columns(turns)
     d, w = (tree.along(part, v) for part in columns)
     omega = tree.summed(w)
     swept = cross(omega.take(tree.parents, axis=1), arms)
-    return _Speeds(relative, turns, arms, tree.summed(arms), columns, (d, w), omega, swept, tree.summed(swept + d))
+    return _Speeds(turns, arms, tree.summed(arms), columns, (d, w), omega, swept, tree.summed(swept + d))
 
 
 def _inwards(turns: Array, linear: Array, angular: Array) -> Array:
@@ -187,12 +179,6 @@ def _inwards(turns: Array, linear: Array, angular: Array) -> Array:
     for part, motions in ((found[:3], linear), (found[3:], angular)):
         np.einsum("ab...,b...->a...", inwards, motions, out=part)
     return states_first(found)
-
-
-def _turned(turns: Array, motions: Array) -> tuple[Array, Array]:
-    """Return the linear and the angular part of motions in link axes, shape (6, k, n), in world axes."""
-    found = turned(turns[:, :, None], motions.reshape(2, 3, *motions.shape[1:]).swapaxes(0, 1))
-    return found[:, 0], found[:, 1]
 
 
 def _columns(places: Array, linear: Array, angular: Array) -> Array:

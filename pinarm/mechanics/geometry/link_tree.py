@@ -16,13 +16,15 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.mechanics.geometry.model_variants import Model, bodies_of, placements_of
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.records import Record
+
+FREE = 6
+"""Velocities of a joint that floats."""
 
 
 class SingleJoints(Record, frozen=True):
@@ -47,21 +49,24 @@ class SingleJoints(Record, frozen=True):
     slide: Array
 
 
-class RelativeMotion(Record, frozen=True):
-    """Every link seen from its parent, at n configurations.
+class BallJoints(Record, frozen=True):
+    """The joints about which a link turns freely; those that float slide freely, too.
 
     Attributes:
-        turns: Rotation matrices, columns are the link's axes in those of its parent, shape (3, 3, njoints, n).
-        arms: Origins in the axes of the parent [m], shape (3, njoints, n).
-        subspaces: S, what unit velocities do to the link, in its own axes, shape (n, 6, nv), or (1, 6, nv) where that
-            is the same everywhere.
-        biases: Accelerations for ``a = 0``, in the link's own axes, shape (n, njoints, 6) or (1, njoints, 6).
+        links: Their links, shape (k,).
+        quaternions: Coordinates (x, y, z, w) of each in q, shape (k, 4).
+        turn: Rotation of the joint to the axes of its parent, shape (.., k, 3, 3).
+        shift: Place of the joint in these axes [m], shape (.., k, 3).
+        floating: Places of those that float among the k, shape (f,).
+        ways: Coordinates (x, y, z) of these in q, shape (f, 3).
     """
 
-    turns: Array
-    arms: Array
-    subspaces: Array
-    biases: Array
+    links: Indices
+    quaternions: Indices
+    turn: Array
+    shift: Array
+    floating: Indices
+    ways: Indices
 
 
 class LinkTree(Record, frozen=True):
@@ -73,8 +78,8 @@ class LinkTree(Record, frozen=True):
         moved: Link that every velocity moves first, shape (nv,).
         starts: First velocity of every joint, shape (njoints - 1,).
         single: The joints with one coordinate.
-        others: Indices of the others.
-        subspace: S of the joints with one coordinate, 0 of others, shape (6, nv).
+        balls: The others.
+        subspace: S, what unit velocities do to their links in the axes of these, shape (6, nv).
         masses: Of the links [kg], shape (njoints,), of variants (k, njoints).
         levers: Their centres of mass in link axes [m], shape (njoints, 3), of variants (k, njoints, 3).
         inertias: Their spatial inertias in link axes, 0 of the world, shape (njoints, 6, 6), of variants (k, ...).
@@ -85,7 +90,7 @@ class LinkTree(Record, frozen=True):
     moved: Indices
     starts: Indices
     single: SingleJoints
-    others: tuple[int, ...]
+    balls: BallJoints
     subspace: Array
     masses: Array
     levers: Array
@@ -142,7 +147,7 @@ class LinkTree(Record, frozen=True):
     def multiplied(self, turns: Array) -> Array:
         """Return the products of rotations along these paths; that of the world is 1; shape (3, 3, njoints, ..)."""
         for jump in self.jumps:
-            turns = np.einsum("ab...,bc...->ac...", turns.take(jump, axis=2), turns)
+            turns = product(turns.take(jump, axis=2), turns)
         return turns
 
     def along(self, columns: Array, x: Array) -> Array:
@@ -152,36 +157,81 @@ class LinkTree(Record, frozen=True):
         """
         each = columns * components_first(x, 1)
         found = np.zeros((3, len(self.parents), *each.shape[2:]))
-        found[:, 1:] = np.add.reduceat(each, self.starts, axis=1) if self.others else each
+        found[:, 1:] = np.add.reduceat(each, self.starts, axis=1) if len(self.balls.links) else each
         return found
 
-    def relative(self, model: Model, q: Array, v: Array) -> RelativeMotion:
-        """Return how every link is placed and moves with respect to its parent, in states, (.., nq) and (.., nv)."""
-        n, count, one, rank = len(q), len(self.parents), self.single, q.ndim - 1
-        along = np.ascontiguousarray(components_first(q, 1)[one.q])
-        constant, cosine, sine = (states_last(x, rank, 3) for x in (one.constant, one.cosine, one.sine))
-        shift, slide = (states_last(x, rank, 2) for x in (one.shift, one.slide))
+    def relative(self, q: Array) -> tuple[Array, Array]:
+        """Return how every link is placed on its parent at configurations, shape (.., nq).
+
+        Returns:
+            Rotation matrices, columns are the link's axes in those of its parent, shape (3, 3, njoints, ..); origins in
+            the axes of the parent [m], shape (3, njoints, ..).
+        """
+        one, rank, x = self.single, q.ndim - 1, components_first(q, 1)
+        along = np.ascontiguousarray(x[one.q])
+        constant, cosine, sine = (states_last(part, rank, 3) for part in (one.constant, one.cosine, one.sine))
+        shift, slide = (states_last(part, rank, 2) for part in (one.shift, one.slide))
         turned = constant + np.cos(along) * cosine + np.sin(along) * sine
         shifted = shift + along * slide
-        states = turned.shape[3:]
-        if states != shifted.shape[2:]:
-            states = np.broadcast_shapes(states, shifted.shape[2:])
-        turns, arms = np.zeros((3, 3, count, *states)), np.zeros((3, count, *states))
+        states = np.broadcast_shapes(turned.shape[3:], shifted.shape[2:])
+        turns = np.zeros((3, 3, len(self.parents), *states), q.dtype)
+        arms = np.zeros((3, len(self.parents), *states), q.dtype)
         turns[0, 0, 0] = turns[1, 1, 0] = turns[2, 2, 0] = 1.0
         turns[:, :, one.links] = turned
         arms[:, one.links] = shifted
-        if not self.others:
-            alike = (1,) * rank
-            return RelativeMotion(turns, arms, self.subspace.reshape(*alike, 6, -1), np.zeros((*alike, count, 6)))
-        motion = RelativeMotion(turns, arms, np.tile(self.subspace, (n, 1, 1)), np.zeros((n, count, 6)))
-        for k in self.others:
-            BY_KIND.get(model.joints[k].shortname(), _add_joint)(motion, model, k, q, v)
-        return motion
+        if len(self.balls.links):
+            self._place_balls(x, turns, arms)
+        return turns, arms
+
+    def placed(self, q: Array) -> tuple[Array, Array]:
+        """Return the rotations of links and the arms to them from their parents, in world axes.
+
+        Shapes (3, 3, njoints, ..) and (3, njoints, ..) [m], at configurations of shape (.., nq).
+        """
+        turns, arms = self.relative(q)
+        turns = self.multiplied(turns)
+        return turns, turned(turns.take(self.parents, axis=2), arms)
+
+    def columns(self, turns: Array) -> tuple[Array, Array]:
+        """Return what unit velocities do to the links that they move first, in world axes, shape (3, nv, ..) each.
+
+        Args:
+            turns: Rotations of the links, shape (3, 3, njoints, ..).
+        """
+        own, rank = turns.take(self.moved, axis=2), turns.ndim - 3
+        linear, angular = (states_last(part.T, rank, 2) for part in (self.subspace[:3], self.subspace[3:]))
+        return turned(own, linear), turned(own, angular)
+
+    def _place_balls(self, x: Array, turns: Array, arms: Array) -> None:
+        """Set the placements of links on ball joints and of those that float, for coordinates of shape (nq, ..)."""
+        balls, rank = self.balls, x.ndim - 1
+        turn = states_last(balls.turn, rank, 3)
+        turns[:, :, balls.links] = product(turn, rotations(x[balls.quaternions.T]))
+        arms[:, balls.links] = states_last(balls.shift, rank, 2)
+        afloat = balls.floating
+        arms[:, balls.links[afloat]] += turned(turn[:, :, afloat], x[balls.ways.T])
+
+
+def rotations(quaternion: Array) -> Array:
+    """Return ``R = 1 + 2 w [u]x + 2 [u]x^2`` for unit quaternions (u, w), shape (4, ..) to (3, 3, ..)."""
+    x, y, z, w = quaternion
+    xx, yy, zz, xy, yz, zx = x * x, y * y, z * z, x * y, y * z, z * x
+    rows = [
+        [1.0 - 2.0 * (yy + zz), 2.0 * (xy - w * z), 2.0 * (zx + w * y)],
+        [2.0 * (xy + w * z), 1.0 - 2.0 * (xx + zz), 2.0 * (yz - w * x)],
+        [2.0 * (zx - w * y), 2.0 * (yz + w * x), 1.0 - 2.0 * (xx + yy)],
+    ]
+    return np.array(rows)
 
 
 def turned(turns: Array, vectors: Array) -> Array:
     """Return ``R x``, shapes (3, 3, ..) and (3, ..)."""
     return np.asarray(np.einsum("ab...,b...->a...", turns, vectors))
+
+
+def product(one: Array, other: Array) -> Array:
+    """Return the products of matrices, shape (3, 3, ..)."""
+    return np.asarray(np.einsum("ab...,bc...->ac...", one, other))
 
 
 def states_last(x: Array, rank: int, tail: int) -> Array:
@@ -219,11 +269,11 @@ def states_first(x: Array, tail: int = 2) -> Array:
 def _tree(model: Model) -> LinkTree:
     joints, parents = model.joints.tolist(), np.array(model.parents.tolist())
     single = [k for k, joint in enumerate(joints) if k and joint.nq == joint.nv == 1]
-    subspace, zero = np.zeros((6, model.nv)), np.zeros(model.nq)  # S of a single joint is the same at all coordinates
-    for k in single:
-        data = joints[k].createData()
-        joints[k].calc(data, zero)
-        subspace[:, joints[k].idx_v] = data.S
+    subspace, anywhere = np.zeros((6, model.nv)), np.ones(model.nq)  # S is the same at all coordinates
+    for joint in joints[1:]:
+        data = joint.createData()
+        joint.calc(data, anywhere)
+        subspace[:, joint.idx_v : joint.idx_v + joint.nv] = np.reshape(data.S, (6, -1))
     jumps, ahead = [], parents
     while ahead.any():
         jumps.append(ahead)
@@ -234,7 +284,7 @@ def _tree(model: Model) -> LinkTree:
     levers, inertias = components_far(levers), components_far(inertias, 3)
     return LinkTree(
         parents, tuple(jumps), np.repeat(np.arange(1, len(joints)), counts), np.cumsum(counts) - counts,
-        _single(model, single, subspace), tuple(k for k in range(1, len(joints)) if k not in set(single)),
+        _single(model, single, subspace), _balls(model, [k for k in range(1, len(joints)) if k not in set(single)]),
         subspace, masses, levers, inertias,
     )  # fmt: skip
 
@@ -256,42 +306,13 @@ def _single(model: Model, links: list[int], subspace: Array) -> SingleJoints:
     )  # fmt: skip
 
 
-def _add_floating(motion: RelativeMotion, model: pin.Model, k: int, q: Array, v: Array) -> None:
-    """Set the motion of a link that floats."""
-    joint, place = model.joints[k], model.jointPlacements[k]
-    shift, quaternion = np.split(q[:, joint.idx_q : joint.idx_q + joint.nq], [3], axis=1)
-    motion.turns[:, :, k] = (place.rotation @ _rotations(quaternion)).transpose(1, 2, 0)
-    motion.arms[:, k] = place.translation[:, None] + place.rotation @ shift.T
-    motion.subspaces[:, :, joint.idx_v : joint.idx_v + joint.nv] = np.eye(6)
-
-
-def _add_ball(motion: RelativeMotion, model: pin.Model, k: int, q: Array, v: Array) -> None:
-    """Set the motion of a link on a ball joint."""
-    joint, place = model.joints[k], model.jointPlacements[k]
-    own = _rotations(q[:, joint.idx_q : joint.idx_q + joint.nq])
-    motion.turns[:, :, k] = (place.rotation @ own).transpose(1, 2, 0)
-    motion.arms[:, k] = place.translation[:, None]
-    motion.subspaces[:, 3:, joint.idx_v : joint.idx_v + joint.nv] = np.eye(3)
-
-
-def _rotations(quaternion: Array) -> Array:
-    """Return ``R = 1 + 2 w [u]x + 2 [u]x^2``, shape (n, 3, 3), for unit quaternions (u, w), shape (n, 4)."""
-    u, w = np.split(quaternion, [3], axis=1)
-    crossing = crossed(u[:, None], np.eye(3)).swapaxes(1, 2)
-    return np.asarray(np.eye(3) + 2.0 * (w[..., None] * crossing + crossing @ crossing))
-
-
-def _add_joint(motion: RelativeMotion, model: pin.Model, k: int, q: Array, v: Array) -> None:
-    """Set the motion of a link whose joint has several coordinates, as Pinocchio computes it, state by state."""
-    joint, place = model.joints[k], model.jointPlacements[k]
-    data, columns = joint.createData(), slice(joint.idx_v, joint.idx_v + joint.nv)
-    for row, (configuration, velocity) in enumerate(zip(q, v, strict=True)):
-        joint.calc(data, configuration, velocity)
-        placed = place * pin.SE3(data.M)
-        motion.turns[:, :, k, row], motion.arms[:, k, row] = placed.rotation, placed.translation
-        motion.subspaces[row, :, columns] = np.reshape(data.S, (6, -1))
-        motion.biases[row, k] = data.c
-
-
-BY_KIND = {"JointModelFreeFlyer": _add_floating, "JointModelSpherical": _add_ball}
-"""How links move whose joints have several coordinates, all states at once; others are computed state by state."""
+def _balls(model: Model, links: list[int]) -> BallJoints:
+    turns, shifts = placements_of(model)
+    joints = [model.joints[k] for k in links]
+    floating = [place for place, joint in enumerate(joints) if joint.nv == FREE]
+    last = np.array([joint.idx_q + joint.nq - 4 for joint in joints], dtype=np.intp)
+    first = np.array([joints[place].idx_q for place in floating], dtype=np.intp)
+    return BallJoints(
+        np.array(links, dtype=np.intp), last[:, None] + np.arange(4), turns[..., links, :, :], shifts[..., links, :],
+        np.array(floating, dtype=np.intp), first[:, None] + np.arange(3),
+    )  # fmt: skip

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 from pinarm.engine.series import Series
 from pinarm.errors import PinarmError
+from pinarm.problems import KINDS
 from pinarm.records import replace
 from pinarm.use.report.link_graph import LinkGraph, link_graph
 from pinarm.use.report.mechanism_tables import mechanism_tables, mobility_words
 from pinarm.use.report.origin import Origin
-from pinarm.use.report.question import QUESTIONS, question
+from pinarm.use.report.question import question
 from pinarm.use.report.tables import ReportTable, number, unit_text, with_unit
 from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, PATHS, RESIDUALS
 from pinarm.use.result.number_accuracy import global_error
@@ -124,7 +125,7 @@ def chapter(result: Result, origin: Origin, *, moving: bool) -> Chapter:
     return Chapter(
         title=result.content.title or result.name,
         subtitle=f"{mechanism.title}, {result.kind}",
-        asked=QUESTIONS.get(result.kind, ""),
+        asked=KINDS[result.kind].question if result.kind in KINDS else "",
         question=question(result),
         warnings=[*_warnings(result), *missed, *limits],
         merits=_merits(result, verdicts, missed),

@@ -11,17 +11,6 @@ if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.use.result.result import Result
 
-QUESTIONS = {
-    "statics": "Which efforts of the drives hold the mechanism still?",
-    "state": "Which efforts of the drives belong to the given positions, velocities and accelerations?",
-    "inverse": "Which efforts must the drives give, so that the mechanism moves as the given laws say?",
-    "forward": "How does the mechanism move from its initial state under the loads that act on it?",
-    "kinematics": "How do all parts of the mechanism move when the given coordinates follow their laws?",
-    "recorded": "Which velocities, forces and energies belong to a motion that was recorded?",
-    "equilibria": "In which positions does the mechanism rest without any drive, and are these positions stable?",
-}
-"""Kind of a problem -> what it asks. ``tests/use/report/test_question.py`` compares the kinds with those there are."""
-
 LABELS = {
     "time": "Time", "motion": "Moves by a law", "over": "Varied", "hold": "Held", "drives": "Driven along",
     "start": "Assembled near", "starts": "Sought from", "initial": "Initial state", "velocity": "Velocity",

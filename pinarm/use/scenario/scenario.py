@@ -35,7 +35,7 @@ from pinarm.input.yaml.key_path import argument_of
 from pinarm.input.yaml.schema import Measured
 from pinarm.input.yaml.values import Values, value_at, varied, written_unit
 from pinarm.mechanics.perturbation import perturbed_numbers
-from pinarm.problems import KINDS, PRESCRIBING, Problem, problem_class
+from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
 from pinarm.problems.time_grid import require_memory
@@ -438,7 +438,7 @@ class Scenario(Record, frozen=True):
         Raises:
             InputError: The problem has a mistake.
         """
-        if self.problem.kind not in PRESCRIBING:
+        if not KINDS[self.problem.kind].prescribing:
             return None
         declared, known = self.problem.declaration(), like.problem.declaration()
         alike = declared is not None and known is not None and declared.differs_by_numbers(known)

@@ -66,7 +66,7 @@ def test_rows_that_stay_are_taken_apart_once(closure):
 def test_sparse_rows_are_those_of_each_state(closure):
     """Entries that are 0 are left out, and columns ascend, as in matrices that are made from dense ones."""
     q = np.random.default_rng(2).uniform(-1.0, 1.0, (3, closure.model.nv))
-    found = closure.batch_jacobians.at(q.T).sparse_matrices((3, closure.size, closure.model.nv))
+    found = closure.constraint_rows.at(q).sparse_matrices
     for matrix, configuration in zip(found, q, strict=True):
         assert matrix.has_canonical_format and matrix.data.all()
         np.testing.assert_allclose(matrix.toarray(), closure.rows(closure.state(configuration)), atol=1e-14)
@@ -85,10 +85,10 @@ def test_gaps_and_parts_are_those_of_the_rows(closure, n):
 
 
 def test_what_moves_both_links_alike_is_not_in_their_rows(tmp_path):
-    """The tree is 16 joints deep, and a loop knows the last three: chains between frames leave the others out."""
+    """The tree is 16 joints deep, and a loop knows the last three: paths between frames leave the others out."""
     scissor = pinarm.Scenario.load(written(tmp_path, "scissor", 8)).mechanism.closure
     q = np.random.default_rng(0).uniform(-1.0, 1.0, scissor.model.nv)
-    (wanted,) = scissor.batch_jacobians.at(q[:, None]).sparse_matrices((1, scissor.size, len(q)))
+    (wanted,) = scissor.constraint_rows.at(q[None]).sparse_matrices
     rows = scissor.rows(scissor.state(q))
     assert np.array_equal(rows != 0.0, wanted.toarray() != 0.0)
     np.testing.assert_allclose(rows, wanted.toarray(), atol=1e-13)

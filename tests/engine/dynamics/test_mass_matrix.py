@@ -22,7 +22,10 @@ ROUNDING = 1e-14
 
 def tree(count: int) -> pin.Model:
     """Return two branches at every third link, joints of all kinds, depth first, with armatures."""
-    kinds = (pin.JointModelRX, pin.JointModelPY, pin.JointModelFreeFlyer, pin.JointModelSpherical, pin.JointModelRUBX)
+    kinds = (
+        pin.JointModelRX, pin.JointModelPY, pin.JointModelFreeFlyer, pin.JointModelSpherical,
+        lambda: pin.JointModelHY(0.3),
+    )  # fmt: skip
     model, generator = pin.Model(), np.random.default_rng(7)
     for k in range(count):
         parent = max(0, k - 2) if k % 3 == 2 else k

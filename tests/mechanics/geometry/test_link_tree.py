@@ -12,8 +12,6 @@ JOINTS = {
     "revolute": pin.JointModelRZ, "revolute about any axis": lambda: pin.JointModelRevoluteUnaligned(AXIS),
     "prismatic": pin.JointModelPX, "prismatic along any axis": lambda: pin.JointModelPrismaticUnaligned(AXIS),
     "helical": lambda: pin.JointModelHY(0.3), "ball": pin.JointModelSpherical, "floating": pin.JointModelFreeFlyer,
-    "planar": pin.JointModelPlanar, "translation": pin.JointModelTranslation, "unbounded": pin.JointModelRUBX,
-    "universal": lambda: pin.JointModelUniversal(np.array([1.0, 0, 0]), np.array([0, 1.0, 0])),
 }  # fmt: skip
 
 
@@ -47,7 +45,7 @@ def test_links_behind_any_joint_move_as_pinocchio_says(joint):
 
 
 def test_a_velocity_moves_the_links_whose_jacobian_has_its_column():
-    model = chain("revolute", "ball", "universal", "prismatic", "floating")
+    model = chain("revolute", "ball", "prismatic", "floating")
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
     for joint in range(1, model.njoints):

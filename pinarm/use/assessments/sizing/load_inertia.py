@@ -13,7 +13,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.batch_jacobians import rows_of
+from pinarm.engine.constraints.constraint_rows import rows_of
 from pinarm.engine.motion.trajectory import Trajectory
 
 HELD = 1e-10

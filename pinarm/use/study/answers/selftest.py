@@ -12,20 +12,9 @@ from typing import Any
 import numpy as np
 
 from pinarm.errors import fault
+from pinarm.problems import KINDS
 from pinarm.use.store.examples import example_files
 from pinarm.use.study.answers.check import check
-
-SCENARIOS = {
-    "statics": "gen411_arm_static",
-    "state": "exoskeleton_leg_state",
-    "inverse": "gen411_arm_dynamic_true",
-    "forward": "brick_thrown",
-    "forward, with a loop": "crank_rocker_free",
-    "kinematics": "magic_arms_kinematics",
-    "equilibria": "gen411_arm_equilibria",
-    "recorded": "gen411_arm_recorded",
-}
-"""Kind of problem -> a scenario of it whose answer key was derived without this program; all take a few seconds."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +75,7 @@ def selftest() -> SelfTest:
 
 
 def _checks(folder: Path) -> Iterator[KindCheck]:
-    for kind, name in SCENARIOS.items():
+    for kind, name in ((kind, name) for kind, entry in KINDS.items() for name in entry.examples):
         try:
             findings = check(folder / f"{name}.yaml")
         except Exception as error:  # whatever it is, it is what is wrong with this installation

@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from pinarm.engine.constraints.nullspaces.orthogonal_rows import OrthogonalRows, singular_values
+from pinarm.engine.constraints.nullspaces.orthogonal_rows import (
+    DeterminingRows,
+    OrthogonalRows,
+    independent_rows,
+    singular_values,
+)
 
 ROUNDING = 1e-11
 """Of matrices of random numbers, whose condition is below 1e3: some ten roundings of solutions of about 100."""
@@ -81,3 +86,58 @@ def test_dependent_rows_are_told_by_numbers_that_are_not_finite() -> None:
     with np.errstate(all="ignore"):
         x = OrthogonalRows.of(rows).shortest(np.ones((2, 2)))
     assert np.isfinite(x).all(axis=0).tolist() == [False, True]
+
+
+def test_chosen_rows_are_independent_and_as_many_as_the_rank() -> None:
+    """Three rows, two of which repeat others; the longest row is that which repeats."""
+    rng = np.random.default_rng(8)
+    base = rng.normal(size=(3, 5))
+    matrix = np.vstack([base[:2], 40.0 * (base[0] - base[1]), base[2], 1e-12 * rng.normal(size=(1, 5))])
+    chosen = independent_rows(matrix, 3)
+    assert chosen == sorted(chosen) and 3 in chosen and 4 not in chosen
+    assert np.linalg.matrix_rank(matrix[chosen]) == 3
+
+
+class Matrices:
+    """J at n states, shape (m, nv, n)."""
+
+    def __init__(self, values: np.ndarray) -> None:
+        self.values = values
+
+    def some(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        return self.values[np.ix_(rows, columns)]
+
+
+class TestDeterminingRows:
+    """Two parts of two and three velocities, with one row more than is needed in the second."""
+
+    GROUPS = np.array([0, 1, 0, 1, 1])
+    OWNERS = np.array([0, 1, 1, 0, 1, 1])
+
+    @pytest.fixture
+    def values(self) -> np.ndarray:
+        rng = np.random.default_rng(9)
+        first = rng.normal(size=(6, 5)) * (self.OWNERS[:, None] == self.GROUPS)
+        first[5] = first[1] - 2.0 * first[2]
+        return first[:, :, None] + 1e-3 * rng.normal(size=(6, 5, 4)) * (first != 0.0)[:, :, None]
+
+    def test_they_give_the_solution_of_each_state(self, values: np.ndarray) -> None:
+        chosen = DeterminingRows.of(values[:, :, 0], self.GROUPS, np.ones(6))
+        assert chosen is not None and sorted(map(len, chosen.rows)) == [2, 3]
+        right, rows = np.random.default_rng(1).normal(size=(6, 4)), chosen.every
+        motion = chosen.at(Matrices(values))
+        for k in range(4):
+            wanted = np.linalg.solve(values[rows, :, k], right[rows, k])
+            np.testing.assert_allclose(motion.solve(right)[:, k], wanted, atol=ROUNDING)
+        assert motion.served.all()
+
+    def test_where_a_part_has_another_sense_or_is_nearly_singular_they_do_not_serve(self, values: np.ndarray) -> None:
+        chosen = DeterminingRows.of(values[:, :, 0], self.GROUPS, np.ones(6))
+        assert chosen is not None
+        row, other = chosen.rows[1][:2]
+        values[row, :, 1] *= -1.0
+        values[row, :, 2] = values[other, :, 2] + 0.01 * values[row, :, 2]
+        assert chosen.at(Matrices(values)).served.tolist() == [True, False, False, True]
+
+    def test_a_part_with_too_few_rows_is_not_determined(self, values: np.ndarray) -> None:
+        assert DeterminingRows.of(values[[0, 1, 2, 4], :, 0], self.GROUPS, np.ones(4)) is None

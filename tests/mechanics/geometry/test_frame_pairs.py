@@ -1,0 +1,134 @@
+"""Frames seen from other frames of a tree, against Pinocchio's placements, Jacobians and accelerations of both."""
+
+from itertools import permutations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pinarm.mechanics.geometry.frame_pairs import FramePairs, likeness
+from tests.mechanics.geometry.random_variants import random_variants
+
+JOINTS = (
+    pin.JointModelRX, pin.JointModelSpherical, pin.JointModelFreeFlyer, lambda: pin.JointModelHY(0.3), pin.JointModelPZ,
+    lambda: pin.JointModelPrismaticUnaligned(np.array([0.6, 0.0, 0.8])), pin.JointModelSpherical, pin.JointModelRY,
+)  # fmt: skip
+PARENTS = (0, 1, 2, 3, 2, 5, 6, 7)
+"""A stem of two joints with branches of two and four, joints of all kinds in both."""
+STATES = 4
+
+
+def tree(away: float = 0.0) -> pin.Model:
+    """Return the tree, its first joint at a distance from the origin, with a frame on every link."""
+    pin.seed(4)
+    model = pin.Model()
+    for k, (parent, kind) in enumerate(zip(PARENTS, JOINTS, strict=True), 1):
+        place = pin.SE3.Random()
+        place.translation = place.translation + (away if k == 1 else 0.0) * np.array([0.48, 0.6, 0.64])
+        model.addJoint(parent, kind(), place, f"joint {k}")
+        model.addFrame(pin.Frame(f"frame {k}", k, 0, pin.SE3.Random(), pin.FrameType.OP_FRAME))
+    model.addFrame(pin.Frame("ground", 0, 0, pin.SE3.Random(), pin.FrameType.OP_FRAME))
+    return model
+
+
+def states(model: pin.Model) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(5)
+    q = np.array([pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv)) for _ in range(STATES)])
+    return q, rng.normal(size=(STATES, model.nv))
+
+
+def by_pinocchio(model: pin.Model, first: int, second: int, q: np.ndarray, v: np.ndarray) -> list[np.ndarray]:
+    """Return p, R, the linear and angular rows and the rates in frame 1, from both frames in the world."""
+    data, world = model.createData(), pin.LOCAL_WORLD_ALIGNED
+    pin.computeJointJacobians(model, data, q)
+    pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
+    pin.updateFramePlacements(model, data)
+    (one, r1), (two, r2) = ((data.oMf[k].translation, data.oMf[k].rotation) for k in (first, second))
+    j1, j2 = (pin.getFrameJacobian(model, data, k, world) for k in (first, second))
+    way, back = two - one, r1.T
+    linear, angular = back @ (j2[:3] - j1[:3] + pin.skew(way) @ j1[3:]), back @ (j2[3:] - j1[3:])
+    (u1, u2), (a1, a2) = (
+        [function(model, data, k, world) for k in (first, second)]
+        for function in (pin.getFrameVelocity, pin.getFrameClassicalAcceleration)
+    )
+    w1, w2 = u1.angular, u2.angular
+    slip = u2.linear - u1.linear - np.cross(w1, way)
+    drift = a2.linear - a1.linear - np.cross(a1.angular, way) - np.cross(w1, np.cross(w1, way)) - 2 * np.cross(w1, slip)
+    turning = a2.angular - a1.angular - np.cross(w1, w2)
+    return [back @ way, back @ r2, linear, angular, back @ slip, back @ (w2 - w1), back @ drift, back @ turning]
+
+
+def found(pairs: FramePairs, q: np.ndarray, v: np.ndarray) -> list[list[np.ndarray]]:
+    """Return the same of the first pair, state by state."""
+    motion = pairs.at_configurations(q)
+    columns = np.zeros((2, 3, v.shape[-1], len(q)))
+    for k, part in enumerate((motion.linear, motion.angular)):
+        columns[k][:, pairs.velocities[:, 0]] = part[:, :, 0]
+    rates = motion.rates(v.T)
+    return [
+        [motion.p[:, 0, k], motion.turn[:, :, 0, k], *columns[..., k], *(rate[:, 0, k] for rate in rates)]
+        for k in range(len(q))
+    ]
+
+
+def test_they_move_as_pinocchio_says_of_both() -> None:
+    model = tree()
+    q, v = states(model)
+    for first, second in permutations(range(model.nframes), 2):
+        own = found(FramePairs.between(model, first, second), q, v)
+        for k in range(STATES):
+            for one, other in zip(own[k], by_pinocchio(model, first, second, q[k], v[k]), strict=True):
+                np.testing.assert_allclose(one, other, atol=1e-12)  # sums of a dozen numbers up to 10
+
+
+@pytest.mark.parametrize("away", [1e3, 1e6])
+def test_the_distance_from_the_origin_costs_no_digits(away: float) -> None:
+    near, far = tree(), tree(away)
+    q, v = states(near)
+    first, second = near.getFrameId("frame 4"), near.getFrameId("frame 8")
+    both = (found(FramePairs.between(model, first, second), q, v) for model in (near, far))
+    for one, other in zip(*both, strict=True):
+        for x, y in zip(one, other, strict=True):
+            np.testing.assert_array_equal(x, y)
+
+
+def test_pairs_with_like_paths_stand_side_by_side() -> None:
+    model = pin.Model()
+    pin.seed(6)
+    for k in range(6):  # two branches of three
+        model.addJoint(k if k % 3 else 0, JOINTS[k % 3](), pin.SE3.Random(), f"joint {k}")
+        model.addFrame(pin.Frame(f"frame {k}", k + 1, 0, pin.SE3.Random(), pin.FrameType.OP_FRAME))
+    q, v = states(model)
+    ends = [(0, model.getFrameId(f"frame {k}")) for k in (2, 5)]
+    assert likeness(model, *ends[0]) == likeness(model, *ends[1]) != likeness(model, ends[0][1], 0)
+    together = FramePairs.of(model, ends).at_configurations(q)
+    for k, pair in enumerate(ends):
+        alone = FramePairs.between(model, *pair).at_configurations(q)
+        for name in ("p", "turn", "linear", "angular"):
+            np.testing.assert_allclose(getattr(together, name)[..., k, :], getattr(alone, name)[..., 0, :], atol=1e-14)
+        for one, other in zip(together.rates(v.T), alone.rates(v.T), strict=True):
+            np.testing.assert_allclose(one[:, k], other[:, 0], atol=1e-13)
+
+
+def test_variants_are_those_of_each_model_alone() -> None:
+    pin.seed(2)
+    variants, models = random_variants(np.random.default_rng(2), 6, 3)
+    first, second = models[0].getFrameId("link 2"), models[0].getFrameId("link 5")
+    q, v = np.random.default_rng(3).normal(size=(2, 4, 3, 6))
+    motion = FramePairs.between(variants, first, second).at_configurations(q)
+    together = [motion.p, motion.linear, *motion.rates(np.moveaxis(v, -1, 0))]
+    for k, model in enumerate(models):
+        own = FramePairs.between(model, first, second).at_configurations(q[:, k])
+        for one, other in zip(together, [own.p, own.linear, *own.rates(v[:, k].T)], strict=True):
+            np.testing.assert_allclose(one[..., k], other, atol=1e-12)
+
+
+def test_complex_steps_give_the_slopes() -> None:
+    """``dp/dq`` along the joints with one coordinate is the linear part of the motion, turned by that of frame 1."""
+    pin.seed(2)
+    _, (model, *_) = random_variants(np.random.default_rng(2), 6, 1)
+    ground, second = 0, model.getFrameId("link 5")
+    q, pairs = np.random.default_rng(3).normal(size=6), FramePairs.between(model, ground, second)
+    slopes = pairs.at_configurations(q + 1e-30j * np.eye(6)).p[:, 0].imag / 1e-30
+    np.testing.assert_allclose(slopes[:, pairs.velocities[:, 0]], pairs.at_configurations(q[None]).linear[:, :, 0, 0],
+                               atol=1e-14)  # fmt: skip
