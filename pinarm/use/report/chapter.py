@@ -22,7 +22,6 @@ from pinarm.use.result.section_number import read_number
 from pinarm.use.show.chart import Chart
 from pinarm.use.show.plot import graph, plot
 from pinarm.use.show.sketch import sketch
-from pinarm.use.show.svg import svg
 from pinarm.use.show.terminal import FEW, error_lines, ranges
 from pinarm.use.study.answers.check import finding_of
 from pinarm.use.study.answers.verdict_table import HEADING
@@ -216,10 +215,14 @@ def _curves(result: Result) -> Iterator[str]:
 
 def _untitled(chart: Chart) -> str:
     """Return a picture without its title, which the report has already."""
+    from pinarm.use.show.figure import svg
+
     return svg(replace(chart, title=""))
 
 
 def _part(section: Section, how: Presentation) -> Part:
+    from pinarm.use.show.figure import svg
+
     tables = [_section_table(table, section.key) for table in section.tables]
     told = {cell for table in tables for row in table.rows for cell in row}
     untold = {name: series for name, series in section.numbers.items() if _cell(series) not in told}

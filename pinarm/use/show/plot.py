@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Iterator
 from itertools import cycle, product
@@ -46,7 +45,7 @@ WRONG = "#D00000"
 """Colour of what is wrong in print; the shape of their marks tells them apart too."""
 
 PictureFormat = Literal["svg", "png", "pdf"]
-"""Of the files that are written; SVG is written without matplotlib, and so at once."""
+"""Formats of picture files."""
 
 RESOLUTION, COARSEST, FINEST = 200, 20, 1200
 """Pixels per inch of PNG files: unless another number is asked for, at least, and at most."""
@@ -212,12 +211,6 @@ def encoded(chart: Chart, form: str, dpi: int = RESOLUTION) -> bytes:
     Raises:
         InputError: There is no such format, or resolution.
     """
-    if picture_format(form, dpi) == "svg":
-        from pinarm.use.show.svg import svg
+    from pinarm.use.show.figure import figure
 
-        return svg(chart).encode()
-    from pinarm.use.show.figure import UNDATED, figure
-
-    stream = io.BytesIO()
-    figure(chart).savefig(stream, format=form, dpi=dpi, metadata=UNDATED[form])
-    return stream.getvalue()
+    return figure(chart).encoded(picture_format(form, dpi), dpi)

@@ -19,7 +19,6 @@ from pinarm.use.show.replay.overlays import BodyPoint, Connection
 from pinarm.use.show.replay.tracks import placed
 from pinarm.use.show.scene import GROUND, PATH, Scene, mark, scene_of, stroke
 from pinarm.use.show.scenery import floor, mounts, shadow, triad
-from pinarm.use.show.svg import POINTS
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -44,6 +43,9 @@ EDGE = 32.0
 
 POINT = 1e-100
 """Size of a drawing below which it is one point [m]: a scale in points per metre would overflow."""
+
+POINTS = 72.0
+"""Points per inch."""
 
 FRAME, HEADING, ENTRIES = 42.0, 30.0, 22.0
 """Height of the numbers below a drawing, of its heading, and of a row of the legend [points]."""
