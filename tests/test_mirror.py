@@ -203,7 +203,7 @@ ELSEWHERE = {
         "optima of functions and of runs", "use/scenario/landscape use/scenario/optimum_section",
     ),
     "use/show/test_notebook.py": ("sections in them", "use/show/section_html"),
-    "use/show/test_sketch.py": ("what drawings show", "use/show/scene use/show/scenery use/show/stick_figure"),
+    "use/show/test_sketch.py": ("what drawings show", "use/show/scene use/show/scenery"),
     "use/show/replay/test_browser.py": ("the page in it", "use/show/replay/chromium"),
     "use/output/test_folder.py": ("which files are ours", "use/output/manifest"),
     "use/store/test_new.py": ("what is written for a model", "use/store/first_files"),

@@ -17,7 +17,7 @@ from pinarm.use.show.replay.names import Name, gathered, names_of
 from pinarm.use.show.replay.overlays import BodyPoint, Connection, pairs
 from pinarm.use.show.replay.sticks import sticks
 from pinarm.use.show.replay.tracks import nodes_of, placed
-from pinarm.use.show.stick_figure import StickFigure, slots, stick_figure
+from pinarm.use.show.stick_figure import Stick, StickFigure, slots, stick_figure
 
 PATH, GROUND = "#8b949e", "#59595f"
 """Colours of paths, and of what does not move."""
@@ -32,6 +32,7 @@ class Scene(ValueRecord, frozen=True):
 
     Attributes:
         figure: Its sticks.
+        guides: Rails and slots.
         pairs: Springs, cylinders, bushings, rods, cables and loop joints.
         shortest: Least length of each of these [m].
         names: What its parts, points and joints are called.
@@ -40,6 +41,7 @@ class Scene(ValueRecord, frozen=True):
     """
 
     figure: StickFigure
+    guides: Sequence[Stick]
     pairs: Sequence[Connection]
     shortest: Sequence[float]
     names: Sequence[Name]
@@ -49,7 +51,7 @@ class Scene(ValueRecord, frozen=True):
     @property
     def thickness(self) -> float:
         """By what the widths of lines and marks are multiplied: less than 1 where the links are many and short."""
-        lengths = sorted(float(np.linalg.norm(stick.points[-1])) for stick in self.figure.sticks if stick.weight == 1.0)
+        lengths = sorted(float(np.linalg.norm(stick.points[-1])) for stick in self.figure.rods)
         typical = lengths[len(lengths) // 2] if lengths else self.framing.size
         return float(np.clip(LINKS * typical / self.framing.size, THINNEST, 1.0))
 
@@ -62,13 +64,13 @@ def scene_of(mechanism: Mechanism, forces: Mapping[str, ForceElement], q: Array,
     """Return what is drawn of a motion through configurations, shape (rows, nq)."""
     model = mechanism.model
     nodes, places, joined = nodes_of(model, q), placed(model, q), pairs(mechanism, forces)
-    ends = [end for pair in joined for end in pair.ends]
-    seen = framing(model, nodes, list(sticks(model, nodes, range(len(nodes)))), places,
-                   [end.path(places) for end in ends])  # fmt: skip
+    figure, ends = stick_figure(mechanism, nodes, joined), [end for pair in joined for end in pair.ends]
+    shapes = sticks(model, nodes, figure, range(len(nodes)))
+    seen = framing(model, nodes, shapes, places, [end.path(places) for end in ends])
     names = gathered(names_of(mechanism, nodes, how), places, seen.size)
     shortest = [float(pair.lengths(places).min()) for pair in joined]
-    figure = stick_figure(mechanism, nodes, joined, slots(mechanism, seen, places))
-    return Scene(figure, joined, shortest, names, seen, seen.view())
+    guides = [*figure.rails, *slots(mechanism, seen, places)]
+    return Scene(figure, guides, joined, shortest, names, seen, seen.view())
 
 
 def stroke(points: Array, colour: str, width: float, style: Style = "-", opacity: float = 1.0) -> Line:

@@ -50,7 +50,7 @@ def floor(scene: Scene) -> Iterator[Line]:
 
 def shadow(scene: Scene, place: Array) -> Iterator[Line]:
     """Yield what the sticks of a position throw on the floor."""
-    for stick in scene.figure.sticks:
+    for stick in scene.figure.lines:
         points = stick.points @ place[stick.node, :3, :3].T + place[stick.node, :3, 3]
         yield stroke(scene.view.flat(_on_floor(scene, points)), SHADE, 1.6 * stick.weight)
 

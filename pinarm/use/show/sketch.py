@@ -177,7 +177,7 @@ def _window(lines: Sequence[Line]) -> tuple[Window, float]:
 
 def _guides(scene: Scene) -> Iterator[Line]:
     """Yield the rails that do not move."""
-    for rail in scene.figure.rails:
+    for rail in scene.guides:
         if not rail.node:
             yield stroke(scene.view.flat(rail.points), GROUND, 1.0, rail.style)
 
@@ -185,7 +185,7 @@ def _guides(scene: Scene) -> Iterator[Line]:
 def _drawn(scene: Scene, place: Array, colour: str, width: float) -> Iterator[Line]:
     """Yield one position."""
     figure = scene.figure
-    for stick in (*figure.sticks, *(rail for rail in figure.rails if rail.node)):
+    for stick in (*figure.lines, *(rail for rail in scene.guides if rail.node)):
         points = stick.points @ place[stick.node, :3, :3].T + place[stick.node, :3, 3]
         yield stroke(scene.view.flat(points), colour, width * stick.weight, stick.style)
     for pair, shortest in zip(scene.pairs, scene.shortest, strict=True):

@@ -14,9 +14,11 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, PinarmError
+from pinarm.use.show.replay.overlays import pairs
 from pinarm.use.show.replay.shapes import Shape, visuals
 from pinarm.use.show.replay.sticks import sticks
 from pinarm.use.show.replay.tracks import nodes_of, placed, rows_shown
+from pinarm.use.show.stick_figure import stick_figure
 
 if TYPE_CHECKING:
     import meshcat
@@ -48,7 +50,9 @@ def show(result: Result, visualizer: Any = None, *, name: str = "pinarm") -> mes
     rows = rows_shown(every, [])
     run = every.some(rows) if len(rows) < len(every) else every
     model, drawn = run.mechanism.model, visuals(run.mechanism)
-    shapes = [*drawn.shapes, *sticks(model, nodes_of(model, run.q), drawn.bare)]
+    nodes = nodes_of(model, run.q)
+    figure = stick_figure(run.mechanism, nodes, pairs(run.mechanism, run.dynamics.forces))
+    shapes = [*drawn.shapes, *sticks(model, nodes, figure, drawn.bare)]
     root = viewer[name]
     root.delete()
     places = placed(model, run.q, len(run))

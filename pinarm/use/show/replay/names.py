@@ -18,8 +18,8 @@ from pinarm.records import ValueRecord, replace
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.labels import name_label, plain
 from pinarm.use.show.replay.overlays import BodyPoint, point_of
-from pinarm.use.show.replay.sticks import reaches
 from pinarm.use.show.replay.tracks import Node
+from pinarm.use.show.stick_figure import reaches
 
 TOGETHER = 1e-6
 """Distance of two points, relative to the extent, up to which they are in one place."""

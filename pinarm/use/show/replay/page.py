@@ -21,7 +21,6 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, as_names
 from pinarm.use.output.folder import write_file
-from pinarm.use.show.cam_bodies import cam_bodies
 from pinarm.use.show.labels import axis_label, name_label, runs, unicode_label, unit_text
 from pinarm.use.show.replay import overlays
 from pinarm.use.show.replay.framing import Framing, framing
@@ -29,9 +28,9 @@ from pinarm.use.show.replay.meshes import thinned
 from pinarm.use.show.replay.names import gathered, names_of
 from pinarm.use.show.replay.packing import Packing, compressed
 from pinarm.use.show.replay.shapes import Shape, visuals
-from pinarm.use.show.replay.sticks import reaches, sticks
+from pinarm.use.show.replay.sticks import sticks
 from pinarm.use.show.replay.tracks import Node, nodes_of, placed, rows_shown
-from pinarm.use.show.stick_figure import slots
+from pinarm.use.show.stick_figure import slots, stick_figure
 
 if TYPE_CHECKING:
     from pinarm.input.units import Unit
@@ -124,13 +123,9 @@ def _scene(
     """Return everything but the plots, for JSON, and what could not be drawn."""
     model = run.mechanism.model
     nodes, places = nodes_of(model, run.q), placed(model, run.q)
-    drawn = visuals(run.mechanism)
-    cams = [one for one in cam_bodies(run.mechanism, nodes) if one.node in drawn.bare]
-    reached = reaches(model, nodes)
-    plain = drawn.bare - {one.node for one in cams if not len(reached[one.node])}
-    shapes = [*drawn.shapes, *sticks(model, nodes, plain), *(one.plate() for one in cams)]
-    paths = [overlays.traced(model, name) for name in traces]
-    joined, acting = overlays.pairs(run.mechanism, run.dynamics.forces), overlays.arrows(run, nodes, kinds)
+    drawn, joined = visuals(run.mechanism), overlays.pairs(run.mechanism, run.dynamics.forces)
+    shapes = [*drawn.shapes, *sticks(model, nodes, stick_figure(run.mechanism, nodes, joined), drawn.bare)]
+    paths, acting = [overlays.traced(model, name) for name in traces], overlays.arrows(run, nodes, kinds)
     marks = [end for pair in joined for end in pair.ends] + [point for path in paths for point, _ in path]
     seen = framing(model, nodes, shapes, places, [mark.path(places) for mark in marks])
     largest: dict[tuple[str, bool], float] = {}
