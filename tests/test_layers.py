@@ -34,7 +34,7 @@ FLOOR_PLAN = {
 
 EXCEPTIONS = {
     ("use.result.result", "use.views"): "Result.plot, sketch, replay and save: views of a result, as methods for users",
-    ("use.result.section", "use.show.section_html"): "sections in notebooks, by themselves",
+    ("use.result.section", "use.show.notebook"): "sections in notebooks, by themselves",
     ("use.scenario.scenario", "use.study.accuracy.solved"): "Scenario.run and verified, as methods for users",
 }
 """Imports that go upwards, inside functions, and why. No circle runs over them either."""

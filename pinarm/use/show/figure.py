@@ -174,7 +174,7 @@ def _line(axis: Axes, line: Line) -> None:
     marker: Any = MOUNT if line.marker == "mount" else line.marker
     axis.plot(
         line.x, line.y, color=line.colour, linewidth=line.width, linestyle=line.style or "none", marker=marker,
-        markersize=line.size, markerfacecolor=line.fill or line.colour, alpha=line.opacity,
+        markersize=line.size, markerfacecolor=line.fill or line.colour,
         label=label(line.label) or None, solid_capstyle="round",
     )  # fmt: skip
 

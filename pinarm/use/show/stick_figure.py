@@ -322,7 +322,7 @@ def _edges(shape: Shape) -> Iterator[Stick]:
         pairs = [(a, a | bit) for a in range(8) for bit in (1, 2, 4) if not a & bit]
         lines = [corners[[a, b]] for a, b in pairs]
     elif shape.kind == "sphere":
-        lines = [centre + _circle(shape.size[0], one, two) for one, two in ((x, y), (y, z), (z, x))]
+        lines = [centre + _circle(shape.size[0], first, second) for first, second in ((x, y), (y, z), (z, x))]
     else:
         radius, length = shape.size
         lines = [centre + end * length * z + _circle(radius, x, y) for end in (-0.5, 0.5)]
@@ -331,6 +331,6 @@ def _edges(shape: Shape) -> Iterator[Stick]:
     yield from (Stick(shape.node, line, THIN) for line in lines)
 
 
-def _circle(radius: float, one: Array, two: Array) -> Array:
+def _circle(radius: float, first: Array, second: Array) -> Array:
     """Return the points of a circle between two directions [m], shape (n, 3)."""
-    return np.asarray(radius * (np.outer(RIM.real, one) + np.outer(RIM.imag, two)))
+    return np.asarray(radius * (np.outer(RIM.real, first) + np.outer(RIM.imag, second)))

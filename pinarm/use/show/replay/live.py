@@ -1,4 +1,4 @@
-"""A result in a live meshcat viewer: beside what else is shown there, with meshcat's own controls and recorder."""
+"""A result in a live meshcat viewer, with meshcat's own controls and recorder."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def _server() -> str:
 
 
 def _geometries(shape: Shape) -> Iterator[tuple[Any, pin.SE3]]:
-    """Yield what meshcat has for a shape, each with its placement in the shape."""
+    """Yield the geometries of meshcat for a shape, each with its placement in the shape."""
     from meshcat import geometry
 
     nowhere = pin.SE3.Identity()
@@ -126,7 +126,7 @@ def _material(shape: Shape) -> Any:
     from meshcat.geometry import MeshPhongMaterial
 
     *colour, opacity = shape.colour
-    red, green, blue = (round(255 * each) for each in colour)
+    red, green, blue = (round(255 * part) for part in colour)
     return MeshPhongMaterial(color=red << 16 | green << 8 | blue, opacity=opacity, transparent=opacity < 1.0)
 
 

@@ -60,12 +60,12 @@ def plate(disc: Disc) -> Shape:
     """Return a disc as a plate, its two faces as fans about the axis."""
     n, half = len(disc.outline), 0.5 * THICK * float(np.ptp(disc.outline, axis=0).max()) * disc.axis
     vertices = np.concatenate([disc.outline + half, disc.outline - half, [disc.middle + half, disc.middle - half]])
-    one = np.arange(n)
-    two = (one + 1) % n
+    a = np.arange(n)
+    b = (a + 1) % n
     above, below = np.full(n, 2 * n), np.full(n, 2 * n + 1)
     triangles = np.concatenate([
         np.stack(corners, axis=1) for corners in (
-            (above, one, two), (below, two + n, one + n), (one, one + n, two + n), (one, two + n, two),
+            (above, a, b), (below, b + n, a + n), (a, a + n, b + n), (a, b + n, b),
         )
     ])  # fmt: skip
     mesh = Mesh(vertices, triangles)
