@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import pinarm
+from pinarm.use.show.figure import svg
 from pinarm.use.show.replay.page import Replay
 from pinarm.use.show.sketch import sketch
-from pinarm.use.show.svg import svg
 from site_generator.kind_pages import Made
 from site_generator.repository_pages import ROOT
 

@@ -13,9 +13,9 @@ import yaml
 
 import pinarm
 from pinarm.use.result.result import Result
+from pinarm.use.show.figure import svg
 from pinarm.use.show.plot import graph, plot
 from pinarm.use.show.sketch import sketch
-from pinarm.use.show.svg import svg
 from pinarm.use.show.terminal import report
 from site_generator.families import Kinds, definitions, families
 from site_generator.key_tables import key_tables, prose

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
@@ -17,12 +15,11 @@ from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import normals
 from pinarm.use.result.result import Result
 from pinarm.use.show.chart import COLOURS
-from pinarm.use.show.figure import STYLE, UNDATED, new
+from pinarm.use.show.figure import new, style, svg
 from pinarm.use.show.replay.overlays import pairs
 from pinarm.use.show.replay.shapes import Shape, visuals
 from pinarm.use.show.replay.tracks import placed
 from pinarm.use.show.sketch import sketch
-from pinarm.use.show.svg import svg
 
 SIZE = 4.4
 """Width and height [inch]."""
@@ -53,7 +50,7 @@ def solids(result: Result) -> str:
         return svg(sketch(result))
     strings = [pair for pair in pairs(run.mechanism, run.dynamics.forces) if pair.kind in ("rod", "cable")]
     rows = np.unique(np.linspace(0, len(run) - 1, ROWS).round().astype(int))
-    with matplotlib.rc_context(STYLE):
+    with style():
         figure = new(SIZE, SIZE)
         figure.set_layout_engine("none")
         axis = figure.add_axes((0.0, 0.03, 0.92, 0.9), projection="3d", proj_type="ortho")
@@ -74,9 +71,7 @@ def solids(result: Result) -> str:
         _frame(axis, np.vstack(points))
         _draw_joints(axis, run.mechanism, placed(run.mechanism.model, run.q))
         figure.suptitle(result.content.title, fontsize=10)
-    stream = io.StringIO()
-    figure.savefig(stream, format="svg", metadata=UNDATED["svg"])
-    return stream.getvalue()
+    return figure.encoded("svg").decode()
 
 
 def _in_world(box: Shape, places: Array) -> Iterator[Array]:

@@ -58,7 +58,7 @@ def _values(command: ArgumentParser) -> None:
 def _plots(command: ArgumentParser) -> None:
     drawn = command.add_mutually_exclusive_group()
     drawn.add_argument("--plots", choices=["svg", "png", "pdf"], default="svg",
-                       help="format of the plots (default: svg, the quickest)")  # fmt: skip
+                       help="format of the plots (default: svg)")  # fmt: skip
     drawn.add_argument("--no-plots", action="store_const", const=False, dest="plots", help="write numbers only")
     _dpi(command)
 

@@ -67,8 +67,7 @@ def save(result: Result, folder: Path, *, plots: PictureFormat | bool, dpi: int)
 
 def html(result: Result) -> str:
     """Return ranges of the outputs, accuracy, plots, the positions at start and end, and the replay, for notebooks."""
-    from pinarm.use.show.notebook import blocks, frame, heading, lines, picture, side_by_side, table
-    from pinarm.use.show.section_html import section_html
+    from pinarm.use.show.notebook import blocks, frame, heading, lines, picture, section_html, side_by_side, table
     from pinarm.use.show.terminal import ranges, remarks
 
     outputs = list(dict.fromkeys(result.content.outputs))

@@ -1,11 +1,15 @@
-"""What the report says of one result, part by part, as texts, tables and pictures."""
+"""Chapter of a report on one result: texts, tables and pictures."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import platform
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+import msgspec
 
 from pinarm.engine.series import Series
 from pinarm.errors import PinarmError
@@ -13,7 +17,6 @@ from pinarm.problems import KINDS
 from pinarm.records import replace
 from pinarm.use.report.link_graph import LinkGraph, link_graph
 from pinarm.use.report.mechanism_tables import mechanism_tables, mobility_words
-from pinarm.use.report.origin import Origin
 from pinarm.use.report.question import question
 from pinarm.use.report.tables import ReportTable, number, unit_text, with_unit
 from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, PATHS, RESIDUALS
@@ -23,7 +26,6 @@ from pinarm.use.result.section_number import read_number
 from pinarm.use.show.chart import Chart
 from pinarm.use.show.plot import graph, plot
 from pinarm.use.show.sketch import sketch
-from pinarm.use.show.svg import svg
 from pinarm.use.show.terminal import FEW, error_lines, ranges
 from pinarm.use.study.answers.check import finding_of
 from pinarm.use.study.answers.verdict_table import HEADING
@@ -39,6 +41,35 @@ CURVES = 2
 
 MOST_ROWS = 60
 """Rows of a section's table that are printed; the file beside the result has all."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Origin of a result.
+
+    Attributes:
+        scenario: Name of the scenario.
+        versions: Of the packages that solved it.
+        digest: Hash of the input: see ``Result.digest``.
+        rows: Number of rows of its table.
+    """
+
+    scenario: str
+    versions: Mapping[str, str]
+    digest: str
+    rows: int
+
+    @classmethod
+    def of(cls, result: Result, folder: Path | None) -> Origin:
+        """Return the origin of a result; that of a saved one is read from its folder."""
+        summary = msgspec.json.decode((folder / "summary.json").read_bytes()) if folder else result.summary()
+        versions = {str(name): str(version) for name, version in dict(summary.get("versions", {})).items()}
+        return cls(result.name, versions, str(summary.get("input", "")), len(result))
+
+
+def host_kind() -> str:
+    """Return system, processor and Python of this machine; not its name."""
+    return f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
 
 
 @dataclass(frozen=True)
@@ -60,27 +91,27 @@ class Part:
 
 @dataclass(frozen=True)
 class Chapter:
-    """What the report says of one result.
+    """A chapter on one result.
 
     Attributes:
         title: Of the scenario.
         subtitle: The mechanism, and the kind of problem.
         asked: The question in a sentence.
         question: What is given and asked.
-        warnings: What forbids or limits the use of the numbers.
-        merits: What was confirmed of them.
+        warnings: Reasons not to use the numbers, or to use them with care.
+        merits: Checks that the numbers passed.
         answers: Ranges of the outputs, and numbers of the run.
         sketch: The positions at start and end, as SVG.
         mobility: How the mechanism can move, in a sentence.
         graph: Its graph of links; ``None`` where it has too many.
-        mechanism: Its bodies, joints, loops and what acts.
+        mechanism: Its bodies, joints, loops, forces and drives.
         curves: The outputs over the parameter, as SVG.
         parts: Sections of the result.
         verdicts: The answer key, compared; ``None`` where there is none.
-        accuracy: What was measured of it.
-        error: What is known of the global error, a sentence each.
+        accuracy: Measures of accuracy.
+        error: Sentences on the global error.
         left_out: Joints that were not solved for.
-        notes: What is not modelled, what to doubt, limits that are passed.
+        notes: Effects that are not modelled, doubts, and limits that are passed.
         origin: Versions and digest.
         replay: The page of the moving picture; empty where there is none.
     """
@@ -108,11 +139,11 @@ class Chapter:
 
 
 def chapter(result: Result, origin: Origin, *, moving: bool) -> Chapter:
-    """Return what the report says of a result.
+    """Return the chapter on a result.
 
     Args:
         result: The result.
-        origin: What computed it.
+        origin: Its origin.
         moving: Whether the replay is wanted, which paper does not show.
 
     Raises:
@@ -147,25 +178,25 @@ def chapter(result: Result, origin: Origin, *, moving: bool) -> Chapter:
 
 
 def _warnings(result: Result) -> list[str]:
-    """Return what forbids the use of the numbers."""
+    """Return reasons not to use the numbers."""
     target = result.content.accuracy.target
-    found = [f"The error of these numbers has no bound: {result.no_bound}."] if result.no_bound else []
+    reasons = [f"The error of these numbers has no bound: {result.no_bound}."] if result.no_bound else []
     if result.missed:
-        found.append(f"The accuracy that was wanted, {target:g}, is not reached.")
+        reasons.append(f"The accuracy that was wanted, {target:g}, is not reached.")
     if result.error is None and "evaluations" in result.figures:
-        found.append("The global error of this motion was not estimated; the residuals below do not bound it.")
-    return found
+        reasons.append("The global error of this motion was not estimated; the residuals below do not bound it.")
+    return reasons
 
 
 def _merits(result: Result, verdicts: ReportTable | None, missed: Sequence[str]) -> list[str]:
-    """Return what was confirmed of the numbers."""
-    found = []
+    """Return the checks that the numbers passed."""
+    checks = []
     if result.error is not None and isfinite(result.error) and not result.no_bound:
         bound = f"{result.error:.1e} of their largest values, in 99 of 100 cases"
-        found.append(f"The global error of all outputs is below {bound}.")
+        checks.append(f"The global error of all outputs is below {bound}.")
     if verdicts is not None and not missed:
-        found.append(f"All {len(verdicts.rows)} entries of the answer key are met.")
-    return found
+        checks.append(f"All {len(verdicts.rows)} entries of the answer key are met.")
+    return checks
 
 
 def _ranges(result: Result) -> ReportTable:
@@ -194,14 +225,17 @@ def _numbers(result: Result) -> ReportTable:
     for text, (series, error) in result.numbers().items():
         shown, (scale, _) = result.presentation.shown(series), result.presentation.scale(series)
         bound = global_error(result, read_number(text))
-        told = [f"{error * scale:.1e}" if error else "0", *([_bound(bound and bound * scale)] if result.errors else ())]
-        rows.append([text, unit_text(shown.unit), number(float(shown.values[0])), *told])
+        bounds = [
+            f"{error * scale:.1e}" if error else "0",
+            *([_bound(bound and bound * scale)] if result.errors else ()),
+        ]
+        rows.append([text, unit_text(shown.unit), number(float(shown.values[0])), *bounds])
     errors = ["quadrature error", *(["error below, in 99 of 100 cases"] if result.errors else ())]
     return ReportTable(["Number of the run", "unit", "value", *errors], rows, range(2))
 
 
 def _findings(result: Result) -> ReportTable:
-    """Return what the problem found beside its rows, such as values that were sought."""
+    """Return the figures that the problem found, such as values that were sought."""
     rows = [[name, f"{value:.9g}"] for name, value in result.figures.items() if name not in (*MEASURES, *COSTS)]
     return ReportTable(["Found", "value"], rows)
 
@@ -217,14 +251,18 @@ def _curves(result: Result) -> Iterator[str]:
 
 def _untitled(chart: Chart) -> str:
     """Return a picture without its title, which the report has already."""
+    from pinarm.use.show.figure import svg
+
     return svg(replace(chart, title=""))
 
 
 def _part(section: Section, how: Presentation) -> Part:
+    from pinarm.use.show.figure import svg
+
     tables = [_section_table(table, section.key) for table in section.tables]
-    told = {cell for table in tables for row in table.rows for cell in row}
-    untold = {name: series for name, series in section.numbers.items() if _cell(series) not in told}
-    rows = [[name, unit_text(series.unit), _cell(series)] for name, series in untold.items()]
+    printed = {cell for table in tables for row in table.rows for cell in row}
+    others = {name: series for name, series in section.numbers.items() if _cell(series) not in printed}
+    rows = [[name, unit_text(series.unit), _cell(series)] for name, series in others.items()]
     more = [ReportTable(["Number", "unit", "value"], rows, range(2))] if rows else []
     return Part(section.title, [*more, *tables], section.remarks, [svg(graph(drawn, how)) for drawn in section.graphs])
 
@@ -261,7 +299,7 @@ def _verdicts(result: Result) -> tuple[ReportTable | None, list[str]]:
 
 
 def _accuracy(result: Result) -> ReportTable:
-    """Return the figures that tell the accuracy of a run, and what they mean."""
+    """Return the measures of accuracy of a run, and their meanings."""
     few = {**RESIDUALS, **CLOSURES, **PATHS}
     rows = [[name, f"{value:.1e}" if name in few else f"{value:.6g}", MEASURES[name]]
             for name, value in result.figures.items() if name in MEASURES]  # fmt: skip

@@ -60,9 +60,9 @@ def link_graph(mechanism: Mechanism) -> LinkGraph | None:
     places = _places(model)
     boxes = [Label(*places[k], shortened(body_name(model, k), MOST_LETTERS)) for k in range(model.njoints)]
     joints = [_joint(model, places, index) for index in range(1, model.njoints)]
-    closing = [one for one in mechanism.constraints if isinstance(one, LoopJoint)]
+    closing = [joint for joint in mechanism.constraints if isinstance(joint, LoopJoint)]
     right = max(x for x, _ in places) + WIDE / 2
-    loops = [_loop(model, places, one, right + BESIDE + FARTHER * k) for k, one in enumerate(closing)]
+    loops = [_loop(model, places, joint, right + BESIDE + FARTHER * k) for k, joint in enumerate(closing)]
     width = right + (BESIDE + FARTHER * len(closing) + 5.5 * MOST_LETTERS if closing else COLUMN - WIDE + MARGIN)
     return LinkGraph(width, max(y for _, y in places) + HIGH / 2 + MARGIN, boxes, joints, loops)
 
@@ -86,13 +86,13 @@ def _places(model: pin.Model) -> list[tuple[float, float]]:
 
 def _leaves(carried: list[list[int]]) -> list[int]:
     """Return the bodies that carry none, from left to right."""
-    found, left = [], [0]
+    leaves, left = [], [0]
     while left:
         index = left.pop()
         if not carried[index]:
-            found.append(index)
+            leaves.append(index)
         left += reversed(carried[index])
-    return found
+    return leaves
 
 
 def _joint(model: pin.Model, places: list[tuple[float, float]], index: int) -> tuple[float, float, float, float, Label]:

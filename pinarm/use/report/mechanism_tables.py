@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pinarm.use.result.result import Result
 
 FRAME = "frame"
-"""What the body is called that does not move."""
+"""Name of the ground."""
 
 NAMED = 3
 """Links of a body that are named."""
@@ -40,15 +40,15 @@ def mechanism_tables(mechanism: Mechanism) -> list[ReportTable]:
 
 def mobility_words(result: Result) -> str:
     """Return in a sentence how the mechanism can move where its run begins, and how it is tied."""
-    found = mobility_of(result.trajectory.mechanism, result.trajectory.q[0])
-    counted = f"Mobility {found.mobility}: {found.joints} joint coordinates"
-    if not found.rows:
+    mobility = mobility_of(result.trajectory.mechanism, result.trajectory.q[0])
+    counted = f"Mobility {mobility.mobility}: {mobility.joints} joint coordinates"
+    if not mobility.rows:
         return f"{counted}, no loop."
-    tied = f"{counted}, {found.rank} independent of {found.rows} rows of constraints"
-    if not found.degree:
+    tied = f"{counted}, {mobility.rank} independent of {mobility.rows} rows of constraints"
+    if not mobility.degree:
         return f"{tied}; isostatic."
-    return (f"{tied}; hyperstatic of degree {found.degree}: rigid bodies do not determine all reactions of "
-            f"{shortened(', '.join(found.undetermined), 200)}.")  # fmt: skip
+    return (f"{tied}; hyperstatic of degree {mobility.degree}: rigid bodies do not determine all reactions of "
+            f"{shortened(', '.join(mobility.undetermined), 200)}.")  # fmt: skip
 
 
 def body_name(model: pin.Model, index: int) -> str:
@@ -120,16 +120,16 @@ def _constraints(mechanism: Mechanism) -> ReportTable:
 
 
 def _ties(mechanism: Mechanism) -> Iterator[Sequence[str]]:
-    for one in mechanism.constraints:
-        if isinstance(one, LoopJoint):
-            frames = [mechanism.model.frames[index].name for index in (one.first, one.second)]
-            yield one.name, one.kind, f"{frames[0]} and {frames[1]}", str(one.size)
-        elif isinstance(one, JointRelation):
-            yield one.name, one.kind, one.description, "1"
-        elif isinstance(one, CableLoop):
-            yield one.name, one.kind, one.path.words(mechanism.model), "1"
-        elif isinstance(one, GearedRotor):
-            yield one.name, "rotor", one.rotor.name, "1"
+    for tie in mechanism.constraints:
+        if isinstance(tie, LoopJoint):
+            frames = [mechanism.model.frames[index].name for index in (tie.first, tie.second)]
+            yield tie.name, tie.kind, f"{frames[0]} and {frames[1]}", str(tie.size)
+        elif isinstance(tie, JointRelation):
+            yield tie.name, tie.kind, tie.description, "1"
+        elif isinstance(tie, CableLoop):
+            yield tie.name, tie.kind, tie.path.words(mechanism.model), "1"
+        elif isinstance(tie, GearedRotor):
+            yield tie.name, "rotor", tie.rotor.name, "1"
 
 
 def _acting(mechanism: Mechanism) -> ReportTable:

@@ -1,4 +1,4 @@
-"""The question of a scenario in words: what is known, what is moved and held, what acts, and what is asked."""
+"""Question of a scenario in words: known values, motions, loads, and quantities asked for."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ LABELS = {
     "start": "Assembled near", "starts": "Sought from", "initial": "Initial state", "velocity": "Velocity",
     "acceleration": "Acceleration", "loads": "Load", "events": "Event", "end_stops": "End stop",
 }  # fmt: skip
-"""Key of a problem -> what a row of it is called; any other is called by its key."""
+"""Key of a problem -> name of its rows; other rows have the key as their name."""
 
 HEADS = ("law", "kind")
-"""Keys that say what something is: they stand before the rest of it."""
+"""Keys of a kind: they come before the other keys."""
 
 MOST = 180
-"""Characters of a value; a law of many points is told by its beginning."""
+"""Characters of a value; a law of many points is cut."""
 
 
 def question(result: Result) -> ReportTable:
-    """Return what is given and asked: a table of what it is, of which coordinate or name, and the value."""
+    """Return a table of the given values and the quantities asked for: kind, coordinate or name, value."""
     rows = [*_problem(result.data["problem"]), *_given(result), *_asked(result)]
     return ReportTable(["Given", "Of", "Value"], _once(rows), texts=range(3))
 
@@ -35,7 +35,7 @@ def words(value: Any) -> str:
     """Return a value of a file in words: ``{law: harmonic, mean: 1 rad}`` as ``harmonic: mean 1 rad``."""
     if isinstance(value, Mapping):
         head = [str(value[key]).replace("_", " ") for key in HEADS if key in value]
-        rest = [f"{str(key).replace('_', ' ')} {_inner(each)}" for key, each in value.items() if key not in HEADS]
+        rest = [f"{str(key).replace('_', ' ')} {_inner(entry)}" for key, entry in value.items() if key not in HEADS]
         return ": ".join(part for part in (" ".join(head), ", ".join(rest)) if part)
     if isinstance(value, list | tuple):
         return ", ".join(map(_inner, value))
@@ -49,16 +49,16 @@ def _inner(value: Any) -> str:
 def _problem(problem: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     for key, value in problem.items():
         label = LABELS.get(key, key.replace("_", " ").capitalize())
-        if isinstance(value, Mapping) and any(isinstance(each, Mapping) for each in value.values()):
-            yield from ((label, str(name), shortened(words(each), MOST)) for name, each in value.items())
+        if isinstance(value, Mapping) and any(isinstance(entry, Mapping) for entry in value.values()):
+            yield from ((label, str(name), shortened(words(entry), MOST)) for name, entry in value.items())
         elif isinstance(value, Mapping):
-            yield label, "", shortened(", ".join(f"{name} = {words(each)}" for name, each in value.items()), MOST)
+            yield label, "", shortened(", ".join(f"{name} = {words(entry)}" for name, entry in value.items()), MOST)
         elif key != "kind":
             yield label, "", shortened(words(value), MOST)
 
 
 def _given(result: Result) -> Iterator[tuple[str, str, str]]:
-    """Yield arguments of the model, payloads, gravity, what is sought, and the accuracy that is wanted."""
+    """Yield arguments of the model, payloads, gravity, values to be found, and the wanted accuracy."""
     mechanism, content = result.trajectory.mechanism, result.content
     if mechanism.arguments:
         yield "Parameters", "", ", ".join(_argument(mechanism, name) for name in mechanism.arguments)
@@ -79,7 +79,7 @@ def _argument(mechanism: Mechanism, name: str) -> str:
 
 
 def _asked(result: Result) -> Iterator[tuple[str, str, str]]:
-    """Yield the quantities that are asked for: symbols with what they stand for, then the others."""
+    """Yield the quantities asked for: symbols with their formulas, then the others."""
     formulas = {**result.trajectory.mechanism.description.symbols, **result.content.symbols}
     outputs = list(dict.fromkeys(result.content.outputs))
     yield from (("Asked for", name, shortened(formulas[name], MOST)) for name in outputs if name in formulas)

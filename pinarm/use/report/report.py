@@ -13,8 +13,7 @@ from typing import Any
 from pinarm.errors import InputError, choices, printable
 from pinarm.records import replace
 from pinarm.use.output.folder import write_file
-from pinarm.use.report.chapter import Chapter, chapter
-from pinarm.use.report.origin import Origin, host_kind
+from pinarm.use.report.chapter import Chapter, Origin, chapter, host_kind
 from pinarm.use.result.result import Result
 from pinarm.use.show.notebook import frame
 from pinarm.use.store.restore import restore
@@ -71,17 +70,17 @@ def report(
         InputError: A folder is no result, the ending of the file is unknown, or Jinja2 is not installed.
         PinarmError: The file is a PDF and there is no Chromium, or a saved motion cannot be solved again.
     """
-    given = [results] if isinstance(results, Result | str | Path) else list(results)
+    sources = [results] if isinstance(results, Result | str | Path) else list(results)
     moving = path is None or kind_of(Path(path)) == HTML
     template = _template()
-    chapters = [_chapter(each, moving) for each in given]
+    chapters = [_chapter(source, moving) for source in sources]
     if not chapters:
         raise InputError("there is no result to report on", expected="at least one")
     heading = title or chapters[0].title
-    made = Report(heading, _rendered(template, heading, _told_apart(chapters, given)))
+    document = Report(heading, _rendered(template, heading, _told_apart(chapters, sources)))
     if path is not None:
-        made.save(path)
-    return made
+        document.save(path)
+    return document
 
 
 def kind_of(path: Path) -> str:
@@ -96,25 +95,25 @@ def kind_of(path: Path) -> str:
     return path.suffix
 
 
-def _chapter(given: Result | str | Path, moving: bool) -> Chapter:
-    if isinstance(given, Result):
-        return chapter(given, Origin.of(given, None), moving=moving)
-    result = restore(given)
-    return chapter(result, Origin.of(result, Path(given)), moving=moving)
+def _chapter(source: Result | str | Path, moving: bool) -> Chapter:
+    if isinstance(source, Result):
+        return chapter(source, Origin.of(source, None), moving=moving)
+    result = restore(source)
+    return chapter(result, Origin.of(result, Path(source)), moving=moving)
 
 
-def _told_apart(chapters: Sequence[Chapter], given: Sequence[Result | str | Path]) -> list[Chapter]:
+def _told_apart(chapters: Sequence[Chapter], sources: Sequence[Result | str | Path]) -> list[Chapter]:
     """Return the chapters; of those with one title, with the folder of each result after it, or the scenario's name."""
-    titles = Counter(each.title for each in chapters)
-    names = [each.name if isinstance(each, Result) else str(each) for each in given]
+    titles = Counter(chapter.title for chapter in chapters)
+    names = [source.name if isinstance(source, Result) else str(source) for source in sources]
     return [
-        replace(each, title=f"{each.title} ({name})") if titles[each.title] > 1 else each
-        for each, name in zip(chapters, names, strict=True)
+        replace(chapter, title=f"{chapter.title} ({name})") if titles[chapter.title] > 1 else chapter
+        for chapter, name in zip(chapters, names, strict=True)
     ]
 
 
 def _template() -> Any:
-    """Return the template; what is put into it is text, and never markup, unless it is marked as such.
+    """Return the template; values are text, and never markup, unless they are marked as such.
 
     Raises:
         InputError: Jinja2 is not installed.
@@ -133,7 +132,8 @@ def _template() -> Any:
 def _rendered(template: Any, title: str, chapters: Sequence[Chapter]) -> str:
     return str(template.render(
         title=title, chapters=chapters, style=(FILES / "report.css").read_text(encoding="utf-8"),
-        margin=_css_text(title[:IN_MARGIN]), frames=[frame(each.replay, height=REPLAY_HEIGHT) for each in chapters],
+        margin=_css_text(title[:IN_MARGIN]),
+        frames=[frame(chapter.replay, height=REPLAY_HEIGHT) for chapter in chapters],
         date=time.strftime("%Y-%m-%d %H:%M %z"), host=host_kind(), version=_version(),
     ))  # fmt: skip
 

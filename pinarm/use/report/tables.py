@@ -1,4 +1,4 @@
-"""Tables of the report: of texts as they are printed, so that what is tested is what is read."""
+"""Tables of the report, of texts as they are printed."""
 
 from __future__ import annotations
 

@@ -339,7 +339,7 @@ class Result(Record, frozen=True):
 
         Args:
             folder: Where to; an earlier result there is replaced.
-            plots: Format of the plots, ``svg`` (the default, and the quickest), ``png`` or ``pdf``; ``False`` for none.
+            plots: Format of the plots, ``svg`` (the default), ``png`` or ``pdf``; ``False`` for none.
             dpi: Pixels per inch of PNG.
         """
         from pinarm.use import views

@@ -152,6 +152,6 @@ class Section(Record, frozen=True):
     def _repr_html_(self) -> str:
         """Return tables, remarks and graphs, for notebooks."""
         from pinarm.use.result.presentation import FOR_PEOPLE, Presentation
-        from pinarm.use.show.section_html import section_html
+        from pinarm.use.show.notebook import section_html
 
         return section_html(self.shown(FOR_PEOPLE), Presentation())

@@ -1,6 +1,6 @@
-"""What a picture shows, as data: stacked panels of lines and texts. ``svg`` and ``figure`` draw it.
+"""Charts as data: stacked panels of lines and texts, which ``figure`` draws.
 
-Texts are as they stand, but for formulas between dollar signs, in TeX, as ``labels`` makes them.
+Texts may hold formulas in TeX, between dollar signs; ``labels`` makes them.
 """
 
 from __future__ import annotations
@@ -21,15 +21,14 @@ WIDTH, HEIGHT, HEAD = 7.0, 1.7, 0.9
 """Inches: of a picture, of a panel, and for heading and horizontal labels."""
 
 FLAT = 1e-9
-"""Range, relative to its size, below which a curve is drawn as constant: rounding must not be blown up to the height of
-the panel."""
+"""Range, relative to its size, below which a curve is drawn as constant: rounding must not fill the panel."""
 
 NOTHING = 1e-13
-"""Size below which it is drawn as 0: rounding of terms of some hundred, where nothing tells of those. What is known to
-be rounding is 0 before it is drawn; see ``Series.without_rounding``."""
+"""Size below which a curve is drawn as 0: rounding of terms of a few hundred. Known rounding is already 0; see
+``Series.without_rounding``."""
 
 DRAWABLE = 1e300
-"""Size from which on numbers are left out of pictures, as infinite ones are: ends of axes about them would overflow."""
+"""Numbers of this size and above are left out of pictures, as infinite ones are: limits of axes would overflow."""
 
 
 Style = Literal["-", "--", ":", "-.", ""]
@@ -39,7 +38,7 @@ Window = tuple[tuple[float, float], tuple[float, float]]
 """Ends of the horizontal and of the vertical axis."""
 
 Marker = Literal["", "o", "s", "x", "mount"]
-"""Circle, square or cross, as in matplotlib, or what a mechanism stands on; none where it is empty."""
+"""Circle, square or cross, as in matplotlib, or the support of a mechanism; no mark where it is empty."""
 
 
 class Line(ValueRecord, frozen=True):
@@ -51,11 +50,10 @@ class Line(ValueRecord, frozen=True):
         colour: ``#rrggbb``.
         width: Of the line [points].
         style: How it is dashed.
-        marker: What stands at its points.
+        marker: Mark at its points.
         size: Of the marks [points].
         fill: Colour inside the marks; ``none`` for rings.
-        label: What the legend calls it; it is not in the legend where this is empty.
-        opacity: 0 to 1.
+        label: Name in the legend; no entry where it is empty.
     """
 
     x: Array
@@ -67,10 +65,9 @@ class Line(ValueRecord, frozen=True):
     size: float = 4.0
     fill: str = ""
     label: str = ""
-    opacity: float = 1.0
 
     def __post_init__(self) -> None:
-        """Leave out what cannot be drawn."""
+        """Leave out numbers that cannot be drawn."""
         for axis in ("x", "y"):
             force_setattr(self, axis, drawable(getattr(self, axis)))
 
@@ -81,7 +78,7 @@ class Note(ValueRecord, frozen=True):
     Attributes:
         x: Place of the point along the horizontal axis.
         y: Place of the point along the vertical axis.
-        text: What stands there.
+        text: The text.
         dx: From the point to the middle of the text, to the right [points].
         dy: From the point to the middle of the text, upwards [points].
         colour: ``#rrggbb``.
@@ -171,9 +168,9 @@ def drawable(values: Array) -> Array:
 
 
 def limits(values: Array, margin: float = 0.0) -> tuple[float, float]:
-    """Return the ends of an axis: those of the finite values and a margin; about a constant, where they are one.
+    """Return the ends of an axis: those of the finite values with a margin, or an interval around a constant.
 
-    What differs by rounding only is a constant: see ``FLAT`` and ``NOTHING``.
+    Values that differ by rounding only are a constant; see ``FLAT`` and ``NOTHING``.
     """
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)

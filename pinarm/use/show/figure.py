@@ -1,25 +1,49 @@
-"""Charts as figures of matplotlib: for notebooks, for PNG and PDF, and to go on working with."""
+"""Charts drawn by matplotlib: for files, reports and notebooks. The same chart gives the same bytes."""
 
 from __future__ import annotations
 
 import io
+import os
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, suppress
 from functools import cache
 from typing import Any
 
-import matplotlib
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+import numpy as np
 
-from pinarm.errors import InputError
 from pinarm.use.show.chart import Chart, Line, Note, Panel, limits
+from pinarm.use.show.labels import plain, text_width, unicode_label
+
+# matplotlib refuses to be imported where this variable names no backend. Figures here have canvases of their own.
+_backend = os.environ.pop("MPLBACKEND", None)
+import matplotlib  # noqa: E402
+
+if _backend is not None:
+    os.environ["MPLBACKEND"] = _backend
+    with suppress(ValueError):
+        matplotlib.rcParams["backend"] = _backend
+
+from matplotlib.axes import Axes  # noqa: E402
+from matplotlib.backend_bases import RendererBase  # noqa: E402
+from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: E402
+from matplotlib.figure import Figure  # noqa: E402
+from matplotlib.lines import Line2D  # noqa: E402
+from matplotlib.text import Annotation  # noqa: E402
+
+INK = "#24292f"
+"""Colour of axes and texts."""
 
 STYLE: dict[Any, Any] = {
+    **{name: value for name, value in matplotlib.rcParamsDefault.items() if "backend" not in name},
     "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False,
     "axes.grid": True, "grid.alpha": 0.3, "grid.linewidth": 0.5, "lines.linewidth": 1.5,
     "text.usetex": False, "axes.formatter.useoffset": False, "svg.fonttype": "none",
-    "svg.hashsalt": "pinarm", "figure.constrained_layout.use": True,
+    "svg.hashsalt": "pinarm", "figure.constrained_layout.use": True, "figure.constrained_layout.h_pad": 0.08,
+    "figure.constrained_layout.w_pad": 0.08, "xtick.color": INK, "ytick.color": INK, "text.color": INK,
+    "axes.labelcolor": INK, "axes.edgecolor": INK,
+    "legend.fontsize": 8, "legend.edgecolor": "none", "legend.framealpha": 0.7,
 }  # fmt: skip
+"""Settings of all pictures; those of the user's matplotlibrc have no effect. Texts of SVG stay texts."""
 
 SCREEN, PRINT = 100, 200
 """Pixels per inch of an ordinary screen, and of the files that are written."""
@@ -28,53 +52,98 @@ UNDATED: dict[str, dict[str, None]] = {
     "png": {"Software": None}, "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
     "svg": dict.fromkeys(("Creator", "Date", "Format", "Type")),
 }  # fmt: skip
-"""What files do not tell, so that the same picture gives the same bytes."""
+"""Metadata that files leave out, so that the same picture gives the same bytes."""
 
 MOUNT = ((0.0, 0.0), (-0.8, -1.2), (0.8, -1.2), (0.0, 0.0))
-"""What a joint stands on that does not move, in the size of its mark."""
+"""Support of a joint on the ground, in the size of its mark."""
+
+SAMPLE = 34.0
+"""Width of a line, and the gaps around it, before its name in a legend [points]."""
+
+HALO = 2.5
+"""Width of the white outline around names in a drawing [points]."""
 
 
 class Picture(Figure):
-    """A figure that a notebook shows, which otherwise asks for pyplot and its settings."""
+    """A figure that a notebook shows without pyplot and its settings."""
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
         """Return it as PNG, sharp on fine screens, and the width and height to show it in."""
         width, height = (round(SCREEN * inches) for inches in self.get_size_inches())
-        stream = io.BytesIO()
-        self.savefig(stream, format="png", dpi=2 * SCREEN, metadata={"Software": None})
-        return stream.getvalue(), {"width": width, "height": height}
+        return self.encoded("png", 2 * SCREEN), {"width": width, "height": height}
 
     def savefig(self, fname: Any, **options: Any) -> None:
         """Write it to a file; see matplotlib. PNG has 200 pixels per inch where ``dpi`` does not say otherwise."""
-        with matplotlib.rc_context(STYLE):
+        with style():
             super().savefig(fname, **{"dpi": PRINT, **options})
+
+    def encoded(self, form: str, dpi: int = PRINT) -> bytes:
+        """Return the bytes of a file: ``svg``, ``png`` with so many pixels per inch, or ``pdf``."""
+        stream = io.BytesIO()
+        self.savefig(stream, format=form, dpi=dpi, metadata=UNDATED[form])
+        return stream.getvalue()
+
+
+class HaloText(Annotation):
+    """A text with a white outline. SVG keeps it as a text: path effects of matplotlib alone would make it a path."""
+
+    def draw(self, renderer: RendererBase) -> None:
+        """Draw the outline, then the text."""
+        from matplotlib.patheffects import AbstractPathEffect, Stroke
+
+        outline: list[AbstractPathEffect] = [Stroke(linewidth=HALO, foreground="white")]
+        for effects in (outline, []):
+            self.set_path_effects(effects)
+            super().draw(renderer)
+
+
+def style() -> AbstractContextManager[None]:
+    """Return the context in which figures are made, filled and written."""
+    return matplotlib.rc_context(STYLE)
 
 
 def new(width: float, height: float) -> Picture:
-    """Return an empty picture of a size [inch]; what is drawn in it needs ``STYLE``."""
-    with matplotlib.rc_context(STYLE):
-        made = Picture(figsize=(width, height))
-        FigureCanvasAgg(made)
-    return made
+    """Return an empty picture of a size [inch]; fill it within ``style()``."""
+    with style():
+        picture = Picture(figsize=(width, height))
+        FigureCanvasAgg(picture)
+    return picture
 
 
 def figure(chart: Chart) -> Picture:
-    """Return a chart as a figure.
-
-    Raises:
-        InputError: A label is no TeX that matplotlib knows.
-    """
-    made = new(chart.width, chart.height)
-    with matplotlib.rc_context(STYLE):
-        axes = made.subplots(len(chart.panels), 1, sharex=True, squeeze=False)[:, 0]
+    """Return a chart as a figure."""
+    picture = new(chart.width, chart.height)
+    with style():
+        axes = picture.subplots(len(chart.panels), 1, sharex=True, squeeze=False)[:, 0]
         for panel, axis in zip(chart.panels, axes, strict=True):
             _panel(axis, panel, last=axis is axes[-1])
-            if chart.legend == "inside" and any(line.label for line in panel.lines):
-                axis.legend(fontsize=8, frameon=False, loc="best")
-        if chart.legend == "below" and any(line.label for line in chart.panels[0].lines):
-            made.legend(fontsize=8, frameon=False, loc="outside lower center", ncols=2)
-        made.suptitle(label(chart.title), fontsize=10)
-    return made
+        named = [[line for line, given in zip(axis.lines, panel.lines, strict=True) if given.label]
+                 for panel, axis in zip(chart.panels, axes, strict=True)]  # fmt: skip
+        if chart.legend == "inside":
+            for axis, lines in zip(axes, named, strict=True):
+                _legend(axis, lines, loc="best")
+        else:
+            _legend(picture, named[0], loc="outside lower center", ncols=_columns(named[0], chart.width))
+        picture.suptitle(label(chart.title), fontsize=10)
+    return picture
+
+
+def _legend(place: Axes | Figure, lines: Sequence[Line2D], **options: Any) -> None:
+    """Name lines; without their texts, matplotlib would leave out names that begin with an underscore."""
+    if lines:
+        place.legend(lines, [str(line.get_label()) for line in lines], **options)
+
+
+def _columns(lines: Sequence[Line2D], width: float) -> int:
+    """Return the columns of a legend below the panels: two, or one where its names are long."""
+    widest = max((text_width(str(line.get_label()), 8.0) for line in lines), default=0.0)
+    return 2 if 2.0 * (widest + SAMPLE) <= 72.0 * width else 1
+
+
+def svg(chart: Chart) -> str:
+    """Return a chart as an SVG element of a page."""
+    text = figure(chart).encoded("svg").decode()
+    return text[text.index("<svg") :]
 
 
 def _panel(axis: Axes, panel: Panel, *, last: bool) -> None:
@@ -105,42 +174,38 @@ def _line(axis: Axes, line: Line) -> None:
     marker: Any = MOUNT if line.marker == "mount" else line.marker
     axis.plot(
         line.x, line.y, color=line.colour, linewidth=line.width, linestyle=line.style or "none", marker=marker,
-        markersize=line.size, markerfacecolor=line.fill or line.colour, alpha=line.opacity,
+        markersize=line.size, markerfacecolor=line.fill or line.colour,
         label=label(line.label) or None, solid_capstyle="round",
     )  # fmt: skip
 
 
 def _note(axis: Axes, note: Note) -> None:
-    from matplotlib.patheffects import withStroke
-
-    axis.annotate(
+    name = HaloText(
         label(note.text), (note.x, note.y), (note.dx, note.dy), textcoords="offset points", color=note.colour,
         fontsize=note.size, ha="center", va="center", annotation_clip=False,
-        path_effects=[withStroke(linewidth=2.5, foreground="white")],
-    ).set_in_layout(False)  # fmt: skip
+    )  # fmt: skip
+    name.set_in_layout(False)
+    axis.add_artist(name)
 
 
 def label(text: str) -> str:
-    """Return a label of a chart as matplotlib draws it; what its font has not is drawn as one mark.
+    """Return a label of a chart for matplotlib.
 
-    Raises:
-        InputError: A formula in it is no TeX that matplotlib knows.
+    A character that its font lacks becomes one mark; a formula that it cannot read is written by its characters.
     """
     known = _characters()
     drawn = "".join(c if ord(c) in known or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
-    if "$" in drawn:
-        _check(drawn)
-    return drawn
+    return drawn if "$" not in drawn or _is_readable(drawn) else plain(unicode_label(drawn))
 
 
-def _check(drawn: str) -> None:
+def _is_readable(drawn: str) -> bool:
     from matplotlib.mathtext import MathTextParser
 
     try:
         MathTextParser("path").parse(drawn)
-    except ValueError as error:
-        problem = str(error).strip().splitlines()[-1]
-        raise InputError(f"the label '{drawn}' is no formula: {problem}", expected=r"TeX such as \dot\psi") from None
+    except ValueError:
+        return False
+    return True
 
 
 @cache
@@ -151,9 +216,7 @@ def _characters() -> frozenset[int]:
 
 
 def limit(axis: Axes, low: float, high: float) -> None:
-    """Draw values as constant that are so but for rounding."""
-    import numpy as np
-
+    """Draw values as constant where they differ by rounding only."""
     flat = limits(np.array([low, high]))
     if flat != (low, high):
         axis.set_ylim(*flat)

@@ -1,4 +1,4 @@
-"""How quantities are named in pictures: symbols as publications print them, units, and both without TeX."""
+"""Names of quantities in pictures: symbols as publications print them, units, and both without TeX."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pinarm.input.units import Unit, printed
 from pinarm.use.result.presentation import DEGREE, SUBSCRIPTS, Presentation, parts, unicode_letters
 
 PLAIN = Presentation()
-"""Of what is drawn without the choice of a scenario."""
+"""Presentation of drawings that belong to no scenario."""
 
 LONG = 70
 """Letters of a name that an axis shows."""
@@ -31,12 +31,12 @@ _SCRIPT = re.compile(r"([_^])(?:\{([^{}]*)\}|(\\?[A-Za-z0-9]+))")
 
 
 class TextRun(NamedTuple):
-    """Letters that stand alike.
+    """Letters in one style.
 
     Attributes:
         text: The letters.
         at: On the line, below it or above it.
-        symbol: Whether they are of a formula, whose letters are slanted.
+        symbol: Whether they belong to a formula, whose letters are slanted.
     """
 
     text: str
@@ -45,7 +45,7 @@ class TextRun(NamedTuple):
 
 
 def shown(series: Series, how: Presentation = PLAIN) -> tuple[float, Unit | None]:
-    """Return what to divide by, and the unit to draw in, degrees as ``°``."""
+    """Return the factor to divide by, and the unit of the picture, degrees as ``°``."""
     measured = how.unit(series)
     if measured is None or series.unit is None:
         return 1.0, measured
@@ -54,7 +54,7 @@ def shown(series: Series, how: Presentation = PLAIN) -> tuple[float, Unit | None
 
 
 def axis_label(name: str, measured: Unit | None, how: Presentation = PLAIN, longest: int = LONG) -> str:
-    """Return the label of an axis: a name, or what stands for it, and its unit."""
+    """Return the label of an axis: the label of a name, and its unit."""
     text = unit_text(measured)
     label = name_label(name, how, longest)
     return label if text == "" else f"{label} [{plain(text)}]"
@@ -67,7 +67,7 @@ def unit_text(measured: Unit | None) -> str:
 
 
 def name_label(name: str, how: Presentation = PLAIN, longest: int = LONG) -> str:
-    """Return what stands for a name: as the scenario says, else its symbol, of so many letters."""
+    """Return the label of a name: the scenario's own, else its symbol, shortened to so many letters."""
     before, quantity, after = parts(name, how.labels)
     if quantity in how.labels:
         label = how.labels[quantity]
@@ -78,32 +78,32 @@ def name_label(name: str, how: Presentation = PLAIN, longest: int = LONG) -> str
 def symbol(name: str) -> str:
     """Return a name as publications print it: ``theta21d`` as a Greek letter with dot and index, ``C_B`` with an index.
 
-    Any other name is drawn as it stands.
+    Any other name is left as it is.
     """
-    found = _SYMBOL.fullmatch(name)
-    if found is None:
+    match = _SYMBOL.fullmatch(name)
+    if match is None:
         return plain(name)
-    accent = {0: "", 1: r"\dot", 2: r"\ddot"}[len(found["rate"] or "")]
-    letter = found["letter"] or f"\\{found['greek']}"
+    accent = {0: "", 1: r"\dot", 2: r"\ddot"}[len(match["rate"] or "")]
+    letter = match["letter"] or f"\\{match['greek']}"
     letter = f"{accent}{{{letter}}}" if accent else letter
-    index = found["number"] or found["index"] or found["digits"]
+    index = match["number"] or match["index"] or match["digits"]
     return f"${letter}_{{{index}}}$" if index else f"${letter}$"
 
 
 def plain(text: str) -> str:
-    """Return text that is drawn as it stands: a dollar sign would begin a formula."""
+    """Return a text without formulas: its dollar signs are escaped."""
     return text.replace("\\", "\\\\").replace("$", r"\$") if "$" in text else text
 
 
 def runs(label: str) -> list[TextRun]:
-    """Return a label without TeX, for SVG and HTML: letters of formulas by their characters, indices apart."""
-    found: list[TextRun] = []
+    """Return a label without TeX, for HTML: letters of formulas by their characters, indices apart."""
+    parts: list[TextRun] = []
     for k, part in enumerate(_DOLLAR.split(label)):
         if k % 2:
-            found += _formula(part)
+            parts += _formula(part)
         elif part:
-            found.append(TextRun(part.replace(r"\$", "$").replace("\\\\", "\\") if r"\$" in part else part))
-    return found
+            parts.append(TextRun(part.replace(r"\$", "$").replace("\\\\", "\\") if r"\$" in part else part))
+    return parts
 
 
 def text_width(label: str, size: float) -> float:

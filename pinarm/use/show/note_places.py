@@ -1,4 +1,4 @@
-"""Where names stand in a drawing: beside their points where they cover least, or farther away, with a line to them."""
+"""Places of names in a drawing: beside their points, where they cover least, or farther away with a line to them."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ DISTANCES = np.array([5.0, 11.0, 19.0, 28.0, 38.0, 50.0])
 """From a point to the edge of its name [points]."""
 
 RINGS = slice(0, 2), slice(2, None)
-"""Of these, which are looked at together: the nearest ones are often free."""
+"""Distances that are tried together; the nearest ones are often free."""
 
 BESIDE = 12.0
 """Distance up to which a name is seen to belong to its point; from farther away a line leads to it [points]."""
 
 AWAY = 0.6
-"""What a place costs by its distance, in covered points of lines per point: near names are read most easily."""
+"""Cost of the distance to a name, in covered points of lines per point: near names are read most easily."""
 
 CLEAR = 1.5
 """Room between two names, and between a name and a line that it could cover [points]."""
@@ -37,13 +37,13 @@ LINE = 1.15
 """Height of a line of text, relative to the size of the letters."""
 
 DENSE = 2.0
-"""Distance of the points by which lines are looked at [points]."""
+"""Distance of the sample points of lines [points]."""
 
 MOST = 8
-"""Of these, how many a name may cover."""
+"""Sample points that a name may cover."""
 
 ALONG = 26
-"""Points of a line to a name that are looked at: of the longest, one each 2 points of length."""
+"""Sample points of a line to a name: of the longest line, one each 2 points of length."""
 
 
 def note_places(

@@ -1,4 +1,4 @@
-"""HTML that a notebook shows and keeps: tables, pictures, lines of text, and a page in a frame of its own.
+"""HTML for notebooks: tables, pictures, lines of text, sections, and a page in a frame of its own.
 
 Pictures are in it as data and a replay is a whole page in a frame, so a saved notebook shows them offline. The types
 that a notebook shows put their blocks together from these in ``_repr_html_``.
@@ -11,7 +11,11 @@ from base64 import b64encode
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from pinarm.use.show.terminal import further_rows, table_rows
+
 if TYPE_CHECKING:
+    from pinarm.use.result.presentation import Presentation
+    from pinarm.use.result.section import Section, SectionTable
     from pinarm.use.show.figure import Picture
 
 
@@ -64,3 +68,18 @@ def frame(page: str, *, height: int) -> str:
     """Return a page within the page, as wide as there is room; it starts when it comes into sight."""
     style = f"width:100%;height:{height}px;border:1px solid #d9dee3;border-radius:4px"
     return f'<iframe loading="lazy" srcdoc="{html.escape(page)}" style="{style}"></iframe>'
+
+
+def section_html(section: Section, how: Presentation) -> str:
+    """Return the first table, remarks, other tables folded, and graphs; long tables by their first rows."""
+    from pinarm.use.show.figure import figure
+    from pinarm.use.show.plot import graph
+
+    first = [_table(section, shown) for shown in section.tables[:1]]
+    others = [folded(shown.title, _table(section, shown)) for shown in section.tables[1:]]
+    pictures = [picture(figure(graph(drawn, how))) for drawn in section.graphs]
+    return blocks(heading(section.title), *first, lines(section.remarks), *others, *pictures)
+
+
+def _table(section: Section, shown: SectionTable) -> str:
+    return table(table_rows(shown)) + lines(further_rows(section, shown))

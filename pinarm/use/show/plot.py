@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Iterator
 from itertools import cycle, product
@@ -28,28 +27,28 @@ if TYPE_CHECKING:
     from pinarm.use.result.section import Graph
 
 POINTS: dict[str, Any] = {"style": "", "marker": "o"}
-"""Look of rows that stand for themselves."""
+"""Look of separate rows: points that are not joined."""
 
 STYLES: tuple[Style, ...] = ("-", "--", ":", "-.")
-"""Of curves that have a colour for the first time, for the second time, and so on."""
+"""Dashes of the first curve in a colour, of the second one, and so on."""
 
 ENTRY = 0.23
 """Height of a line of a legend below a graph, of more curves than there are colours [inch]."""
 
 FEW = 12
-"""Rows that stand for themselves and have their own tick."""
+"""Number of separate rows up to which each has its own tick."""
 
 PER_FILE = 6
 """Quantities in one file."""
 
 WRONG = "#D00000"
-"""Colour of what is wrong in print; the shape of their marks tells them apart too."""
+"""Colour of published values that are wrong; their marks have another shape too."""
 
 PictureFormat = Literal["svg", "png", "pdf"]
-"""Of the files that are written; SVG is written without matplotlib, and so at once."""
+"""Formats of picture files."""
 
 RESOLUTION, COARSEST, FINEST = 200, 20, 1200
-"""Pixels per inch of PNG files: unless another number is asked for, at least, and at most."""
+"""Pixels per inch of PNG files: usual, least and largest."""
 
 
 def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) -> Chart:
@@ -81,11 +80,11 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
 
 
 def _bounds(result: Result, curve: Line, name: str, factor: float) -> list[Line]:
-    """Return the least and the greatest values of a quantity that frictions at rest leave open; none of another one."""
+    """Return the least and greatest values of a quantity that static friction leaves open; none of other quantities."""
     if not result.quantities.open_rows(name).any():
         return []
-    least, greatest = (replace(curve, y=each.values / factor, width=0.8, style="--")
-                       for each in result.quantities.bounds(name))  # fmt: skip
+    least, greatest = (replace(curve, y=bound.values / factor, width=0.8, style="--")
+                       for bound in result.quantities.bounds(name))  # fmt: skip
     return [replace(least, label="least and greatest, as several frictions or stops hold one motion"), greatest]
 
 
@@ -106,13 +105,13 @@ def graph(drawn: Graph, how: Presentation = PLAIN) -> Chart:
 
 
 class Printed(ValueRecord, frozen=True):
-    """A published figure where it belongs.
+    """A published value at its place in a plot.
 
     Attributes:
-        quantity: What it was published of.
+        quantity: Its quantity.
         x: Where along the plot, in SI; an array over the rows for a published formula.
-        y: The figure, in SI, likewise.
-        verdict: What is claimed of it.
+        y: The value, in SI, likewise.
+        verdict: The claim about it, such as a misprint.
     """
 
     quantity: str
@@ -122,44 +121,44 @@ class Printed(ValueRecord, frozen=True):
 
 
 def answer_key(result: Result, along: str) -> list[Printed]:
-    """Return what was published of a run and can be drawn over its curves: figures at one row, formulas over all.
+    """Return the published values of a run that can be drawn over its curves: at one row, or formulas over all rows.
 
-    A figure for a place that the run does not come to is left out, and one for what friction leaves open.
+    Values at places that the run does not reach are left out, and values that friction leaves open.
     """
-    found = []
+    values = []
     for entry in result.content.expect:
         if isinstance(entry.at, str) and result.quantities.open_rows(entry.quantity).any():
             continue  # the extreme is that of one of many shares, and check refuses it
         if entry.published_formula is not None and entry.at == "all":
             figures = np.broadcast_to(result.quantities.figure(entry.published_formula), len(result))
-            found.append(Printed(entry.quantity, result[along].values, figures, entry.verdict))
+            values.append(Printed(entry.quantity, result[along].values, figures, entry.verdict))
         elif entry.published is not None and not _over_run(entry.at):
             try:
                 row = result.lookup.at(entry.at, entry.quantity)
             except NotReached:  # as the notes say
                 continue
             printed = in_si(entry.published, row[entry.quantity].unit)
-            found.append(Printed(entry.quantity, float(row[along].values[0]), printed, entry.verdict))
-    return found
+            values.append(Printed(entry.quantity, float(row[along].values[0]), printed, entry.verdict))
+    return values
 
 
 def _over_run(at: str | dict[str, str | int | float]) -> bool:
-    """Tell whether an entry is about the whole run, and not about one row."""
+    """Tell whether an entry is about the whole run."""
     return isinstance(at, str) and (at == "all" or is_figure(at))
 
 
 def _marks(printed: list[Printed], scale: float, own: float, *, joined: bool) -> Iterator[Line]:
-    """Yield published figures over a curve: circles where they hold, crosses and dashes where they are wrong.
+    """Yield published values over a curve: circles where they hold, crosses and dashes where they are wrong.
 
-    Formulas are dashes between rows that are ``joined``, and marks at rows that stand for themselves.
+    Formulas are dashes between rows that are ``joined``, and marks at separate rows.
     """
     labelled: set[str] = set()
-    for one in printed:
-        formula, wrong = isinstance(one.y, np.ndarray), one.verdict in ERRATA
+    for value in printed:
+        formula, wrong = isinstance(value.y, np.ndarray), value.verdict in ERRATA
         curve, label = formula and joined, "printed formula" if formula else "published"
-        label += f", a {one.verdict.replace('_', ' ')}" if wrong else ""
+        label += f", a {value.verdict.replace('_', ' ')}" if wrong else ""
         yield Line(
-            np.atleast_1d(one.x / scale), np.atleast_1d(one.y / own), WRONG if wrong else "#000000", 1.0,
+            np.atleast_1d(value.x / scale), np.atleast_1d(value.y / own), WRONG if wrong else "#000000", 1.0,
             "--" if curve else "", "" if curve else "x" if wrong else "o", 6.0, "none",
             "" if label in labelled else label,
         )  # fmt: skip
@@ -192,10 +191,10 @@ def save_plots(result: Result, folder: Path, form: PictureFormat = "svg", dpi: i
 
 
 def picture_format(asked: object, dpi: object = RESOLUTION) -> PictureFormat:
-    """Return the format of pictures that is asked for, ``True`` for the usual one.
+    """Return a format of pictures by its name, ``True`` for SVG.
 
     Raises:
-        InputError: There is none of that name, or pictures have no such resolution.
+        InputError: There is no such format, or no such resolution.
     """
     for form in get_args(PictureFormat):
         if asked == form or (asked is True and form == "svg"):
@@ -212,12 +211,6 @@ def encoded(chart: Chart, form: str, dpi: int = RESOLUTION) -> bytes:
     Raises:
         InputError: There is no such format, or resolution.
     """
-    if picture_format(form, dpi) == "svg":
-        from pinarm.use.show.svg import svg
+    from pinarm.use.show.figure import figure
 
-        return svg(chart).encode()
-    from pinarm.use.show.figure import UNDATED, figure
-
-    stream = io.BytesIO()
-    figure(chart).savefig(stream, format=form, dpi=dpi, metadata=UNDATED[form])
-    return stream.getvalue()
+    return figure(chart).encoded(picture_format(form, dpi), dpi)

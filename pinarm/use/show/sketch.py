@@ -1,4 +1,4 @@
-"""The mechanism as a stick figure with names, where a run starts and where it ends, faintly in between; for print."""
+"""Drawing of the mechanism with names: start and end of a run in colour, positions in between in grey."""
 
 from __future__ import annotations
 
@@ -17,9 +17,7 @@ from pinarm.use.show.labels import PLAIN, plain, shown, symbol
 from pinarm.use.show.note_places import leaders, note_places
 from pinarm.use.show.replay.overlays import BodyPoint, Connection
 from pinarm.use.show.replay.tracks import placed
-from pinarm.use.show.scene import GROUND, PATH, Scene, mark, scene_of, stroke
-from pinarm.use.show.scenery import floor, mounts, shadow, triad
-from pinarm.use.show.svg import POINTS
+from pinarm.use.show.scene import GROUND, PATH, Scene, floor, mark, mounts, scene_of, shadow, stroke, triad
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -45,14 +43,17 @@ EDGE = 32.0
 POINT = 1e-100
 """Size of a drawing below which it is one point [m]: a scale in points per metre would overflow."""
 
+POINTS = 72.0
+"""Points per inch."""
+
 FRAME, HEADING, ENTRIES = 42.0, 30.0, 22.0
 """Height of the numbers below a drawing, of its heading, and of a row of the legend [points]."""
 
 COIL = np.array([0.0, 0.0, 1.0, *[-1.0, 1.0] * 5, -1.0, 0.0, 0.0])
-"""A spring: how far its corners stand beside its axis, in its half width."""
+"""Corners of a spring: distance from its axis, relative to its half width."""
 
 ALONG = np.array([0.0, 0.15, *np.linspace(0.18, 0.82, 12), 0.85, 1.0])
-"""Where they stand along it, relative to its length."""
+"""Places of these corners along the spring, relative to its length."""
 
 WIDE, SLENDER = {"spring": 0.018, "cylinder": 0.011}, 0.13
 """Half width of springs and of cylinders at most, relative to the extent of the mechanism and to their length."""
@@ -61,27 +62,27 @@ BARREL = 0.7
 """Length of the barrel of a cylinder, relative to the least distance of its ends."""
 
 EVEN = 1e-9
-"""Part of an axis that may stand out of the picture for the axis still to lie in it."""
+"""Component of a unit vector that is rounding."""
 
 WRAP = 58
 """Letters of a line of the title."""
 
 MOVED = 0.05
-"""How far from its start a point must end, relative to the extent, to be named there again."""
+"""Distance of start and end, relative to the extent, from which a point is named at both."""
 
 SAME = 2e-3
-"""How far, relative to the extent, start and end may be apart and still be drawn as one: as far as a line is wide."""
+"""Distance of start and end, relative to the extent, up to which they are drawn as one: the width of a line."""
 
 FAINT = "#d0d4d9"
 """Colour of positions in between."""
 
 
 class Pose(ValueRecord, frozen=True):
-    """A position that is drawn strongly.
+    """A position in colour.
 
     Attributes:
         place: Placements of the bodies, shape (njoints, 4, 4).
-        label: What the legend calls it.
+        label: Its name in the legend.
         colour: Its colour.
     """
 
@@ -93,8 +94,8 @@ class Pose(ValueRecord, frozen=True):
 def sketch(result: Result) -> Chart:
     """Return a drawing of the mechanism at the start and the end of a run, with names and the paths of its ends.
 
-    Rows that stand for themselves, such as equilibria, are drawn alike. A planar mechanism is seen along its axes, any
-    other as its replay shows it.
+    Separate rows, such as equilibria, are all drawn in colour. A planar mechanism is seen along its axes, any other as
+    its replay shows it.
     """
     run, how = result.trajectory, result.presentation
     model = run.mechanism.model
@@ -125,7 +126,7 @@ def structure(mechanism: Mechanism, q: Array, label: str) -> Chart:
     Args:
         mechanism: The mechanism.
         q: Pinocchio's configuration, shape (nq,).
-        label: Which position that is, in words.
+        label: Name of the configuration in the legend.
     """
     scene = scene_of(mechanism, mechanism.forces, q[None], PLAIN)
     pose = Pose(placed(mechanism.model, q[None])[0], plain(label), COLOURS[0])
@@ -133,10 +134,9 @@ def structure(mechanism: Mechanism, q: Array, label: str) -> Chart:
 
 
 def _same(scene: Scene, poses: Sequence[Pose]) -> bool:
-    """Tell whether all positions are one."""
     apart = [pose.place[:, :3] - poses[0].place[:, :3] for pose in poses]
-    return all(np.abs(each[..., :3]).max() < SAME and np.abs(each[..., 3]).max() < SAME * scene.framing.size
-               for each in apart)  # fmt: skip
+    return all(np.abs(difference[..., :3]).max() < SAME and np.abs(difference[..., 3]).max() < SAME * scene.framing.size
+               for difference in apart)  # fmt: skip
 
 
 def _chart(scene: Scene, poses: Sequence[Pose], between: Sequence[Array], paths: Sequence[Array], title: str) -> Chart:
@@ -164,7 +164,7 @@ def _chart(scene: Scene, poses: Sequence[Pose], between: Sequence[Array], paths:
 
 
 def _window(lines: Sequence[Line]) -> tuple[Window, float]:
-    """Return what of the plane is drawn, with room for names around the lines, and the scale [points per metre]."""
+    """Return the window of the drawing, with room for names around the lines, and its scale [points per metre]."""
     low, high = extent(lines)
     size = high - low
     per = float((INSIDE - 2.0 * EDGE) / size.max()) if size.max() > POINT else 1.0
@@ -174,16 +174,15 @@ def _window(lines: Sequence[Line]) -> tuple[Window, float]:
 
 
 def _guides(scene: Scene) -> Iterator[Line]:
-    """Yield the rails that do not move."""
-    for rail in scene.figure.rails:
+    """Yield rails and slots of the ground."""
+    for rail in scene.guides:
         if not rail.node:
             yield stroke(scene.view.flat(rail.points), GROUND, 1.0, rail.style)
 
 
 def _drawn(scene: Scene, place: Array, colour: str, width: float) -> Iterator[Line]:
-    """Yield one position."""
     figure = scene.figure
-    for stick in (*figure.sticks, *(rail for rail in figure.rails if rail.node)):
+    for stick in (*figure.lines, *(rail for rail in scene.guides if rail.node)):
         points = stick.points @ place[stick.node, :3, :3].T + place[stick.node, :3, 3]
         yield stroke(scene.view.flat(points), colour, width * stick.weight, stick.style)
     for pair, shortest in zip(scene.pairs, scene.shortest, strict=True):
@@ -197,31 +196,31 @@ def _drawn(scene: Scene, place: Array, colour: str, width: float) -> Iterator[Li
 def _joined(
     scene: Scene, place: Array, pair: Connection, shortest: float, colour: str, width: float
 ) -> Iterator[Line]:  # fmt: skip
-    """Yield what joins two points.
+    """Yield the drawing of a connection.
 
     A spring is a coil, a cylinder a barrel and its rod, a rod or a cable a line, a bushing a block, and a loop joint
     its pin, which in a slot is that of the second point.
     """
-    one, two = (scene.flat(place, end) for end in pair.ends)
-    along, length = two - one, float(np.linalg.norm(two - one))
+    start, tip = (scene.flat(place, end) for end in pair.ends)
+    along, length = tip - start, float(np.linalg.norm(tip - start))
     half = min(WIDE.get(pair.kind, 0.0) * scene.framing.size, SLENDER * length)
     beside = half * np.array([-along[1], along[0]]) / length if length else np.zeros(2)
     if pair.kind in ("loop", "slot"):
-        yield mark(two if pair.kind == "slot" else one, colour, 2.2 * width)
+        yield mark(tip if pair.kind == "slot" else start, colour, 2.2 * width)
     elif pair.kind == "bushing":
-        yield replace(mark(one, colour, 3.0 * width, "s"), fill=colour)
+        yield replace(mark(start, colour, 3.0 * width, "s"), fill=colour)
     elif pair.kind == "spring":
-        yield stroke(one[:, None] + np.outer(along, ALONG) + np.outer(beside, COIL), colour, 0.6 * width)
+        yield stroke(start[:, None] + np.outer(along, ALONG) + np.outer(beside, COIL), colour, 0.6 * width)
     elif pair.kind == "cylinder":
         [now] = pair.lengths(place[None]).tolist()
-        end = one + along * (BARREL * shortest / now if now else 0.0)
-        corners = [one + beside, end + beside, end - beside, one - beside, one + beside]
+        end = start + along * (BARREL * shortest / now if now else 0.0)
+        corners = [start + beside, end + beside, end - beside, start - beside, start + beside]
         yield stroke(np.array(corners).T, colour, 0.6 * width)
-        yield stroke(np.array([end, two]).T, colour, 1.2 * width)
+        yield stroke(np.array([end, tip]).T, colour, 1.2 * width)
     else:
-        yield stroke(np.array([one, two]).T, colour, (0.4 if pair.kind == "cable" else 0.6) * width)
+        yield stroke(np.array([start, tip]).T, colour, (0.4 if pair.kind == "cable" else 0.6) * width)
     if pair.kind in ("spring", "cylinder", "cable"):
-        for end in (one, two):
+        for end in (start, tip):
             yield mark(end, colour, 1.5 * width)
 
 
@@ -249,13 +248,13 @@ def _notes(
 
 
 def _axis_names(scene: Scene) -> tuple[str, str]:
-    """Return what is right and up in a flat picture; nothing where these are no axes of the world."""
+    """Return the names of the axes of a flat picture; empty where these are no axes of the world."""
     names = ["xyz"[k] for direction in scene.view.axes for k in range(3) if direction[k] > 1.0 - EVEN]
     return (f"{names[0]} [m]", f"{names[1]} [m]") if len(names) == 2 else ("", "")
 
 
 def _where(result: Result, row: int) -> str:
-    """Return what the legend calls a position."""
+    """Return the name of a position in the legend."""
     run = result.trajectory
     scale, measured = shown(result.parameter, result.presentation)
     value = f"{run.grid.t[row] / scale:.4g}".replace("-", "−")

@@ -1,4 +1,4 @@
-"""What a terminal shows of a run: the ranges of its outputs, what they are worth, and what it cost."""
+"""Summary of a run as text: ranges of the outputs, accuracy, cost and notes."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ MOST_ROWS = 12
 """Rows of a section's table that a terminal shows."""
 
 OF_ROWS = "min and max are those of the rows, @ min and @ max look between them"
-"""What is to be known of the ranges: with rows far apart they miss the extremes, which ``numbers`` find."""
+"""Remark on the ranges: extremes between rows are missing; ``numbers`` find them."""
 
 DIGIT = 2.0**-52
 """Distance of 1 from the next number."""
 
 FEW = 6
-"""Rows that are shown beside each other."""
+"""Rows that are shown side by side."""
 
 
 def report(result: Result) -> str:
@@ -48,7 +48,7 @@ def report(result: Result) -> str:
 
 
 def ranges(result: Result) -> list[list[str]]:
-    """Return a heading and the range of every output; a few rows that stand for themselves are shown as they are."""
+    """Return a heading and the range of every output; of a few separate rows, all values."""
     run, presentation = result.trajectory, result.presentation
     outputs = [presentation.shown(series) for series in result.columns()[1:]]
     names = [_heading(presentation.label(series.name), series.unit) for series in outputs]
@@ -71,10 +71,10 @@ def ranges(result: Result) -> list[list[str]]:
 
 
 def _finest(result: Result, series: Series) -> float:
-    """Return how small an angle or a length must be to be rounding of the positions it follows from, as it is shown.
+    """Return the size below which an angle or a length is rounding, in the unit that is shown.
 
-    Positions are known to the last digit of 1 rad, and of the extent of the mechanism; other quantities have no such
-    size that is known.
+    Positions are known to the last digit of 1 rad, and of the extent of the mechanism; for other quantities no such
+    size is known.
     """
     if series.unit is None or series.unit.dimension not in (METRE.dimension, RADIAN.dimension):
         return 0.0
@@ -84,14 +84,14 @@ def _finest(result: Result, series: Series) -> float:
 
 
 def _cleared(number: float, finest: float) -> float:
-    """Return 0 in place of a number that is only rounding, and of -0."""
+    """Return 0 in place of rounding, and of -0."""
     return 0.0 if abs(number) < finest else number + 0.0
 
 
 def without_rounding(least: float, largest: float) -> tuple[float, float]:
-    """Return the ends of a range, and 0 for one that is rounding of the other: less than its own error.
+    """Return the ends of a range, and 0 for an end that is rounding of the other one.
 
-    A range that is as small as a whole is left: what it is the rounding of is not known here.
+    A range that is small as a whole is left: its source of rounding is not known here.
     """
     level = SOLVED * max((abs(end) for end in (least, largest) if isfinite(end)), default=0.0)
     return (0.0 if abs(least) <= level else least), (0.0 if abs(largest) <= level else largest)
@@ -129,7 +129,7 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def remarks(result: Result) -> list[str]:
-    """Return what is to be said beside the numbers, a line each: accuracy, cost, what was found, limits, notes."""
+    """Return the remarks on a run, a line each: accuracy, cost, findings, limits, notes."""
     run = result.trajectory
     lines = _number_lines(result)
     lines += error_lines(result) + _accuracy_lines(result.figures, run.parameter)
@@ -147,7 +147,7 @@ def remarks(result: Result) -> list[str]:
 
 
 def event_lines(result: Result) -> list[str]:
-    """Return when each event of the scenario takes place, a line each."""
+    """Return the times of the scenario's events, a line each."""
     lines = []
     for name in getattr(result.scenario.problem, "events", {}):
         times = [event.t for event in result.events if event.name == name and event.before is None]
@@ -157,7 +157,6 @@ def event_lines(result: Result) -> list[str]:
 
 
 def _number_lines(result: Result) -> list[str]:
-    """Return the numbers of the run, a line each."""
     if not result.content.numbers:
         return []
     from pinarm.use.result.number_accuracy import global_error
@@ -168,7 +167,7 @@ def _number_lines(result: Result) -> list[str]:
 
 
 def _number_line(series: Series, shown: Series, left: float, bound: float | None) -> str:
-    """Return a number of the run as it is shown, with the bound of its error, or what computing it left open."""
+    """Return a number of the run with the bound of its error, or its quadrature error."""
     value, unit = float(shown.values[0]), str(shown.unit or "?")
     if isnan(value):  # an event that does not take place
         return f"{series.name}: no value in this run"
@@ -181,7 +180,7 @@ def _number_line(series: Series, shown: Series, left: float, bound: float | None
 
 
 def error_lines(result: Result) -> list[str]:
-    """Return what is known of the global error, how fast it grows, and whether it is below its target."""
+    """Return the global error, its growth, and whether it is below its target, a line each."""
     if result.error is None:
         integrated = "evaluations" in result.figures
         return [f"global error: {NOT_ESTIMATED}; residuals do not bound it, --verify does"] if integrated else []
@@ -198,7 +197,7 @@ def error_lines(result: Result) -> list[str]:
 
 
 def _accuracy_lines(figures: Mapping[str, float], parameter: str) -> list[str]:
-    """Return what a run says of its accuracy, a line for each kind of figure."""
+    """Return the measures of accuracy, a line for each kind."""
     residuals, gaps, path, rows = (
         ", ".join(f"{name} {figures[name]:.1e}" for name in names if name in figures)
         for names in (RESIDUALS, CLOSURES, PATHS, CONSISTENCIES)

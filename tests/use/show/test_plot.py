@@ -135,7 +135,7 @@ def test_rows_that_stand_for_themselves_are_not_joined(scenario: Callable[..., A
 @pytest.mark.parametrize(
     ("form", "begins"),
     [
-        ("svg", b"<svg"),
+        ("svg", b"<?xml"),
         pytest.param("png", b"\x89PNG", marks=pytest.mark.slow),
         pytest.param("pdf", b"%PDF", marks=pytest.mark.slow),
     ],

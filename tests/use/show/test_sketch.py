@@ -11,6 +11,7 @@ import pinarm
 from pinarm.use.result.result import Result
 from pinarm.use.show.chart import COLOURS
 from pinarm.use.show.replay.framing import Camera, framing
+from pinarm.use.show.replay.overlays import pairs
 from pinarm.use.show.replay.sticks import sticks
 from pinarm.use.show.replay.tracks import nodes_of, placed
 from pinarm.use.show.scene import GROUND
@@ -123,7 +124,8 @@ def test_a_spatial_mechanism_is_drawn_by_the_camera_of_its_replay() -> None:
     result = solved("bricard_falling")
     model, q = result.trajectory.mechanism.model, result.trajectory.q
     nodes = nodes_of(model, q)
-    seen = framing(model, nodes, sticks(model, nodes, range(len(nodes))), placed(model, q), [])
+    figure = stick_figure(result.trajectory.mechanism, nodes, pairs(result.trajectory.mechanism, {}))
+    seen = framing(model, nodes, sticks(model, nodes, figure, range(len(nodes))), placed(model, q), [])
     camera = seen.view()
     assert isinstance(camera, Camera)
     found = ends(result.sketch(), COLOURS[0])
@@ -252,7 +254,7 @@ def test_a_body_in_one_place_has_the_edges_that_its_file_draws() -> None:
     """The block of 0.1 m on a belt of 2 m by 0.2 m by 0.01 m."""
     mechanism = pinarm.Mechanism.load(ROOT / "models" / "mass_on_belt" / "mechanism.yaml")
     nodes = nodes_of(mechanism.model, np.zeros((1, 2)))
-    sizes = {node: np.ptp(np.concatenate([stick.points for stick in stick_figure(mechanism, nodes, []).sticks
+    sizes = {node: np.ptp(np.concatenate([stick.points for stick in stick_figure(mechanism, nodes, []).lines
                                           if stick.node == node]), axis=0) for node in (1, 2)}  # fmt: skip
     assert sizes[1] == pytest.approx([2.0, 0.2, 0.01])
     assert sizes[2] == pytest.approx([0.1, 0.1, 0.1])

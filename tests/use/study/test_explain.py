@@ -33,7 +33,7 @@ def test_a_spatial_mechanism_has_the_axes_of_the_world() -> None:
     assert any("P5" in text.split(", ") for text in texts)  # the joint that closes the loop
 
 
-@pytest.mark.parametrize(("form", "begins"), [("svg", b"<svg"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
+@pytest.mark.parametrize(("form", "begins"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
 def test_the_command_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str], form: str, begins: bytes) -> None:
     file = tmp_path / f"four_bar.{form}"
     assert main(["explain", str(MODELS / "four_bar" / "mechanism.yaml"), "--draw", str(file)]) == 0

@@ -1,5 +1,5 @@
 """The moving picture of a result: one HTML file with everything in it, that asks nothing of any network.
 
-``shapes``, ``meshes``, ``collada`` and ``sticks`` say what is drawn, ``tracks`` how it moves, ``overlays`` what is
-drawn over it, ``framing`` from where it is seen; ``page`` puts them together; ``pictures`` are taken by ``chromium``.
+``shapes``, ``meshes``, ``mesh_files`` and ``sticks``: solids of the bodies. ``tracks``: their motion. ``overlays``:
+paths, arrows and springs. ``framing``: the camera. ``page`` puts them together; ``chromium`` takes ``pictures`` of it.
 """

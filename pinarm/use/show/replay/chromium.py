@@ -41,15 +41,15 @@ def chromium() -> str:
     Raises:
         PinarmError: There is none; says what to install.
     """
-    found = [path for name in PROGRAMS if (path := shutil.which(name))]
-    found += [str(file) for name in APPLICATIONS if (file := Path("/Applications") / name).is_file()]
-    if not found:
+    programs = [path for name in PROGRAMS if (path := shutil.which(name))]
+    programs += [str(file) for name in APPLICATIONS if (file := Path("/Applications") / name).is_file()]
+    if not programs:
         raise PinarmError(
             "pictures, videos and PDF files need Chromium or Chrome, and there is none",
             expected=f"one of {', '.join(PROGRAMS)} on the PATH",
             hint="apt-get install chromium, or brew install --cask chromium; pages (.html) need none",
         )
-    return found[0]
+    return programs[0]
 
 
 class Page:

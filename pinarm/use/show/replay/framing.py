@@ -1,4 +1,4 @@
-"""From where a motion is seen: what is up, which way the mechanism faces, and the box that it moves in."""
+"""View of a motion: upward direction, direction to the eye, and the box of the whole motion."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from pinarm.use.show.replay.shapes import Shape
 from pinarm.use.show.replay.tracks import Node
 
 PARALLEL = 1e-6
-"""Sine of the angle between axes that still are parallel."""
+"""Sine of the angle up to which two axes are parallel."""
 
 DIRECTIONS, GOLDEN = 80, np.pi * (1.0 + np.sqrt(5.0))
-"""By how many points the extent is described, and the turn from one of their directions to the next."""
+"""Number of points that describe the extent, and the turn from one of their directions to the next."""
 
 SLACK = 0.03
-"""By how much, relative to the extent, a wall may stand before the mechanism."""
+"""Distance, relative to the extent, by which a wall may stand before the mechanism."""
 
 ABOVE = 0.99
-"""Cosine of the angle to the vertical from which on something is seen from above."""
+"""Cosine of the angle to the vertical above which a view is one from above."""
 
 FLAT = 0.7
 """Depth of a planar mechanism, relative to its extent in the plane, up to which it is seen along its axes."""
@@ -33,7 +33,7 @@ FIELD, ROOM = 28.0, 1.18
 
 
 class ParallelView(ValueRecord, frozen=True):
-    """Everything as large as it is, seen along an axis.
+    """Parallel projection along an axis: lengths are true.
 
     Attributes:
         axes: Right and up in the picture, in world axes, shape (2, 3).
@@ -47,12 +47,12 @@ class ParallelView(ValueRecord, frozen=True):
 
 
 class Camera(ValueRecord, frozen=True):
-    """What is nearer appears larger, as in the replay; lengths are true at the distance of the centre.
+    """Central projection, as in the replay; lengths are true at the distance of the centre.
 
     Attributes:
         axes: Right and up in the picture, in world axes, shape (2, 3).
         eye: Place of the camera [m], shape (3,).
-        centre: What it looks at [m], shape (3,).
+        centre: Point that it looks at [m], shape (3,).
     """
 
     axes: Array
@@ -68,7 +68,7 @@ class Camera(ValueRecord, frozen=True):
 
 
 View = ParallelView | Camera
-"""How points of the world come into a picture."""
+"""Projection of points of the world into a picture."""
 
 
 class Framing(ValueRecord, frozen=True):
@@ -96,7 +96,7 @@ class Framing(ValueRecord, frozen=True):
         return float(np.linalg.norm(self.high - self.low)) or 1.0
 
     def view(self) -> View:
-        """Return how a drawing shows it: a planar mechanism along its axes, any other by the replay's camera."""
+        """Return the projection of a drawing: along the axes of a planar mechanism, else by the replay's camera."""
         if self.normal is not None:
             up = upwards(self.normal, self.up)
             return ParallelView(np.array([np.cross(up, self.normal), up]))
@@ -118,9 +118,9 @@ def framing(
     Args:
         model: Pinocchio's model, with its gravity.
         nodes: Its bodies.
-        shapes: What is drawn.
+        shapes: Its solids.
         places: Placements of the bodies at rows of the motion, shape (rows, njoints, 4, 4).
-        paths: What else must be seen: positions in the world, each of shape (rows, 3).
+        paths: Further points to be seen: positions in the world, each of shape (rows, 3).
     """
     still, moving = _still(shapes), _moving(nodes, shapes, places, paths)
     everything = np.concatenate([still, moving])
@@ -144,12 +144,12 @@ def framing(
 
 
 def _still(shapes: Sequence[Shape]) -> Array:
-    """Return the corners of what does not move, shape (k, 3)."""
+    """Return the corners of the solids on the ground, shape (k, 3)."""
     return np.concatenate([np.zeros((0, 3)), *(shape.extent() for shape in shapes if shape.node == 0)])
 
 
 def _moving(nodes: Sequence[Node], shapes: Sequence[Shape], places: Array, paths: Sequence[Array]) -> Array:
-    """Return the corners of what moves at every row, in the world, shape (k, 3)."""
+    """Return the corners of the moving solids at every row, in the world, shape (k, 3)."""
     carrying = [node for node in range(1, len(nodes)) if nodes[node].carries]
     points = [places[:, carrying, :3, 3].reshape(-1, 3), *paths]
     for node in carrying:
@@ -209,7 +209,7 @@ def _tilted(normal: Array, up: Array) -> Array:
 
 
 def upwards(eye: Array, up: Array) -> Array:
-    """Return what is up in the picture, shape (3,); from above it is the axis that has x to the right."""
+    """Return the upward direction of the picture, shape (3,); seen from above, x points to the right."""
     if abs(eye @ up) > ABOVE:
         return np.asarray(np.eye(3)[1] if abs(up[1]) < 0.5 else -np.eye(3)[2])
     flat = up - (up @ eye) * eye
@@ -219,8 +219,8 @@ def upwards(eye: Array, up: Array) -> Array:
 def _slanted(up: Array, behind: Array, slack: float) -> Array:
     """Return the direction of a three-quarter view: from the front and the right.
 
-    Where something that does not move, such as a wall, stands on that side by more than the slack, it is the first of
-    the other corners for which it does not; ``behind`` is its place relative to what moves.
+    Where a wall of the ground stands on that side by more than the slack, it is the first of the other corners that is
+    free of it; ``behind`` is the place of the ground relative to the moving bodies.
     """
     front = np.eye(3)[0] if abs(up[0]) < 0.5 else np.eye(3)[1]
     front = front - (front @ up) * up

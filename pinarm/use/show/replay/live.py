@@ -1,4 +1,4 @@
-"""A result in a live meshcat viewer: beside what else is shown there, with meshcat's own controls and recorder."""
+"""A result in a live meshcat viewer, with meshcat's own controls and recorder."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, PinarmError
+from pinarm.use.show.replay.overlays import pairs
 from pinarm.use.show.replay.shapes import Shape, visuals
 from pinarm.use.show.replay.sticks import sticks
 from pinarm.use.show.replay.tracks import nodes_of, placed, rows_shown
+from pinarm.use.show.stick_figure import stick_figure
 
 if TYPE_CHECKING:
     import meshcat
@@ -48,7 +50,9 @@ def show(result: Result, visualizer: Any = None, *, name: str = "pinarm") -> mes
     rows = rows_shown(every, [])
     run = every.some(rows) if len(rows) < len(every) else every
     model, drawn = run.mechanism.model, visuals(run.mechanism)
-    shapes = [*drawn.shapes, *sticks(model, nodes_of(model, run.q), drawn.bare)]
+    nodes = nodes_of(model, run.q)
+    figure = stick_figure(run.mechanism, nodes, pairs(run.mechanism, run.dynamics.forces))
+    shapes = [*drawn.shapes, *sticks(model, nodes, figure, drawn.bare)]
     root = viewer[name]
     root.delete()
     places = placed(model, run.q, len(run))
@@ -101,7 +105,7 @@ def _server() -> str:
 
 
 def _geometries(shape: Shape) -> Iterator[tuple[Any, pin.SE3]]:
-    """Yield what meshcat has for a shape, each with its placement in the shape."""
+    """Yield the geometries of meshcat for a shape, each with its placement in the shape."""
     from meshcat import geometry
 
     nowhere = pin.SE3.Identity()
@@ -122,7 +126,7 @@ def _material(shape: Shape) -> Any:
     from meshcat.geometry import MeshPhongMaterial
 
     *colour, opacity = shape.colour
-    red, green, blue = (round(255 * each) for each in colour)
+    red, green, blue = (round(255 * part) for part in colour)
     return MeshPhongMaterial(color=red << 16 | green << 8 | blue, opacity=opacity, transparent=opacity < 1.0)
 
 

@@ -1,23 +1,20 @@
-"""Triangles of mesh files: read, thinned where there are too many, packed into two bytes a coordinate."""
+"""Triangle meshes: thinned where there are too many, packed into two bytes a coordinate."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError
 from pinarm.records import Record
-from pinarm.use.show.replay.collada import read_collada
 from pinarm.use.show.replay.packing import Packing
-from pinarm.use.show.replay.surfaces import Triangles, read_obj, read_stl
 
-MOST_BYTES = 100_000_000
+Triangles = NDArray[np.int64]
+
 MOST_TRIANGLES = 220_000
 """In one page: more would neither fit the size of a page nor the speed of a laptop's graphics."""
 
@@ -59,36 +56,6 @@ class Mesh(Record, frozen=True):
             "vertices": packing.add(steps),
             "triangles": packing.add(self.triangles.astype(kind)),
         }
-
-
-def read_mesh(path: Path) -> list[Mesh]:
-    """Return the meshes of a file, one for each colour.
-
-    Args:
-        path: An STL, OBJ or COLLADA file that may be read.
-
-    Raises:
-        InputError: It is none of those, or damaged.
-    """
-    if path.stat().st_size > MOST_BYTES:
-        raise InputError(f"the mesh {path.name} is too large", expected=f"at most {MOST_BYTES} bytes")
-    try:
-        with np.errstate(all="ignore"):  # what is too large becomes infinite, which is refused below
-            meshes = [mesh for mesh in _read(path) if len(mesh.triangles)]
-    except (ElementTree.ParseError, ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
-        raise InputError(f"the mesh {path.name} cannot be read: {error}") from None
-    if not meshes or not all(np.isfinite(mesh.vertices).all() for mesh in meshes):
-        raise InputError(f"the mesh {path.name} has no triangles, or some that are not finite")
-    return meshes
-
-
-def _read(path: Path) -> list[Mesh]:
-    kind = path.suffix.lower()
-    if kind == ".dae":
-        return [Mesh(*part) for part in read_collada(path)]
-    if kind not in (".stl", ".obj"):
-        raise ValueError(f"{kind} is not .stl, .obj or .dae")
-    return [Mesh(*(read_stl if kind == ".stl" else read_obj)(path))]
 
 
 def thinned(meshes: Sequence[Mesh], size: float, most: int = MOST_TRIANGLES) -> list[Mesh]:

@@ -1,4 +1,4 @@
-"""What the parts of a picture are called: links, points on them, joints of the tree, and joints that close loops."""
+"""Names in a picture: links, points on them, joints of the tree, and joints that close loops."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from pinarm.records import ValueRecord, replace
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.labels import name_label, plain
 from pinarm.use.show.replay.overlays import BodyPoint, point_of
-from pinarm.use.show.replay.sticks import reaches
 from pinarm.use.show.replay.tracks import Node
+from pinarm.use.show.stick_figure import reaches
 
 TOGETHER = 1e-6
 """Distance of two points, relative to the extent, up to which they are in one place."""
 
 MOST = 4
-"""Names that stand at one place."""
+"""Names that are shown at one place."""
 
 SERIES = 12
 """Names that differ in their numbers only, such as ``link_1`` and ``link_2``, up to which all of them are shown."""
@@ -40,8 +40,8 @@ class Name(ValueRecord, frozen=True):
 
     Attributes:
         text: A label, see ``labels``.
-        kind: What it names: a body, a point on one, or a joint.
-        at: Where it stands.
+        kind: Whether it names a body, a point on a body, or a joint.
+        at: Its place.
     """
 
     text: str
@@ -52,8 +52,8 @@ class Name(ValueRecord, frozen=True):
 def names_of(mechanism: Mechanism, nodes: Sequence[Node], how: Presentation) -> list[Name]:
     """Return the names of links, points and joints; of long series the first and the last, see ``ends_of_series``.
 
-    A link with a mass or a shape is a part, any other a point. A part's name stands in the middle of its longest
-    stick, so that it is not at a joint; what does not move has no such name.
+    A link with a mass or a shape is a part, any other a point. A part's name is in the middle of its longest
+    stick, away from its joints; the ground has no such name.
 
     Args:
         mechanism: The mechanism.
@@ -106,7 +106,7 @@ def ends_of_series(names: Sequence[Name]) -> list[Name]:
 
 
 def _middle(model: pin.Model, reached: Array, origin: BodyPoint) -> BodyPoint:
-    """Return the middle of the longest stick from the origin of a link to what its body reaches to, shape (k, 3)."""
+    """Return the middle of the longest stick of a link, from its origin to the points that its body reaches."""
     ends = reached - origin.place
     if not len(ends):
         return BodyPoint(origin.node, np.asarray(model.inertias[origin.node].lever))

@@ -1,4 +1,4 @@
-"""What is drawn over the mechanism on choice: paths of points, arrows of forces; and what joins two points."""
+"""Paths of points, arrows of forces, and connections of two points: springs, rods, cables and loop joints."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ ARROWS = {
     "torques": "efforts of drives and end stops",
     "reactions": "reactions of the joints",
 }
-"""Kinds of arrows, and what the legend calls them. Their colours are in ``overlays.js``."""
+"""Kinds of arrows, and their names in the legend. Their colours are in ``overlays.js``."""
 
 
 ConnectionKind = Literal["spring", "cylinder", "bushing", "rod", "cable", "loop", "slot"]
 
 
 LOOPS: Mapping[str, ConnectionKind] = {"rod": "rod", "point_on_plane": "slot"}
-"""Loop joints that are not drawn as the mark of one."""
+"""Loop joints that have a mark of their own."""
 
 
 class BodyPoint(ValueRecord, frozen=True):
@@ -63,7 +63,7 @@ class BodyPoint(ValueRecord, frozen=True):
 
 
 class Connection(ValueRecord, frozen=True):
-    """Two points that something joins, drawn as what it is.
+    """A connection of two points.
 
     Attributes:
         kind: A ``spring``, a ``cylinder`` (a damper, a constant force, or a strut, which pushes), a ``bushing``, a
@@ -76,14 +76,14 @@ class Connection(ValueRecord, frozen=True):
 
     def lengths(self, places: Array) -> Array:
         """Return its lengths [m], shape (rows,), from placements of shape (rows, njoints, 4, 4)."""
-        one, two = self.ends
-        return np.asarray(np.linalg.norm(two.path(places) - one.path(places), axis=1))
+        start, end = self.ends
+        return np.asarray(np.linalg.norm(end.path(places) - start.path(places), axis=1))
 
     def plain(self, places: Array) -> dict[str, Any]:
         """Return it for JSON, with its extreme lengths."""
-        (one, two), lengths = self.ends, self.lengths(places)
+        (start, end), lengths = self.ends, self.lengths(places)
         extremes = {"shortest": float(lengths.min()), "longest": float(lengths.max())}
-        return {"kind": self.kind, "a": one.plain(), "b": two.plain(), **extremes}
+        return {"kind": self.kind, "a": start.plain(), "b": end.plain(), **extremes}
 
 
 class Arrow(ValueRecord, frozen=True):
@@ -143,30 +143,30 @@ def traced(model: pin.Model, name: str) -> list[tuple[BodyPoint, float]]:
 
 
 def pairs(mechanism: Mechanism, forces: Mapping[str, ForceElement]) -> list[Connection]:
-    """Return what joins two points: springs, cylinders, bushings and cables among the forces, and loop joints."""
+    """Return the connections: springs, cylinders, bushings and cables among the forces, and loop joints."""
     model, elements = mechanism.model, list["ForceElement | Constraint"](forces.values())
     return [
-        Connection(kind, (point_of(model, one), point_of(model, two)))
-        for each in [*elements, *mechanism.constraints]
-        for kind, frames in [_drawn_as(each)] for one, two in pairwise(frames)
+        Connection(kind, (point_of(model, start), point_of(model, end)))
+        for element in [*elements, *mechanism.constraints]
+        for kind, frames in [_drawn_as(element)] for start, end in pairwise(frames)
     ]  # fmt: skip
 
 
-def _drawn_as(each: ForceElement | Constraint) -> tuple[ConnectionKind, Sequence[int]]:
-    """Return as what a force element or a constraint is drawn, and through which frames; none of what has no place."""
-    if isinstance(each, LoopJoint):
-        return LOOPS.get(each.kind, "loop"), (each.first, each.second)
+def _drawn_as(element: ForceElement | Constraint) -> tuple[ConnectionKind, Sequence[int]]:
+    """Return the kind and the frames of the connection that an element makes; no frames where it has no place."""
+    if isinstance(element, LoopJoint):
+        return LOOPS.get(element.kind, "loop"), (element.first, element.second)
     from pinarm.mechanics.forces.bushing import LinearBushing
     from pinarm.mechanics.forces.cable import TautSpring
     from pinarm.mechanics.forces.point import TwoPointSpring
     from pinarm.mechanics.loops.cable import CableLoop
 
-    if isinstance(each, TwoPointSpring):
-        return "spring" if each.stiffness > 0.0 and each.force >= 0.0 else "cylinder", each.frames
-    if isinstance(each, LinearBushing):
-        return "bushing", each.frames
-    if isinstance(each, TautSpring | CableLoop):
-        return "cable", each.path.frames
+    if isinstance(element, TwoPointSpring):
+        return "spring" if element.stiffness > 0.0 and element.force >= 0.0 else "cylinder", element.frames
+    if isinstance(element, LinearBushing):
+        return "bushing", element.frames
+    if isinstance(element, TautSpring | CableLoop):
+        return "cable", element.path.frames
     return "rod", ()
 
 
@@ -181,7 +181,7 @@ def arrows(run: Trajectory, nodes: Sequence[Node], kinds: Sequence[str]) -> list
     Raises:
         InputError: There is no such kind, or the run has no forces.
     """
-    wanted = dict.fromkeys(kind for given in kinds for kind in (ARROWS if given == "all" else [given]))
+    wanted = dict.fromkeys(kind for name in kinds for kind in (ARROWS if name == "all" else [name]))
     for kind in wanted:
         if kind not in ARROWS:
             expected, hint = choices(kind, [*ARROWS, "all"])
@@ -189,8 +189,8 @@ def arrows(run: Trajectory, nodes: Sequence[Node], kinds: Sequence[str]) -> list
     if wanted and run.no_efforts:
         raise InputError(f"arrows of {', '.join(wanted)}: {run.no_efforts}", hint="kind: inverse")
     makers = {"forces": _forces, "torques": _torques, "reactions": _felt}
-    found = [arrow for kind in wanted for arrow in makers[kind](run, nodes)]
-    return [arrow for arrow in found if arrow.largest > 0.0]
+    drawn = [arrow for kind in wanted for arrow in makers[kind](run, nodes)]
+    return [arrow for arrow in drawn if arrow.largest > 0.0]
 
 
 def _forces(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
@@ -227,7 +227,7 @@ def _at_frame(run: Trajectory, name: str, frame: int) -> Iterator[Arrow]:
 
 
 def _wrench(run: Trajectory, name: str, joint: int) -> Array:
-    """Return what a force element does to a body, about the world's origin, shape (n, 6)."""
+    """Return the wrench of a force element on a body, about the world's origin, shape (n, 6)."""
     rows = np.zeros((len(run), 6))
     for part, dynamics in run.intervals():
         for i in range(part.start, part.stop):
@@ -238,11 +238,11 @@ def _wrench(run: Trajectory, name: str, joint: int) -> Array:
 
 def _positions(run: Trajectory, frame: int) -> Array:
     model, data = run.mechanism.model, new_data(run.mechanism.model)
-    found = np.empty((len(run), 3))
+    positions = np.empty((len(run), 3))
     for i, q in enumerate(run.q):
         pin.forwardKinematics(model, data, q)
-        found[i] = pin.updateFramePlacement(model, data, frame).translation
-    return found
+        positions[i] = pin.updateFramePlacement(model, data, frame).translation
+    return positions
 
 
 def _torques(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
@@ -255,31 +255,31 @@ def _torques(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
 
 
 def _felt(run: Trajectory, nodes: Sequence[Node]) -> list[Arrow]:
-    """Return the reactions but for those that are rounding of what they balance, as those of a body that flies."""
-    found = list(_reactions(run, nodes))
-    least = ROUNDING * Reactions(run).size() if found else 0.0
-    return [arrow for arrow in found if arrow.largest > least]
+    """Return the reactions without those that are rounding, as of a body in free flight."""
+    drawn = list(_reactions(run, nodes))
+    least = ROUNDING * Reactions(run).size() if drawn else 0.0
+    return [arrow for arrow in drawn if arrow.largest > least]
 
 
 def _reactions(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
     """Yield the forces of the parents on the children at the joints, as far as rigid bodies determine them."""
-    found, model, others = Reactions(run), run.mechanism.model, [Reactions(other) for other in run.others]
-    size = np.abs(found.joints[:, 1:, :3]).max(initial=0.0) or 1.0
+    reactions, model, others = Reactions(run), run.mechanism.model, [Reactions(other) for other in run.others]
+    size = np.abs(reactions.joints[:, 1:, :3]).max(initial=0.0) or 1.0
     for joint in range(1, model.njoints):
-        added = [stressed[:, :3] for stressed in found.stressed_joint(joint)]
-        added += [(other.joints - found.joints)[:, joint, :3] / size for other in others]
-        yield _reaction(BodyPoint(joint, np.zeros(3)), found.joints[:, joint, :3], added)
-    for name, loop in found.loops.items():
-        added = [stressed[:, :3] for stressed in found.stressed_loop(name)]
-        added += [(other.loop(name) - found.loop(name))[:, :3] / size for other in others]
-        yield _reaction(point_of(model, loop.second), found.loop(name)[:, :3], added)
-    for name in found.cables:
-        yield from _tensions(run, found, name)
+        added = [stressed[:, :3] for stressed in reactions.stressed_joint(joint)]
+        added += [(other.joints - reactions.joints)[:, joint, :3] / size for other in others]
+        yield _reaction(BodyPoint(joint, np.zeros(3)), reactions.joints[:, joint, :3], added)
+    for name, loop in reactions.loops.items():
+        added = [stressed[:, :3] for stressed in reactions.stressed_loop(name)]
+        added += [(other.loop(name) - reactions.loop(name))[:, :3] / size for other in others]
+        yield _reaction(point_of(model, loop.second), reactions.loop(name)[:, :3], added)
+    for name in reactions.cables:
+        yield from _tensions(run, reactions, name)
 
 
-def _tensions(run: Trajectory, found: Reactions, name: str) -> Iterator[Arrow]:
-    """Yield what a cable that does not stretch does to every point of its path: its tension along both parts."""
-    (lam, stresses), frames = found.multiplier(name), found.cables[name].path.frames
+def _tensions(run: Trajectory, reactions: Reactions, name: str) -> Iterator[Arrow]:
+    """Yield the forces of a cable that does not stretch at every point of its path: its tension along both parts."""
+    (lam, stresses), frames = reactions.multiplier(name), reactions.cables[name].path.frames
     points = [_positions(run, frame) for frame in frames]
     parts = [(after - before) / np.linalg.norm(after - before, axis=1)[:, None] for before, after in pairwise(points)]
     ends = np.zeros_like(points[0])
@@ -297,8 +297,8 @@ def _reaction(at: BodyPoint, forces: Array, added: Sequence[Array]) -> Arrow:
     Args:
         at: Where it acts.
         forces: One choice of the reaction [N], shape (n, 3).
-        added: What each self-stress of length 1 adds to it, or other frictions at rest, as a part of the largest force,
-            each of shape (n, 3).
+        added: Change of it by each self-stress of length 1, or by other static frictions, relative to the largest
+            force, each of shape (n, 3).
     """
     _, sizes, axes = np.linalg.svd(np.concatenate([np.zeros((3, 3)), *added]), full_matrices=False)
     free = axes[sizes > ACTS]

@@ -21,7 +21,6 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, as_names
 from pinarm.use.output.folder import write_file
-from pinarm.use.show.cam_bodies import cam_bodies
 from pinarm.use.show.labels import axis_label, name_label, runs, unicode_label, unit_text
 from pinarm.use.show.replay import overlays
 from pinarm.use.show.replay.framing import Framing, framing
@@ -29,9 +28,9 @@ from pinarm.use.show.replay.meshes import thinned
 from pinarm.use.show.replay.names import gathered, names_of
 from pinarm.use.show.replay.packing import Packing, compressed
 from pinarm.use.show.replay.shapes import Shape, visuals
-from pinarm.use.show.replay.sticks import reaches, sticks
+from pinarm.use.show.replay.sticks import sticks
 from pinarm.use.show.replay.tracks import Node, nodes_of, placed, rows_shown
-from pinarm.use.show.stick_figure import slots
+from pinarm.use.show.stick_figure import slots, stick_figure
 
 if TYPE_CHECKING:
     from pinarm.input.units import Unit
@@ -45,7 +44,7 @@ LINKS = 6.0
 """Typical links along the extent of a mechanism; one of more has smaller marks."""
 
 VIEW = ("up", "eye", "low", "high", "outline")
-"""What the page gets of the framing."""
+"""Fields of the framing that the page uses."""
 
 Plain = dict[str, Any]
 
@@ -56,7 +55,7 @@ class Replay:
 
     Attributes:
         html: The page.
-        notes: What could not be drawn, in words.
+        notes: Visuals that cannot be drawn, and why.
     """
 
     html: str = field(repr=False)
@@ -93,7 +92,7 @@ def replay_page(
         named: Whether names of parts, points and joints are shown from the start; the key N shows and hides them.
 
     Raises:
-        InputError: A name is unknown, or the run does not have what is asked.
+        InputError: A name is unknown, or the run has no such quantities.
     """
     names = list(dict.fromkeys(result.content.outputs if plots is None else as_names(plots)))
     curves = list(_with_bounds(result.quantities, names))
@@ -121,16 +120,12 @@ def replay_page(
 def _scene(
     run: Trajectory, traces: Sequence[str], kinds: Sequence[str], packing: Packing
 ) -> tuple[Plain, tuple[str, ...]]:
-    """Return everything but the plots, for JSON, and what could not be drawn."""
+    """Return the scene without plots, for JSON, and notes on visuals that cannot be drawn."""
     model = run.mechanism.model
     nodes, places = nodes_of(model, run.q), placed(model, run.q)
-    drawn = visuals(run.mechanism)
-    cams = [one for one in cam_bodies(run.mechanism, nodes) if one.node in drawn.bare]
-    reached = reaches(model, nodes)
-    plain = drawn.bare - {one.node for one in cams if not len(reached[one.node])}
-    shapes = [*drawn.shapes, *sticks(model, nodes, plain), *(one.plate() for one in cams)]
-    paths = [overlays.traced(model, name) for name in traces]
-    joined, acting = overlays.pairs(run.mechanism, run.dynamics.forces), overlays.arrows(run, nodes, kinds)
+    drawn, joined = visuals(run.mechanism), overlays.pairs(run.mechanism, run.dynamics.forces)
+    shapes = [*drawn.shapes, *sticks(model, nodes, stick_figure(run.mechanism, nodes, joined), drawn.bare)]
+    paths, acting = [overlays.traced(model, name) for name in traces], overlays.arrows(run, nodes, kinds)
     marks = [end for pair in joined for end in pair.ends] + [point for path in paths for point, _ in path]
     seen = framing(model, nodes, shapes, places, [mark.path(places) for mark in marks])
     largest: dict[tuple[str, bool], float] = {}
@@ -156,9 +151,9 @@ def _names(run: Trajectory, how: Presentation) -> list[Plain]:
     model = run.mechanism.model
     nodes, places = nodes_of(model, run.q), placed(model, run.q)
     size = float(np.ptp(places[:, :, :3, 3], axis=(0, 1)).max()) or 1.0
-    found = gathered(names_of(run.mechanism, nodes, how), places, size)
+    shown = gathered(names_of(run.mechanism, nodes, how), places, size)
     return [{"runs": runs(name.text), "kind": name.kind, **name.at.plain()}
-            for name in sorted(found, key=lambda name: name.kind == "part")]  # fmt: skip
+            for name in sorted(shown, key=lambda name: name.kind == "part")]  # fmt: skip
 
 
 def _node(node: Node, packing: Packing) -> Plain:
@@ -183,7 +178,7 @@ def _solids(shapes: Sequence[Shape], seen: Framing, packing: Packing) -> Plain:
 
 
 def _detail(nodes: Sequence[Node], seen: Framing) -> float:
-    """Return the length [m] that marks are relative to: the extent, less where a mechanism has many small links."""
+    """Return the length [m] that marks are relative to: the extent, or less with many small links."""
     links = [length for node in nodes if (length := float(np.linalg.norm(node.placement.translation))) > 0.0]
     return min(seen.size, LINKS * float(np.median(links))) if links else seen.size
 
@@ -195,14 +190,14 @@ def _trace(path: Sequence[tuple[overlays.BodyPoint, float]]) -> Plain:
 
 
 def _paths(traces: Sequence[str]) -> list[Plain]:
-    """Return what the colours of the paths mean, for the legend."""
+    """Return the legend of the paths."""
     return [
         {"trace": k, "text": "centre of mass" if name == "com" else f"path of {name}"} for k, name in enumerate(traces)
     ]
 
 
 def _families(acting: Sequence[overlays.Arrow], largest: Mapping[tuple[str, bool], float]) -> list[Plain]:
-    """Return what the colours of the arrows mean, and what the longest of each kind stands for."""
+    """Return the legend of the arrows: colours, and the value of the longest arrow of each kind."""
     legend: list[Plain] = []
     for (kind, moment), size in largest.items():
         partial = any(arrow.partial for arrow in acting if arrow.of == kind)
@@ -215,7 +210,7 @@ def _families(acting: Sequence[overlays.Arrow], largest: Mapping[tuple[str, bool
 
 
 def _marks(joined: Sequence[overlays.Connection]) -> list[Plain]:
-    """Return what the marks mean."""
+    """Return the legend of the marks."""
     return [{"loop": True, "text": "loop joint"}] if any(pair.kind in ("loop", "slot") for pair in joined) else []
 
 
@@ -232,7 +227,9 @@ def _with_bounds(quantities: Quantities, names: Sequence[str]) -> Iterator[Serie
     """
     for name in names:
         bounds = quantities.bounds(name) if quantities.open_rows(name).any() else ()
-        yield from (one for one in (quantities[name], *bounds) if not (one.unbounded and np.isinf(one.values).any()))
+        yield from (
+            series for series in (quantities[name], *bounds) if not (series.unbounded and np.isinf(series.values).any())
+        )
 
 
 def _curve(series: Series, how: Presentation, rows: Indices, colour: str, packing: Packing) -> Plain:
@@ -247,7 +244,7 @@ def _curve(series: Series, how: Presentation, rows: Indices, colour: str, packin
 
 
 def _inline(data: Plain) -> str:
-    """Return JSON that can stand in HTML: nothing in it ends the element or begins another."""
+    """Return JSON for HTML: nothing in it ends the element or begins another."""
     try:
         text = json.dumps(data, allow_nan=False, separators=(",", ":"))
     except ValueError:

@@ -116,9 +116,9 @@ def ffmpeg() -> str:
     Raises:
         PinarmError: There is none; says what to install.
     """
-    found = shutil.which("ffmpeg")
-    if found:
-        return found
+    program = shutil.which("ffmpeg")
+    if program:
+        return program
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
 

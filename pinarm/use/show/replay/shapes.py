@@ -1,4 +1,4 @@
-"""What the model's file draws: the visuals of its links, each fixed to a body."""
+"""Visuals of the links of a model, each fixed to a body."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ PALETTE: tuple[Colour, ...] = (
     (0.36, 0.55, 0.75, 1.0), (0.91, 0.62, 0.30, 1.0), (0.42, 0.68, 0.53, 1.0), (0.76, 0.50, 0.66, 1.0),
     (0.85, 0.76, 0.40, 1.0), (0.52, 0.74, 0.84, 1.0),
 )  # fmt: skip
-"""Of bodies for which no colour is given, in turn; Okabe and Ito's hues, softened."""
+"""Colours of bodies for which none is given, in turn; Okabe and Ito's hues, softened."""
 
 PLAIN: Colour = (0.74, 0.76, 0.79, 1.0)
-"""Of meshes for which no colour is given."""
+"""Colour of meshes for which none is given."""
 
 PACKAGE = "example-robot-data"
 
 GROUND: Colour = (0.55, 0.57, 0.60, 1.0)
-"""Of what does not move."""
+"""Colour of the ground."""
 
 
 class Shape(ValueRecord, frozen=True):
-    """Something solid that is fixed to a body.
+    """A solid that is fixed to a body.
 
     Attributes:
         node: The body.
@@ -83,12 +83,12 @@ def colour_of(node: int) -> Colour:
 
 
 class Visuals(ValueRecord, frozen=True):
-    """What a model draws.
+    """Visuals of a model.
 
     Attributes:
-        shapes: What could be drawn.
-        bare: Bodies without anything drawn, or without something that their file asks for.
-        notes: What could not be drawn, in words.
+        shapes: Solids that can be drawn.
+        bare: Bodies without visuals, or with some that cannot be drawn.
+        notes: Visuals that cannot be drawn, and why.
     """
 
     shapes: tuple[Shape, ...]
@@ -97,7 +97,7 @@ class Visuals(ValueRecord, frozen=True):
 
 
 def visuals(mechanism: Mechanism) -> Visuals:
-    """Return what a model draws."""
+    """Return the visuals of a model."""
     robot, model = ElementTree.fromstring(mechanism.xml), mechanism.model
     shapes: list[Shape] = []
     notes: list[str] = []
@@ -116,7 +116,7 @@ def visuals(mechanism: Mechanism) -> Visuals:
 
 
 def primitives(mechanism: Mechanism) -> Iterator[Shape]:
-    """Yield what a model draws, without meshes and without what could not be drawn; no file is read."""
+    """Yield the visuals of a model that are no meshes and can be drawn; no file is read."""
     robot = ElementTree.fromstring(mechanism.xml)
     for visual, frame in _visuals(robot, mechanism.model):
         if visual.find("geometry/mesh") is None:
@@ -133,7 +133,7 @@ def _visuals(robot: ElementTree.Element, model: pin.Model) -> Iterator[tuple[Ele
 
 
 def _materials(robot: ElementTree.Element, notes: list[str]) -> Iterator[tuple[str, Colour]]:
-    """Yield the colours of the materials by name; a note says of which there is none."""
+    """Yield the colours of the materials by name; notes say which cannot be read."""
     for material in robot.findall("material"):
         name = str(material.get("name"))
         try:
@@ -169,17 +169,17 @@ def _visual(
     element, node, placement = geometry[0], int(frame.parentJoint), frame.placement * _origin(visual.find("origin"))
     material = visual.find("material")
     named = palette.get(material.get("name", "")) if material is not None else None
-    given = _colour(material) or named
-    colour = given or colour_of(node)
+    painted = _colour(material) or named
+    colour = painted or colour_of(node)
     if element.tag == "mesh":
         scale = tuple(float(x) for x in _numbers(element.get("scale", "1 1 1"), 3))
         file = _mesh_file(element.get("filename", ""), robot)
         if file not in meshes:
-            from pinarm.use.show.replay.meshes import read_mesh
+            from pinarm.use.show.replay.mesh_files import read_mesh
 
             meshes[file] = read_mesh(file)
         for mesh in meshes[file]:
-            yield Shape(node, placement, "mesh", scale, given or mesh.colour or PLAIN, mesh)
+            yield Shape(node, placement, "mesh", scale, painted or mesh.colour or PLAIN, mesh)
     elif element.tag == "box":
         yield Shape(node, placement, "box", tuple(_positive(_numbers(element.get("size", ""), 3))), colour)
     elif element.tag in ("cylinder", "capsule"):

@@ -1,4 +1,4 @@
-"""A stick figure for bodies that draw nothing: rods between their points, their joints, the boxes of their inertias."""
+"""Stick figure in solids: cylinders along rods, pins and blocks at joints, blocks below joints on the ground."""
 
 from __future__ import annotations
 
@@ -8,110 +8,86 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.use.show.replay.meshes import Mesh
 from pinarm.use.show.replay.shapes import GROUND, Colour, Shape, colour_of
 from pinarm.use.show.replay.tracks import Node
+from pinarm.use.show.stick_figure import Disc, StickFigure
 
-ROD, PIN, POINT, BOX = 0.014, 0.026, 0.02, 0.18
-"""Radii of rods, joints and end points, and the largest edge of a box, relative to the size of the figure."""
+ROD, PIN, POINT = 0.014, 0.026, 0.02
+"""Radii of rods, joints and end points, relative to the size of the figure."""
 
 FOOT = 0.085, 0.03
-"""Width and height of what a joint on the ground stands on, relative to the size of the figure."""
+"""Width and height of the block below a joint on the ground, relative to the size of the figure."""
 
-LINKS = 4.0
-"""Typical links in a figure: one of more and shorter links is drawn as thin as its links ask for."""
+THICK = 0.12
+"""Thickness of a disc, relative to its extent."""
 
 DARK: Colour = (0.27, 0.29, 0.33, 1.0)
 
 
-def sticks(model: pin.Model, nodes: Sequence[Node], bare: Collection[int]) -> list[Shape]:
-    """Return shapes for the bodies that have none.
-
-    A body is drawn as rods from its joint to the joints and links it carries; one that carries nothing reaches to its
-    centre of mass, and one that is all in one place is the box of its inertia.
+def sticks(model: pin.Model, nodes: Sequence[Node], figure: StickFigure, bare: Collection[int]) -> list[Shape]:
+    """Return the solids of some bodies of a figure.
 
     Args:
         model: Pinocchio's model.
         nodes: Its bodies.
-        bare: Bodies without shapes of their own.
+        figure: Its stick figure.
+        bare: Bodies without shapes of their own; with 0 among them, joints on the ground stand on blocks.
     """
-    reached, joined = reaches(model, nodes), _mounts(nodes)
-    points = {node: reached[node] for node in sorted(bare) if nodes[node].carries}
-    size = _size(model, nodes, points)
-    shapes = [shape for node in points if node for shape in _body(model, node, points[node], joined[node], size)]
-    if 0 in points:  # the ground is no bar between the joints on it
-        turning = [k for k, node in enumerate(nodes) if node.parent == 0 and node.kind == "turn" and node.carries]
-        mounted = [nodes[k].placement.translation for k in turning if k not in points or len(points[k])]
-        shapes += [_foot(model, at, size) for at in _different(np.array(mounted).reshape(-1, 3))]
-    joints = [i for i in range(1, len(nodes)) if i in points or nodes[i].parent in points.keys() - {0}]
-    return shapes + [shape for joint in joints for shape in _joint(nodes[joint], joint, size)]
+    shapes = [shape for shape in _bodies(nodes, figure) if shape.node in bare]
+    shapes += [plate(disc) for disc in figure.discs if disc.node in bare]
+    if 0 in bare:
+        compact = {disc.node for disc in figure.discs} | {box.node for box in figure.boxes}
+        standing = [k for k in figure.pins if not nodes[k].parent and k not in compact]
+        places = {tuple(nodes[k].placement.translation.tolist()) for k in standing}
+        shapes += [_foot(model, np.array(place), figure.size) for place in sorted(places)]
+    moved = [k for k in range(1, len(nodes)) if k in bare or (nodes[k].parent and nodes[k].parent in bare)]
+    return shapes + [shape for joint in moved for shape in _joint(nodes[joint], joint, figure)]
 
 
-def reaches(model: pin.Model, nodes: Sequence[Node]) -> list[Array]:
-    """Return the places that every body reaches to, other than its origin, shape (k, 3) each."""
-    found = _mounts(nodes)
-    for frame in model.frames:
-        if frame.type == pin.FrameType.BODY:
-            found[frame.parentJoint].append(np.asarray(frame.placement.translation))
-    for node, inertia in enumerate(model.inertias):
-        if node and not any(point.any() for point in found[node]):
-            found[node] = [np.asarray(inertia.lever)]
-    return [_different(np.array([point for point in places if point.any()]).reshape(-1, 3)) for places in found]
+def _bodies(nodes: Sequence[Node], figure: StickFigure) -> Iterator[Shape]:
+    """Yield rods, balls at the ends of rods that carry no joint, and boxes."""
+    carried = {(node.parent, tuple(node.placement.translation)) for node in nodes}
+    for rod in figure.rods:
+        colour, (start, end) = colour_of(rod.node), rod.points
+        yield _rod(rod.node, start, end, ROD * figure.size, colour)
+        if (rod.node, tuple(end)) not in carried:
+            yield Shape(rod.node, pin.SE3(np.eye(3), end), "sphere", (POINT * figure.size,), colour)
+    yield from figure.boxes
 
 
-def _mounts(nodes: Sequence[Node]) -> list[list[Array]]:
-    """Return the places on every body of the joints that it carries, shape (3,) each."""
-    found: list[list[Array]] = [[] for _ in nodes]
-    for node in nodes[1:]:
-        found[node.parent].append(np.asarray(node.placement.translation))
-    return found
+def plate(disc: Disc) -> Shape:
+    """Return a disc as a plate, its two faces as fans about the axis."""
+    n, half = len(disc.outline), 0.5 * THICK * float(np.ptp(disc.outline, axis=0).max()) * disc.axis
+    vertices = np.concatenate([disc.outline + half, disc.outline - half, [disc.middle + half, disc.middle - half]])
+    a = np.arange(n)
+    b = (a + 1) % n
+    above, below = np.full(n, 2 * n), np.full(n, 2 * n + 1)
+    triangles = np.concatenate([
+        np.stack(corners, axis=1) for corners in (
+            (above, a, b), (below, b + n, a + n), (a, a + n, b + n), (a, b + n, b),
+        )
+    ])  # fmt: skip
+    mesh = Mesh(vertices, triangles)
+    return Shape(disc.node, pin.SE3.Identity(), "mesh", (1.0, 1.0, 1.0), colour_of(disc.node), mesh)
 
 
-def _size(model: pin.Model, nodes: Sequence[Node], points: dict[int, Array]) -> float:
-    """Return the length [m] that thicknesses are relative to.
-
-    It is the reach of the stretched figure, less where that has many links; without any length, that at which boxes are
-    drawn whole.
-    """
-    reach, links = np.zeros(len(nodes)), []
-    for index, node in enumerate(nodes[1:], start=1):
-        links.append(float(np.linalg.norm(node.placement.translation)))
-        reach[index] = reach[node.parent] + links[-1]
-    ends = [float(np.linalg.norm(point)) for each in points.values() for point in each]
-    ends = [length for length in [*ends, *links] if length > 0.0]
-    if ends:
-        return float(min(reach.max() + max(ends), LINKS * _median(ends)))
-    return max([float(cuboid(inertia)[0].max()) for inertia in model.inertias if inertia.mass > 0.0] or [BOX]) / BOX
-
-
-def _body(model: pin.Model, node: int, points: Array, mounts: Sequence[Array], size: float) -> Iterator[Shape]:
-    colour, carries = colour_of(node), set(map(tuple, mounts))
-    for point in points:
-        yield _rod(node, np.zeros(3), point, ROD * size, colour)
-        if tuple(point) not in carries:
-            yield Shape(node, pin.SE3(np.eye(3), point), "sphere", (POINT * size,), colour)
-    inertia = model.inertias[node]
-    if not len(points) and inertia.mass > 0.0:
-        edges, axes = cuboid(inertia)
-        box = np.maximum(edges * min(1.0, BOX * size / max(edges.max(), 1e-300)), ROD * size)
-        yield Shape(node, pin.SE3(axes, inertia.lever), "box", (box[0], box[1], box[2]), colour)
-
-
-def _joint(node: Node, index: int, size: float) -> Iterator[Shape]:
+def _joint(node: Node, index: int, figure: StickFigure) -> Iterator[Shape]:
     """Yield the sign of a joint: a pin along a revolute axis, a block on a rail for a slide, a ball for others."""
-    if node.kind == "turn":
-        yield Shape(index, _along(np.zeros(3), node.axis), "cylinder", (PIN * size, 3.2 * PIN * size), DARK)
-    elif node.kind == "slide":
-        block = (2.4 * PIN * size, 2.4 * PIN * size, 4.0 * PIN * size)
+    radius = PIN * figure.size
+    if index in figure.pins:
+        yield Shape(index, _along(np.zeros(3), node.axis), "cylinder", (radius, 3.2 * radius), DARK)
+    elif index in figure.slides:
+        block = (2.4 * radius, 2.4 * radius, 4.0 * radius)
         yield Shape(index, _along(np.zeros(3), node.axis), "box", block, DARK)
-        start, end = float(node.values.min()) - 2.0 * PIN * size, float(node.values.max()) + 2.0 * PIN * size
-        rail = node.placement * _along(node.axis * (start + end) / 2.0, node.axis)
-        yield Shape(node.parent, rail, "cylinder", (0.5 * ROD * size, end - start), GROUND)
-    elif node.placement.translation.any():
-        yield Shape(index, pin.SE3.Identity(), "sphere", (PIN * size,), DARK)
+        start, end = figure.rails[figure.slides.index(index)].points
+        yield _rod(node.parent, start, end, 0.5 * ROD * figure.size, GROUND)
+    elif index in figure.balls:
+        yield Shape(index, pin.SE3.Identity(), "sphere", (radius,), DARK)
 
 
 def _foot(model: pin.Model, at: Array, size: float) -> Shape:
-    """Return what a joint on the ground stands on: a short block below it."""
+    """Return a short block below a joint."""
     gravity = np.asarray(model.gravity.linear)
     down = gravity / np.abs(gravity).max() if gravity.any() else np.array([0.0, 0.0, -1.0])  # its square may underflow
     down /= np.linalg.norm(down)
@@ -128,21 +104,3 @@ def _along(centre: Array, direction: Array) -> pin.SE3:
     """Return the placement whose z is a direction."""
     turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), np.asarray(direction, float))
     return pin.SE3(turn.toRotationMatrix(), centre)
-
-
-def cuboid(inertia: pin.Inertia) -> tuple[Array, Array]:
-    """Return edges [m] and axes of the homogeneous box of an inertia: ``a^2 = 6 (I_b + I_c - I_a) / m``."""
-    moments, axes = np.linalg.eigh(inertia.inertia)
-    axes[:, 2] *= np.sign(np.linalg.det(axes))
-    return np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments) / inertia.mass, 0.0)), axes
-
-
-def _different(points: Array) -> Array:
-    """Return the different rows of points, shape (n, 3), ascending."""
-    return np.array(sorted(set(map(tuple, points.tolist())))).reshape(-1, 3)
-
-
-def _median(sizes: Sequence[float]) -> float:
-    """Return the median; ``np.median`` imports ``numpy.ma``."""
-    ascending, n = sorted(sizes), len(sizes)
-    return 0.5 * (ascending[(n - 1) // 2] + ascending[n // 2])

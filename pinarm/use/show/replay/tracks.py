@@ -1,4 +1,4 @@
-"""How the bodies move: one node per joint, placed in its parent's node by the value of its coordinate.
+"""Motion of the bodies: one node per joint, placed in its parent's node by the value of its coordinate.
 
 A revolute or prismatic joint is given by its axis and its values, so that between two rows the page turns and slides it
 exactly, over any number of turns. Other joints are given by their placements.
@@ -20,13 +20,13 @@ MOST_ROWS = 2400
 """Rows in the page: forty seconds at sixty pictures a second; of more, evenly spaced ones are taken."""
 
 SAMPLED = 100
-"""Rows by which the extent of a motion is judged."""
+"""Rows that give the extent of a motion."""
 
 Kind = Literal["fixed", "turn", "slide", "pose"]
 
 
 class Node(ValueRecord, frozen=True):
-    """A body that moves as one: what a joint carries. Node 0 is the world.
+    """The body that a joint carries. Node 0 is the world.
 
     Attributes:
         parent: Index of the node that it hangs from; -1 for the world itself.
@@ -88,7 +88,7 @@ def nodes_of(model: pin.Model, q: Array) -> list[Node]:
 
 
 def _axis(column: Array) -> tuple[Kind, Array]:
-    """Return what a joint with one coordinate does, and along which axis, from its Jacobian in its own frame."""
+    """Return the kind and the axis of a joint with one coordinate, from its Jacobian in its own frame."""
     linear, angular = column[:3], column[3:]
     if not linear.any():
         return "turn", angular
@@ -109,8 +109,9 @@ def placed(model: pin.Model, q: Array, most: int = SAMPLED) -> Array:
     """Return the placements of all joints in the world at some of the rows, shape (samples, njoints, 4, 4)."""
     data = new_data(model)
     chosen = q[distinct(np.linspace(0, len(q) - 1, most).round().astype(np.intp))]
-    found, places = np.empty((len(chosen), model.njoints, 4, 4)), [data.oMi[joint] for joint in range(model.njoints)]
-    for row, state in zip(found, chosen, strict=True):
+    placements = np.empty((len(chosen), model.njoints, 4, 4))
+    places = [data.oMi[joint] for joint in range(model.njoints)]
+    for row, state in zip(placements, chosen, strict=True):
         pin.forwardKinematics(model, data, state)
         row[:] = [place.homogeneous for place in places]
-    return found
+    return placements

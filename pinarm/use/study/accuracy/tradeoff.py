@@ -83,12 +83,11 @@ class Tradeoff:
         with whole_folder(folder, "trade-off", source=self.scenario.document.path) as draft:
             write(draft / "tradeoff.json", json_text(self.summary()) + "\n")
             if plots:
-                from pinarm.use.show.figure import UNDATED
                 from pinarm.use.show.plot import picture_format
 
                 form = picture_format(plots, dpi)
                 for name, figure in self.plots().items():
-                    figure.savefig(draft / f"{name}.{form}", dpi=dpi, metadata=UNDATED[form])
+                    (draft / f"{name}.{form}").write_bytes(figure.encoded(form, dpi))
         return folder
 
     def plots(self) -> dict[str, Picture]:

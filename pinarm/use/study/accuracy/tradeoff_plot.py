@@ -22,15 +22,13 @@ def work_precision(trade: Tradeoff) -> Picture:
 
     Recommended settings are ringed; in the grey band below, errors are those of the reference.
     """
-    import matplotlib
-
     from pinarm.use.show.chart import WIDTH
-    from pinarm.use.show.figure import STYLE, label, new
+    from pinarm.use.show.figure import label, new, style
     from pinarm.use.show.labels import plain
 
     assert trade.reference
     figure = new(WIDTH, 3.6)
-    with matplotlib.rc_context(STYLE):
+    with style():
         left, right = figure.subplots(1, 2, sharey=True)
         _curves(left, trade, "evaluations", 1.0)
         _curves(right, trade, "seconds", 1e3)

@@ -35,13 +35,11 @@ def plot(sweep: Sweep, series: Series) -> Picture:
     Over one list or grid it is a curve, over two a family of curves or, where both are long, a map. Of cases that were
     drawn by chance, or that vary in more ways, it is a histogram with the median and the middle 90 %.
     """
-    import matplotlib
-
-    from pinarm.use.show.figure import STYLE, label, new
+    from pinarm.use.show.figure import label, new, style
     from pinarm.use.show.labels import plain
 
     figure = new(7.0, 4.2)
-    with matplotlib.rc_context(STYLE):
+    with style():
         axis = figure.subplots()
         _kind(sweep)(axis, sweep, series)
         failed = f" ({len(sweep.errors)} of {len(sweep)} cases failed)" if sweep.errors else ""
@@ -170,13 +168,11 @@ def _named(axis: Axis) -> str:
 
 def save_plots(sweep: Sweep, folder: Path, form: PictureFormat, dpi: int) -> list[Path]:
     """Write a picture for every result into ``plots/``; return the files."""
-    from pinarm.use.show.figure import UNDATED
-
     folder = folder / "plots"
     folder.mkdir(exist_ok=True)
     files = []
     for number, series in enumerate(sweep.results()[:PICTURES], 1):
         name = re.sub(r"[^A-Za-z0-9_.-]+", "_", series.name).strip("_")[:40]
         files.append(folder / f"{number:02d}_{name}.{form}")
-        plot(sweep, series).savefig(files[-1], dpi=dpi, metadata=UNDATED[form])
+        files[-1].write_bytes(plot(sweep, series).encoded(form, dpi))
     return files

@@ -9,7 +9,8 @@ import pytest
 
 from pinarm.errors import InputError
 from pinarm.input.roots import example_robot_data
-from pinarm.use.show.replay.meshes import Mesh, read_mesh, thinned
+from pinarm.use.show.replay.mesh_files import read_mesh
+from pinarm.use.show.replay.meshes import Mesh, thinned
 
 
 def volume(vertices: np.ndarray, triangles: np.ndarray) -> float:
