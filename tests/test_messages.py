@@ -119,7 +119,7 @@ SCENARIOS = [
     (SCENARIO, "degree: 5", "degre: 5", ["s.yaml:9:69: unknown key 'degre'", "try: degree"]),
     (SCENARIO, "joint: track, effort", "joints: track, effort", ["s.yaml:12:32: unknown key 'joints'", "try: joint"]),
     (SCENARIO, "{tolerance: 1e-9}", "{tol: 1e-9}",
-     ["s.yaml:14:12: unknown key 'tol'", "one of max_steps, method, step, target, tolerance"]),
+     ["s.yaml:14:12: unknown key 'tol'", "one of max_events, max_steps, method, step, target, tolerance"]),
     (SCENARIO, "source: the law", "sourc: the law", ["s.yaml:17:47: unknown key 'sourc'", "try: source"]),
     (SCENARIO, "value: 3 N}}", "value: 3 N, vale: 1}}", ["s.yaml:12:82: unknown key 'vale'", "try: value"]),
     (STATICS, "samples: 5", "sampels: 5", ["s.yaml:5:45: unknown key 'sampels'", "samples"]),

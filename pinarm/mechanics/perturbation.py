@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.input.units import unit
-from pinarm.input.yaml.schema import Measured
+from pinarm.input.yaml.schema import Measured, PureNumber
 from pinarm.mechanics.joints import RADIAN, Joint
 from pinarm.mechanics.loading.model_tree import inertia
 
@@ -37,13 +37,16 @@ def perturbed_numbers(given: Given, generator: np.random.Generator) -> Given:
     """Return the content of a file with its quantities changed by between a half and all of ``PERTURBATION``.
 
     None by much less: of few numbers, as an initial position, one that hardly changes would show nothing. What is 0
-    stays 0, and times, and what else laws run along, stay, so that rows and jumps stand where they did.
+    stays 0. Times, and what else laws run along, stay, so that rows and jumps stand where they did; so do numbers
+    without a unit, such as an efficiency of 1.
 
     Args:
         given: A struct of the file's keys, a collection, or a value; what is not a quantity stays as it is.
         generator: Of the random changes.
     """
     found: object = given
+    if isinstance(given, PureNumber):
+        return given
     if isinstance(given, Measured):
         is_time = given.unit is not None and given.unit.dimension == SECOND.dimension
         found = given if is_time or given.along == 1 else _near(given, generator)

@@ -150,7 +150,7 @@ KICK = Succession(segments=[
 
 ADAPTIVE = [
     name for name, entry in METHODS.items()
-    if entry.setting == "tolerance" and entry.requires != "constant energy" and entry.make(1e-9).order >= 4
+    if entry.setting == "tolerance" and entry.make(1e-9).order >= 4
 ]  # fmt: skip
 """Methods that choose their steps; motors and kicks change the energy; low orders take too many steps for 1e-9."""
 

@@ -26,7 +26,7 @@ from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.one_run import one_run
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.turn_counters import acted_along
-from pinarm.errors import InputError, Key, MethodError, NumericsError
+from pinarm.errors import InputError, Key, MethodError, NumericsError, PinarmError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import unit
@@ -588,7 +588,10 @@ class Scenario(Record, frozen=True):
         if not self.content.expect:
             return
         with failures_in_words():
-            quantities = self.quantities()
+            try:
+                quantities = self.quantities()
+            except PinarmError:  # the problem has a mistake: solving it says where
+                return
             for index, expectation in enumerate(self.content.expect):
                 with self.document.locating("expect", index):
                     expectation.check_names(quantities, self.numbered)

@@ -188,7 +188,7 @@ class TestChecks:
         assert known.flow(np.zeros(3), (BallSpring(0, 0, math.nan),)) is None
 
     def test_accelerations_that_differ_from_pinocchio_are_noticed(self):
-        model = tree(list(JOINTS), 7)
+        model = tree(list(JOINTS), 7, branching=False)
         dynamics = Dynamics.of(model)
         known = CompiledTree.of(model)
         assert disagreement(model, known.flow(np.zeros(model.nv), ()), dynamics.acceleration(), 0.0) <= AGREEMENT
