@@ -146,11 +146,8 @@ def _parts(whole: _Part) -> list[_Part]:
     """Return the parts of a mechanism that do not depend on one another."""
     closure, prescribed = whole.closure, whole.prescribed
     guided = closure.with_guides(prescribed.names, prescribed.coordinates)
-    parts = guided.parts
-    if len(parts) <= 1:
-        return [whole]
     places, found = {name: place for place, name in enumerate(prescribed.names)}, []
-    for joints, constraints in parts:
+    for joints, constraints in guided.parts:
         own = [one for one in constraints if not isinstance(one, GuidedCoordinate)]
         some = [places[one.name] for one in constraints if isinstance(one, GuidedCoordinate)]
         moving = np.flatnonzero(guided.groups == guided.groups[joints[0]])
