@@ -1,10 +1,10 @@
 """What stops prescribed coordinates at a singular position: the end of their travel, and the links in line there.
 
 At the end of its travel a coordinate cannot move, and the mechanism moves while it rests: with J the rows of the
-constraints and coordinates, ``y^T J = s x^T`` with a part of y on the row of the coordinate, and s all but 0. Along x the
-coordinate turns back: it goes by ``s u + c u^2 / 2`` with ``c = y^T J' x``, and turns where ``u = -s / c``.
-Where c vanishes as well, as of a folded arm whose tip is at its base, it may go on. Links that x turns are in line where
-the joints between them are.
+constraints and coordinates, ``y^T J = s x^T`` with a part of y on the row of the coordinate, and s all but 0. Along x
+the coordinate turns back: it goes by ``s u + c u^2 / 2`` with ``c = y^T J' x``, and turns where ``u = -s / c``. Where c
+vanishes as well, as of a folded arm whose tip is at its base, it may go on. Links that x turns are in line where the
+joints between them are.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ def travel(solver: NewtonSolver, q: Array) -> str:
         return ""
     u, values, vt = np.linalg.svd(rows)
     state = solver.closure.state(q, solver.spread(vt[-1]))
-    drifts = [solver.closure.drift(state), [one.drift(state) for one in solver.coordinates]]
-    bend = abs(float(u[:, -1] @ (np.concatenate(drifts) / solver.measure)))
+    drifts = np.append(solver.closure.drift(state), [one.drift(state) for one in solver.coordinates])
+    bend = abs(float(u[:, -1] @ (drifts / solver.measure)))
     if bend < STRAIGHT or values[-1] > PART * bend or (values[:-1] < STRAIGHT * values[0]).any():
         return ""
     named = zip(solver.names[own:], solver.coordinates, u[own:, -1], strict=True)
