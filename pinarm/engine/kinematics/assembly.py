@@ -128,7 +128,7 @@ def first_position(
         found = part.assembled(q, near)
         q = found.q
         notes += found.notes
-    return Assembly(q, tuple(notes))
+    return Assembly(q if whole.has_values(q) else whole.solver.close(q, w, t), tuple(notes))
 
 
 def closed_drawing(closure: Closure, drawn: Array) -> Assembly:
@@ -146,11 +146,8 @@ def _parts(whole: _Part) -> list[_Part]:
     """Return the parts of a mechanism that do not depend on one another."""
     closure, prescribed = whole.closure, whole.prescribed
     guided = closure.with_guides(prescribed.names, prescribed.coordinates)
-    parts = guided.parts
-    if len(parts) <= 1:
-        return [whole]
     places, found = {name: place for place, name in enumerate(prescribed.names)}, []
-    for joints, constraints in parts:
+    for joints, constraints in guided.parts:
         own = [one for one in constraints if not isinstance(one, GuidedCoordinate)]
         some = [places[one.name] for one in constraints if isinstance(one, GuidedCoordinate)]
         moving = np.flatnonzero(guided.groups == guided.groups[joints[0]])
@@ -232,15 +229,15 @@ class _Part:
             begun = free.close(drawn, np.zeros(0), self.t) if free.names else drawn
         except AssemblyError:
             return _Way(False, None, "the loops do not close near the start")
-        if beyond := self.beyond(begun, drawn):
-            end = begun if self.has_values(begun) else None
-            return _Way(False, end, f"the start closes with {several(beyond, LISTED)} beyond the limits")
+        beyond = self.beyond(begun, drawn)
+        fault = f"the start closes with {several(beyond, LISTED)} beyond the limits" if beyond else ""
         if self.has_values(begun):
-            return _Way(True, begun)
+            return _Way(not fault, begun, fault)
         kept = self._kept(begun, direct)
         if kept is None:
-            return _Way(False, None, "the start is a singular position")
-        return self._straight(begun, kept, direct)
+            return _Way(False, None, fault or "the start is a singular position")
+        way = self._straight(begun, kept, direct)
+        return _Way(False, way.end, fault) if fault else way
 
     def _same(self, end: Array, direct: Array) -> bool:
         """Tell whether the end of a way is the position found directly, in the same turn of every joint.
@@ -348,9 +345,10 @@ class _Part:
         q = chosen[0]
         if within and way.end is not None and self._apart(q, way.end) <= APART:
             return Assembly(q)
-        limits = "within the limits, " if within else ""
+        led = "The way leads" if way.end is not None and self._apart(q, way.end) <= APART else "Other starts lead"
+        limits = "within the limits" if within else "as none is found within the limits"
         return Assembly(q, (
-            f"assembly: {way.fault}. Other starts lead to one that is taken, {limits}{self._words(q)}. Tried were the "
+            f"assembly: {way.fault}. {led} to one that is taken, {limits}: {self._words(q)}. Tried were the "
             f"middle of the limits and {STARTS} random starts only; start: chooses another",
         ))  # fmt: skip
 

@@ -6,6 +6,7 @@ folded flat. The zero position of a model may be open, or singular.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
 BESIDE, STEP = 4, 0.2
 """Number of closed configurations that are compared with the first one, and how far each is from the one before
 [rad, or units of length]."""
+
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+"""Its multiples, but for whole numbers, are spread evenly over 0 to 1 and never repeat (``numpy.random`` is slow to
+import)."""
 
 
 def closed_near(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
@@ -69,10 +74,11 @@ def mobility_when_closed(mechanism: Mechanism) -> int:
 
 def beside(mechanism: Mechanism, q: Array) -> list[Array]:
     """Return a closed configuration, shape (nq,), and others on its branch, each a step along free motions further."""
-    closure, found, generator = mechanism.closure, [q], np.random.default_rng(0)
-    for _ in range(BESIDE if closure.size else 0):
+    closure, found, nv = mechanism.closure, [q], mechanism.model.nv
+    for step in range(BESIDE if closure.size else 0):
         free = closure.split(closure.rows(closure.state(found[-1]))).free
-        way = free @ (free.T @ (closure.scale * generator.uniform(-1.0, 1.0, mechanism.model.nv)))
+        spread = 2.0 * np.remainder(GOLDEN * np.arange(1 + step * nv, 1 + (step + 1) * nv), 1.0) - 1.0
+        way = free @ (free.T @ (closure.scale * spread))
         size = float(np.abs(way / closure.scale).max(initial=0.0))
         if not size:
             break

@@ -369,7 +369,7 @@ class NewtonSolver:
         closest, gap = self.closest(q, w, np.ones(len(self.names)))
         if not self.closed(self.closure.state(closest), gap, w):
             why = travel(self, q) if self._regularity(q) < NEAR_SINGULAR else ""
-            return self.unreachable(closest, gap, to, f", as it does up to {instant(t)}{why and f': {why}'}")
+            return self.unreachable(closest, gap, to, f", as it does up to {instant(t)}{why and f'; {why}'}")
         ratio = self._regularity(q)
         singular = f"singular position: the smallest singular value of the rows is {ratio:.1e} of the largest"
         return AssemblyError(
@@ -473,6 +473,11 @@ def tied(rows: Array, rank: int, names: Sequence[str]) -> str:
     return ", ".join(dict.fromkeys(name for name, part in zip(names, weak, strict=True) if abs(part) > PART))
 
 
+def dependent(names: str) -> str:
+    """Return in words that coordinates, told by ``tied``, depend on each other."""
+    return f"{names} {'do' if ', ' in names else 'does'} not move independently"
+
+
 def _and(said: str) -> str:
     return f"{said}; " if said else ""
 
@@ -494,7 +499,7 @@ def check_rank(rows: Array, names: Sequence[str], t: float, why: Callable[[], st
     if len(rows) < nv or not singular[nv - 1] > SINGULAR * singular[0]:
         found = tied(rows, min(len(rows), nv), names)
         raise AssemblyError(
-            f"the position is singular at {instant(t)}: {why()}{found} do not move independently there",
+            f"the position is singular at {instant(t)}: {why()}{dependent(found)} there",
             expected="prescribed coordinates that determine the velocity of every joint",
             hint="a motion that keeps clear of the straight or folded position; at a change point a start and rows "
             "beside it, between which the motion passes it; or other coordinates",

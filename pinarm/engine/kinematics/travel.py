@@ -1,8 +1,10 @@
 """What stops prescribed coordinates at a singular position: the end of their travel, and the links in line there.
 
 At the end of its travel a coordinate cannot move, and the mechanism moves while it rests: with J the rows of the
-constraints and coordinates, ``y^T J = 0`` with a part of y on the row of the coordinate, and ``J x = 0``. Links that x
-turns are in line where the joints between them are.
+constraints and coordinates, ``y^T J = s x^T`` with a part of y on the row of the coordinate, and s all but 0. Along x
+the coordinate turns back: it goes by ``s u + c u^2 / 2`` with ``c = y^T J' x``, and turns where ``u = -s / c``. Where c
+vanishes as well, as of a folded arm whose tip is at its base, it may go on. Links that x turns are in line where the
+joints between them are.
 """
 
 from __future__ import annotations
@@ -22,7 +24,11 @@ if TYPE_CHECKING:
     from pinarm.engine.kinematics.newton import NewtonSolver
 
 PART = 0.1
-"""Part of a motion, or of a combination of rows, of length 1, from which on it is named."""
+"""Part of a motion, or of a combination of rows, of length 1, from which on it is named; and the way u along x within
+which a coordinate has to turn back."""
+
+STRAIGHT = 1e-6
+"""A c, and other singular values relative to the largest, that are not told from 0: configurations are known to it."""
 
 IN_LINE = 1e-3
 """Largest distance of joints from a line, relative to their distances: a position counts as singular within 1e-6, and
@@ -34,8 +40,12 @@ def travel(solver: NewtonSolver, q: Array) -> str:
     rows, own = solver.rows(solver.closure.state(q)), solver.closure.size
     if len(rows) != rows.shape[1]:
         return ""
-    u, _, vt = np.linalg.svd(rows)
+    u, values, vt = np.linalg.svd(rows)
     state = solver.closure.state(q, solver.spread(vt[-1]))
+    drifts = np.append(solver.closure.drift(state), [one.drift(state) for one in solver.coordinates])
+    bend = abs(float(u[:, -1] @ (drifts / solver.measure)))
+    if bend < STRAIGHT or values[-1] > PART * bend or (values[:-1] < STRAIGHT * values[0]).any():
+        return ""
     named = zip(solver.names[own:], solver.coordinates, u[own:, -1], strict=True)
     stuck = [
         f"{name} = {math.degrees(one.value(state)):.6g} deg" if one.unit == RADIAN
@@ -46,7 +56,7 @@ def travel(solver: NewtonSolver, q: Array) -> str:
         return ""
     links = [moved_links(state.model, joint)[0] for joint in _turning(state)]
     line = f", where links {' and '.join(links)} are in line" if len(links) == 2 and _in_line(solver, state) else ""
-    return f"{', '.join(stuck)} is the end of travel{line}"
+    return f"{', '.join(stuck)} {'is' if len(stuck) == 1 else 'are'} the end of travel{line}"
 
 
 def _turning(state: Kinematics) -> list[int]:

@@ -209,6 +209,20 @@ class TestOtherStarts:
         assert "20 random starts" in note
         assert "start: chooses another" in note
 
+    def test_limits_that_no_assembly_keeps_choose_none(self, tmp_path):
+        """The arm is drawn bent by 1 rad, beyond its limits, and keeps to this side; the result says so."""
+        bent = ARM.replace('xyz="0.5 0 0"', 'xyz="0.5 0 0" rpy="0 0 1"').replace('lower="-3" upper="-0.1"', "{}")
+        (tmp_path / "arm.urdf").write_text(bent.format('lower="2.9" upper="3.1"'))
+        x, y = 0.5, 0.3
+        bend = math.acos((x**2 + y**2 - 0.5**2 - 0.4**2) / (2.0 * 0.5 * 0.4)) - 1.0
+        along = {name: {"kind": "point", "point": "tip", "along": name} for name in "xy"}
+        mechanism = {"pinarm": 1, "robot": "arm.urdf", "coordinates": along}
+        problem = {"kind": "state", "hold": {"x": f"{x} m", "y": f"{y} m"}, "drives": ["shoulder", "elbow"]}
+        found = pinarm.run(written(tmp_path, {"problem": problem, "outputs": ["elbow"]}, mechanism))
+        assert found["elbow"].values == pytest.approx(bend, abs=1e-12)
+        [note] = assembly_notes(found)
+        assert "none is found within the limits" in note
+
     def test_limits_choose_the_leg_of_a_walker(self, tmp_path):
         """Its effort is the slope of the potential energy, by differences of fourth order, in the only position within.
 

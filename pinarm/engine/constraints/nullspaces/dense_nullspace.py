@@ -178,9 +178,18 @@ def _singular_parts(rows: Array, scale: Array, acting: Flags, scaled: Array) -> 
     found = []
     for r in sorted(set(ranks.tolist())):
         k = np.flatnonzero(ranks == r)
-        free = vt[k, r:].swapaxes(1, 2)
+        free = _refined_free(scaled[k], some[k, :, :r], s[k, :r], vt[k, :r], vt[k, r:].swapaxes(1, 2))
         found.append((k, RowDecomposition(scale[k], left[k, :, :r], s[k, :r], vt[k, :r], free, rows[k])))
     return found
+
+
+def _refined_free(scaled: Array, left: Array, values: Array, right: Array, free: Array) -> Array:
+    """Return the free motions after a step of refinement: small parts, as turns beside long slides, are as exact.
+
+    All arrays have the configurations along their first axis; ``scaled = left diag(values) right``.
+    """
+    parts = left.swapaxes(1, 2) @ (scaled @ free)
+    return np.asarray(free - right.swapaxes(1, 2) @ (parts / values[..., None]))
 
 
 def of_length_1(columns: Array) -> Array:

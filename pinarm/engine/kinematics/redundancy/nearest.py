@@ -30,7 +30,16 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.kinematics.abscissa import instant
-from pinarm.engine.kinematics.newton import CONTRACTION, CUTS_A_ROW, REACH, SINGULAR, SMALLEST, NewtonSolver, tied
+from pinarm.engine.kinematics.newton import (
+    CONTRACTION,
+    CUTS_A_ROW,
+    REACH,
+    SINGULAR,
+    SMALLEST,
+    NewtonSolver,
+    dependent,
+    tied,
+)
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.redundancy.posture import Posture
 from pinarm.errors import AssemblyError
@@ -349,7 +358,7 @@ class NearestSolver:
     def _singular(self, rows: Array, rank: int, t: float) -> AssemblyError:
         found = tied(rows, rank, self.newton.names)
         return AssemblyError(
-            f"the position is singular at {instant(t)}: {found} do not move independently there",
+            f"the position is singular at {instant(t)}: {dependent(found)} there",
             expected="a path on which the prescribed coordinates, and joints held at their limits, are independent",
             hint="a path that keeps clear of the stretched or folded arm, or another posture", t=t,
         )  # fmt: skip
