@@ -244,8 +244,11 @@ class HybridIntegration(Record, frozen=True):
         if watch is None:
             return
         state, wrong = (np.array([t]), q[None], v[None]), self.motion.work.state_error
+        margin = float(watch.value(*state)[0])
+        if np.isnan(margin):
+            return
         error = wrong * sensitivity(self.hybrid, watch.value, *state)
-        self.motion.consider(decision(watch, Turn(0, t, 0.0, 1.0, float(watch.value(*state)[0]), error, wrong, 0.0)))
+        self.motion.consider(decision(watch, Turn(0, t, 0.0, 1.0, margin, error, wrong, 0.0)))
 
     def _locate(self, error: NumericsError, system: System) -> None:
         """Say in an error where the integration ended, joint by joint."""

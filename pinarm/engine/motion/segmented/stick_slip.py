@@ -180,9 +180,15 @@ class StickSlip:
         return Watch(margin, -1, stops=True, loaded=True, what=HOLDS + contact.name, unit=str(contact.effort))
 
     def _margin(self, slip: Slip, span: tuple[float, float], index: int, t: float, q: Array, v: Array) -> float:
-        """Return ``bound - |phi|`` of a joint, and those that move with it, if it were stuck in a state [N*m or N]."""
+        """Return ``bound - |phi|`` of a joint, and those that move with it, if it were stuck in a state [N*m or N].
+
+        NaN of a joint that others move, as a slide at a dead centre of its crank: friction cannot hold it alone.
+        """
         balance = self.sliding(slip, span).balance(t, q, v)
-        [group] = groups_of(self.contacts, balance.response, companions(balance.response, index))
+        groups = groups_of(self.contacts, balance.response, companions(balance.response, index))
+        if not groups:
+            return math.nan
+        [group] = groups
         others = np.array(slip.direction)
         others[list(group.members)] = 0.0
         found = balance.solve(others, [*slip.stuck, group], np.zeros(len(others), dtype=bool))

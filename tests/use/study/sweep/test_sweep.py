@@ -255,7 +255,7 @@ def test_bare_numbers_are_in_the_unit_that_the_files_have(path: Path) -> None:
     assert units(changes__forces__spring__stiffness="1, 2") == {"changes.forces.spring.stiffness": "N*m/rad"}
     assert units(problem__over__pivot__samples="2, 3") == {}
     path.write_text(path.read_text().replace("{l: 1 m}", "{l: 100 cm}"))
-    with pytest.raises(PinarmError, match="'l' is in cm in the scenario and in m in the mechanism"):
+    with pytest.raises(PinarmError, match="'l' is in cm here and in m in the mechanism"):
         units(arguments__l="1, 2")
 
 
