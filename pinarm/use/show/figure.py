@@ -203,7 +203,7 @@ def _is_readable(drawn: str) -> bool:
 
     try:
         MathTextParser("path").parse(drawn)
-    except ValueError:
+    except (ValueError, RecursionError):  # no TeX, or nested too deeply
         return False
     return True
 
