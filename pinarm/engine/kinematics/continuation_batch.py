@@ -1,4 +1,4 @@
-"""Newton's method at many instants at once, on mechanisms whose joints turn or slide.
+"""Newton's method at many instants at once, on mechanisms without ball joints.
 
 From a solved row of the table, the rows ahead are predicted by its velocity and the last accelerations, and corrected
 together, as far ahead as this surely stays on the branch: the prediction is near, every correction is much smaller than
@@ -6,7 +6,7 @@ the one before, the velocity is that of a smooth motion, and the determinant of 
 size. The next sweep begins where one ends. What is singular, or out of reach, no sweep accepts: such rows are left to
 the continuation row by row.
 
-The equations are those of ``engine.following``. Arrays have the rows of the table along their last axis.
+Arrays have the rows of the table along their last axis.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ predict from the row before, and moves as that predicts; the free motions keep t
 of which one of these is not so is to be solved alone.
 
 With J the independent rows of constraints and prescribed coordinates: ``J dq = gap``, ``J v = (0, w')`` and
-``J a = (0, w'') - J' v``. Arrays have the states along their last axis, row by row; see ``chains``.
+``J a = (0, w'') - J' v``. Arrays have the states along their last axis, row by row.
 """
 
 from __future__ import annotations
