@@ -6,11 +6,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.motion.trajectory import Trajectory
     from pinarm.engine.series import Series
     from pinarm.errors import PinarmError
     from pinarm.input.roots import file_root
+    from pinarm.use.mechanism import Mechanism
     from pinarm.use.report.report import report
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.json_schema import schema
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "Mechanism": "pinarm.engine.mechanism",
+    "Mechanism": "pinarm.use.mechanism",
     "Series": "pinarm.engine.series",
     "Trajectory": "pinarm.engine.motion.trajectory",
     "PinarmError": "pinarm.errors",

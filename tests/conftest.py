@@ -23,13 +23,13 @@ if "PYTEST_XDIST_WORKER" in os.environ:  # a worker a core: threads of linear al
 
 from pinarm.engine.integration.compiled_steps import CompiledSteps
 from pinarm.engine.kernel import tree as kernel_tree
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.systems.compiled import compiled_points, compiled_rows
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.use.mechanism import Mechanism
 from pinarm.use.workers import choice
 from pinarm.use.workers.local_processes import LocalProcesses
 

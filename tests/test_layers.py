@@ -23,10 +23,10 @@ FLOOR_PLAN = {
     "mechanics": "geometry joints laws limited_states motors drives coordinates paths control rotors ball_joints loops "
     "forces couplings loading friction payloads points perturbation planar description",
     "engine": "series one_run kernel integration constraints dynamics mesh_inertias model_source kinematics statics "
-    "friction control motion checks quantities mechanism_parts turn_counters drive_parts mechanism mechanism_variants",
+    "friction control motion checks quantities mechanism mechanism_parts mechanism_loading mechanism_variants",
     "problems": "time_grid accuracy joint_values weights prescription loads actuation declaration events "
     "position_bands equilibria inverse kinematics states recording forward batch_table simplify",
-    "use": "progress result workers cases assessments scenario output show store views study report",
+    "use": "progress mechanism result workers cases assessments scenario output show store views study report",
     "cli": "options streams main",
 }
 """Layers from low to high -> their rooms, folders or modules, from low to high: each may import those before it."""

@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from pinarm.arrays import Array
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.joint_axes import loop_axis, tree_axis
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import normals
+from pinarm.use.mechanism import Mechanism
 from pinarm.use.result.result import Result
 from pinarm.use.show.chart import COLOURS
 from pinarm.use.show.figure import new, style, svg

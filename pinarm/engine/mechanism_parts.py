@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import pinocchio as pin
 
-from pinarm.errors import InputError, Key
+from pinarm.errors import InputError, Key, Place
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.units import Unit, unit
 from pinarm.input.xacro.expansion import UnknownArgument
@@ -31,13 +31,10 @@ if TYPE_CHECKING:
     from pinarm.mechanics.payloads import Payload
     from pinarm.mechanics.points import PointDefinition
 
-Locate = Callable[..., AbstractContextManager[None]]
-"""``with locate("forces", "spring"):`` gives errors of the block that place of a file."""
-
 
 def frictions_of(
     robot: RobotModel, description: MechanismDescription, model: pin.Model, joints: Mapping[str, Joint],
-    constraints: Sequence[Constraint], here: Locate,
+    constraints: Sequence[Constraint], here: Place,
 ) -> tuple[FrictionContact, ...]:  # fmt: skip
     """Return the joints with friction that sticks: those of the mechanism file, and others of the model."""
     if not robot.friction and not description.friction:
@@ -73,7 +70,7 @@ class NamedParts(Record, frozen=True):
 
 
 def named_parts(
-    robot: RobotModel, description: MechanismDescription, model: pin.Model, key: str, here: Locate
+    robot: RobotModel, description: MechanismDescription, model: pin.Model, key: str, here: Place
 ) -> NamedParts:
     """Return joints, loop joints and coordinates by name.
 
@@ -113,7 +110,7 @@ def tying(constraints: Sequence[Constraint], frictions: Sequence[FrictionContact
 
 
 def loop_coordinates_of(
-    model: pin.Model, loops: Sequence[LoopJoint], known: Container[str], here: Locate
+    model: pin.Model, loops: Sequence[LoopJoint], known: Container[str], here: Place
 ) -> dict[str, Coordinate]:
     """Return the coordinates of loop joints.
 
@@ -133,7 +130,7 @@ def loop_coordinates_of(
 
 
 def check_start(
-    description: MechanismDescription, joints: Mapping[str, Joint], balls: Mapping[str, Ball], here: Locate
+    description: MechanismDescription, joints: Mapping[str, Joint], balls: Mapping[str, Ball], here: Place
 ) -> None:
     """Check names and units of the joint coordinates near which the loops close."""
     known = positions_of(joints, balls)
@@ -145,7 +142,7 @@ def check_start(
 
 
 def loop_joints_of(
-    model: pin.Model, key: str, drawn: Mapping[str, Loop], said: Mapping[str, Loop], here: Locate
+    model: pin.Model, key: str, drawn: Mapping[str, Loop], said: Mapping[str, Loop], here: Place
 ) -> list[LoopJoint | CableLoop]:
     """Return the loop joints and cables of a drawing or a model's file, and those that the mechanism file says beside.
 
@@ -172,7 +169,7 @@ def only_joints(loops: Iterable[LoopJoint | CableLoop]) -> list[LoopJoint]:
 
 
 def arguments_of(
-    description: MechanismDescription, arguments: Mapping[str, float | str], here: Locate, caller: Locate
+    description: MechanismDescription, arguments: Mapping[str, float | str], here: Place, caller: Place
 ) -> tuple[dict[str, Unit], dict[str, float]]:
     """Return the units of the model's arguments and the given values in SI.
 
@@ -200,8 +197,8 @@ def _unit_of_model(written: Unit) -> Unit:
 
 
 @contextmanager
-def naming_arguments(place: Locate) -> Iterator[None]:
-    """Locate arguments that the model does not have at their keys."""
+def naming_arguments(place: Place) -> Iterator[None]:
+    """Place arguments that the model does not have at their keys."""
     try:
         yield
     except UnknownArgument as error:
@@ -220,7 +217,7 @@ def _argument(name: str, value: float | str, expected: Unit | None) -> float:
 
 
 def loaded(
-    model: pin.Model, own: Mapping[str, Payload], given: Mapping[str, Payload], here: Locate, caller: Locate
+    model: pin.Model, own: Mapping[str, Payload], given: Mapping[str, Payload], here: Place, caller: Place
 ) -> tuple[pin.Model, dict[str, Payload]]:
     """Return the model with the payloads of its file and of the caller, and all of them by name."""
     carried: dict[str, Payload] = {}
@@ -237,7 +234,7 @@ def loaded(
     return model, carried
 
 
-def marked(model: pin.Model, points: Mapping[str, PointDefinition], here: Locate) -> pin.Model:
+def marked(model: pin.Model, points: Mapping[str, PointDefinition], here: Place) -> pin.Model:
     """Return the model with the points of its mechanism file."""
     if not points:
         return model
@@ -251,7 +248,7 @@ def marked(model: pin.Model, points: Mapping[str, PointDefinition], here: Locate
 
 def couplings_of(
     robot: RobotModel, description: MechanismDescription, model: pin.Model, joints: Mapping[str, Joint], key: str,
-    here: Locate,
+    here: Place,
 ) -> list[JointRelation]:  # fmt: skip
     """Return the couplings, those of the model and those of the mechanism file; see ``named_parts``.
 
@@ -273,7 +270,7 @@ def couplings_of(
 
 def forces_of(
     robot: RobotModel, description: MechanismDescription, model: pin.Model, joints: Mapping[str, Joint],
-    coordinates: Mapping[str, Coordinate], here: Locate,
+    coordinates: Mapping[str, Coordinate], here: Place,
 ) -> dict[str, ForceElement]:  # fmt: skip
     """Return the force elements by name, those of the model and those of the mechanism file.
 
@@ -290,7 +287,7 @@ def forces_of(
     return forces
 
 
-def symbols_of(description: MechanismDescription, here: Locate) -> dict[str, Expression]:
+def symbols_of(description: MechanismDescription, here: Place) -> dict[str, Expression]:
     """Return the formulas of the published symbols."""
     symbols = {}
     for name, text in description.symbols.items():

@@ -3,8 +3,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, ModelError, PinarmError
+from pinarm.use.mechanism import Mechanism
 
 MODELS = Path(__file__).parents[2] / "models"
 ARM = MODELS / "gen411_arm" / "mechanism.yaml"

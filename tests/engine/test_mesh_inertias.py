@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 from pinarm.engine import model_source
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, ModelError
+from pinarm.use.mechanism import Mechanism
 
 mujoco = pytest.importorskip("mujoco")
 

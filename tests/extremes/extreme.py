@@ -13,13 +13,13 @@ from catalogue import ABOUT_Y
 from linkage import GROUND, Body, Joint, Linkage
 from scipy.special import ellipj, ellipk, ellipkm1
 
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome as Run
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import PinarmError
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.use.mechanism import Mechanism
 
 G = 9.81
 FINE = 1e-12

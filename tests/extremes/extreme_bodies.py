@@ -15,9 +15,9 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipj
 
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.forces.joint_definitions import JointSpring
+from pinarm.use.mechanism import Mechanism
 from pinarm.use.scenario.scenario import load
 from pinarm.use.study.accuracy.error_estimate import estimate_errors
 

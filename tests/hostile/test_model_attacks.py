@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import PinarmError
 from pinarm.input.xml_text import MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS, MAX_TEXT
 from pinarm.mechanics.loading import pinocchio_model
+from pinarm.use.mechanism import Mechanism
 
 SECRET = "canary-in-a-coal-mine"
 

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, PinarmError
+from pinarm.use.mechanism import Mechanism
 
 URDF = """\
 <robot name="arm">

@@ -2,9 +2,9 @@ import re
 
 import pytest
 
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import ModelError
 from pinarm.input.robots import is_floating, robot, robots
+from pinarm.use.mechanism import Mechanism
 
 LOADERS = {
     "a1": 18, "alex_nub_hands": 19, "alex_psyonic_hands": 39, "alex_sake_hands": 23, "alexander": 19,

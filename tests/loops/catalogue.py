@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from linkage import GROUND, Body, Joint, Linkage, random_turn
 
-from pinarm.engine.mechanism import Mechanism
+from pinarm.use.mechanism import Mechanism
 
 MODELS = Path(__file__).parents[2] / "models"
 UPRIGHT = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])

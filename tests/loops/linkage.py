@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from pinarm.engine.mechanism import Mechanism
 from pinarm.records import replace
+from pinarm.use.mechanism import Mechanism
 
 GROUND = "base"
 X, Y, Z = np.eye(3)

@@ -8,7 +8,6 @@ from contextlib import nullcontext
 import numpy as np
 from linkage import GROUND, Linkage, Poses
 
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
@@ -16,6 +15,7 @@ from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.use.mechanism import Mechanism
 
 FINE = 1e-12
 

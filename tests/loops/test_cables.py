@@ -8,13 +8,13 @@ from motions import anywhere, driven, freely
 from scipy.linalg import expm
 
 from pinarm.engine.checks.limits import excesses
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import Constant, ConstantAcceleration, ConstantSpeed
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.events import EndStop
 from pinarm.problems.states import Statics
+from pinarm.use.mechanism import Mechanism
 from pinarm.use.study.explain import explain
 
 G = 9.81

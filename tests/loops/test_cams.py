@@ -8,12 +8,12 @@ import pytest
 from motions import anywhere, driven, freely
 
 from pinarm.engine.checks.limits import excesses
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, UnitError
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.states import Statics
+from pinarm.use.mechanism import Mechanism
 
 M, J, G, E, RB = 0.5, 0.003, 9.81, 0.011, 0.03
 """Masses of follower and shaft, gravity, eccentricity, and radius of the base circle."""

@@ -7,9 +7,9 @@ from motions import energy, free, freely, poses
 
 from pinarm.engine.dynamics import pinocchio_constraints as native
 from pinarm.engine.dynamics.equation import solve
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.systems import row_motion
 from pinarm.errors import DynamicsError
+from pinarm.use.mechanism import Mechanism
 
 TOLERANCE = 1e-9
 LONG = {

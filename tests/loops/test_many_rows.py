@@ -10,10 +10,10 @@ from pinarm.engine.constraints.constraint_rows import BLOCK
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspaces.nullspace import split_rows
 from pinarm.engine.kinematics.continuation_batch import BatchContinuation
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.systems import constrained
 from pinarm.errors import InputError
 from pinarm.mechanics.laws import Harmonic
+from pinarm.use.mechanism import Mechanism
 
 LINKAGES = {
     "four_bar": (catalogue.four_bar, ["B"], ["O"]), "five_bar": (catalogue.five_bar, ["M"], ["O", "C"]),

@@ -15,7 +15,6 @@ from motions import anywhere, driven, free
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.checks.unclosed import unclosed
 from pinarm.engine.kinematics.mobility import mobility_of
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import ConstantSpeed, Harmonic
@@ -24,6 +23,7 @@ from pinarm.problems.equilibria import Equilibria
 from pinarm.problems.kinematics import KinematicMotion
 from pinarm.problems.states import Range, State, Statics
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.use.mechanism import Mechanism
 
 ASKEW = pin.rpy.rpyToMatrix(0.3, 0.5, 0.7)
 GRID = TimeGrid(end=0.8, samples=9)

@@ -10,7 +10,6 @@ from linkage import GROUND, Joint, Linkage, random_body
 from motions import anywhere, driven, free, freely
 
 from pinarm.engine.kinematics.mobility import mobility_of
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.forces.joint_definitions import JointEffort
@@ -20,6 +19,7 @@ from pinarm.mechanics.loops.screw import Helical
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.states import Statics
 from pinarm.records import replace
+from pinarm.use.mechanism import Mechanism
 
 MODELS = Path(__file__).parents[2] / "models"
 INERTIA, MASS, LEAD, G = 0.003, 7.0, 0.012, 9.81

@@ -5,7 +5,6 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.ball_joints import (
@@ -26,6 +25,7 @@ from pinarm.mechanics.loading.pinocchio_model import build_model
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.use.mechanism import Mechanism
 
 ARM = ({"name": "swing", "at": "0.1 0.2 0.3", "axis": "1 2 3"}, {"name": "body", "kind": "floating", "at": "1 0 0"})
 

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from pinarm.engine.checks.limits import excesses
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.states import State
+from pinarm.use.mechanism import Mechanism
 
 RATIO, EFFICIENCY, ROTOR = 50.0, 0.8, 2e-5
 PENDULUM = {"name": "arm", "axis": "0 1 0", "mass": 2.0, "com": "0.5 0 0", "inertia": (0.0, 0.2, 0.2)}

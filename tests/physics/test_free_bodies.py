@@ -8,7 +8,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipk
 
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.laws import Constant, ConstantAcceleration, ConstantSpeed, Harmonic
@@ -16,6 +15,7 @@ from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.use.mechanism import Mechanism
 
 G = 9.81
 BODY = {"name": "body", "kind": "floating", "mass": 2.0, "inertia": (0.2, 0.3, 0.45)}

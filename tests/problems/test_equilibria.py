@@ -10,7 +10,6 @@ import pytest
 from scipy.optimize import brentq
 
 import pinarm
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.statics.equilibrium import ForceBalance
 from pinarm.engine.statics.stiffness import slope
@@ -22,6 +21,7 @@ from pinarm.mechanics.laws import Constant, Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.equilibria import Equilibria
 from pinarm.problems.states import Statics
+from pinarm.use.mechanism import Mechanism
 from pinarm.use.result.row_lookup import Lookup
 
 ROOT = Path(pinarm.__file__).parents[1]

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import on_interval
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError, UnitError
@@ -17,6 +16,7 @@ from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.kinematics import KinematicMotion
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.use.mechanism import Mechanism
 
 ROOT = Path(pinarm.__file__).parents[1]
 WEIGHTLESS = {"m_A": "0 kg", "m_B": "0 kg", "m_BA": "0 kg"}

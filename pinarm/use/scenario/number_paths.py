@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pinarm.engine.mechanism import mechanism_document
+from pinarm.engine.mechanism_loading import mechanism_document
 from pinarm.errors import NumericsError, PinarmError
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import read_quantity

@@ -20,12 +20,12 @@ from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.checks.unclosed import unclosed
 from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.integration.methods import REMOVED
-from pinarm.engine.mechanism import Mechanism, mechanism_document, mechanism_of_data, read_mechanism
+from pinarm.engine.mechanism import Mechanism as MechanismParts
+from pinarm.engine.mechanism_loading import acted_along, mechanism_document, mechanism_of_data, read_mechanism
 from pinarm.engine.motion.lost_turns import acting_on_angles, between, require_turns, turned_between
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.one_run import one_run
 from pinarm.engine.quantities.names import Quantities
-from pinarm.engine.turn_counters import acted_along
 from pinarm.errors import InputError, Key, MethodError, NumericsError, PinarmError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.roots import contained_file, root_of
@@ -40,6 +40,7 @@ from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
 from pinarm.problems.time_grid import require_memory
 from pinarm.records import Record, replace
+from pinarm.use.mechanism import Mechanism
 from pinarm.use.result.failures import failures_in_words, overflow
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.file_kind import (
@@ -91,7 +92,7 @@ class Scenario(Record, frozen=True):
     problem: Problem
     folder: Path
     seed: int | None = None
-    given: Mechanism | None = None
+    given: MechanismParts | None = None
     functions: tuple[FunctionControl, ...] = ()
     runners: Runners = HERE
 
@@ -134,9 +135,9 @@ class Scenario(Record, frozen=True):
                 expected="a Mechanism, the path of a file, or the name of a robot",
                 hint="pinarm.Mechanism.of(model)",
             )
-        if not isinstance(given, Mapping | Mechanism):
+        if not isinstance(given, Mapping | MechanismParts):
             return cls.of(Document.of_data(data, "scenario"), Path())
-        if isinstance(given, Mechanism):
+        if isinstance(given, MechanismParts):
             refuse_changes(data)
         found = cls.of(Document.of_data({**data, "mechanism": GIVEN}, "scenario"), Path())
         return replace(found, given=mechanism_of_data(given, found.acted) if isinstance(given, Mapping) else given)
@@ -196,10 +197,10 @@ class Scenario(Record, frozen=True):
         same = self.loaded and self._mechanism_data == other._mechanism_data
         return other.with_mechanism(self.mechanism) if same else other
 
-    def with_mechanism(self, mechanism: Mechanism) -> Scenario:
+    def with_mechanism(self, mechanism: MechanismParts) -> Scenario:
         """Return the scenario with its mechanism as it has been loaded already."""
         other = replace(self)
-        vars(other)["mechanism"] = mechanism
+        vars(other)["mechanism"] = Mechanism.of_parts(mechanism)
         return other
 
     @property
@@ -236,7 +237,7 @@ class Scenario(Record, frozen=True):
     def _loaded(self) -> Mechanism:
         if self.given is not None:
             refuse_changes(self.document.data)
-            return self.given if self.seed is None else self.given.perturbed(self.seed)
+            return Mechanism.of_parts(self.given if self.seed is None else self.given.perturbed(self.seed))
         wanted, gravity = self.content.mechanism, self.content.gravity
         with self.document.locating("mechanism"):
             source: str | Path = wanted
@@ -247,7 +248,7 @@ class Scenario(Record, frozen=True):
                 source, self.content.arguments, gravity=gravity, payloads=self.content.payloads, changes=changes,
                 locate=self.document.locating, acted=self.acted,
             )  # fmt: skip
-        return loaded if self.seed is None else loaded.perturbed(self.seed)
+        return Mechanism.of_parts(loaded if self.seed is None else loaded.perturbed(self.seed))
 
     def _file_of(self, wanted: str) -> Path:
         """Return the file of the mechanism; of a saved scenario elsewhere, errors name the one saved beside it."""
@@ -519,7 +520,11 @@ class Scenario(Record, frozen=True):
         return Result(self.name, self, outcome, quantities)
 
     def result_of_rows(
-        self, mechanism: Mechanism, arrays: Mapping[str, Any], outcome: Mapping[str, Any], measured: Mapping[str, Any]
+        self,
+        mechanism: MechanismParts,
+        arrays: Mapping[str, Any],
+        outcome: Mapping[str, Any],
+        measured: Mapping[str, Any],
     ) -> Result:
         """Return a result from its parts: what ``Result`` gives to another process.
 
@@ -669,7 +674,7 @@ class ScenarioSource(Record, frozen=True):
     document: Document
     folder: Path
     seed: int | None
-    given: Mechanism | None
+    given: MechanismParts | None
     functions: tuple[FunctionControl, ...]
 
     def scenario(self) -> Scenario:

@@ -62,11 +62,11 @@ def _model(file: Path, robot: str, folder: Path) -> dict[str, str]:
     Raises:
         InputError: It lies where files in the folder may not refer to.
     """
-    from pinarm.engine.mechanism import Mechanism
+    from pinarm.engine.mechanism_loading import load_mechanism
     from pinarm.input.roots import contained_file, root_of
     from pinarm.use.store.first_files import mechanism_text, scenario_text
 
-    mechanism = Mechanism.load(file)
+    mechanism = load_mechanism(file)
     contained_file(file.absolute(), root_of(folder / "mechanism.yaml"))
     return {
         "mechanism.yaml": mechanism_text(mechanism, Path(robot).as_posix()),
@@ -80,7 +80,7 @@ def _robot(name: str) -> dict[str, str]:
     Raises:
         InputError: There is no template or robot of that name.
     """
-    from pinarm.engine.mechanism import Mechanism
+    from pinarm.engine.mechanism_loading import load_mechanism
     from pinarm.input.robots import robots
     from pinarm.use.store.first_files import mechanism_text, scenario_text
 
@@ -91,7 +91,7 @@ def _robot(name: str) -> dict[str, str]:
             expected=f"one of {', '.join(templates())}; a URDF, xacro, MJCF or SDF file; a mechanism file with "
             "'planar:'; or the name of a robot", hint=hint,
         )  # fmt: skip
-    mechanism = Mechanism.load(name)
+    mechanism = load_mechanism(name)
     return {"mechanism.yaml": mechanism_text(mechanism, name), "scenario.yaml": scenario_text(mechanism)}
 
 
@@ -101,14 +101,14 @@ def _drawing(file: Path, folder: Path) -> dict[str, str]:
     Raises:
         InputError: The file has no drawing.
     """
-    from pinarm.engine.mechanism import Mechanism
+    from pinarm.engine.mechanism_loading import load_mechanism
     from pinarm.input.yaml.document import Document
     from pinarm.use.store.save import LawTables, mechanism_text
 
     data = Document.read(file).data
     if not isinstance(data, dict) or "planar" not in data:
         raise InputError(f"{file} has no drawing to make a URDF of", expected="a mechanism file with 'planar:'")
-    mechanism, laws = Mechanism.load(file), LawTables()
+    mechanism, laws = load_mechanism(file), LawTables()
     model = f"{file.stem}.urdf"
     text = mechanism_text(mechanism.source, model, laws)
     tables = {name: source.read_text(encoding="utf-8") for name, source in laws.kept}

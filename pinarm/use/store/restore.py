@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinarm.arrays import Array
-from pinarm.engine.mechanism import Mechanism, read_mechanism
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.mechanism_loading import read_mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.errors import InputError, require_path
 from pinarm.problems.simplify.simplification import Removal

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pinarm.engine.mechanism import mechanism_document
+from pinarm.engine.mechanism_loading import mechanism_document
 from pinarm.input.yaml.deferred import with_types
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.key_path import joined

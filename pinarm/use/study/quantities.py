@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.quantities.catalogue import QuantityCatalogue, catalogue
+from pinarm.engine.quantities.catalogue import QuantityCatalogue, catalogue, catalogue_of
 from pinarm.engine.quantities.names import Quantities
 from pinarm.input.yaml.values import Values
 from pinarm.problems.forward import Forward
@@ -24,7 +24,7 @@ def quantities(path: Subject, values: Values | None = None, *, like: str = "") -
     """
     meant = subject(path, values)
     if isinstance(meant, Mechanism):
-        return meant.quantities(like)
+        return catalogue_of(meant, like)
     return catalogue(meant.quantities(), meant.content.title or meant.name, like)
 
 

@@ -7,7 +7,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from pinarm.engine.mechanism import Mechanism, mechanism_of_data
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.mechanism_loading import load_mechanism, mechanism_of_data
 from pinarm.errors import InputError
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import Values
@@ -41,4 +42,4 @@ def subject(given: Subject, values: Values | None = None) -> Scenario | Mechanis
         data = Document.read(file).data
         if isinstance(data, Mapping) and "problem" in data:
             return Scenario.load(file, values)
-    return Mechanism.load(given, values=values)
+    return load_mechanism(given, values=values)

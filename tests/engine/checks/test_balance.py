@@ -12,7 +12,6 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Interval
 from pinarm.engine.integration.methods.explicit import Adaptive
-from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Polynomial, Trapezoid
 from pinarm.problems.accuracy import Accuracy
@@ -21,6 +20,7 @@ from pinarm.problems.inverse import Inverse
 from pinarm.problems.states import Statics
 from pinarm.problems.time_grid import TimeGrid
 from pinarm.records import replace
+from pinarm.use.mechanism import Mechanism
 
 MODELS = Path(__file__).parents[3] / "models"
 HONEST = 1e-13

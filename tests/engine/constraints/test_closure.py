@@ -12,7 +12,6 @@ from pinarm.engine.constraints import closure as closures
 from pinarm.engine.constraints.closure import DENSE, KEPT, SEVERAL, Closure
 from pinarm.engine.constraints.nullspaces.nullspace import MANY
 from pinarm.engine.kinematics.mobility import mobility_of
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.model_variants import ModelVariants
@@ -21,6 +20,7 @@ from pinarm.mechanics.loops.lower_pairs import Revolute, Spherical
 from pinarm.mechanics.loops.rod import Rod
 from pinarm.mechanics.loops.universal import Universal
 from pinarm.records import replace
+from pinarm.use.mechanism import Mechanism
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
 

@@ -15,7 +15,6 @@ from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Flat
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.systems import Initial, system_of
 from pinarm.engine.motion.systems.driven import DrivenSystem
 from pinarm.engine.motion.systems.partitioned import FreeCoordinates
@@ -28,6 +27,7 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.use.mechanism import Mechanism
 
 MODELS = Path(__file__).parents[3] / "models"
 FINE = Accuracy(tolerance=1e-13)

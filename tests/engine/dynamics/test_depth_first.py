@@ -8,10 +8,10 @@ import pytest
 
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import ModelError
 from pinarm.mechanics.loading.pinocchio_model import build_model
 from pinarm.mechanics.rotors import with_counters
+from pinarm.use.mechanism import Mechanism
 
 ROUNDING = 1e-12
 """Two sums of about twenty products each, of numbers near 1."""

@@ -8,7 +8,6 @@ import pytest
 from pinarm.engine.dynamics.configuration_space import ConfigurationSpace
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.integrator import Flat
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.forces.joint_springs import SpringDamper
@@ -16,6 +15,7 @@ from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.use.mechanism import Mechanism
 
 MODELS = Path(__file__).parents[3] / "models"
 

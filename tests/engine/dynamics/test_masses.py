@@ -2,13 +2,13 @@ from contextlib import nullcontext
 
 import pytest
 
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.laws import Constant
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.use.mechanism import Mechanism
 
 ARM = {"name": "arm", "axis": "0 1 0", "com": "0.5 0 0", "inertia": (0.1, 0.2, 0.2)}
 TOOL = {"name": "tool", "mass": 0.0, "inertia": (0.0, 0.0, 0.0)}

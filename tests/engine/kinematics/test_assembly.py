@@ -10,8 +10,8 @@ import pytest
 import pinarm
 from pinarm.engine.kinematics.assembly import first_position
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError, InputError
+from pinarm.use.mechanism import Mechanism
 
 CRANK, ROD = 0.04, 0.14
 FAR = [30, 135, 170, 180, 225, -150, -180, 400]

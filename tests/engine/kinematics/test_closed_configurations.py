@@ -9,9 +9,9 @@ import pytest
 
 import pinarm
 from pinarm.engine.kinematics.closed_configurations import beside, closed_near, generic, generic_near
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, PinarmError
 from pinarm.records import replace
+from pinarm.use.mechanism import Mechanism
 
 MODELS = Path(__file__).resolve().parents[3] / "models"
 FILES = sorted(MODELS.glob("*/mechanism.yaml"))

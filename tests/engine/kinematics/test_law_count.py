@@ -9,10 +9,10 @@ import pinarm
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.kinematics.law_count import determining
 from pinarm.engine.kinematics.newton import start_configuration
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.use.mechanism import Mechanism
 
 MODELS = Path(__file__).parents[3] / "models"
 

@@ -14,7 +14,6 @@ from pinarm.engine.kinematics.joint_motion import follow
 from pinarm.engine.kinematics.law_count import determining
 from pinarm.engine.kinematics.newton import NewtonSolver, start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Cycloidal, Harmonic, Polynomial, Trapezoid
 from pinarm.mechanics.laws.composed import Segment, Succession
@@ -22,6 +21,7 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.use.mechanism import Mechanism
 
 MODELS = Path(__file__).parents[3] / "models"
 SHIN, THIGH, ANKLE_Y = 0.518, 0.431, -0.15

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.use.mechanism import Mechanism
 
 MODELS = Path(__file__).parents[3] / "models"
 

@@ -7,7 +7,6 @@ import pytest
 
 import pinarm
 from pinarm.engine.constraints.variant_closure import VariantClosure
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.mechanism_variants import alike_variants, mechanism_variants
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion
 from pinarm.engine.motion.prescribed_variants import DrivesOfVariants, PrescribedVariants, follows_alike
@@ -15,6 +14,7 @@ from pinarm.engine.statics.actuation import actuation
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.records import replace
+from pinarm.use.mechanism import Mechanism
 
 SCENARIOS = Path(__file__).parents[3] / "scenarios"
 ROUNDING = 1e-12

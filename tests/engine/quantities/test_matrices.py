@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 import pinarm
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError
+from pinarm.use.mechanism import Mechanism
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
 

@@ -4,7 +4,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.input.formulas.expressions import Expression
@@ -13,6 +12,7 @@ from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.time_grid import TimeGrid
 from pinarm.records import replace
+from pinarm.use.mechanism import Mechanism
 
 MODELS = Path(__file__).parents[3] / "models"
 L0, L1, L2, M_A, M_BA, M_B, G = 0.5, 0.25, 0.25, 0.1, 1.0, 0.5, 9.81

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError, InputError, PinarmError
@@ -16,6 +15,7 @@ from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.use.mechanism import Mechanism
 
 ROOT = Path(pinarm.__file__).parents[1]
 MODELS = ROOT / "models"

@@ -5,12 +5,12 @@ from contextlib import suppress
 
 import pytest
 
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import ExpressionError, InputError, UnitError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.formulas.grammar import MAX_LENGTH
 from pinarm.input.formulas.measured_numbers import find_measured
 from pinarm.input.units import unit
+from pinarm.use.mechanism import Mechanism
 
 NAMES = {"x": 3.0, "F": 8.0, "kn": 1.0, "kN": 4.0}
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from pinarm.engine.mechanism import Mechanism
+from pinarm.use.mechanism import Mechanism
 
 PLACES = {  # joint: parent link, type, origin, axis
     "swing": ("base", "continuous", "0.1 0.2 0.3", "0.6 0 0.8"),

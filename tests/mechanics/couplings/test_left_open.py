@@ -7,13 +7,13 @@ from motions import driven, free
 
 from pinarm import explain
 from pinarm.engine.kinematics.mobility import mobility_of
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.couplings.left_open import left_open
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.laws import Constant, Harmonic
+from pinarm.use.mechanism import Mechanism
 
 GEARS = {
     "gear": {"kind": "gear", "joints": ["sun", "wheel"], "ratio": -2.0},

@@ -8,10 +8,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import ModelError
 from pinarm.mechanics.loading.model_tree import Mimic
 from pinarm.mechanics.loading.pinocchio_model import build_model
+from pinarm.use.mechanism import Mechanism
 
 HERE = Path(__file__).parent / "mujoco"
 MUJOCO = json.loads((HERE / "chain.json").read_text())

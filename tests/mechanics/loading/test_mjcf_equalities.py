@@ -9,9 +9,9 @@ import pinocchio as pin
 import pytest
 
 import pinarm
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, ModelError
 from pinarm.mechanics.loading.pinocchio_model import build_model
+from pinarm.use.mechanism import Mechanism
 from pinarm.use.store.restore import restore
 
 HERE = Path(__file__).parent / "mujoco"

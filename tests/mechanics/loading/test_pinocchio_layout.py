@@ -5,8 +5,8 @@ import pinocchio as pin
 import pytest
 
 import pinarm
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError
+from pinarm.use.mechanism import Mechanism
 
 LINK = '<inertial><origin xyz="0.1 0.2 -0.1"/><mass value="{mass}"/>' + (
     '<inertia ixx="0.3" iyy="0.4" izz="0.5" ixy="0.01" ixz="0.02" iyz="-0.03"/></inertial>'

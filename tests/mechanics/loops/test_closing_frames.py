@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, PinarmError
+from pinarm.use.mechanism import Mechanism
 
 INERTIA = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
 FRAME = '<link name="{0}"><inertial><mass value="1e-9"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/>\

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import pinarm
-from pinarm.engine.mechanism import read_mechanism
+from pinarm.engine.mechanism_loading import read_mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.problems import problem_class
 from pinarm.problems.accuracy import Accuracy

@@ -6,12 +6,12 @@ import pytest
 import pinarm
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.systems import system_of
 from pinarm.engine.motion.systems.system import Initial
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import NumericsError, PinarmError
 from pinarm.mechanics.laws import ConstantSpeed, Harmonic
+from pinarm.use.mechanism import Mechanism
 
 from . import equal_four_bars
 from .conftest import MODELS

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from pinarm.engine.mechanism import Mechanism
+from pinarm.use.mechanism import Mechanism
 from pinarm.use.report.link_graph import HIGH, MOST_BODIES, WIDE, link_graph
 
 MODELS = Path(__file__).parents[3] / "models"

@@ -12,10 +12,10 @@ from pinarm.engine.integration.integrator import Interval
 from pinarm.engine.integration.methods import METHODS, stiff
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.integration.methods.stiff import Radau
-from pinarm.engine.mechanism import Mechanism
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.use.mechanism import Mechanism
 
 from .known_motions import (
     ATTITUDE,

@@ -7,9 +7,9 @@ import pinocchio as pin
 import pytest
 
 import pinarm
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import ModelError
 from pinarm.mechanics.loading.pinocchio_model import build_model
+from pinarm.use.mechanism import Mechanism
 
 MOMENTS = "<ixx>0.02</ixx><iyy>0.03</iyy><izz>0.04</izz>"
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import ModelError
 from pinarm.mechanics.loading.pinocchio_model import build_model
+from pinarm.use.mechanism import Mechanism
 
 INERTIA = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
 

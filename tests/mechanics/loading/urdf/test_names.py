@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import pytest
 
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import ModelError
+from pinarm.use.mechanism import Mechanism
 
 ARM = """\
 <robot name="r">

@@ -7,9 +7,9 @@ import pinocchio as pin
 import pytest
 
 import pinarm
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, ModelError
 from pinarm.input.robots import robots
+from pinarm.use.mechanism import Mechanism
 from pinarm.use.store.restore import restore
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"

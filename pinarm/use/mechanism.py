@@ -1,0 +1,343 @@
+"""``pinarm.Mechanism``: a mechanism with methods for users. Nothing below the results imports it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine import mechanism
+from pinarm.engine.mechanism_loading import load_mechanism, mechanism_of_model
+from pinarm.errors import require_map, require_path
+from pinarm.input.yaml.values import Values
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from pinarm.engine.quantities.catalogue import QuantityCatalogue
+    from pinarm.engine.quantities.states import States
+    from pinarm.use.result.result import Result
+
+
+class Mechanism(mechanism.Mechanism, frozen=True):
+    """A mechanism with its names, and what can be asked of it in single states.
+
+    Its fields, such as ``model``, ``joints``, ``balls``, ``coordinates``, ``constraints``, ``drives``, ``forces``,
+    ``arguments`` and ``notes``, are those of ``engine.mechanism.Mechanism``.
+    """
+
+    @classmethod
+    def of_parts(cls, parts: mechanism.Mechanism) -> Mechanism:
+        """Return a mechanism of the engine with the methods for users."""
+        return parts if isinstance(parts, cls) else cls(*(getattr(parts, name) for name in parts.__struct_fields__))
+
+    @classmethod
+    def load(
+        cls, path: str | Path, arguments: Mapping[str, float | str] | None = None, *, values: Values | None = None
+    ) -> Mechanism:
+        """Load a mechanism file, a URDF, xacro, MJCF or SDF file, or a robot of example-robot-data by its name.
+
+        Args:
+            path: ``models/arm/mechanism.yaml``, ``arm.urdf``, ``arm.urdf.xacro``, ``arm.xml``, or a name such as
+                ``panda``.
+            arguments: Values for the model's arguments: numbers in SI, or text with units.
+            values: Other values than those of the mechanism file, or what such a file beside a model would say:
+                ``{"gravity": "none", "base": "floating", "drives.knee.ratio": 100}``, or texts
+                ``["drives.knee.ratio=100"]``. Bare numbers are in SI; see ``pinarm.load``.
+
+        Raises:
+            InputError: The mechanism file has a mistake, or a path of ``values`` leads nowhere.
+            ModelError: The model has one.
+        """
+        require_path(path, "a mechanism file or a model, or a robot's name")
+        require_map(arguments or {}, "arguments", "{'m_A': '0.2 kg'}")
+        return cls.of_parts(load_mechanism(path, arguments, values))
+
+    @classmethod
+    def of(cls, model: pin.Model, **keys: Any) -> Mechanism:
+        """Return the mechanism of a ``pin.Model`` and of what a mechanism file would say beside it.
+
+        The model is written as URDF and read again, so that a result of the mechanism can be saved. Joints keep their
+        names and motions, links and frames theirs; q and v are in pinarm's convention and order, and
+        ``from_pinocchio`` and ``to_pinocchio`` convert those of ``model``. Damping, dry friction, armatures, limits and
+        gravity are taken; ``pinarm.explain`` lists what there is, and in its notes what is not taken.
+
+        Args:
+            model: Any number of joints, but for composite, mimicking, helical and ellipsoid ones.
+            keys: Keys of a mechanism file: ``loops={"closing": {"kind": "revolute", "between": ["a", "b"]}}``,
+                ``drives``, ``forces``, ``points={"tip": {"link": "hand", "at": ["0 m", "0 m", "10 cm"]}}``,
+                ``gravity``, ``couplings``, ``coordinates``, ``symbols``, ``title``, ...
+
+        Raises:
+            InputError: A key has a mistake, or it is no ``pin.Model``.
+            ModelError: The model has a joint that pinarm does not have, or two frames with the same name.
+        """
+        return cls.of_parts(mechanism_of_model(model, keys))
+
+    def inverse(self, q: Array, v: Array, a: Array, *, drives: Sequence[str] = (), t: float = 0.0) -> Array:
+        """Return the efforts that the drives must give, rotors included; the constraints carry the rest.
+
+        Args:
+            q: Configurations, shape (..., nq): any leading axes, or none for one state.
+            v: Velocities, shape (..., nv).
+            a: Accelerations, shape (..., nv).
+            drives: Coordinates that drives act along, needed where there are loops; otherwise every joint that mimics
+                no other has one.
+            t: Instant at which forces that follow laws are taken [s].
+
+        Returns:
+            Efforts at the joints [N*m or N], shape (..., nv).
+
+        Raises:
+            InputError: The shapes do not fit, a state tears a loop or a coupling, the drives cannot carry the load, or
+                a cable would have to push, or a cam to pull, which cannot.
+            DynamicsError: The drives do not determine their efforts.
+        """
+        from pinarm.engine.quantities import states
+
+        return states.inverse(self, q, v, a, drives, t)
+
+    def forward(self, q: Array, v: Array, tau: Array | None = None, *, t: float = 0.0) -> Array:
+        """Return the accelerations under given efforts.
+
+        Args:
+            q: Configurations, shape (..., nq): any leading axes, or none for one state.
+            v: Velocities, shape (..., nv).
+            tau: Efforts of the drives [N*m or N], shape (..., nv); none where it is left out.
+            t: Instant at which forces that follow laws are taken [s].
+
+        Returns:
+            Accelerations of the joints, shape (..., nv).
+
+        Raises:
+            InputError: The shapes do not fit, a state tears a loop or a coupling, or a cable would have to push, or a
+                cam to pull, which cannot.
+            DynamicsError: Something without mass is free to move: its acceleration is undetermined.
+        """
+        from pinarm.engine.quantities import states
+
+        return states.forward(self, q, v, tau, t)
+
+    def configurations(self, positions: Mapping[str, ArrayLike]) -> Array:
+        """Return configurations from joint coordinates by name.
+
+        Args:
+            positions: Joint -> coordinates [rad or m], arrays of one shape (...) or single numbers; 0 for all others.
+                A ball joint J is given by ``J.roll``, ``J.pitch`` and ``J.yaw``, or by ``J.rotation.x`` and so on.
+
+        Returns:
+            q, shape (..., nq).
+
+        Raises:
+            InputError: A joint does not exist, or the shapes differ.
+        """
+        from pinarm.engine.quantities import states
+
+        return states.configurations(self, positions)
+
+    def rates(self, values: Mapping[str, ArrayLike]) -> Array:
+        """Return velocities, accelerations or efforts from those of joints by name.
+
+        Args:
+            values: Joint -> velocities [rad/s or m/s], accelerations or efforts, arrays of one shape (...) or single
+                numbers; what is not named is 0. Of a ball joint J they are ``J.angular_velocity.x`` and so on, in the
+                axes of the link, whatever is given.
+
+        Returns:
+            v, a or tau, shape (..., nv).
+
+        Raises:
+            InputError: A joint does not exist, or the shapes differ.
+        """
+        from pinarm.engine.quantities import states
+
+        return states.rates(self, values)
+
+    def at(
+        self, q: Array, v: Array | None = None, a: Array | None = None, tau: Array | None = None, *,
+        drives: Sequence[str] = (), t: float = 0.0,
+    ) -> States:  # fmt: skip
+        """Return the quantities of states by name: ``at(q, v)["point.A.position.x"].values`` and all others.
+
+        Every one is a state of its own; values have the leading axes of the states. Forces that follow laws have their
+        values just after the instant t.
+
+        Args:
+            q: Configurations, shape (..., nq): any leading axes, or none for one state.
+            v: Velocities, shape (..., nv); 0 where they are left out.
+            a: Accelerations, shape (..., nv); 0 where neither they nor efforts are given.
+            tau: Efforts of the drives [N*m or N], shape (..., nv), in place of accelerations, which follow from them.
+            drives: Coordinates that the drives act along where accelerations are given; every joint of an open chain
+                where none is named. Without any a mechanism with loops tells no forces.
+            t: Instant [s].
+
+        Raises:
+            InputError: Shapes do not fit, a state tears a loop, or under efforts a cable would have to push, or a cam
+                to pull.
+            DynamicsError: The drives do not determine their efforts.
+        """
+        from pinarm.engine.quantities import states
+
+        return states.quantities(self, q, v, a, tau, drives, t)
+
+    def jacobian(self, name: str, q: ArrayLike) -> Array:
+        """Return the matrix J(q) of ``x' = J v``, x the motion of something that quantities can name.
+
+        =================================  ===========  ==========================================================
+        name                               shape        x'
+        =================================  ===========  ==========================================================
+        ``hand``, a link                   (..., 6, nv)  velocity of its origin, then its angular velocity
+        ``point.hand``                     (..., 3, nv)  velocity of its origin [m/s]
+        ``body.hand``                      (..., 3, nv)  its angular velocity [rad/s]
+        ``knee``, ``coordinate.knee``      (..., nv)     rate of a coordinate, also of one defined by the mechanism file
+        ``joint.hip``, a ball joint        (..., 3, nv)  angular velocity of its link, in the link's own axes
+        =================================  ===========  ==========================================================
+
+        Axes are those of the world, as of ``pin.LOCAL_WORLD_ALIGNED``; those of link B with ``.along.B`` at the end, so
+        that ``hand.along.hand`` is ``pin.LOCAL``. Loops do not change J: v has all joints, and ``closure`` says which v
+        the loops allow.
+
+        Args:
+            name: What moves.
+            q: Configurations in pinarm's convention, as everywhere here, shape (..., nq); see ``from_pinocchio``.
+
+        Raises:
+            InputError: There is nothing of that name, it means several things, or the shape does not fit.
+        """
+        from pinarm.engine.quantities import matrices
+
+        return matrices.jacobian(self, name, q)
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """Return the symmetric mass matrix M(q) of the tree, rotors and armatures included, loops not eliminated.
+
+        Args:
+            q: Configurations in pinarm's convention, shape (..., nq).
+
+        Returns:
+            M, shape (..., nv, nv) [kg*m^2, kg*m or kg], for v in pinarm's convention.
+
+        Raises:
+            InputError: The shape does not fit.
+        """
+        from pinarm.engine.quantities import matrices
+
+        return matrices.mass_matrices(self, q)
+
+    def frame(self, name: str, q: ArrayLike) -> Array:
+        """Return the placement of a link, or of the frame of a joint J by ``joint.J``, in the world.
+
+        Args:
+            name: Of the link, or ``joint.J``.
+            q: Configurations in pinarm's convention, shape (..., nq).
+
+        Returns:
+            Homogeneous matrices ``T = [[R, p], [0, 1]]``, shape (..., 4, 4): the columns of R are the frame's axes in
+            those of the world, p is its origin [m]. ``pin.SE3(T)`` makes Pinocchio's type of a single one.
+
+        Raises:
+            InputError: There is no such link or joint, or the shape does not fit.
+        """
+        from pinarm.engine.quantities import matrices
+
+        return matrices.placements(self, name, q)
+
+    def pin_data(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> pin.Data:
+        """Return Pinocchio's data of one state of ``model``, filled: a copy of one's own, to be read or changed.
+
+        ``pin.computeAllTerms``, ``pin.rnea`` and ``pin.forwardKinematics`` with the accelerations have been called, and
+        all frames are placed; M is whole. These know weights and inertias only: ``data.tau`` and ``data.nle`` lack
+        springs, dampers, friction and loops, which ``inverse`` and ``forward`` have.
+
+        Args:
+            q: Configuration in pinarm's convention, which is that of ``model``, shape (nq,).
+            v: Velocity, shape (nv,); 0 where it is left out.
+            a: Acceleration, shape (nv,); 0 where it is left out.
+
+        Raises:
+            InputError: The shapes do not fit, or several states are given.
+        """
+        from pinarm.engine.quantities import matrices
+
+        return matrices.pinocchio_data(self, q, v, a)
+
+    def quantities(self, like: str = "") -> QuantityCatalogue:
+        """Return what can be asked by name of a mechanism in motion: names, units, meanings.
+
+        Args:
+            like: Part of the name or of the meaning; all where it is empty.
+
+        Raises:
+            AssemblyError: The loops cannot be closed.
+        """
+        from pinarm.engine.quantities.catalogue import catalogue_of
+
+        return catalogue_of(self, like)
+
+    def result(
+        self, t: ArrayLike, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None,
+        tau: ArrayLike | None = None, **keys: Any,
+    ) -> Result:  # fmt: skip
+        """Return the result of a motion of one's own arrays, with quantities, plots, checks, tables and replays.
+
+        It is ``pinarm.result(mechanism, t, q, v, a, tau, **keys)``, which tells more.
+
+        Args:
+            t: Instants [s], not descending, shape (n,).
+            q: Configurations in pinarm's convention, shape (n, nq).
+            v: Velocities, shape (n, nv).
+            a: Accelerations, shape (n, nv).
+            tau: Efforts of the drives [N*m or N], shape (n, nv).
+            keys: ``derivatives``, ``drives``, ``loads``, and keys of a scenario file such as ``outputs``.
+
+        Raises:
+            InputError: Shapes do not fit, a number is not finite, or instants descend.
+            DynamicsError: The drives do not determine their efforts.
+        """
+        import pinarm  # by its public name, as users do: the engine imports nothing from the layers above it
+
+        return pinarm.result(self, t, q, v, a, tau, **keys)
+
+    def from_pinocchio(self, q: ArrayLike, v: ArrayLike | None = None) -> tuple[Array, Array]:
+        """Return q and v of this mechanism from those of ``pin.buildModelFromUrdf`` of the same URDF.
+
+        Of a mechanism that was made of a ``pin.Model``, see ``of``, they are those of that model.
+
+        They differ where the base floats, and in joints of the types ``continuous``, ``floating`` and ``planar``. Of a
+        floating base Pinocchio's v has the velocity of the base's origin in the base's own axes, this mechanism's v in
+        those of the world; the quaternion (x, y, z, w), and the angular velocity in the base's own axes, are the same.
+        Of a ``continuous`` joint Pinocchio has (cos, sin), this mechanism the angle, here from -pi to pi.
+
+        Args:
+            q: Configurations of ``pin.buildModelFromUrdf(path)``, shape (..., nq of that model); of a floating base, of
+                ``pin.buildModelFromUrdf(path, pin.JointModelFreeFlyer())``.
+            v: Velocities, shape (..., nv of that model); 0 where they are left out.
+
+        Returns:
+            q, shape (..., nq), and v, shape (..., nv).
+
+        Raises:
+            InputError: The shapes do not fit, as of a model that was read with ``mimic=True``; the model is MJCF; a
+                quaternion or (cos, sin) has not the length 1; or a planar joint has another axis than z, of which
+                Pinocchio's reader takes no notice.
+        """
+        from pinarm.engine.quantities import states
+
+        return states.from_pinocchio(self, q, v)
+
+    def to_pinocchio(self, q: ArrayLike, v: ArrayLike | None = None) -> tuple[Array, Array]:
+        """Return q and v of ``pin.buildModelFromUrdf`` from those of this mechanism; see ``from_pinocchio``.
+
+        Args:
+            q: Configurations, shape (..., nq).
+            v: Velocities, shape (..., nv); 0 where they are left out.
+
+        Raises:
+            InputError: As of ``from_pinocchio``.
+        """
+        from pinarm.engine.quantities import states
+
+        return states.to_pinocchio(self, q, v)
