@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -11,8 +11,8 @@ from pinarm.arrays import Array
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-    Matrices = Array | list[csr_array]
-    """G at n configurations, shape (n, .., m, nv), or n matrices of shape (m, nv)."""
+Matrices: TypeAlias = "Array | list[csr_array]"
+"""G at n configurations, shape (n, .., m, nv), or n matrices of shape (m, nv)."""
 
 
 def first_rows(matrices: Matrices, m: int) -> Matrices:

@@ -36,7 +36,7 @@ def identity(source: ScenarioSource) -> list[object]:
 def _of_mechanism(mechanism: Mechanism) -> list[object]:
     """Return those of a mechanism: what its file says, and what was made of that, numbers of tables included."""
     described = msgspec.to_builtins(mechanism.description, enc_hook=plain)
-    _, (fields,) = mechanism.__reduce__()
+    _, (_, fields) = mechanism.__reduce__()
     return [described, *(_content(value) for name, value in fields.items() if name not in ("description", "locate"))]
 
 
