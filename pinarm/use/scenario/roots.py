@@ -1,79 +1,78 @@
-"""Values that make quantities vanish: which counterweight, which pressure, which correction masses.
+"""Root finding: values of a scenario's numbers at which quantities of the run take wanted values.
 
-With x the unknown numbers of a scenario and r(x) the wanted quantities less their targets over all rows of the run, x
-minimises ``|r(x)|^2`` by Gauss-Newton steps with the slopes of ``Differences``. Where r depends on x by a polynomial of
-degree 2 these are exact, and one or two steps end at rounding. A step that does not come nearer is replaced by shorter
-ones, each the best one of its length by the slopes (Levenberg, Quarterly of Applied Mathematics 2, 1944): where the
-slopes are all but dependent, a part of a Gauss-Newton step hardly leads down.
+With x the unknown numbers and r(x) the wanted quantities less their targets over all rows of the run, x minimises
+``|r(x)|^2`` by Levenberg-Marquardt steps (MINPACK; More, Garbow and Hillstrom, ANL-80-74, 1980) with slopes by central
+differences whose widths follow the numbers.
 
-Angles may be told between -180 and 180 degrees, and jump there. Where angles are not met as they are told, they are
-looked for but for whole turns.
+Angles may be reported between -180 and 180 degrees, and jump there. A first search takes differences of angles without
+whole turns; where whole turns are left of it, a second one takes them as they are reported.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, IntegrationError, PinarmError
-from pinarm.use.scenario.differences import Differences, Refused
 from pinarm.use.scenario.find import Find
 
-ITERATIONS, SETTLED, SHRINK = 100, 1e-13, 0.25
-"""Steps at most; change of the values, relative to their sizes, at which they have settled; factor of a step that was
-too long."""
+ITERATIONS, SETTLED = 200, 1e-13
+"""Largest number of runs of a search, slopes apart; change of the values, relative to them, at which it ends."""
 
-SHORTER, BARRED, NEARER = 10, 5, 0.5
-"""Lengths of a step that are tried, of the size of the values or below; steps, one after the other, to where nothing
-can be run, after which a search ends; and what may be left of what was, where such a step counts as a good one."""
+BARRIER = 1e3
+"""Residuals where a run is refused, relative to those at the start: the search turns back."""
 
-MET = 1e-6
-"""What may be left of a wanted quantity, relative to what has changed of it, or what values as at the start change."""
+MET, BARRED = 1e-9, 1e-3
+"""Largest remainder of a wanted quantity that is met, relative to its change from the start to the end; remainder,
+relative to that at the start, above which a refused run is reported as what stopped the search."""
 
 INDEPENDENT = 1e-9
 """Smallest singular value of the scaled Jacobian, relative to the largest, with which the values are determined."""
 
+WIDTHS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-2, 1e-1, 1.0)
+"""Half widths of differences, relative to the size of the number, in the order in which they are tried: a curve may
+look straight across a wide one by accident."""
+
+STRAIGHT = 1e-2
+"""Largest second difference, relative to the first, of an accepted width. Above it the curve bends between the points,
+or its change is rounding."""
+
 
 @dataclass(frozen=True)
 class FoundValues:
-    """The values that were found.
+    """Result of a search.
 
     Attributes:
-        values: In SI, shape (k,).
-        residuals: Quantity -> what is left of it at the worst row, in SI.
-        before: The same for the starts.
-        steps: Number of Gauss-Newton steps.
-        missed: Quantities of which more is left than a small part of what the values change them by.
+        values: Values in SI, shape (k,).
+        residuals: Quantity -> largest remainder over the rows, in SI.
+        before: The same at the start.
+        missed: Quantities that are not met.
         turned: Angles that are met but for whole turns.
     """
 
     values: Array
     residuals: Mapping[str, float]
     before: Mapping[str, float]
-    steps: int
     missed: Sequence[str] = ()
     turned: Sequence[str] = ()
 
     @property
     def met(self) -> bool:
-        """Whether nothing is left of what is wanted, but for a small part of what the values bring about."""
+        """Whether all wanted quantities are met."""
         return not self.missed
 
     def left(self) -> dict[str, float]:
-        """Return what is left of every wanted quantity, by a text that names it and what it was at the start."""
+        """Return the remainder of every wanted quantity, by a text with its name and its remainder at the start."""
         return {f"left of {name} (started with {self.before[name]:.3g})": x for name, x in self.residuals.items()}
 
     def remarks(self, noise: Mapping[str, float]) -> list[str]:
-        """Return a remark where no values near the start bring about what is wanted, or all but whole turns of it.
+        """Return a remark where quantities are missed by more than noise, or met but for whole turns.
 
         Args:
-            noise: Quantity -> what may be left of it by rounding and the tolerance of runs, in SI.
+            noise: Quantity -> remainder that rounding and the tolerance of runs explain, in SI.
         """
         missed = {name: self.residuals[name] for name in self.missed}
         left = ", ".join(f"{name} by {x:.3g}" for name, x in missed.items() if x > noise.get(name, 0.0))
@@ -81,6 +80,9 @@ class FoundValues:
             return [f"so_that is not met: the closest values that were found miss {left}, in SI"]
         return [f"so_that is met but for whole turns of {name}" for name in self.turned]
 
+
+Refused = Callable[[], PinarmError]
+"""The error of a run that failed."""
 
 Residuals = Callable[[Sequence[Mapping[str, str | float]]], Iterable["dict[str, Array] | Refused"]]
 """Several sets of values by path -> for each every wanted quantity less its target, at all rows."""
@@ -90,197 +92,171 @@ def find_root(search: Find, residuals: Residuals, angles: Collection[str] = ()) 
     """Return the values that a search finds.
 
     Args:
-        search: What is unknown and what is wanted.
-        residuals: What is left of it.
+        search: Unknown numbers and wanted quantities.
+        residuals: Remainders of the wanted quantities.
         angles: Wanted quantities that are angles.
 
     Raises:
-        InputError: An unknown has no effect on what is wanted, or several have the same.
-        IntegrationError: The steps do not settle.
-        PinarmError: What is to be run cannot be run.
+        InputError: An unknown has no effect on the wanted quantities, or several have the same.
+        IntegrationError: The search does not settle.
+        PinarmError: A run fails.
     """
-    failed, told = None, None
-    try:
-        told = _Descent(search, residuals).found()
-    except PinarmError as error:
-        failed = error
-    if angles and not (told and told.met):
-        with suppress(PinarmError):
-            turned = _Descent(search, residuals, angles).found()
-            told = turned if turned.met or told is None else told
-    if told is None:
-        assert failed
-        raise failed
-    return told
+    ends, failures = list[FoundValues](), list[PinarmError]()
+    for turning in [angles, ()] if angles else [()]:
+        try:
+            end = _Search(search, residuals, turning).solved()
+        except PinarmError as error:
+            failures.append(error)
+            continue
+        if end.met and not end.turned:
+            return end
+        ends.insert(0, end)
+    if not ends:
+        raise failures[-1]
+    return next((end for end in ends if end.met), ends[0])
 
 
-@dataclass(frozen=True, eq=False)
-class _Descent:
+@dataclass(eq=False)
+class _Search:
     """A search from the start.
 
     Attributes:
-        search: What is unknown and what is wanted.
-        residuals: What is left of it.
-        turning: Wanted quantities that may differ by whole turns from what is wanted.
-        _refused: Why the last steps, one after the other, could not be taken as a whole.
+        search: Unknown numbers and wanted quantities.
+        residuals: Remainders of the wanted quantities.
+        turning: Angles whose whole turns do not count.
+        largest: Largest sizes of the numbers so far, shape (k,).
+        refusals: Errors of runs, in their order.
     """
 
     search: Find
     residuals: Residuals
     turning: Collection[str] = ()
-    _refused: list[Refused] = field(default_factory=list)
+    largest: Array | float = 0.0
+    refusals: list[Refused] = field(default_factory=list)
 
-    def found(self) -> FoundValues:
-        """Return where it ends; see ``find_root``."""
-        x = self.search.start
-        r = self._joined(self._parts(x))
-        stuck = False
-        for step in range(1, ITERATIONS + 1):
-            jacobian = self.differences.jacobian(x, r)
-            slopes = self._slopes(jacobian, r)
-            nearer, moved = self._stepped(x, r, slopes)
-            left, before, again = float(np.linalg.norm(moved)), float(np.linalg.norm(r)), stuck
-            settled = bool((np.abs(slopes.step()) <= SETTLED * self.differences.sizes).all())
-            stuck = not settled and left >= (1.0 - 1e-9) * before
-            best = nearer if left <= before else x
-            if settled or (stuck and (again or not self.differences.renewed())):
-                slopes.require_determined(self.search.unknown)
-                return self._ended(best, jacobian, step)
-            x, r = (x, r) if stuck else (nearer, moved)
-        raise IntegrationError(
-            f"the values of {', '.join(self.search.unknown)} do not settle in {ITERATIONS} steps",
-            hint="other starts, or quantities that depend on them more smoothly",
-        )
+    def solved(self) -> FoundValues:
+        """Return the end of the search; see ``find_root``."""
+        from scipy.optimize import least_squares
 
-    @cached_property
-    def differences(self) -> Differences:
-        """Slopes of what is left."""
-        return Differences(self._left, np.array([one.factor for one in self.search.unknown.values()]))
+        start = self.search.start
+        before = self._parts(start)
+        first = self._joined(before)
+        barrier = BARRIER * np.maximum(np.abs(first), np.linalg.norm(first) or 1.0)
 
-    def _left(self, points: Sequence[Array]) -> list[Array | Refused]:
-        """Return what is left at points, shape (rows,) each, or why they cannot be run."""
-        found = self.residuals([self.search.case(x) for x in points])
-        return [parts if callable(parts) else self._joined(parts) for parts in found]
+        def left(x: Array) -> Array:
+            (found,) = self._left([x])
+            return barrier if callable(found) else found
 
-    def _joined(self, parts: Mapping[str, Array]) -> Array:
-        """Return all residuals; of turning angles without whole turns."""
-        return np.concatenate([
-            np.asarray(np.remainder(part + np.pi, 2.0 * np.pi) - np.pi) if name in self.turning else part
-            for name, part in parts.items()
-        ])  # fmt: skip
+        slopes, scale = self._slopes(start), self._sizes(start)
+        if len(first) < len(start) or not slopes.any():
+            self._require_determined(slopes[:0])
+        options = {"ftol": 1e-15, "xtol": SETTLED, "gtol": 1e-15, "max_nfev": ITERATIONS}
+        ended = least_squares(left, start, self._slopes, method="lm", x_scale=scale, **options)
+        if not ended.status:
+            raise IntegrationError(
+                f"the values of {', '.join(self.search.unknown)} do not settle in {ITERATIONS} steps",
+                hint="other starts, or quantities that depend on them more smoothly",
+            )
+        self._require_determined(ended.jac)
+        after = self._parts(ended.x)
+        missed = self._missed(after, self._joined(after) - first, slopes * scale)
+        if self.refusals and np.sqrt(2.0 * ended.cost) > BARRED * np.linalg.norm(first):
+            raise self.refusals[0]()
+        turned = [name for name in self.turning if name not in missed and (np.abs(after[name]) > np.pi).any()]
+        return FoundValues(ended.x, _worst(after), _worst(before), missed, turned)
 
     def _parts(self, x: Array) -> dict[str, Array]:
-        """Return what is left of each quantity at a point that must run."""
+        """Return the remainder of each quantity at a point that must run."""
         (parts,) = self.residuals([self.search.case(x)])
         if callable(parts):
             raise parts()
         return parts
 
-    def _slopes(self, jacobian: Array, r: Array) -> _Slopes:
-        """Return the slopes at a point.
+    def _joined(self, parts: Mapping[str, Array]) -> Array:
+        """Return all remainders, those of turning angles without whole turns, shape (rows,)."""
+        return np.concatenate([
+            np.remainder(part + np.pi, 2.0 * np.pi) - np.pi if name in self.turning else part
+            for name, part in parts.items()
+        ])  # fmt: skip
 
-        Raises:
-            InputError: There are none, or fewer quantities than unknowns.
+    def _left(self, points: Sequence[Array]) -> list[Array | Refused]:
+        """Return the remainders at points, or why they cannot be run."""
+        found = [
+            parts if callable(parts) else self._joined(parts)
+            for parts in self.residuals([self.search.case(x) for x in points])
+        ]
+        self.refusals += filter(callable, found)
+        return found
+
+    def _sizes(self, x: Array) -> Array:
+        """Return the sizes of the numbers at a point, shape (k,): one of their units where they have been 0 so far."""
+        self.largest = np.maximum(self.largest, np.abs(x))
+        units = np.array([unknown.factor for unknown in self.search.unknown.values()])
+        return np.where(self.largest > 0.0, np.maximum(np.abs(x), 1e-3 * self.largest), units)
+
+    def _slopes(self, x: Array) -> Array:
+        """Return the slopes at a point, shape (rows, k), each by the first width across which its curve is straight."""
+        (middle,), sizes = self._left([x]), self._sizes(x)
+        steps = np.diag(sizes)
+        best: list[tuple[float, Array]] = [(np.inf, np.zeros_like(middle))] * len(x)
+        for width in WIDTHS:
+            open_columns = [k for k in range(len(x)) if best[k][0] > STRAIGHT]
+            sides = iter(self._left([x + sign * width * steps[k] for k in open_columns for sign in (1.0, -1.0)]))
+            for k, ahead, behind in zip(open_columns, sides, sides, strict=False):
+                best[k] = min(best[k], self._slope(x, middle, width * steps[k], ahead, behind), key=lambda pair: pair[0])
+        return np.array([slope for _, slope in best]).T
+
+    def _slope(
+        self, x: Array, middle: Array, step: Array, ahead: Array | Refused, behind: Array | Refused
+    ) -> tuple[float, Array]:
+        """Return the bend of a curve between points, relative to its change, and its slope; exact for parabolas."""
+        width = float(step.sum())
+        if not callable(ahead) and not callable(behind):
+            rise, second = ahead - behind, ahead + behind - 2.0 * middle
+            return _bend(second, rise), rise / (2.0 * width)
+        sign, far = (-1.0, behind) if callable(ahead) else (1.0, ahead)
+        (near,) = self._left([x + 0.5 * sign * step])
+        if callable(far) or callable(near):
+            return np.inf, np.zeros_like(middle)
+        rise, second = 4.0 * near - far - 3.0 * middle, far - 2.0 * near + middle
+        return _bend(second, far - middle), rise / (sign * width)
+
+    def _missed(self, after: Mapping[str, Array], changes: Array, slopes: Array) -> list[str]:
+        """Return the quantities whose remainders at the end are more than a small part of their changes.
+
+        Args:
+            after: Remainders at the end.
+            changes: Changes from the start, shape (rows,).
+            slopes: Changes at the start where a number changes by its size, shape (rows, k).
         """
-        slopes = _Slopes.of(jacobian, r, self.differences.sizes)
-        if len(r) < len(self.search.unknown) or not slopes.s[0]:
-            slopes.require_determined(self.search.unknown)
-        return slopes
-
-    def _stepped(self, x: Array, r: Array, slopes: _Slopes) -> tuple[Array, Array]:
-        """Return where a step leads and what is left there; it is shortened until less is left and it can be run."""
-        refused, size = None, float(np.linalg.norm(r))
-        for length in SHRINK ** np.arange(slopes.lengths):
-            change = slopes.step(length)
-            (moved,) = self._left([x + change])
-            if callable(moved):
-                refused = refused or moved
-            elif np.linalg.norm(moved) <= size:
-                break
-        good = not callable(moved) and np.linalg.norm(moved) <= NEARER * size
-        self._refused[:] = [*self._refused, refused] if refused and not good else []
-        if callable(moved) or len(self._refused) >= BARRED:
-            raise self._refused[0]()
-        return x + change, moved
-
-    def _ended(self, x: Array, jacobian: Array, steps: int) -> FoundValues:
-        """Return the values at the end, and how much is left of what is wanted."""
-        before, parts = self._parts(self.search.start), self._parts(x)
-        first, last, ends = self._joined(before), self._joined(parts), np.cumsum([len(part) for part in parts.values()])
-        slopes = jacobian * np.maximum(np.abs(self.search.start), self.differences.widths)
-        split = (np.split(each, ends[:-1]) for each in (last, last - first, slopes))
-        missed = [
+        ends = np.cumsum([len(part) for part in after.values()])[:-1]
+        split = (np.split(each, ends) for each in (self._joined(after), changes, slopes))
+        return [
             name
-            for name, left, change, slope in zip(parts, *split, strict=True)
+            for name, left, change, slope in zip(after, *split, strict=True)
             if np.linalg.norm(left) > MET * max(np.linalg.norm(change), np.linalg.norm(slope))
         ]
-        turned = [name for name in self.turning if name not in missed and (np.abs(parts[name]) > np.pi).any()]
-        return FoundValues(x, _worst(parts), _worst(before), steps, missed, turned)
+
+    def _require_determined(self, jacobian: Array) -> None:
+        """Raise an InputError where slopes, shape (rows, k), do not determine the numbers."""
+        paths = list(self.search.unknown)
+        weak, rank = np.ones(len(paths)), 0
+        if len(jacobian):
+            columns = np.linalg.norm(jacobian, axis=0)
+            _, s, vt = np.linalg.svd(jacobian / np.where(columns > 0.0, columns, 1.0))
+            weak, rank = vt[-1], int((s > INDEPENDENT * s[0]).sum())
+        if rank < len(paths):
+            tied = [path for path, share in zip(paths, weak, strict=True) if abs(share) > 0.1]
+            raise InputError(
+                f"what is wanted does not determine {', '.join(tied)}",
+                expected="unknowns that change what is wanted, each in its own way",
+                hint="fewer unknowns, another start, or more quantities in so_that",
+            )
 
 
-@dataclass(frozen=True)
-class _Slopes:
-    """What is left, as it changes near a point: ``r + J dx``, by the singular values of J times the sizes of x.
-
-    Attributes:
-        s: Singular values, from the largest on, shape (m,); 0 below ``INDEPENDENT`` of it.
-        vt: Their directions, shape (m, k).
-        b: What is left along each, shape (m,).
-        sizes: Sizes of the numbers, shape (k,).
-    """
-
-    s: Array
-    vt: Array
-    b: Array
-    sizes: Array
-
-    @classmethod
-    def of(cls, jacobian: Array, r: Array, sizes: Array) -> _Slopes:
-        """Return the slopes of what is left, r of shape (rows,), by their Jacobian, shape (rows, k)."""
-        u, s, vt = np.linalg.svd(jacobian * sizes, full_matrices=False)
-        return cls(np.where(s > INDEPENDENT * s[0], s, 0.0), vt, u.T @ r, sizes)
-
-    @cached_property
-    def _full(self) -> Array:
-        """The Gauss-Newton step along each direction."""
-        return np.divide(self.b, self.s, out=np.zeros_like(self.b), where=self.s > 0.0)
-
-    @property
-    def lengths(self) -> int:
-        """How many lengths of a step are tried: one that is far longer than the numbers are large has more of them."""
-        far = math.log(max(float(np.linalg.norm(self._full)), 1.0), 1.0 / SHRINK)
-        return SHORTER + math.ceil(far)
-
-    def step(self, length: float = 1.0) -> Array:
-        """Return the change of the numbers that leaves least, of a part of the length of the Gauss-Newton step.
-
-        With the scaled change d it is ``-V s b/(s^2 + w)``, w so large that ``|d|`` is that length.
-        """
-        wanted = length * float(np.linalg.norm(self._full))
-        low, high = 0.0, float(np.linalg.norm(self.s * self.b)) / wanted if length < 1.0 and wanted else 0.0
-        while high - low > 1e-9 * high:
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if np.linalg.norm(self._damped(middle)) > wanted else (low, middle)
-        return np.asarray(-self.sizes * (self.vt.T @ self._damped(high)))
-
-    def _damped(self, weight: float) -> Array:
-        return self.s * self.b / (self.s**2 + weight) if weight else self._full
-
-    def require_determined(self, unknown: Collection[str]) -> None:
-        """Raise where they do not determine the numbers.
-
-        Raises:
-            InputError: Names those that are not determined.
-        """
-        if len(self.s) == len(unknown) and self.s.all():
-            return
-        weak = self.vt[-1] if len(self.s) == len(unknown) else np.ones(len(unknown))
-        tied = [path for path, share in zip(unknown, weak, strict=True) if abs(share) > 0.1]
-        raise InputError(
-            f"what is wanted does not determine {', '.join(tied)}",
-            expected="unknowns that change what is wanted, each in its own way",
-            hint="fewer unknowns, another start, or more quantities in so_that",
-        )
+def _bend(second: Array, rise: Array) -> float:
+    change = float(np.linalg.norm(rise))
+    return float(np.linalg.norm(second)) / change if change else np.inf
 
 
 def _worst(parts: Mapping[str, Array]) -> dict[str, float]:

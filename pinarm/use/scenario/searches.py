@@ -23,12 +23,11 @@ from pinarm.use.result.number_accuracy import noise, rounding
 from pinarm.use.result.result import Result
 from pinarm.use.result.run_number import RunNumber
 from pinarm.use.result.section_number import AnyNumber, measured, read_number
-from pinarm.use.scenario.differences import Refused
 from pinarm.use.scenario.find import Find
 from pinarm.use.scenario.landscape import Landscape, Trial
 from pinarm.use.scenario.optimum import Optimum, optimum
 from pinarm.use.scenario.optimum_section import optimum_section
-from pinarm.use.scenario.roots import FoundValues, find_root
+from pinarm.use.scenario.roots import FoundValues, Refused, find_root
 
 if TYPE_CHECKING:
     from pinarm.use.scenario.scenario import Scenario
@@ -107,7 +106,7 @@ def _root(bare: Scenario, search: Find) -> FoundValues:
                 sizes.append(len(row.taken))
                 yield left(row) if sizes[-1] == sizes[0] else _of_other_rows
 
-        return find_root(search, residuals, _angles(bare, numbers))
+        return find_root(search, residuals, _angles(search, numbers))
 
 
 def _noise(result: Result, search: Find, wanted: Sequence[str]) -> dict[str, float]:
@@ -125,15 +124,15 @@ def _of_other_rows() -> PinarmError:
     )  # fmt: skip
 
 
-def _angles(bare: Scenario, wanted: Mapping[str, AnyNumber | None]) -> list[str]:
-    """Return the wanted quantities, at all rows or at one place, that are angles."""
-    quantities, sections = bare.quantities(), bare.content.assessments
-    told = {
-        name: number.described(quantities, sections) if number else quantities[name]
-        for name, number in wanted.items()
+def _angles(search: Find, numbers: Mapping[str, AnyNumber | None]) -> list[str]:
+    """Return the wanted quantities, at all rows or at one place, whose wanted values are written as angles."""
+    at_places = [
+        name
+        for name, number in numbers.items()
         if number is None or (isinstance(number, RunNumber) and number.figure in AT_A_PLACE)
-    }
-    return [name for name, series in told.items() if series.unit is not None and str(series.unit) == "rad"]
+    ]
+    units = {name: value.unit for name, value in (search.wanted or {}).items()}
+    return [name for name in at_places if (unit := units[name]) is not None and str(unit.si) == "rad"]
 
 
 def _best(bare: Scenario, search: Find) -> Optimum:
