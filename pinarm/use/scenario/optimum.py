@@ -1,27 +1,36 @@
-"""The best values between bounds: an objective least, conditions kept, from several starts.
+"""Optimisation: least value of a number of the run between bounds of the unknowns, with conditions, from several starts.
 
 With the unknowns scaled to [0, 1] between their bounds, every start is followed down by sequential quadratic
-programming (SLSQP; Kraft, DFVLR-FB 88-28, 1988) along central differences, all side by side. Where the best of the ends
-lies in a kink, as peaks of curves have them, it is searched once more without slopes (COBYQA; Ragonneau, 2022); where
-runs are refused beyond it, along the border of these: see ``border``.
-Global searches begin with differential evolution (Storn and Price, J. Global Optim. 11, 1997) in place of the starts.
+programming (SLSQP; Kraft, DFVLR-FB 88-28, 1988) with slopes by central differences. Where the best end is in a kink, as
+peaks of curves have them, or beside refused runs, it is improved without slopes (COBYQA; Ragonneau, 2022). Global
+searches begin with differential evolution (Storn and Price, J. Global Optim. 11, 1997) in place of the starts.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.errors import IntegrationError
 from pinarm.records import replace
-from pinarm.use.scenario.border import Border, along_border
-from pinarm.use.scenario.landscape import ACTIVE, DIFFERENCE, KEPT, Landscape, Trial
-from pinarm.use.scenario.lockstep import Run, side_by_side
+from pinarm.use.result.condition import Condition
+
+DIFFERENCE = 1e-4
+"""Half width of a difference, of the scaled unknowns: slopes err by its square, and by the error of runs over it."""
+
+KEPT = 1e-6
+"""Violation of a condition, relative to its size, up to which it counts as kept."""
+
+ACTIVE = 1e-4
+"""Margin of a condition, relative to its size, up to which it holds an optimum where it is."""
+
+REFUSED = 10.0
+"""Scaled objective of runs that are refused, above the worst one that is not."""
 
 FLAT = 0.01
 """Change of the objective, relative to it, by which is told how flat an optimum is."""
@@ -32,21 +41,155 @@ FIRST_STEP, EDGE, NOWHERE = 0.02, 0.05, 1e-4
 VANISHES = 1e-4
 """Objective at the optimum, relative to that at the starts, below which the latter is what changes are relative to."""
 
-FINER, AGAIN = 1e-2, 5
-"""Objective at the best of the ends, relative to the size that slopes are seen by, below which all ends are followed
-again by slopes of its own size; and how often."""
+SMALLEST = 1e-6
+"""Least size of an objective, relative to that at the starts, by which the best end is followed again."""
 
 SAME = 1e-12
 """Differences of the objective, relative to it, that are rounding."""
 
-SETTLED, WITHOUT_SLOPES, KINK = "settled", "without slopes, from the best of the ends", 1e-2
-"""Ends of searches, along slopes to where none is left and without slopes; jump of slopes, scaled, that is a kink."""
+SETTLED, FURTHER, KINK = "settled", "once more, from the best of the ends", 1e-2
+"""Ends of searches; jump of slopes, scaled, that is a kink."""
 
 POLISH_RADII, POLISH_RUNS = (1e-3, 1e-8), 60
 """First and last radius of the search without slopes, scaled, and most runs for each unknown."""
 
 GENERATIONS, POPULATION = 40, 8
 """Of differential evolution: most generations, and points per unknown in each."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What one run says.
+
+    Attributes:
+        objective: What is to be least.
+        margins: By how much each condition is kept, negative where it is not; of equations the difference.
+        refusal: Why the run does not count; empty where it does.
+    """
+
+    objective: float = math.inf
+    margins: tuple[float, ...] = ()
+    refusal: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Landscape:
+    """Objective and conditions over the scaled unknowns; every point is run once, several at once.
+
+    Attributes:
+        low: Lower bounds in SI, shape (k,).
+        high: Upper bounds, shape (k,).
+        start: The first start, in SI, shape (k,).
+        run: Values in SI of several points -> what a run with each says.
+        conditions: What others must keep to.
+        sizes: What margins are relative to, one for every condition.
+        size: Size of the objective.
+        squared: Whether the square of the objective is searched, which is smooth where an rms value or a peak vanishes.
+    """
+
+    low: Array
+    high: Array
+    start: Array
+    run: Callable[[Sequence[Array]], Sequence[Trial]]
+    conditions: Sequence[Condition] = ()
+    sizes: Sequence[float] = ()
+    squared: bool = False
+    size: float = 1.0
+    trials: dict[bytes, tuple[Array, Trial]] = field(default_factory=dict)
+
+    @cached_property
+    def equations(self) -> Flags:
+        """For every condition, whether it is an equation."""
+        return np.array([condition.relation == "=" for condition in self.conditions], dtype=bool)
+
+    def values(self, x: Array) -> Array:
+        """Return the unknowns in SI at a scaled point."""
+        return np.clip(self.low + x * (self.high - self.low), self.low, self.high)
+
+    def scaled_point(self, values: Array) -> Array:
+        """Return the scaled point of unknowns in SI."""
+        return np.asarray((values - self.low) / (self.high - self.low))
+
+    def trial(self, x: Array) -> Trial:
+        """Return what the run at a scaled point says."""
+        return self.look([x])[0]
+
+    def look(self, points: Iterable[Array]) -> list[Trial]:
+        """Return what the runs at scaled points say."""
+        clipped = [np.clip(np.asarray(x, dtype=float), 0.0, 1.0) for x in points]
+        new = {x.tobytes(): x for x in clipped if x.tobytes() not in self.trials}
+        if new:
+            trials = self.run([self.values(x) for x in new.values()])
+            self.trials.update(zip(new, zip(new.values(), trials, strict=True), strict=True))
+        return [self.trials[x.tobytes()][1] for x in clipped]
+
+    def scaled(self) -> Landscape:
+        """Return the same, its objective relative to the median of what has been run."""
+        sizes = [abs(trial.objective) for _, trial in self.trials.values() if not trial.refusal]
+        return replace(self, size=float(np.median(sizes)) if sizes and np.median(sizes) > 0.0 else 1.0)
+
+    def height(self, x: Array) -> float:
+        """Return the scaled objective at a point; above all others where the run is refused."""
+        trial = self.trial(x)
+        if trial.refusal:
+            worst = max((abs(other.objective) for _, other in self.trials.values() if not other.refusal), default=1.0)
+            return REFUSED * self._scaled(worst)
+        return self._scaled(trial.objective)
+
+    def _scaled(self, objective: float) -> float:
+        return (objective / self.size) ** 2 if self.squared else objective / self.size
+
+    def margins(self, x: Array) -> Array:
+        """Return the scaled margins of all conditions at a point; -1 where the run is refused."""
+        trial = self.trial(x)
+        return -np.ones(len(self.sizes)) if trial.refusal else np.array(trial.margins) / np.array(self.sizes)
+
+    def violation(self, x: Array) -> float:
+        """Return the largest violation of a condition at a point, relative to its size."""
+        return float(np.max(self._violations(x), initial=0.0))
+
+    def _violations(self, x: Array) -> Array:
+        margins = self.margins(x)
+        return np.where(self.equations, np.abs(margins), -margins)
+
+    def shortfall(self, x: Array) -> str:
+        """Return which condition is violated most at a point whose run is not refused, and by how much."""
+        k = int(np.argmax(self._violations(x)))
+        return f"'{self.conditions[k]}' by {self.conditions[k].measured(abs(self.trial(x).margins[k]))}"
+
+    def slopes(self, x: Array) -> Array:
+        """Return the gradients of objective and margins, shape (1 + conditions, k): differences of runs that count."""
+        columns, units = [], np.eye(len(x))
+        beside = [[np.clip(x + sign * DIFFERENCE * unit, 0.0, 1.0) for sign in (1.0, -1.0)] for unit in units]
+        self.look([x, *(side for sides in beside for side in sides)])
+        for unit, sides in zip(units, beside, strict=True):
+            ahead, behind = (x if self.trial(side).refusal else side for side in sides)
+            way = float((ahead - behind) @ unit)
+            change = self._levels(ahead) - self._levels(behind)
+            columns.append(change / way if way else np.zeros(len(change)))
+        return np.ascontiguousarray(np.array(columns).T)  # SLSQP of scipy 1.17 reads others wrongly
+
+    def kink(self, x: Array) -> float:
+        """Return the largest jump of a slope at a point: of the slopes ahead and behind, less what curvature makes."""
+        if not (np.abs(x - 0.5) + DIFFERENCE < 0.5).all():
+            return 0.0
+        jumps, units = [0.0], DIFFERENCE * np.eye(len(x))
+        self.look([x, *(x + scale * unit for unit in units for scale in (1.0, -1.0, 0.5, -0.5))])
+        for unit in units:
+            wide, near = (self._bend(x, scale * unit) for scale in (1.0, 0.5))
+            jumps.append(float(np.abs(4.0 * near - wide).max()) / DIFFERENCE)
+        return max(jumps)
+
+    def _bend(self, x: Array, step: Array) -> Array:
+        return self._levels(x + step) + self._levels(x - step) - 2.0 * self._levels(x)
+
+    def _levels(self, x: Array) -> Array:
+        return np.array([self.height(x), *self.margins(x)])
+
+    def rank(self, x: Array) -> tuple[float, float]:
+        """Return what points are compared by: violation that counts, then the objective."""
+        violation = self.violation(x)
+        return (violation if violation > KEPT else 0.0, self.height(x))
 
 
 @dataclass(frozen=True)
@@ -120,42 +263,47 @@ def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = 
     """Return the best point.
 
     Args:
-        landscape: What is searched.
+        landscape: Objective and conditions.
         starts: Number of starts.
-        seed: Of their choice.
+        seed: Seed of their choice.
         everywhere: Whether differential evolution takes the place of the starts.
 
     Raises:
         IntegrationError: No start can be run, or none leads to where all conditions hold.
     """
     points = spread(len(landscape.low), starts, seed)
-    points[0] = (landscape.start - landscape.low) / (landscape.high - landscape.low)
+    points[0] = landscape.scaled_point(landscape.start)
     landscape.look(points)
     landscape = landscape.scaled()
     if everywhere:
         points = [_evolved(landscape, seed)]
-    descents = _descents(landscape, points)
-    best = _best(descents)
-    for _ in range(AGAIN):
-        if not _is_coarse(landscape, best):
-            break
-        landscape = replace(landscape, size=abs(best.trial.objective))
-        descents = _followed(landscape, descents)
-        best = _best(descents)
-    if search := _further(landscape, best):
-        descents.append(_descent(landscape, _scaled(landscape, best.end), search))
-        best = descents[-1]
+    descents = [_descent(landscape, point, _slsqp) for point in points]
+    best = min(descents, key=_rank)
+    if best.valid and best.trial.objective:
+        size = max(abs(best.trial.objective), SMALLEST * landscape.size)
+        landscape = replace(landscape, size=size)
+        best = min(best, _descent(landscape, landscape.scaled_point(best.end), _slsqp), key=_rank)
+    if not best.trial.refusal and _is_sharp(landscape, best):
+        best = _descent(landscape, landscape.scaled_point(best.end), _cobyqa)
+    if all(best is not end for end in descents):
+        best = replace(best, status=FURTHER)
+        descents.append(best)
     if not best.valid:
         raise _nowhere(landscape, best, len(points))
-    x = _scaled(landscape, best.end)
+    return _told(landscape, best, descents)
+
+
+def _told(landscape: Landscape, best: Descent, descents: Sequence[Descent]) -> Optimum:
+    """Return the best point with its active conditions, how far each unknown may go, and how flat the objective is."""
+    x = landscape.scaled_point(best.end)
     margins = landscape.margins(x)
     active = [k for k, equal in enumerate(landscape.equations) if equal or margins[k] <= ACTIVE]
     size = abs(best.trial.objective)
     allowance = FLAT * (size if size > VANISHES * landscape.size else landscape.size)
     reaches = [_reach(landscape, x, k, best.trial.objective + allowance) for k in range(len(x))]
-    told = np.array([trial.objective for _, trial in landscape.trials.values() if not trial.refusal])
-    largest = float(np.abs(told).max())
-    flat = bool(np.ptp(told) <= SAME * largest)
+    values = np.array([trial.objective for _, trial in landscape.trials.values() if not trial.refusal])
+    largest = float(np.abs(values).max())
+    flat = bool(np.ptp(values) <= SAME * largest)
     return Optimum(best, descents, active, reaches, allowance, len(landscape.trials), flat, largest)
 
 
@@ -166,54 +314,14 @@ def spread(k: int, count: int, seed: int) -> list[Array]:
     return list(np.array(columns).T)
 
 
-def _descents(landscape: Landscape, points: Sequence[Array]) -> list[Descent]:
-    """Return where points lead; none of them knows of the runs of the others, which are done side by side."""
-    apart = [replace(landscape, trials=dict(landscape.trials)) for _ in points]
-
-    def follow(number: int, run: Run) -> Descent:
-        return _descent(replace(apart[number], run=run), points[number], _slsqp)
-
-    descents = side_by_side([partial(follow, number) for number in range(len(points))], landscape.run)
-    for each in apart:
-        landscape.trials.update(each.trials)
-    return descents
+def _rank(descent: Descent) -> tuple[bool, float, float]:
+    return not descent.valid, 0.0 if descent.valid else descent.violation, descent.trial.objective
 
 
-def _best(descents: Sequence[Descent]) -> Descent:
-    return min(descents, key=lambda one: (not one.valid, one.violation if not one.valid else 0.0, one.trial.objective))
-
-
-def _further(landscape: Landscape, best: Descent) -> Callable[[Landscape, Array], str] | None:
-    """Return the search that goes on from the best end; none where it is in a smooth valley."""
-    if best.trial.refusal:
-        return None
-    x = _scaled(landscape, best.end)
-    if Border.beside(landscape, x):
-        return along_border
-    return _cobyqa if best.status != SETTLED or landscape.kink(x) > KINK else None
-
-
-def _is_coarse(landscape: Landscape, best: Descent) -> bool:
-    """Tell whether slopes are seen by a size far above the objective at the best end, and it does not vanish there.
-
-    It does where it is more than twice as large on all sides between the bounds.
-    """
-    least = abs(best.trial.objective)
-    if not best.valid or not 0.0 < least < FINER * landscape.size:
-        return False
-    x = _scaled(landscape, best.end)
-    sides = [x + sign * DIFFERENCE * unit for unit in np.eye(len(x)) for sign in (1.0, -1.0)]
-    trials = landscape.look(side for side in sides if (np.clip(side, 0.0, 1.0) == side).all())
-    return any(abs(trial.objective) <= 2.0 * least for trial in trials if not trial.refusal)
-
-
-def _followed(landscape: Landscape, descents: Sequence[Descent]) -> list[Descent]:
-    """Return where ends lead; what could not be run is left as it is."""
-    further = _descents(landscape, [_scaled(landscape, one.end) for one in descents])
-    return [
-        before if one.trial.refusal else replace(one, start=before.start, runs=before.runs + one.runs)
-        for before, one in zip(descents, further, strict=True)
-    ]
+def _is_sharp(landscape: Landscape, best: Descent) -> bool:
+    """Return whether slopes say little at the best end: it is in a kink, beside refused runs, or not settled."""
+    x = landscape.scaled_point(best.end)
+    return best.status != SETTLED or landscape.kink(x) > KINK
 
 
 def _descent(landscape: Landscape, start: Array, search: Callable[[Landscape, Array], str]) -> Descent:
@@ -256,7 +364,7 @@ def _cobyqa(landscape: Landscape, start: Array) -> str:
         landscape.height, start, bounds=[(0.0, 1.0)] * len(start), constraints=_constraints(landscape), method="COBYQA",
         options={"initial_tr_radius": first, "final_tr_radius": last, "maxfev": POLISH_RUNS * len(start)},
     )  # fmt: skip
-    return WITHOUT_SLOPES
+    return FURTHER
 
 
 def _evolved(landscape: Landscape, seed: int) -> Array:
@@ -265,7 +373,7 @@ def _evolved(landscape: Landscape, seed: int) -> Array:
     ended = differential_evolution(
         landscape.height, [(0.0, 1.0)] * len(landscape.low), constraints=_constraints(landscape), seed=seed,
         polish=False, maxiter=GENERATIONS, popsize=POPULATION, tol=1e-3,
-        x0=(landscape.start - landscape.low) / (landscape.high - landscape.low),
+        x0=landscape.scaled_point(landscape.start),
     )  # fmt: skip
     return np.asarray(ended.x)
 
@@ -277,10 +385,6 @@ def _constraints(landscape: Landscape) -> tuple[object, ...]:
         return ()
     upper = np.where(landscape.equations, 0.0, np.inf)
     return (NonlinearConstraint(landscape.margins, np.zeros(len(upper)), upper),)
-
-
-def _scaled(landscape: Landscape, values: Array) -> Array:
-    return np.asarray((values - landscape.low) / (landscape.high - landscape.low))
 
 
 def _reach(landscape: Landscape, x: Array, k: int, allowed: float) -> Reach:
@@ -326,5 +430,5 @@ def _nowhere(landscape: Landscape, best: Descent, starts: int) -> IntegrationErr
         )
     return IntegrationError(
         f"none of the {starts} starts leads to where all conditions hold: the nearest end violates "
-        f"{landscape.shortfall(_scaled(landscape, best.end))}", hint="wider bounds, a weaker condition, or more starts",
+        f"{landscape.shortfall(landscape.scaled_point(best.end))}", hint="wider bounds, a weaker condition, or more starts",
     )  # fmt: skip

@@ -203,7 +203,9 @@ class _Search:
             open_columns = [k for k in range(len(x)) if best[k][0] > STRAIGHT]
             sides = iter(self._left([x + sign * width * steps[k] for k in open_columns for sign in (1.0, -1.0)]))
             for k, ahead, behind in zip(open_columns, sides, sides, strict=False):
-                best[k] = min(best[k], self._slope(x, middle, width * steps[k], ahead, behind), key=lambda pair: pair[0])
+                best[k] = min(
+                    best[k], self._slope(x, middle, width * steps[k], ahead, behind), key=lambda pair: pair[0]
+                )
         return np.array([slope for _, slope in best]).T
 
     def _slope(

