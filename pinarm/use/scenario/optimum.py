@@ -1,4 +1,4 @@
-"""Optimisation: least value of a number of the run between bounds of the unknowns, with conditions, from several starts.
+"""Optimisation: least value of a number of the run between bounds of the unknowns, with conditions.
 
 With the unknowns scaled to [0, 1] between their bounds, every start is followed down by sequential quadratic
 programming (SLSQP; Kraft, DFVLR-FB 88-28, 1988) with slopes by central differences. Where the best end is in a kink, as
@@ -430,5 +430,6 @@ def _nowhere(landscape: Landscape, best: Descent, starts: int) -> IntegrationErr
         )
     return IntegrationError(
         f"none of the {starts} starts leads to where all conditions hold: the nearest end violates "
-        f"{landscape.shortfall(landscape.scaled_point(best.end))}", hint="wider bounds, a weaker condition, or more starts",
-    )  # fmt: skip
+        f"{landscape.shortfall(landscape.scaled_point(best.end))}",
+        hint="wider bounds, a weaker condition, or more starts",
+    )

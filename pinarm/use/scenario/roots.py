@@ -185,7 +185,7 @@ class _Search:
             parts if callable(parts) else self._joined(parts)
             for parts in self.residuals([self.search.case(x) for x in points])
         ]
-        self.refusals += filter(callable, found)
+        self.refusals += [each for each in found if callable(each)]
         return found
 
     def _sizes(self, x: Array) -> Array:
@@ -196,8 +196,7 @@ class _Search:
 
     def _slopes(self, x: Array) -> Array:
         """Return the slopes at a point, shape (rows, k), each by the first width across which its curve is straight."""
-        (middle,), sizes = self._left([x]), self._sizes(x)
-        steps = np.diag(sizes)
+        middle, steps = self._joined(self._parts(x)), np.diag(self._sizes(x))
         best: list[tuple[float, Array]] = [(np.inf, np.zeros_like(middle))] * len(x)
         for width in WIDTHS:
             open_columns = [k for k in range(len(x)) if best[k][0] > STRAIGHT]
