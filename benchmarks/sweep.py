@@ -22,7 +22,7 @@ from pinarm.use.cases.case import WORTH, Task, Wanted, solve_case
 from pinarm.use.cases.case_table import CaseTable
 from pinarm.use.cases.together import CaseSolver
 from pinarm.use.result.measures import MEASURES
-from pinarm.use.workers.chunk_order import in_order
+from pinarm.use.workers.runners import in_order
 
 ROOT = Path(__file__).parents[1]
 SCENARIO = ROOT / "scenarios" / "gen411_arm_static.yaml"

@@ -6,6 +6,7 @@ import gc
 import itertools
 import json
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -30,8 +31,8 @@ from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.time_grid import TimeGrid
 from pinarm.use.mechanism import Mechanism
-from pinarm.use.workers import choice
-from pinarm.use.workers.local_processes import LocalProcesses
+from pinarm.use.workers import executors
+from pinarm.use.workers.executors import LocalProcesses
 
 
 def pytest_collection_finish() -> None:
@@ -108,10 +109,10 @@ class ThisProcess(LocalProcesses):
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         future: Future[Any] = Future()
-        future.set_result(function(*arguments))
+        future.set_result(pickle.loads(pickle.dumps(function(*arguments))))
         return future
 
-    def outcome(self, future: Future[Any]) -> Any:
+    def result(self, future: Future[Any]) -> Any:
         return future.result()
 
 
@@ -119,8 +120,8 @@ class ThisProcess(LocalProcesses):
 def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Solve sweeps and batches in this process, where a test asks for no second worker."""
     processes = LocalProcesses
-    monkeypatch.setattr(choice, "cores", lambda: 1)
-    monkeypatch.setattr(choice, "LocalProcesses", lambda number: (ThisProcess if number == 1 else processes)(number))
+    monkeypatch.setattr(executors, "cores", lambda: 1)
+    monkeypatch.setattr(executors, "LocalProcesses", lambda number: (ThisProcess if number == 1 else processes)(number))
 
 
 @pytest.fixture

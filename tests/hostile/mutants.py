@@ -40,7 +40,7 @@ from pinarm.use.show.replay.mesh_files import read_mesh
 from pinarm.use.store.restore import restore
 from pinarm.use.study.sweep.journal import Journal, Sources
 from pinarm.use.study.sweep.value_syntax import read_cases
-from pinarm.use.workers.executor_workers import ExecutorWorkers
+from pinarm.use.workers.executors import ExecutorWorkers
 
 EFFORT, PATIENCE = 60.0, 1200.0
 """Time of the processor after which a mutant hangs, and time without an answer [s]; honest ones take 2 s."""

@@ -7,8 +7,7 @@ from contextlib import contextmanager
 
 from pinarm.use.cases.case import Case, Row, Task
 from pinarm.use.cases.together import CaseSolver
-from pinarm.use.workers.chunk_order import LostJob
-from pinarm.use.workers.runners import Runners
+from pinarm.use.workers.runners import LostJob, Runners
 
 SolveCases = Callable[[Iterable[Case]], Iterator[Row]]
 """Cases -> their rows, in their order, each solved when it is asked for or before."""

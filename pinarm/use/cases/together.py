@@ -19,7 +19,6 @@ from pinarm.use.cases.case import Case, Row, Task, solve_case
 from pinarm.use.cases.case_table import CaseTable, RowTable, SomeCases
 from pinarm.use.cases.columns import Kind, grouped, of_kind, tabled
 from pinarm.use.cases.stack import Stack
-from pinarm.use.workers.worker import Late
 
 Part = tuple[Indices, RowTable | list[Row]]
 """Places of cases, and their rows."""
@@ -57,21 +56,10 @@ class CaseSolver:
         """Solve one case by itself."""
         return solve_case(self.task, case)
 
-    def together(
-        self, cases: SomeCases, late: Late = lambda: False
-    ) -> Iterator[tuple[list[int], RowTable | list[Row]]]:
-        """Yield places of cases and their rows: of those that are solved at once, or of one.
-
-        Args:
-            cases: The cases.
-            late: Tells whether to end before others are begun.
-        """
-        begun = False
+    def together(self, cases: SomeCases) -> Iterator[tuple[list[int], RowTable | list[Row]]]:
+        """Yield places of cases and their rows: of those that are solved at once, or of one."""
         for kind, places in grouped(cases).items():
             while len(places):
-                if begun and late():
-                    return
-                begun = True
                 parts = self._solved(self._known(kind), places, cases)
                 places = places[sum(len(some) for some, _ in parts) :]
                 yield from ((some.tolist(), rows) for some, rows in parts)

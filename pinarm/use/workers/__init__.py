@@ -1,1 +1,1 @@
-"""Many runs by other processes, on this machine or on others: jobs go out in chunks, answers come as they are ready."""
+"""Jobs solved by worker processes, of this machine (loky) or of an executor such as Dask's."""

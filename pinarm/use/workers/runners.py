@@ -1,4 +1,4 @@
-"""Who answers the jobs of a study: this process, processes of this machine, or the workers of an executor."""
+"""Choice of who solves the jobs of a study: this process, processes of this machine, or an executor."""
 
 from __future__ import annotations
 
@@ -14,20 +14,26 @@ from pinarm.records import ValueRecord
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from pinarm.use.workers.chunk_order import LostJob
+    from pinarm.use.workers.worker import AnsweredPart
 
 TOGETHER = 1000
 """Jobs that a function which solves several at once is given at once in this process."""
 
+MOST = 10_000
+"""Most workers: each is a process with 60 MB of memory, here or on a cluster."""
+
 JobT = TypeVar("JobT")
 AnswerT = TypeVar("AnswerT")
 
-Apply = Callable[[Iterable[JobT]], "Iterator[AnswerT | LostJob]"]
+
+class LostJob(ValueRecord, frozen=True):
+    """A job that has no answer, and why: its worker died, or the program failed."""
+
+    reason: str
+
+
+Apply = Callable[[Iterable[JobT]], Iterator[AnswerT | LostJob]]
 """Jobs -> their answers, in their order; the answers are the same whoever gives them."""
-
-
-MOST = 10_000
-"""Most workers: each is a process with 60 MB of memory, here or on a cluster."""
 
 
 def check_number(workers: int | None) -> None:
@@ -63,26 +69,35 @@ class Runners(ValueRecord, frozen=True):
             function: Importable by its name, as is all that it holds; it may be ``Together``.
 
         Raises:
-            InputError: A worker has other versions.
+            InputError: A worker has other versions, or other files.
             NumericsError: Workers die one after the other, or there are none any more.
         """
         if self.number is None and self.executor is None:
             yield partial(_applied_here, function)
             return
-        from pinarm.use.workers.choice import chosen_workers
-        from pinarm.use.workers.distribute import Dispatch
+        from pinarm.use.workers.dispatch import Dispatch
+        from pinarm.use.workers.executors import chosen_workers
 
-        with closing(Dispatch(function, chosen_workers(self.number, self.executor))) as spread:
-            yield spread.in_order
+        with closing(Dispatch(function, chosen_workers(self.number, self.executor))) as dispatch:
+            yield dispatch.in_order
 
 
 HERE = Runners()
 """This process."""
 
 
+def in_order(parts: Iterable[AnsweredPart]) -> Iterator[Any]:
+    """Yield answers in the order of their jobs, each as soon as all before it are there."""
+    early, wanted = dict[int, Any](), 0
+    for places, answers in parts:
+        early |= zip(places, answers, strict=True)
+        while wanted in early:
+            yield early.pop(wanted)
+            wanted += 1
+
+
 def _applied_here(function: Callable[[JobT], AnswerT], jobs: Iterable[JobT]) -> Iterator[Any]:
     """Yield the answers of jobs, which are solved when they are asked for, or with one before them."""
-    from pinarm.use.workers.chunk_order import in_order
     from pinarm.use.workers.worker import Together
 
     if not isinstance(function, Together):
@@ -90,4 +105,4 @@ def _applied_here(function: Callable[[JobT], AnswerT], jobs: Iterable[JobT]) -> 
         return
     left = iter(jobs)
     while some := list(islice(left, TOGETHER)):
-        yield from in_order(function.together(some, lambda: False))
+        yield from in_order(function.together(some))

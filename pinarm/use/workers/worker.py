@@ -1,113 +1,96 @@
-"""What a worker does: compare versions, keep the function and its files, and answer jobs until its time is up."""
+"""Answers of a worker to a chunk of jobs; the function that answers is kept from chunk to chunk."""
 
 from __future__ import annotations
 
 import pickle
 import threading
 import time
-from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator
-from typing import Any, Protocol, runtime_checkable
+from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from pinarm.errors import fault
-from pinarm.input.roots import noting_files
-from pinarm.use.workers.chunk_order import AnsweredPart, Answers, ChunkOrder, FilesLacking, LostJob, answered, unpacked
-from pinarm.use.workers.travelling_files import Mirror, SharedFiles
-from pinarm.use.workers.versions import versions
+from pinarm.input.roots import example_robot_data, file_root, noting_files
+from pinarm.use.workers.runners import LostJob
+from pinarm.use.workers.versions import Versions, file_digest, versions
 
 KEPT = 2
-"""Sessions that a thread keeps its function and files of."""
+"""Functions that a thread keeps: what is built for a scenario serves one thread at a time."""
 
-
-def work(wanted: dict[str, str], order: bytes) -> bytes | dict[str, str]:
-    """Return what a worker answers to an order, packed; its versions where they are not those that are wanted.
-
-    Whatever runs it, a process, a thread or a machine elsewhere, needs to know nothing of earlier orders.
-
-    Args:
-        wanted: Versions of the process that gives the order, which is unpacked by the same only.
-        order: An ``ChunkOrder``, pickled.
-    """
-    if wanted != versions():
-        return versions()
-    given: ChunkOrder = pickle.loads(order)
-    session = _session(given)
-    return answered(session.answer(given), session.files.prefix)
-
-
-Late = Callable[[], bool]
-"""Tells whether nothing is to be begun any more once there are answers."""
+AnsweredPart = tuple[Iterable[int], Collection[Any]]
+"""Places of jobs in a chunk, and their answers."""
 
 
 @runtime_checkable
 class Together(Protocol):
-    """A function of jobs that solves several of them at once."""
+    """A function of a job that solves several of them at once."""
 
-    def together(self, jobs: Any, late: Late) -> Iterator[AnsweredPart]:
-        """Yield places of jobs and their answers, none of which raises; not of all jobs where it gets late."""
+    def together(self, jobs: Any) -> Iterator[AnsweredPart]:
+        """Yield places of jobs and their answers, none of which raises."""
 
 
-class _Session:
-    """A function and its files, on a worker.
+class Answers(NamedTuple):
+    """Answers of a worker to a chunk.
 
-    Args:
-        order: The first order of it.
+    Attributes:
+        parts: Of all jobs of the chunk.
+        seconds: Time that they took [s].
+        files: Files that they refer to for the first time in this thread, with the digests of their contents.
     """
 
-    def __init__(self, order: ChunkOrder) -> None:
-        self.files: Mirror | SharedFiles = SharedFiles() if order.files is None else Mirror()
-        self._packed = order.function
-        self.function = unpacked(self._packed, self.files.prefix)
+    parts: list[AnsweredPart]
+    seconds: float
+    files: dict[str, str]
 
-    def answer(self, order: ChunkOrder) -> Answers | FilesLacking:
-        """Answer the jobs of an order until the time is up, or a file is wanted."""
-        lacking = self.files.update(order.files or {}, order.contents)
-        if lacking.digests:
-            return lacking
-        begin, parts = time.perf_counter(), list[AnsweredPart]()
-        jobs = unpacked(order.jobs, self.files.prefix)
 
-        def late() -> bool:
-            return bool(parts) and time.perf_counter() - begin > order.budget
+@dataclass(frozen=True, eq=False)
+class _Session:
+    function: Callable[[Any], Any]
+    files: set[Path] = field(default_factory=set)
 
-        together = self.function.together if isinstance(self.function, Together) else self._one_by_one
-        coming = together(jobs, late)
-        while True:
-            with noting_files() as files:
-                part = next(coming, None)
-            if part is None:
-                break
-            lacking = self.files.unknown(files)
-            if lacking.paths:
-                self.function = unpacked(self._packed, self.files.prefix)  # without what it has learnt of its lack
-                if not parts:
-                    return lacking
-                break
-            parts.append(part)
-        return Answers(parts, time.perf_counter() - begin)
 
-    def _one_by_one(self, jobs: Iterable[Any], late: Late) -> Iterator[AnsweredPart]:
-        for place, job in enumerate(jobs):
-            if late():
-                return
-            yield [place], [self._answer_of(job)]
+def work(wanted: Versions, session: str, function: bytes, root: str | None, jobs: bytes) -> Answers | Versions:
+    """Return the answers to a chunk of jobs, or the versions of this process where they are not those wanted.
 
-    def _answer_of(self, job: Any) -> Any:
+    Args:
+        wanted: Versions of the process that gives the jobs; nothing is unpacked where they differ.
+        session: Name of the function.
+        function: The function, pickled.
+        root: Folder that files may refer to; each file's own where it is ``None``.
+        jobs: The jobs, pickled.
+    """
+    if wanted != versions():
+        return versions()
+    kept, begin = _session(session, function), time.perf_counter()
+    with file_root(root), noting_files() as files:
+        parts = [*answered_parts(kept.function, pickle.loads(jobs))]
+    seconds, robots = time.perf_counter() - begin, example_robot_data()
+    own = {file for file in files - kept.files if not file.is_relative_to(robots)}
+    kept.files.update(own)
+    return Answers(parts, seconds, {str(file): file_digest(str(file)) for file in own})
+
+
+def answered_parts(function: Callable[[Any], Any], jobs: Any) -> Iterator[AnsweredPart]:
+    """Yield places of jobs and their answers; a fault of the program costs one job."""
+    if isinstance(function, Together):
+        yield from function.together(jobs)
+        return
+    for place, job in enumerate(jobs):
         try:
-            return self.function(job)
-        except Exception as error:  # a fault of the program costs one job
-            return LostJob(f"the program failed: {fault(error)}")
+            answer = function(job)
+        except Exception as error:
+            answer = LostJob(f"the program failed: {fault(error)}")
+        yield [place], [answer]
 
 
 _kept = threading.local()
-"""The sessions of a thread: what is built for a scenario serves one thread at a time."""
 
 
-def _session(order: ChunkOrder) -> _Session:
-    sessions: OrderedDict[str, _Session] = _kept.__dict__.setdefault("sessions", OrderedDict())
-    if order.session not in sessions:
-        sessions[order.session] = _Session(order)
-        while len(sessions) > KEPT:
-            sessions.popitem(last=False)
-    sessions.move_to_end(order.session)
-    return sessions[order.session]
+def _session(name: str, function: bytes) -> _Session:
+    sessions: dict[str, _Session] = _kept.__dict__.setdefault("sessions", {})
+    if name not in sessions:
+        while len(sessions) >= KEPT:
+            del sessions[next(iter(sessions))]
+        sessions[name] = _Session(pickle.loads(function))
+    return sessions[name]

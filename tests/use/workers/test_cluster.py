@@ -234,10 +234,10 @@ def test_a_job_that_kills_its_workers_is_the_only_one_that_fails(
     hostile = module(
         "import os\nfrom pinarm.use.cases.together import CaseSolver\n"
         "class Hostile(CaseSolver):\n"
-        "    def together(self, jobs, late):\n"
+        "    def together(self, jobs):\n"
         "        if any(job['arguments.m'] == '2.0 kg' for job in jobs):\n"
         "            os._exit(9)\n"
-        "        return super().together(jobs, late)\n"
+        "        return super().together(jobs)\n"
     )
     from pinarm.use.study.sweep import case_solver
 

@@ -9,9 +9,8 @@ import pytest
 
 from pinarm.errors import InputError
 from pinarm.use.workers import runners
-from pinarm.use.workers.chunk_order import AnsweredPart
-from pinarm.use.workers.runners import HERE, Runners
-from pinarm.use.workers.worker import Late
+from pinarm.use.workers.runners import HERE, Runners, in_order
+from pinarm.use.workers.worker import AnsweredPart
 
 
 def hurried(n: int) -> int:
@@ -27,7 +26,7 @@ class Twice:
     def __call__(self, n: int) -> tuple[int, int]:
         return 2 * n, 1
 
-    def together(self, jobs: Sequence[int], late: Late) -> Iterator[AnsweredPart]:
+    def together(self, jobs: Sequence[int]) -> Iterator[AnsweredPart]:
         last = len(jobs) - 1
         yield [last], [(2 * jobs[last], len(jobs))]
         yield range(last), [(2 * n, len(jobs)) for n in jobs[:last]]
@@ -41,6 +40,14 @@ def test_this_process_gives_a_function_what_it_solves_at_once(monkeypatch: pytes
         assert list(apply(iter([3, 1]))) == [9, 1]
 
 
+def test_parts_in_any_order_are_put_in_order_as_soon_as_they_can_be() -> None:
+    taken = list[int]()
+    parts = iter([([2], "c"), ([0], "a"), ((1, 4), "be"), ([3], "d")])
+    answers = in_order(taken.append(len(taken)) or part for part in parts)
+    assert (next(answers), len(taken)) == ("a", 2)
+    assert list(answers) == ["b", "c", "d", "e"]
+
+
 def test_answers_come_in_the_order_of_their_jobs_as_often_as_is_asked() -> None:
     with ThreadPoolExecutor(3) as executor, Runners(executor=executor).applying(hurried) as apply:
         for count in (0, 1, 45):
@@ -52,12 +59,6 @@ def test_few_jobs_are_shared_among_all() -> None:
     with ThreadPoolExecutor(3) as executor, Runners(3, executor).applying(Twice()) as apply:
         list(apply(range(2000)))  # chunks have become large
         assert max(size for _, size in apply(range(6))) == 2
-
-
-@pytest.mark.slow
-def test_processes_of_this_machine_answer_and_end() -> None:
-    with Runners(2).applying(hash) as apply:
-        assert list(apply(range(30))) == list(range(30))
 
 
 def test_a_number_of_workers_is_at_least_one() -> None:

@@ -13,7 +13,7 @@ from pinarm.errors import NumericsError, PinarmError
 from pinarm.input.roots import file_root, given_root
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario, ScenarioSource
-from pinarm.use.workers.chunk_order import LostJob
+from pinarm.use.workers.runners import LostJob
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from pinarm.use.study.batch.block import Block, Question, answered
 from pinarm.use.study.batch.initial_states import Starts
 from pinarm.use.study.batch.reduced_table import ReducedTable
 from pinarm.use.study.batch.reductions import ColumnReduction, numbered, reduced
-from pinarm.use.workers.choice import chosen_workers
+from pinarm.use.workers.executors import chosen_workers
 from pinarm.use.workers.runners import check_number
 
 AnswerT = TypeVar("AnswerT")

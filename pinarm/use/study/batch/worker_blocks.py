@@ -15,8 +15,9 @@ from pinarm.input.roots import file_root, given_root
 from pinarm.use.scenario.scenario import Scenario, ScenarioSource
 from pinarm.use.study.batch.block import Block, Question, answered
 from pinarm.use.study.batch.initial_states import Starts
-from pinarm.use.workers.chunk_order import LostJob
-from pinarm.use.workers.distribute import Workers, distribute
+from pinarm.use.workers.dispatch import Dispatch
+from pinarm.use.workers.executors import Workers
+from pinarm.use.workers.runners import LostJob
 
 AnswerT = TypeVar("AnswerT")
 
@@ -68,8 +69,8 @@ def answers(
         NumericsError: Workers died with a block.
     """
     remote = Remote(scenario.source, given_root(), answer, tuple(starts.position), tuple(starts.velocity))
-    with closing(distribute(remote, iter(jobs), workers)) as found:
-        for job, answered in found:
+    with closing(Dispatch(remote, workers)) as dispatch:
+        for job, answered in dispatch.pairs(jobs):
             if isinstance(answered, LostJob):
                 last = job[0] + len(job[1]) - 1
                 raise NumericsError(f"the motions {job[0]} to {last} have no answer: {answered.reason}")

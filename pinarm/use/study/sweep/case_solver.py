@@ -21,8 +21,9 @@ from pinarm.use.study.sweep.axes import Cases
 from pinarm.use.study.sweep.journal import JOURNAL, Journal, Sources, task_digest
 from pinarm.use.study.sweep.parquet_parts import Parts
 from pinarm.use.study.sweep.table_on_disk import table_on_disk
-from pinarm.use.workers.chunk_order import LostJob
-from pinarm.use.workers.distribute import Dispatch, Workers
+from pinarm.use.workers.dispatch import Dispatch
+from pinarm.use.workers.executors import Workers
+from pinarm.use.workers.runners import LostJob
 
 UNSOLVED = "not solved"
 

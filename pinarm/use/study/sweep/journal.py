@@ -28,7 +28,7 @@ from pinarm.problems.forward import Forward
 from pinarm.records import replace
 from pinarm.use.cases.case import Row, Task, Value
 from pinarm.use.study.sweep.given_in_python import identity
-from pinarm.use.workers.versions import versions
+from pinarm.use.workers.versions import file_digest, versions
 
 JOURNAL = "journal.jsonl"
 """Its name in the folder of a sweep."""
@@ -38,9 +38,6 @@ HEAD = b'{"journal": "pinarm sweep", "format": 1}\n'
 
 MOST_LINE = 10_000_000
 """Bytes of a line: a hundred times those of a row of a thousand numbers."""
-
-MOST_BYTES, CHUNK = 2_000_000_000, 1 << 20
-"""Of a file that a case refers to, and how many are read at once."""
 
 PLAIN = json.JSONEncoder(sort_keys=True, default=str)
 """Writes plain data in one way only."""
@@ -103,7 +100,7 @@ class Sources:
 
     def content(self, files: tuple[str, ...]) -> dict[str, str]:
         """Return the digests of what is in files; empty for what is no file that a case could refer to."""
-        return {file: _file_digest(file) for file in files}
+        return {file: file_digest(file) for file in files}
 
 
 def _stamp(file: str) -> Stamp | None:
@@ -111,21 +108,6 @@ def _stamp(file: str) -> Stamp | None:
         return stamp_of(os.stat(file))
     except (OSError, ValueError):
         return None
-
-
-def _file_digest(file: str) -> str:
-    """Return the digest of a regular file of ordinary size; empty for a device, a pipe, or what cannot be read."""
-    try:
-        with open(os.open(file, os.O_RDONLY | os.O_NONBLOCK), "rb", buffering=0) as stream:
-            state = os.fstat(stream.fileno())
-            if not stat.S_ISREG(state.st_mode) or state.st_size > MOST_BYTES:
-                return ""
-            content = hashlib.sha256()
-            for _ in range(0, state.st_size, CHUNK):  # and no more: files of /proc have no end
-                content.update(stream.read(CHUNK) or b"")
-            return content.hexdigest()
-    except (OSError, ValueError):
-        return ""
 
 
 class JournalEntry(msgspec.Struct, frozen=True, omit_defaults=True):

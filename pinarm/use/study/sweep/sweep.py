@@ -26,7 +26,7 @@ from pinarm.use.study.sweep.axes import MOST, Axis, Cases, Distribution, Samplin
 from pinarm.use.study.sweep.case_solver import Solving
 from pinarm.use.study.sweep.parquet_parts import require_parquet
 from pinarm.use.study.sweep.value_syntax import read_axis, read_cases
-from pinarm.use.workers.choice import chosen_workers
+from pinarm.use.workers.executors import chosen_workers
 from pinarm.use.workers.runners import check_number
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from pinarm.use.cases.case import Row
 from pinarm.use.study.sweep import case_solver as solving
 from pinarm.use.study.sweep.journal import Journal
 from pinarm.use.study.sweep.sweep_text import report
-from pinarm.use.workers.distribute import Dispatch
+from pinarm.use.workers.dispatch import Dispatch
 
 MASSES = {"arguments.m": "1:3:5 kg", "arguments.l": "0.5, 1"}
 
