@@ -66,9 +66,9 @@ class Dispatch(Generic[JobT, AnswerT]):
         workers: Workers,
         written: Callable[[list[JobT]], Any] = list,
     ) -> None:
-        root = given_root()
+        root = None if given_root() is None else str(given_root())
         self.workers, self.written = workers, written
-        self.call = partial(work, versions(), os.urandom(16).hex(), pickle.dumps(function), None if root is None else str(root))
+        self.call = partial(work, versions(), os.urandom(16).hex(), pickle.dumps(function), root)
         self.jobs: Iterator[NumberedJob[JobT]] = iter(())
         self.size, self.share, self.deaths = 1, sys.maxsize, 0
         self.retries, self.given = deque[Chunk](), dict[Any, Chunk]()
