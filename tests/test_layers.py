@@ -41,8 +41,6 @@ EXCEPTIONS = {
 COSTLY = {"matplotlib", "pandas", "meshcat", "scipy"}
 LATE = {
     "use/show/figure.py": {"matplotlib"},
-    "engine/constraints/nullspaces/sparse_rows.py": {"scipy"},
-    "engine/constraints/nullspaces/sparse_nullspace.py": {"scipy"},
     "engine/dynamics/many_points.py": {"scipy"},
 }
 """Modules that are imported by functions only, and what they need."""

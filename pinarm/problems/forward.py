@@ -12,7 +12,7 @@ from msgspec.structs import replace as replace_fields
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import EnergyAccount, energy_balance
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspaces.nullspace import VANISHED
+from pinarm.engine.constraints.nullspace import VANISHED
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import friction_columns
 from pinarm.engine.kinematics.assembly import near_given
@@ -377,7 +377,7 @@ def _uncertain(closure: Closure, q: Array, v: Array) -> list[str]:
     """
     if not closure.size or len(q) < closure.model.nq or not v.any():
         return []
-    values = closure.singular_values(q)
+    values = closure.values(q[None])[0]
     if not values[0]:  # loops that only repeat each other
         return []
     least = float(values[values > VANISHED * closure.coarseness].min(initial=values[0])) / float(values[0])

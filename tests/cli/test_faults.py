@@ -13,7 +13,7 @@ import pytest
 
 import pinarm
 from pinarm.cli.main import main
-from pinarm.engine.constraints.nullspaces.dense_nullspace import solved_positive
+from pinarm.engine.constraints.nullspace import solved_positive
 from pinarm.errors import DynamicsError
 from pinarm.use.scenario.scenario import Scenario
 

@@ -38,7 +38,7 @@ def test_a_state_half_a_turn_off_is_refused_alone_and_among_others(
 ) -> None:
     mechanism = pinarm.Mechanism.load(arm(tmp_path, kind, axis))
     shut, torn = np.zeros(2), np.array([turn, 0.0])
-    assert np.abs(mechanism.closure.gaps(np.array([torn, torn]))).max() > 1.0
+    assert np.abs(mechanism.closure.at(np.array([torn, torn]))[0]).max() > 1.0
     for q in (torn, np.array([torn, torn]), np.array([shut, torn])):
         idle = np.zeros_like(q)
         for call in (mechanism.at, mechanism.forward):

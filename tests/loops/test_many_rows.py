@@ -8,7 +8,7 @@ from motions import driven, free
 from pinarm.engine.constraints import closure
 from pinarm.engine.constraints.constraint_rows import BLOCK
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.constraints.nullspaces.nullspace import split_rows
+from pinarm.engine.constraints.nullspace import split_rows
 from pinarm.engine.kinematics.continuation_batch import BatchContinuation
 from pinarm.engine.motion.systems import constrained
 from pinarm.errors import InputError
@@ -33,7 +33,6 @@ def test_a_motion_and_its_efforts_are_those_found_row_by_row(name, tmp_path, mon
     together = driven(mechanism, motion, samples=40, drives=drives)
     monkeypatch.setattr(BatchContinuation, "of", lambda *_: None)
     monkeypatch.setattr(closure, "SEVERAL", 1_000_000)
-    monkeypatch.setattr(closure, "MANY", 1_000)
     alone = driven(mechanism, motion, samples=40, drives=drives)
     for one, other in ((together.q, alone.q), (together.v, alone.v), (together.a, alone.a), (together.tau, alone.tau)):
         assert one == pytest.approx(other, rel=1e-11, abs=1e-11 * np.abs(other).max())
@@ -107,7 +106,6 @@ def test_the_rows_of_a_free_motion_are_those_computed_one_by_one(name, tmp_path,
     motion = {drive: Harmonic(amplitude=0.3, pulsation=5.0)} if name == "five_bar" else {}
     together = free(mechanism, 0.2, 120, tolerance=1e-5, motion=motion)
     monkeypatch.setattr(constrained, "BLOCK", 1)
-    monkeypatch.setattr(closure, "MANY", 1_000)
     alone = free(mechanism, 0.2, 120, tolerance=1e-5, motion=motion)
     for one, other in ((together.q, alone.q), (together.v, alone.v), (together.a, alone.a), (together.tau, alone.tau)):
         assert one == pytest.approx(other, rel=1e-8, abs=1e-8 * np.abs(other).max())  # of the squares of gaps of 1e-5

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.constraints.nullspaces.dense_nullspace import MANY
+from pinarm.engine.constraints.nullspace import MANY
 
 ROOT = Path(__file__).parents[2]
 SAME = 1e-6

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.nullspaces.dense_nullspace import solved_positive
+from pinarm.engine.constraints.nullspace import solved_positive
 from pinarm.engine.dynamics.mass_matrix import mass_diagonals, mass_solved, mass_times
 from pinarm.engine.dynamics.masses import MASSLESS, NOTHING
 from pinarm.records import Record
@@ -151,7 +151,7 @@ class TreeMasses(_RecursiveMasses, frozen=True):
     @cached_property
     def condition(self) -> Array:
         """See ``FreeMasses``; extreme eigenvalues by Lanczos' method."""
-        from pinarm.engine.constraints.nullspaces.sparse_rows import largest_eigenpair
+        from pinarm.engine.dynamics.mass_matrix import largest_eigenpair
 
         nv, heavy, light, worst = self.model.nv, None, None, 0.0
         for q, square in zip(self.q, self.diagonal, strict=True):

@@ -14,14 +14,12 @@ from pinarm.arrays import Array
 from pinarm.engine.checks.figures import relative
 from pinarm.engine.checks.free_masses import ConstrainedMasses, FreeMasses, MassMatrices, TreeMasses, TreeMassMatrices
 from pinarm.engine.checks.sample import SAMPLE, sampled
-from pinarm.engine.constraints.nullspaces.nullspace import MANY
-from pinarm.engine.constraints.sparse_matrices import first_rows, times, transposed_times
+from pinarm.engine.constraints.nullspace import MANY
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.records import Record
 
 if TYPE_CHECKING:
-    from pinarm.engine.constraints.sparse_matrices import Matrices
     from pinarm.engine.motion.outcome import SolvedMotion
 
 
@@ -89,14 +87,14 @@ class _Looked(Record, frozen=True):
     run: Trajectory
 
     @cached_property
-    def _rows(self) -> tuple[Array, Matrices]:
+    def _rows(self) -> tuple[Array, Array]:
         """Gaps of constraints and task coordinates, shape (n, m + g), and their rows of G, shape (n, m + g, nv)."""
-        return self.run.closure.matrices(self.run.q)
+        return self.run.closure.at(self.run.q)
 
     @cached_property
-    def own(self) -> Matrices:
+    def own(self) -> Array:
         """G of the constraints, shape (n, m, nv)."""
-        return first_rows(self._rows[1], self.run.mechanism.closure.size)
+        return self._rows[1][..., : self.run.mechanism.closure.size, :]
 
     @cached_property
     def drift(self) -> Array:
@@ -107,7 +105,7 @@ class _Looked(Record, frozen=True):
     def gaps(self) -> Array:
         """What is open of the loops, its rate and its acceleration, largest of each row, shape (n, 3)."""
         run, m = self.run, self.run.mechanism.closure.size
-        parts = self._rows[0][..., :m], times(self.own, run.v), times(self.own, run.a) + self.drift
+        parts = self._rows[0][..., :m], np.matvec(self.own, run.v), np.matvec(self.own, run.a) + self.drift
         return np.stack([np.abs(part).max(axis=-1, initial=0.0) for part in parts], axis=1)
 
     @property
@@ -117,7 +115,7 @@ class _Looked(Record, frozen=True):
         if not along.size:
             return np.zeros_like(self.run.v)
         others = np.zeros((*along.shape[:-1], self.run.mechanism.closure.size))
-        return transposed_times(self._rows[1], np.concatenate([others, along], axis=-1))
+        return np.asarray(np.vecmat(np.concatenate([others, along], axis=-1), self._rows[1]))
 
     def of_one_freedom(self) -> list[_Alike]:
         """Return those with as many free motions together: at singular positions there are more."""

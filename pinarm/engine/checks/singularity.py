@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array, Indices, distinct
-from pinarm.engine.constraints.nullspaces.nullspace import RANK
+from pinarm.engine.constraints.nullspace import RANK
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import PinarmError
 from pinarm.records import Record

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pinarm.engine.checks.sample import sampled
-from pinarm.engine.constraints.nullspaces.nullspace import UNCLOSED
+from pinarm.engine.constraints.nullspace import UNCLOSED
 from pinarm.engine.motion.trajectory import Trajectory
 
 ROUNDED = 1e-13
@@ -18,7 +18,7 @@ def unclosed(run: Trajectory) -> list[str]:
     if not closure.size:
         return []
     rows = sampled(len(run))
-    gaps = closure.gaps(run.q[rows])
+    gaps = closure.at(run.q[rows])[0]
     if (np.abs(gaps) <= ROUNDED * closure.reach).all():  # nearly always
         return []
     reached = closure.splits(run.q[rows]).each(closure.size, lambda split, gap: split.reached(gap), gaps)

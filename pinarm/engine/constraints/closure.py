@@ -5,27 +5,26 @@ An open chain has no rows; nothing else distinguishes it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, cast
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import cast
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices, constants_of
 from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
+from pinarm.engine.constraints.constraint_rows import ConstraintRows, EvaluatedRows
 from pinarm.engine.constraints.loop_sizes import LoopSizes, extent, slides, unit_of_length
-from pinarm.engine.constraints.nullspaces.dense_nullspace import acting_values
-from pinarm.engine.constraints.nullspaces.nullspace import (
-    MANY,
+from pinarm.engine.constraints.nullspace import (
     RANK,
     UNCLOSED,
     VANISHED,
     RowDecompositions,
     SplitRows,
+    acting_values,
     split_rows,
 )
-from pinarm.engine.constraints.nullspaces.separate_rows import sparse_split_apart
 from pinarm.engine.one_run import kept_in_a_run
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
@@ -36,25 +35,15 @@ from pinarm.mechanics.geometry.vectors import lengths, moved
 from pinarm.mechanics.loops.loop_joints import AlikeLoopJoints, LoopJoint
 from pinarm.records import Record, replace
 
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
-
-    from pinarm.engine.constraints.constraint_rows import ConstraintRows, EvaluatedRows
-    from pinarm.engine.constraints.sparse_matrices import Matrices
-
 SMALL = 0.01
 """Part of its reach below which a row may be that of a joint which repeats others but is a little out of line."""
 
-DENSE = 400
-"""Velocities up to which singular values are those of a dense matrix: those of 200 take a fifth of the time of Lanczos'
-method, whose time grows with their number, not with its cube."""
-
 SEVERAL, KEPT = 8, 64
-"""Number of configurations from which on numpy takes less time on all of them than Pinocchio one by one; and up to
-which what they measure is kept."""
+"""Configurations times constraints from which on numpy evaluates all together in less time than Pinocchio one by one;
+and configurations up to which what they measure is kept until the end of a run."""
 
 BLOCK = 512
-"""Number of configurations whose G is held at once."""
+"""Configurations whose G is held at once."""
 
 GUIDED = 4
 """Closures with guides that are kept: states between the rows of a motion ask for that of the rows."""
@@ -202,16 +191,8 @@ class Closure(Record, frozen=True):
         return self.state(pin.integrate(self.model, pin.neutral(self.model), way))
 
     def split(self, rows: Array) -> SplitRows:
-        """Return given rows G, shape (m, nv), taken apart: those of stops and couplings alone are always the same."""
-        known = self._split_last[0]
-        if known is None or not np.array_equal(known[0], rows):
-            known = self._split_last[0] = rows, split_rows(rows, self.reach)  # other threads may ask for others
-        return known[1]
-
-    @cached_property
-    def _split_last(self) -> list[tuple[Array, SplitRows] | None]:
-        """The rows that were taken apart last, and their parts."""
-        return [None]
+        """Return G, shape (m, nv), decomposed."""
+        return split_rows(rows, self.reach)
 
     def with_guides(self, names: Sequence[str], coordinates: Sequence[Coordinate]) -> Closure:
         """Return the closure with the rows of guided coordinates after its own; the last ones are kept."""
@@ -267,139 +248,50 @@ class Closure(Record, frozen=True):
 
     @cached_property
     def constraint_rows(self) -> ConstraintRows:
-        """What the constraints measure, at many configurations."""
-        from pinarm.engine.constraints.constraint_rows import ConstraintRows
-
+        """The rows of the constraints, for evaluation at many configurations."""
         return ConstraintRows.of(self.model, self.constraints)
 
     def at(self, q: Array) -> tuple[Array, Array]:
-        """Return the gaps, shape (n, m), and G, shape (n, m, nv), at configurations, shape (n, nq).
+        """Return the gaps, shape (n, m), and G, shape (n, m, nv), at configurations, shape (n, nq); to be read only."""
+        if len(q) * len(self.constraints) >= SEVERAL:
+            rows = _kept_rows(self, q.tobytes(), len(q)) if len(q) <= KEPT else self.constraint_rows.at(q)
+            return rows.gaps, rows.matrices
+        gaps, matrices = np.zeros((len(q), self.size)), np.zeros((len(q), self.size, self.model.nv))
+        for k, state in enumerate(map(self.state, q if self.size else ())):
+            gaps[k], matrices[k] = self.gap(state), self.rows(state)
+        return gaps, matrices
 
-        Those of few configurations are kept, to be read only: all that looks at a table asks for them.
-        """
-        if measured := self._measured(q):
-            return measured.gaps, measured.matrices
-        return self._one_by_one(q)
+    def drifts(self, q: Array, v: Array) -> Array:
+        """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""
+        if len(q) * len(self.constraints) >= SEVERAL:
+            return (_kept_rows(self, q.tobytes(), len(q)) if len(q) <= KEPT else self.constraint_rows.at(q)).drifts(v)
+        drifts = np.zeros((len(q), self.size))
+        for k, x in enumerate(q if self.size else ()):
+            drifts[k] = self.drift(self.state(x, v[k]))
+        return drifts
 
-    def _one_by_one(self, q: Array) -> tuple[Array, Array]:
-        states = q.shape[:-1]
-        gaps, rows = np.empty((*states, self.size)), np.empty((*states, self.size, self.model.nv))
-        for k, one in enumerate(q if self.size else ()):
-            state = self.state(one)
-            gaps[k], rows[k] = self.gap(state), self.rows(state)
-        return gaps, rows
-
-    def _measured(self, q: Array) -> MeasuredRows | None:
-        """Return the rows at many configurations, evaluated together; ``None`` where each is looked at by itself."""
-        if not self._many(q):
-            return None
-        return _kept_rows(self, q.tobytes(), len(q)) if len(q) <= KEPT else self.together(q)
-
-    def _many(self, q: Array) -> bool:
-        """Tell whether it pays to look at configurations together."""
-        return self.size > 0 and len(q) * len(self.constraints) >= SEVERAL
-
-    def together(self, q: Array) -> MeasuredRows:
-        """Return the rows at configurations, shape (n, nq), measured together."""
-        return MeasuredRows(self.constraint_rows.at(q), self.reach)
-
-    def gaps(self, q: Array) -> Array:
-        """Return the gaps at configurations, shape (n, nq), as an array of shape (n, m)."""
-        if measured := self._measured(q):
-            return measured.gaps
-        return np.array([self.gap(self.state(one)) for one in q]).reshape(len(q), self.size)
-
-    def apart(self, q: Array) -> tuple[Array, RowDecompositions]:
-        """Return the gaps, shape (n, m), and G taken apart, at configurations, shape (n, nq)."""
-        if measured := self._measured(q):
-            return measured.gaps, measured.splits
-        gaps, rows = self._one_by_one(q)
-        return gaps, RowDecompositions.of(rows, self.reach)
-
-    def splits(self, q: Array, rows: Matrices | None = None) -> RowDecompositions:
-        """Return G taken apart at configurations, shape (n, nq); ``rows`` are what ``matrices`` says, if known."""
-        if rows is None or isinstance(rows, list) or (len(q) <= KEPT and self._measured(q)):
-            return self.apart(q)[1]
-        return RowDecompositions.of(rows, self.reach)
+    def splits(self, q: Array, rows: Array | None = None) -> RowDecompositions:
+        """Return G decomposed at configurations, shape (n, nq); ``rows`` is G there, if known."""
+        if len(q) <= KEPT:
+            return _kept_splits(self, q.tobytes(), len(q))
+        return RowDecompositions.of(self.at(q)[1] if rows is None else rows, self.reach)
 
     def free_motions(self, q: Array) -> Iterator[tuple[Indices, Array]]:
         """Yield places of configurations, shape (N, nq), and T there, shape (f, places, nv), where f is the same."""
         for start in range(0, len(q), BLOCK):
-            for places, split in self.apart(q[start : start + BLOCK])[1].parts:
+            for places, split in self.splits(q[start : start + BLOCK]).parts:
                 yield start + places, np.moveaxis(split.free, -1, 0)
 
-    def drifts(self, q: Array, v: Array) -> Array:
-        """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""
-        if measured := self._measured(q):
-            return measured.drifts(v)
-        found = np.empty((*q.shape[:-1], self.size))
-        for k, one in enumerate(q if self.size else ()):
-            found[k] = self.drift(self.state(one, v[k]))
-        return found
-
-    def matrices(self, q: Array) -> tuple[Array, Matrices]:
-        """Return what ``at`` does, G of many joints as sparse matrices."""
-        sparse = self._sparse(q)
-        return self.at(q) if sparse is None else (self.gaps(q), sparse)
-
-    def taken_apart(self, q: Array, v: Array) -> tuple[SplitRows, Array | csr_array, Array]:
-        """Return G taken apart, G itself and G' v in a single state, shapes (nq,) and (nv,)."""
-        if (sparse := self._sparse(q[None])) is None:
-            state = self.state(q, v)
-            rows = self.rows(state)
-            return self.split(rows), rows, self.drift(state)
-        return sparse_split_apart(sparse[0], self.reach), sparse[0], self.drifts(q[None], v[None])[0]
-
-    def _sparse(self, q: Array) -> list[csr_array] | None:
-        """Return G at configurations, shape (n, nq), as sparse matrices; ``None`` where they are not had as such."""
-        measured = self._measured(q) if self.model.nv > MANY else None
-        return measured.sparse_matrices if measured else None
-
     def values(self, q: Array) -> Array:
-        """Return the singular values of G at configurations that nothing else asks for, shape (n, .., nq).
+        """Return the singular values of G at configurations, shape (n, nq); see ``values_of``."""
+        return self.values_of(self.at(q)[1])
 
-        See ``singular_values``.
+    def values_of(self, rows: Array) -> Array:
+        """Return the singular values of G, shape (.., m, nv), descending, lengths in the unit of the mechanism.
+
+        Rows are not scaled to the length 1: where bars are in line a row itself may vanish.
         """
-        if self.model.nv > MANY:
-            return self.values_of(self.matrices(q)[1])
-        if self._many(q):
-            return self.values_of(self.together(q).matrices)
-        rows = [self.rows(self.state(one)) for one in q]
-        return self.values_of(np.reshape(rows, (len(q), self.size, self.model.nv)))
-
-    def singular_values(self, q: Array) -> Array:
-        """Return the singular values of G at a configuration, descending, lengths in the unit of the mechanism.
-
-        Of many joints only the largest and the last are computed. Rows are not brought to the length 1: where bars are
-        in line a row itself may vanish.
-        """
-        return self._values(q.tobytes())
-
-    @cached_property
-    def _values(self) -> Callable[[bytes], Array]:
-        """Singular values at the configurations asked for last, such as the start of a motion, to be read only."""
-        return lru_cache(maxsize=4)(lambda content: np.asarray(self.values(np.frombuffer(content)[None])[0]))
-
-    def values_of(self, rows: Matrices) -> Array:
-        """Return the singular values of given rows G, shape (.., m, nv), as ``singular_values`` does."""
-        if isinstance(rows, list):
-            return np.array([self._extreme_values(matrix) for matrix in rows])
-        if rows.size and self.model.nv > MANY:
-            from scipy.sparse import csr_array
-
-            values = [self._extreme_values(csr_array(each)) for each in rows.reshape(-1, *rows.shape[-2:])]
-            return np.reshape(values, (*rows.shape[:-2], -1))
         return acting_values(rows, self._units)
-
-    def _extreme_values(self, rows: csr_array) -> Array:
-        from scipy.sparse import csr_array
-
-        from pinarm.engine.constraints.nullspaces.sparse_nullspace import extreme_values
-
-        if self.model.nv <= DENSE:
-            return acting_values(rows.toarray(), self._units)
-        data = rows.data * self.scale[rows.indices] / np.repeat(self.measure, np.diff(rows.indptr))
-        return extreme_values(csr_array((data, rows.indices, rows.indptr), shape=rows.shape))
 
     def rank(self, values: Array) -> int:
         """Return the rank that singular values, shape (n, .., s), have at most; see ``values_of``."""
@@ -496,56 +388,12 @@ class Closure(Record, frozen=True):
         return together, [each[0] for each in alike.values() if len(each) == 1]
 
 
-class MeasuredRows(Record, frozen=True):
-    """The rows of a closure at n configurations, and what has been computed of them, to be read only.
-
-    Attributes:
-        rows: The rows.
-        reach: Length that each row can have, shape (m,).
-    """
-
-    rows: EvaluatedRows
-    reach: Array
-
-    @cached_property
-    def gaps(self) -> Array:
-        """The gaps, shape (n, m)."""
-        return _read_only(self.rows.gaps)
-
-    @cached_property
-    def matrices(self) -> Array:
-        """G, shape (n, m, nv)."""
-        return _read_only(self.rows.matrices)
-
-    def drifts(self, v: Array) -> Array:
-        """Return G' v for velocities v, shape (n, nv), as an array of shape (n, m)."""
-        return self._drifts(v.tobytes())
-
-    @cached_property
-    def _drifts(self) -> Callable[[bytes], Array]:
-        """Those of the velocities asked for last: all that looks at a table asks for them."""
-        n = len(self.rows.q)
-        return lru_cache(maxsize=1)(lambda content: _read_only(self.rows.drifts(np.frombuffer(content).reshape(n, -1))))
-
-    @property
-    def sparse_matrices(self) -> list[csr_array]:
-        """G as n matrices of shape (m, nv)."""
-        return self.rows.sparse_matrices
-
-    @cached_property
-    def splits(self) -> RowDecompositions:
-        """G taken apart."""
-        if self.rows.rows.pattern.nv > MANY:
-            return RowDecompositions.of_many_joints(self.sparse_matrices, self.reach)
-        return RowDecompositions.of(self.matrices, self.reach)
-
-
-def _read_only(x: Array) -> Array:
-    x.flags.writeable = False
-    return x
+@kept_in_a_run(4)
+def _kept_rows(closure: Closure, content: bytes, n: int) -> EvaluatedRows:
+    """Return the rows at n configurations, given by the bytes of their array."""
+    return closure.constraint_rows.at(np.frombuffer(content).reshape(n, -1))
 
 
 @kept_in_a_run(4)
-def _kept_rows(closure: Closure, content: bytes, n: int) -> MeasuredRows:
-    """Return the rows at n configurations, given by the bytes of their array."""
-    return closure.together(np.frombuffer(content).reshape(n, -1))
+def _kept_splits(closure: Closure, content: bytes, n: int) -> RowDecompositions:
+    return RowDecompositions.of(closure.at(np.frombuffer(content).reshape(n, -1))[1], closure.reach)

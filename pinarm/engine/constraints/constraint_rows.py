@@ -32,8 +32,6 @@ from pinarm.mechanics.paths import PathLength
 from pinarm.records import Record
 
 if TYPE_CHECKING:
-    from scipy.sparse import csr_array
-
     from pinarm.mechanics.loops.pair import Pair
 
 BLOCK = 4000
@@ -281,20 +279,6 @@ class EvaluatedRows(Record, frozen=True):
         found = np.zeros((*self.states, self.rows.size, pattern.nv))
         found[..., pattern.rows, pattern.columns] = np.moveaxis(self.entries, 0, -1)
         return found
-
-    @cached_property
-    def sparse_matrices(self) -> list[csr_array]:
-        """G as n matrices of shape (m, nv)."""
-        from scipy.sparse import csr_array
-
-        pattern, shape = self.rows.pattern, (self.rows.size, self.rows.pattern.nv)
-        matrices = [
-            csr_array((own, pattern.columns.copy(), pattern.starts.copy()), shape=shape)
-            for own in np.ascontiguousarray(self.entries.T)
-        ]
-        for matrix in matrices:
-            matrix.eliminate_zeros()
-        return matrices
 
     def drifts(self, v: Array) -> Array:
         """Return ``G' v`` for velocities, shape (.., nv), as an array of shape (.., m)."""

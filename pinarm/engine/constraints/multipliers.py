@@ -10,7 +10,7 @@ import numpy as np
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.constraints.closure import BLOCK, Closure
-from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions
+from pinarm.engine.constraints.nullspace import RowDecompositions
 from pinarm.records import Record
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import Constraint
-from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions
+from pinarm.engine.constraints.nullspace import RowDecompositions
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import moved
@@ -65,8 +65,7 @@ class SelfStresses(Record, frozen=True):
 
     def on(self, functions: Array) -> Array:
         """Return what they add to functions of the multipliers, shape (n, m, k) to (s, n, k)."""
-        stresses = self.splits.stresses_on(functions)
-        return np.moveaxis(stresses.swapaxes(-1, -2) @ functions, -2, 0)
+        return np.moveaxis(self.splits.stresses.swapaxes(-1, -2) @ functions, -2, 0)
 
     def on_loop(self, joint: LoopJoint) -> Array:
         """Return what they add to the wrench of a loop joint, see ``LoopJoint.wrench``, shape (s, n, 6)."""

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices, others
-from pinarm.engine.constraints.nullspaces.dense_nullspace import solved_positive
+from pinarm.engine.constraints.nullspace import solved_positive
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import symmetric
 from pinarm.errors import InputError

@@ -6,7 +6,7 @@ With the rows G of all constraints (loop joints, couplings, coordinates that fol
     G(q) a = b,    b = -G' v, plus w'' in the row of a coordinate that follows the law w(t)        (2)
 
 Let T be a basis of the velocities that the rows allow, ``G T = 0``, and a_p the shortest solution of (2), both from the
-singular values of G (``engine.constraints.nullspaces``). All solutions of (2) are ``a = a_p + T u``. The multipliers do
+singular values of G (``engine.constraints.nullspace``). All solutions of (2) are ``a = a_p + T u``. The multipliers do
 no work along T, ``T^T G^T = 0``; so with the force ``f = tau + loads - nle`` equation (1), multiplied by T^T, gives
 
     T^T M T u = T^T (f - M a_p)        (3)
@@ -32,8 +32,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspaces.dense_nullspace import solved_positive
-from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions, SplitRows
+from pinarm.engine.constraints.nullspace import RowDecompositions, SplitRows, solved_positive
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import Masses
 
@@ -57,7 +56,7 @@ def solve(rows: SplitRows, mass: Masses, force: Array, right: Array) -> Array:
 
 def solve_each(rows: RowDecompositions, mass: Masses, force: Array, right: Array) -> Array:
     """Return what ``solve`` does at n configurations, whose ranks may differ, shape (n, nv)."""
-    return rows.each(rows.shape[2], solve, mass, force, right)
+    return rows.each(rows.shape[-1], solve, mass, force, right)
 
 
 def accelerations(dynamics: Dynamics, closure: Closure, t: Array | float, q: Array, v: Array, tau: Array) -> Array:

@@ -23,10 +23,9 @@ from scipy.sparse.linalg import splu
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspaces.sparse_nullspace import extreme_values
-from pinarm.engine.constraints.nullspaces.sparse_rows import largest_eigenvalue
+from pinarm.engine.constraints.nullspace import RANK
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.mass_matrix import sparse_mass_matrix
+from pinarm.engine.dynamics.mass_matrix import largest_eigenpair, sparse_mass_matrix
 from pinarm.engine.dynamics.pinocchio_constraints import (
     BESIDE,
     ITERATIONS,
@@ -176,8 +175,8 @@ class ManyCoincidentPoints:
         found = [table.matrix(table.moved(model, q, np.zeros(model.nv)).entries, model.nv) for q in places_of(model)]
         size = np.max([abs(rows).max(axis=1).toarray().ravel() for rows in found], axis=0)
         acting = size > NOISE * size.max()
-        values = [extreme_values(csr_array(rows[np.flatnonzero(acting)])) for rows in found]
-        if any(len(value) < acting.sum() or not value[-1] > 0.0 for value in values):
+        values = [np.linalg.svd(rows[np.flatnonzero(acting)].toarray(), compute_uv=False) for rows in found]
+        if any(len(value) < acting.sum() or not value[-1] > RANK * value[0] for value in values):
             return None
         return ManyCoincidentPoints(
             model, pairs, table, acting, int(acting.sum()), max(float(value[-1] / value[0]) for value in values)
@@ -259,8 +258,8 @@ class ManyPointConstraints:
         scaled = diags_array(1.0 / np.sqrt(diagonal)) @ rows
         solve, m, nv = splu(mass).solve, rows.shape[0], self.tied.model.nv
         whole = splu(csc_array(block_array([[mass, scaled.T], [scaled, None]])))
-        largest = largest_eigenvalue(m, lambda x: scaled @ solve(scaled.T @ x))
-        inverse = largest_eigenvalue(m, lambda x: -whole.solve(np.concatenate([np.zeros(nv), x]))[nv:])
+        largest = largest_eigenpair(m, lambda x: scaled @ solve(scaled.T @ x))[0]
+        inverse = largest_eigenpair(m, lambda x: -whole.solve(np.concatenate([np.zeros(nv), x]))[nv:])[0]
         return largest * inverse
 
     def _acting_rows(self) -> csr_array:
@@ -335,9 +334,8 @@ class ManyPointConstraints:
 
     def squares(self) -> Array:
         """Return the squares of the singular values of the rows, ascending: the largest and the last that is not 0."""
-        values = np.zeros(self.tied.model.nv)
-        found = extreme_values(csr_array(self._acting_rows()))
-        values[: len(found)] = found
+        values, acting = np.zeros(self.tied.model.nv), self._acting_rows().toarray()
+        values[: len(acting)] = np.linalg.svd(acting, compute_uv=False)
         return np.asarray(values[::-1] ** 2)
 
     def step(self, right: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.constraints.nullspaces.nullspace import MANY
+from pinarm.engine.constraints.nullspace import MANY
 from pinarm.engine.one_run import kept_in_a_run
 from pinarm.mechanics.geometry.buffers import give_back, take
 from pinarm.mechanics.geometry.link_tree import LinkTree, states_first
@@ -98,6 +99,18 @@ def masses(model: pin.Model, q: Array) -> Masses:
     if model.nv > MANY:
         return MassProducts(model, q)
     return shared_mass_matrices(model, q) if q.ndim > 1 else mass_matrix(model, q)
+
+
+def largest_eigenpair(size: int, product: Callable[[Array], Array], near: Array | None = None) -> tuple[float, Array]:
+    """Return the largest eigenvalue of a symmetric positive matrix, given as its products, and its eigenvector.
+
+    Lanczos' method; where an eigenvector nearby is known it takes a third of the products.
+    """
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    start, kept = (np.cos(np.arange(1.0, size + 1.0)), None) if near is None else (near, 5)
+    values, vectors = eigsh(LinearOperator((size, size), product), 1, v0=start, ncv=kept, tol=1e-3)
+    return float(values[0]), vectors[:, 0]
 
 
 def sparse_mass_matrix(model: pin.Model, q: Array) -> csc_array:

@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspaces.nullspace import MANY, SplitRows
+from pinarm.engine.constraints.nullspace import MANY, SplitRows
 from pinarm.engine.dynamics.mass_matrix import mass_matrices
 from pinarm.errors import DynamicsError, listed
 from pinarm.mechanics.ball_joints import coordinate_name

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspaces.nullspace import RANK, VANISHED
+from pinarm.engine.constraints.nullspace import RANK, VANISHED
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix

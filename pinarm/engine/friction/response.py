@@ -17,8 +17,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspaces.dense_nullspace import solved_positive
-from pinarm.engine.constraints.nullspaces.nullspace import SplitRows
+from pinarm.engine.constraints.nullspace import SplitRows, solved_positive
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
@@ -307,7 +306,7 @@ class BearingReactions:
     def undetermined(self, rows: SplitRows, q: Array) -> list[FrictionContact]:
         """Return the contacts whose bearings multipliers load that do nothing; see ``require_determined``."""
         m = self.closure.size
-        stresses = np.vstack([np.zeros((1, m)), rows.stresses_on(np.eye(m)).T])
+        stresses = np.vstack([np.zeros((1, m)), rows.stresses.T])
         still, none = np.zeros((len(stresses), self.closure.model.nv)), np.zeros((len(stresses), len(self.contacts)))
         wrenches = self.wrenches(0.0, q, still[0], still, stresses, none)
         added = (wrenches[1:] - wrenches[0]).swapaxes(0, 1)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.constraints.nullspaces.nullspace import MANY, singular_values
+from pinarm.arrays import Array, Flags
 
 ENOUGH = 1e-9
 """Correction that is the last: Newton's method doubles the digits, the next one would be below rounding."""
@@ -37,7 +36,7 @@ def part_of_leap(rows: Array, there: Array) -> float:
     nv = rows.shape[1]
     if _sign(rows, there) > 0.0:
         return 1.0
-    values = [singular_values(each) for each in (rows, there)]
+    values = [np.linalg.svd(each, compute_uv=False) for each in (rows, there)]
     before, after = (float(each[nv - 1] / each[0]) for each in values)
     if max(before, after) <= CROSSED:
         return 1.0
@@ -47,25 +46,4 @@ def part_of_leap(rows: Array, there: Array) -> float:
 
 def _sign(rows: Array, there: Array) -> float:
     """Return the sign of the determinant of ``rows^T there``, shapes (m, nv); 0 where that is singular."""
-    if rows.shape[1] <= MANY:
-        return float(np.linalg.slogdet(rows.T @ there)[0])
-    from scipy.sparse import csc_array
-    from scipy.sparse.linalg import splu
-
-    try:
-        factors = splu(csc_array(csc_array(rows).T @ csc_array(there)))
-    except RuntimeError:  # exactly singular
-        return 0.0
-    turns = _parity(factors.perm_r) * _parity(factors.perm_c)
-    return float(turns * np.prod(np.sign(factors.U.diagonal())))
-
-
-def _parity(order: Indices) -> float:
-    """Return the sign of a permutation, by the number of its cycles."""
-    left, count = set(order.tolist()), len(order)
-    while left:
-        start = k = left.pop()
-        while (k := int(order[k])) != start:
-            left.discard(k)
-        count -= 1
-    return 1.0 if count % 2 == 0 else -1.0
+    return float(np.linalg.slogdet(rows.T @ there)[0])

@@ -16,8 +16,7 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint_rows import EvaluatedRows
-from pinarm.engine.constraints.nullspaces.nullspace import singular_values
-from pinarm.engine.constraints.nullspaces.orthogonal_rows import REGULAR, DeterminingRows
+from pinarm.engine.constraints.orthogonal_rows import REGULAR, DeterminingRows
 from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch
 from pinarm.engine.kinematics.newton import CLOSED, CONTRACTION
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
@@ -119,7 +118,7 @@ class BatchContinuation:
         """Return the rows that determine the motion: the last ones, or else those of a regular configuration."""
         if self._chosen is None:
             matrix = self.rows.rows(self.rows.state(q))
-            values = singular_values(matrix)
+            values = np.linalg.svd(matrix, compute_uv=False)
             if len(values) == self.nv and values[-1] >= REGULAR * values[0]:
                 self._chosen = DeterminingRows.of(matrix, self.rows.groups, self.rows.reach)
         return self._chosen

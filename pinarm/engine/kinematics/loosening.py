@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.nullspaces.nullspace import ACTS
+from pinarm.engine.constraints.nullspace import ACTS
 from pinarm.engine.constraints.self_stresses import SelfStresses
 from pinarm.mechanics.geometry.screws import screw_of
 from pinarm.mechanics.loops.loop_joints import LoopJoint

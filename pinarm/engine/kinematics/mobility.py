@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.nullspaces.nullspace import ACTS
+from pinarm.engine.constraints.nullspace import ACTS
 from pinarm.engine.constraints.self_stresses import SelfStresses
 from pinarm.engine.kinematics.loosening import Loosening, loosenings
 from pinarm.errors import several
@@ -85,7 +85,7 @@ class Mobility(Record, frozen=True):
 def mobility_of(mechanism: Mechanism, q: Array) -> Mobility:
     """Return what the constraints of a mechanism do at a closed configuration, shape (nq,)."""
     closure = mechanism.closure
-    stresses, values = SelfStresses(closure, q[None]), closure.singular_values(q)
+    stresses, values = SelfStresses(closure, q[None]), closure.values(q[None])[0]
     rank = closure.size - stresses.degree
     regularity = float(values[rank - 1] / values[0]) if rank else 1.0
     return Mobility(stresses, regularity, _spins(mechanism, q))

@@ -17,7 +17,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import SMALL, Closure
 from pinarm.engine.constraints.constraint import JointTie, joint_ties
-from pinarm.engine.constraints.nullspaces.nullspace import MANY, RANK, UNCLOSED, VANISHED, singular_values
+from pinarm.engine.constraints.nullspace import MANY, RANK, UNCLOSED, VANISHED
 from pinarm.engine.kinematics.abscissa import instant
 from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch, part_of_leap
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
@@ -385,7 +385,7 @@ class NewtonSolver:
     def _regularity(self, q: Array) -> float:
         """Return the least singular value of J over the largest."""
         rows = self.rows(self.closure.state(q))
-        values = singular_values(rows)
+        values = np.linalg.svd(rows, compute_uv=False)
         return float(values[rows.shape[1] - 1] / values[0]) if len(rows) >= rows.shape[1] else 0.0
 
     def unreachable(self, q: Array, gap: Array, t: float, followed: str = "") -> AssemblyError:
@@ -442,10 +442,6 @@ def _too_fast(t: float, to: float) -> InputError:
 def _damped(rows: Array, right: Array, damping: float) -> Array:
     """Return the x that minimises ``|rows x - right|^2 + damping^2 |x|^2``, the shortest one without damping."""
     nv = rows.shape[1]
-    if nv > MANY:
-        from pinarm.engine.constraints.nullspaces.sparse_nullspace import damped
-
-        return damped(rows, right, damping)
     whole, still = np.vstack([rows, damping * np.eye(nv)]), np.zeros(nv)
     return np.asarray(np.linalg.lstsq(whole, np.concatenate([right, still]), rcond=RANK)[0])
 
@@ -454,9 +450,7 @@ def _solve(rows: Array, right: Array) -> Array:
     """Return x with ``rows x = right``; where there are more rows than unknowns they agree, to rounding."""
     if rows.shape[0] == rows.shape[1]:
         return np.asarray(np.linalg.solve(rows, right))
-    return (
-        _damped(rows, right, 0.0) if rows.shape[1] > MANY else np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0])
-    )
+    return np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0])
 
 
 def tied(rows: Array, rank: int, names: Sequence[str]) -> str:
@@ -495,7 +489,7 @@ def check_rank(rows: Array, names: Sequence[str], t: float, why: Callable[[], st
         AssemblyError: The position is singular.
     """
     nv = rows.shape[1]
-    singular = singular_values(rows)
+    singular = np.linalg.svd(rows, compute_uv=False)
     if len(rows) < nv or not singular[nv - 1] > SINGULAR * singular[0]:
         found = tied(rows, min(len(rows), nv), names)
         raise AssemblyError(

@@ -22,8 +22,8 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.constraint_rows import EvaluatedRows
-from pinarm.engine.constraints.nullspaces.nullspace import RANK, VANISHED
-from pinarm.engine.constraints.nullspaces.orthogonal_rows import REGULAR, OrthogonalRows
+from pinarm.engine.constraints.nullspace import RANK, VANISHED
+from pinarm.engine.constraints.orthogonal_rows import REGULAR, OrthogonalRows
 from pinarm.engine.constraints.variant_closure import VariantClosure
 from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch
 from pinarm.engine.kinematics.continuation_batch import NEAR

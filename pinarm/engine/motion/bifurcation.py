@@ -13,7 +13,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Indices, distinct
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspaces.nullspace import RANK
+from pinarm.engine.constraints.nullspace import RANK
 from pinarm.engine.motion.segmented.segments import MotionSegment, SegmentedMotion
 from pinarm.records import Record, ValueRecord
 

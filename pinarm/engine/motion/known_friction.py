@@ -19,7 +19,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.constraint_rows import rows_of
-from pinarm.engine.constraints.nullspaces.nullspace import split_rows
+from pinarm.engine.constraints.nullspace import split_rows
 from pinarm.engine.friction.carried_loads import CarriedLoads
 from pinarm.engine.friction.columns import BANDS, EffortBand, bands_of, friction_columns
 from pinarm.engine.friction.locking import ROUNDED, locks

@@ -16,7 +16,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.constraints.nullspaces.nullspace import MANY
+from pinarm.engine.constraints.nullspace import MANY
 from pinarm.engine.kinematics.abscissa import instant
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion, JointMotion, JointTrajectory
 from pinarm.errors import AssemblyError, PinarmError

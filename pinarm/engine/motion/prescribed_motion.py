@@ -12,7 +12,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, distinct
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.constraints.nullspaces.nullspace import MANY
+from pinarm.engine.constraints.nullspace import MANY
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.rests import rests_between
 from pinarm.engine.kinematics.abscissa import running

@@ -189,7 +189,7 @@ class Recording:
         closure, q = self.mechanism.closure, rows.q.copy()
         if not closure.size or rows.a is None:
             return q
-        for k in np.flatnonzero((np.abs(closure.gaps(q)) > closure.slack).any(axis=1)).tolist():
+        for k in np.flatnonzero((np.abs(closure.at(q)[0]) > closure.slack).any(axis=1)).tolist():
             q[k] = assembled(closure, PrescribedCoordinates((), (), ()), q[k], np.zeros(0), float(rows.t[k]))
         return q
 

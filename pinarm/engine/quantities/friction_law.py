@@ -9,7 +9,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.sample import sampled
-from pinarm.engine.constraints.nullspaces.nullspace import split_rows
+from pinarm.engine.constraints.nullspace import split_rows
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.friction.columns import BANDS
 from pinarm.engine.friction.response import BearingReactions

@@ -10,9 +10,9 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, real
-from pinarm.engine.constraints.closure import Closure, MeasuredRows
+from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import one_sided
-from pinarm.engine.constraints.constraint_rows import BLOCK
+from pinarm.engine.constraints.constraint_rows import BLOCK, EvaluatedRows
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
@@ -440,14 +440,14 @@ def _suspects(closure: Closure, q: Array, v: Array, a: Array) -> Iterator[int]:
     """Yield the rows that may tear a loop or a coupling: those beyond half of what typed digits explain."""
     for start in range(0, len(q) if closure.size else 0, BLOCK):
         part = slice(start, start + BLOCK)
-        yield from (start + np.flatnonzero(_torn(closure.together(q[part]), v[part], a[part]))).tolist()
+        yield from (start + np.flatnonzero(_torn(closure.constraint_rows.at(q[part]), v[part], a[part]))).tolist()
 
 
-def _torn(measured: MeasuredRows, v: Array, a: Array) -> Flags:
+def _torn(measured: EvaluatedRows, v: Array, a: Array) -> Flags:
     """Return which configurations, velocities and accelerations, each of shape (n, nv), are suspect, shape (n,)."""
     torn, drifts = (np.abs(measured.gaps) > 0.5 * CLOSED).any(axis=1), measured.drifts(v)
     for rates, left in ((v, np.zeros_like(drifts)), (a, drifts)):
-        total, terms = measured.rows.times(rates)
+        total, terms = measured.times(rates)
         torn |= (np.abs(total + left) > 0.5 * CLOSED * (1.0 + terms + np.abs(left))).any(axis=1)
     return np.asarray(torn)
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.nullspaces.nullspace import ACTS
+from pinarm.engine.constraints.nullspace import ACTS
 from pinarm.engine.quantities.family import AXES, NEWTON, NEWTON_METRE, Asked, Family
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, several

@@ -11,7 +11,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspaces.nullspace import SplitRows
+from pinarm.engine.constraints.nullspace import SplitRows
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.kinematics.assembly import first_position

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from pinarm.engine.constraints.nullspaces.dense_nullspace import SingularMasses
+from pinarm.engine.constraints.nullspace import SingularMasses
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import DynamicsError

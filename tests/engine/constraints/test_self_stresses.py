@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "loops"))
 from catalogue import bennett, four_bar, parallelogram, scissor
 
 import pinarm
-from pinarm.engine.constraints.nullspaces.dense_nullspace import RowDecomposition
+from pinarm.engine.constraints.nullspace import split_rows
 from pinarm.engine.constraints.self_stresses import SelfStresses
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree
@@ -45,7 +45,7 @@ def test_what_joints_transmit_balances_the_multipliers_on_the_links_beyond(closu
 def test_self_stresses_add_to_joints_what_a_basis_of_the_null_space_does(closure):
     q = np.zeros(closure.model.nq)
     stresses = SelfStresses(closure, q[None])
-    basis = RowDecomposition.of(closure.rows(closure.state(q)), closure.reach).stresses
+    basis = split_rows(closure.rows(closure.state(q)), closure.reach).stresses
     assert stresses.degree == basis.shape[1] > 0
     every = np.array([carried(closure, q, lam) for lam in basis.T])
     pairs = [(stresses.on_joint(joint)[:, 0], every[:, joint]) for joint in range(1, closure.model.njoints)]

@@ -12,7 +12,7 @@ import pytest
 
 import pinarm
 from pinarm import Mechanism
-from pinarm.engine.constraints.nullspaces.nullspace import split_rows
+from pinarm.engine.constraints.nullspace import split_rows
 from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
 from pinarm.engine.dynamics.equation import accelerations, solve
 from pinarm.engine.dynamics.pinocchio_constraints import SPREAD, PointConstraints

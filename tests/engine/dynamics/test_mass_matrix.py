@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.engine.constraints.nullspaces.nullspace import MANY
+from pinarm.engine.constraints.nullspace import MANY
 from pinarm.engine.dynamics.mass_matrix import (
     MassProducts,
     mass_diagonals,

@@ -158,7 +158,7 @@ def test_rows_within_long_steps_past_singular_positions_can_be_closed(tmp_path):
     speeds = {"O": 0.3, "A": -0.3, "B": 0.3, "C": 0.3}
     mechanism = two_cranks(np.pi - 0.3).build(tmp_path, ["A"], forces=KICKED)
     run = free(mechanism, 2.0, 41, velocity={name: speeds[name] for name in mechanism.joints}, tolerance=1e-2)
-    assert np.abs(mechanism.closure.matrices(run.q)[0]).max() < 1e-13
+    assert np.abs(mechanism.closure.at(run.q)[0]).max() < 1e-13
 
 
 def test_the_energy_within_steps_past_singular_positions_is_kept(tmp_path):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.nullspaces.nullspace import ACTS, SplitRows, split_rows
+from pinarm.engine.constraints.nullspace import ACTS, SplitRows, split_rows
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.motion.segmented.end_stops import CONTRADICTING, Contacts, Stop
@@ -122,8 +122,8 @@ def _together(split: SplitRows, own: int, rates: Array) -> list[list[int]]:
         own: Number of the former.
         rates: ``n (v- + v+) / 2`` of the stops, shape (k,).
     """
-    functions, size = np.eye(own + len(rates))[:, own:], float(np.abs(rates).max(initial=0.0)) or 1.0
-    shares = split.stresses_on(functions)[own:] * (rates / size)[:, None]
+    size = float(np.abs(rates).max(initial=0.0)) or 1.0
+    shares = split.stresses[own:] * (rates / size)[:, None]
     tied = np.abs(shares @ np.linalg.pinv(shares, rcond=ACTS)) > ACTS
     tied |= np.eye(len(rates), dtype=bool)
     for _ in rates:

@@ -23,7 +23,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspaces.nullspace import ACTS, RowDecompositions
+from pinarm.engine.constraints.nullspace import ACTS, RowDecompositions
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.segmented.end_stops import Bound, Stop
 from pinarm.engine.motion.systems.system import CompletedStates
@@ -132,9 +132,7 @@ class StopShares(Record, frozen=True):
     def stresses(self, q: Array) -> Array:
         """Return self-stresses that act on stops, and that no other one of the closure is part of, shape (n, m, s)."""
         matrices, count = self.rows.at(q)[1], len(self.stops)
-        functions = np.zeros((*matrices.shape[:2], count))
-        functions[:, self._places[:count], range(count)] = 1.0
-        every = RowDecompositions.of(matrices, self.rows.reach).stresses_on(functions)
+        every = RowDecompositions.of(matrices, self.rows.reach).stresses
         if not every.shape[2]:
             return every
         _, sizes, ways = np.linalg.svd(every[:, self._places[:count]], full_matrices=False)

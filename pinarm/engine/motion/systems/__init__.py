@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspaces.nullspace import MANY
+from pinarm.engine.constraints.nullspace import MANY
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems.system import CompletedStates, Initial, System

@@ -18,7 +18,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import BLOCK, Closure
 from pinarm.engine.constraints.coupled_joints import coupled_joints
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.constraints.nullspaces.nullspace import RANK, VANISHED, RowDecompositions, split_rows
+from pinarm.engine.constraints.nullspace import RANK, VANISHED, RowDecompositions, split_rows
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.dynamics.equation import solve, solve_each
 from pinarm.engine.dynamics.mass_matrix import masses
@@ -102,7 +102,7 @@ class ConstrainedSystem(Record, frozen=True):
         Rounding of the rows, 1e-16, leaves an angle of 1e-16 over their least singular value s, and velocities that are
         wrong by 1e-16 over ``s^2``. Exactly there the rows count as dependent, and velocities tell the motions apart.
         """
-        values = self.rows.singular_values(q)
+        values = self.rows.values(q[None])[0]
         open_to = values[(values > VANISHED * self.rows.coarseness) & (values <= REGULAR * values[:1])]
         if not v.any() or not len(open_to):
             return
@@ -204,7 +204,8 @@ class ConstrainedSystem(Record, frozen=True):
         mass, still, size = masses(model, q), np.zeros_like(v), max(1.0, rows.extent)
         whole = size + np.abs(values).max(axis=1)
         for _ in range(ITERATIONS):
-            gaps, splits = rows.apart(q)
+            gaps, matrices = rows.at(q)
+            splits = rows.splits(q, matrices)
             gaps = self._closable(values - gaps, splits, whole)
             torn = np.abs(gaps).max(axis=1)
             if polished or (torn <= ROUNDED * whole).all():

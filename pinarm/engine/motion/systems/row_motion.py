@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions
+from pinarm.engine.constraints.nullspace import RowDecompositions
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import masses
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.joints import format_configuration
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
 
 Settled = Callable[[Array, Array, Array, Array, Array], tuple[Array, Array, RowDecompositions]]
 """``(q, v, w, dw, t) -> q, v`` closed, of many states, and the rows there; see ``ConstrainedSystem.settled``."""
@@ -64,8 +60,9 @@ class RowMotion:
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration."""
         closure, dynamics, ddw = self.rows, self.dynamics, self.targets(t)[2]
-        split, rows, drift = closure.taken_apart(q, v)
-        right = -drift
+        state = closure.state(q, v)
+        rows = closure.rows(state)
+        split, right = closure.split(rows), -closure.drift(state)
         right[len(right) - len(ddw) :] += ddw
         force = dynamics.loads(t, q, v) - pin.nonLinearEffects(dynamics.model, dynamics.data, q, v)
         a = solve(split, masses(dynamics.model, q), force, right)
@@ -79,7 +76,7 @@ class RowMotion:
         w, dw, _ = self.targets(t)
         closed, rates, splits = self.settled(q[None], v[None], w[None], dw[None], np.array([t]))
         ((_, split),) = splits.parts
-        self._require_apart(t, closed[0], self.rows.values_of(self.rows.matrices(closed)[1])[0, : split.rank])
+        self._require_apart(t, closed[0], self.rows.values(closed)[0, : split.rank])
         self.unchecked = t
         return closed[0], rates[0]
 
@@ -101,7 +98,7 @@ class RowMotion:
         self.begun, self.close = self.begun or regular, self.begun and not regular
 
 
-def require_closed_accelerations(rows: Array | csr_array, a: Array, right: Array, t: float, q: Array) -> None:
+def require_closed_accelerations(rows: Array, a: Array, right: Array, t: float, q: Array) -> None:
     """Raise where the acceleration at an accepted state leaves the constraints: ``G a + G' v`` is not 0.
 
     Args:

@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.nullspaces.nullspace import ACTS
+from pinarm.engine.constraints.nullspace import ACTS
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import OPEN, Quantities
 from pinarm.engine.quantities.reactions import Reactions

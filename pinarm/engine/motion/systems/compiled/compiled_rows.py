@@ -11,7 +11,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import Constraint
-from pinarm.engine.constraints.nullspaces.nullspace import RANK
+from pinarm.engine.constraints.nullspace import RANK
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.pinocchio_constraints import NOISE, UNEVEN, inverse_mass, places_of
 from pinarm.engine.kernel.library import Flow, library

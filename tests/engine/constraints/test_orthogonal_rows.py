@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from pinarm.engine.constraints.nullspaces.orthogonal_rows import (
+from pinarm.engine.constraints.orthogonal_rows import (
     DeterminingRows,
     OrthogonalRows,
     independent_rows,
-    singular_values,
 )
 
 ROUNDING = 1e-11
@@ -28,23 +27,6 @@ def test_solutions_are_those_of_least_length(rows: np.ndarray) -> None:
     x = OrthogonalRows.of(rows).shortest(right)
     for i, k in np.ndindex(4, 5):
         np.testing.assert_allclose(x[:, i, k], np.linalg.pinv(rows[..., i, k]) @ right[:, i, k], atol=ROUNDING)
-
-
-@pytest.mark.parametrize("shape", [(0, 3), (1, 4), (2, 1), (2, 2), (2, 3), (3, 2), (3, 3)], ids=str)
-def test_singular_values_are_those_of_each_state(shape: tuple[int, int]) -> None:
-    """Also of rows that are parallel, alike but for 1e-9, of unlike lengths, or 0: to rounding of the largest."""
-    rows = np.random.default_rng(6).normal(size=(*shape, 4, 5))
-    if len(rows) == 2:
-        first, other = np.moveaxis(rows, (0, 1, 2), (1, 2, 0))[:2]
-        rows[:, :, 1] = first[0], -3.0 * first[0]
-        rows[:, :, 2] = other[0], other[0] + 1e-9 * rows[1, :, 2]
-        rows[0, :, 3] *= [1.0, 1e-8, 1e8, 1e-300, 0.0]
-        rows[:, :, 0, 4] = 0.0
-    found = singular_values(rows)
-    assert found.shape == (4, 5, min(shape))
-    for state in np.ndindex(4, 5):
-        expected = np.linalg.svd(rows[..., *state], compute_uv=False)
-        np.testing.assert_allclose(found[state], expected, rtol=0.0, atol=5e-14 * expected.max(initial=0.0))
 
 
 def test_basis_and_complement_span_everything(rows: np.ndarray) -> None:

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space, orth
 
-from pinarm.engine.constraints.nullspaces.dense_nullspace import acting_values, solved_positive
-from pinarm.engine.constraints.nullspaces.nullspace import RowDecompositions, split_rows
+from pinarm.engine.constraints.nullspace import RowDecompositions, acting_values, solved_positive, split_rows
 from pinarm.engine.dynamics.equation import solve, solve_each
 
 GENERATOR = np.random.default_rng(11)
@@ -29,13 +28,13 @@ def test_free_motions_and_stresses_are_the_null_spaces(rank: int, m: int) -> Non
     split = split_rows(rows)
     assert split.free.shape == (NV, NV - rank)
     if m:
-        scaled = split.scale[:, None] * rows
+        scaled = rows / np.linalg.norm(rows, axis=1)[:, None]
         assert orth(split.free).shape[1] == NV - rank
         assert scaled @ split.free == pytest.approx(np.zeros((m, NV - rank)), abs=1e-13)
         assert split.stresses.shape == (m, m - rank)
         expected = null_space(scaled.T, rcond=1e-9)
         # the same space: projections agree
-        found = orth(split.stresses / split.scale[:, None])
+        found = orth(split.stresses * np.linalg.norm(rows, axis=1)[:, None])
         assert found @ found.T == pytest.approx(expected @ expected.T, abs=1e-9)
 
 
@@ -76,7 +75,8 @@ def test_a_right_hand_side_is_parted_into_what_some_motion_gives_and_what_contra
     reached = split.reached(right)
     assert rows @ split.particular(right) == pytest.approx(reached, abs=1e-9 * np.abs(right).max())
     assert split.reached(reached) == pytest.approx(reached, abs=1e-9)
-    assert split.scale * (right - reached) @ split.left == pytest.approx(np.zeros(3), abs=1e-9)
+    scale = 1.0 / np.linalg.norm(rows, axis=1)
+    assert (scale * (right - reached)) @ (scale[:, None] * rows) == pytest.approx(np.zeros(NV), abs=1e-9)
 
 
 @pytest.mark.parametrize("tilt", [0.0, 1e-12, 1e-9])
@@ -116,3 +116,94 @@ def test_singular_values_are_those_of_rows_in_their_units() -> None:
     assert found[..., :5] == pytest.approx(np.linalg.svd(np.delete(rows * units, 3, axis=2), compute_uv=False))
     assert not found[..., 5].any()
     assert acting_values(rows[:, :, :0], units[:0]).shape == (2, 2, 0)
+
+
+FIRST, SECOND, ALONE = [0, 3, 5], [1, 2, 4], 6
+"""Joints that two rows tie, that two more and a copy of one of these tie, and that no row ties."""
+
+
+def side_by_side(states: int) -> np.ndarray:
+    """Return G, shape (states, 5, NV): rows 0, 2 of the first group and 1, 3, 4 of the second, 4 as 1."""
+    rows = np.zeros((states, 5, NV))
+    rows[:, 0::2][:, :2, FIRST] = GENERATOR.normal(size=(states, 2, 3))
+    rows[:, 1::2][:, :, SECOND] = GENERATOR.normal(size=(states, 2, 3))
+    rows[:, 4] = 2.0 * rows[:, 1]
+    return rows
+
+
+@pytest.mark.parametrize("heavy", [1.0, 1e8, 1e16])
+def test_multipliers_of_a_group_are_those_that_it_has_alone(heavy: float) -> None:
+    rows, force = side_by_side(1)[0], GENERATOR.normal(size=NV)
+    own = [1, 3, 4]
+    alone = split_rows(rows[own][:, SECOND]).multipliers(force[SECOND])
+    force[FIRST] *= heavy
+    split = split_rows(rows)
+    assert split.multipliers(force)[own] == pytest.approx(alone, rel=1e-13)
+    assert split.rank == 4 and np.abs(rows @ split.free).max() < 1e-14
+    groups = {tuple(column[joints].any() for joints in (FIRST, SECOND, [ALONE])) for column in split.free.T}
+    assert groups == {(True, False, False), (False, True, False), (False, False, True)}
+
+
+def test_states_in_which_different_groups_lose_a_rank_are_told_apart() -> None:
+    rows = side_by_side(5)
+    rows[1, 2], rows[3, 3] = rows[1, 0], 3.0 * rows[3, 1]
+    together = RowDecompositions.of(rows)
+    assert sorted(places.tolist() for places, _ in together.parts) == [[0, 2, 4], [1], [3]]
+    for places, split in together.parts:
+        assert split.free.shape == (len(places), NV, NV - split.rank)
+        assert np.abs(rows[places] @ split.free).max() < 1e-13
+    force = np.vecmat(GENERATOR.normal(size=(5, 5)), rows)
+    alone = [split_rows(rows[k]).multipliers(force[k]) for k in range(5)]
+    assert together.multipliers(force) == pytest.approx(np.array(alone), abs=1e-12)
+
+
+@pytest.mark.parametrize(("m", "nv"), [(0, 0), (0, 3), (2, 0), (2, 3)])
+def test_there_may_be_no_rows_no_joints_and_nothing_tied(m: int, nv: int) -> None:
+    split = split_rows(np.zeros((m, nv)))
+    assert (split.rank, split.free.shape) == (0, (nv, nv))
+    ((places, of_states),) = RowDecompositions.of(np.zeros((4, m, nv))).parts
+    assert (len(places), of_states.free.shape) == (4, (4, nv, nv))
+
+
+def on_one_crank(states: int, pairs: int) -> np.ndarray:
+    """Return G of linkages of two rows and two joints, shape (states, 2 pairs, 1 + 2 pairs): joint 0 is in all."""
+    rows = np.zeros((states, 2 * pairs, 1 + 2 * pairs))
+    rows[:, :, 0] = GENERATOR.uniform(0.5, 1.0, (states, 2 * pairs))
+    for k in range(0, 2 * pairs, 2):
+        rows[:, k : k + 2, k + 1 : k + 3] = np.eye(2) + 0.3 * GENERATOR.normal(size=(states, 2, 2))
+    return rows
+
+
+@pytest.mark.parametrize("pairs", [2, 10, 55])
+@pytest.mark.parametrize("ratio", [1.0, 1e-6, 1e-12, 1e-15])
+def test_multipliers_are_known_to_the_rounding_of_the_forces_at_their_joint(ratio: float, pairs: int) -> None:
+    """1e-11 leaves room for a condition of 1e4, and is missed by far where the largest forces are 1e6 times larger."""
+    rows = on_one_crank(4, pairs)
+    exact = GENERATOR.uniform(1.0, 2.0, (4, 2 * pairs)) * np.repeat(np.geomspace(1.0, ratio, pairs), 2)
+    force = np.vecmat(exact, rows)
+    found = RowDecompositions.of(rows).multipliers(force)
+    assert found / exact == pytest.approx(np.ones_like(exact), abs=1e-11)
+    assert split_rows(rows[0]).multipliers(force[0]) / exact[0] == pytest.approx(np.ones(2 * pairs), abs=1e-11)
+
+
+def test_several_free_motions_take_what_cannot_be_held() -> None:
+    """Two cranks, of forces that are 1e12 apart, and a row between them."""
+    rows = np.zeros((9, 10))
+    rows[:4, :5], rows[4:8, 5:] = on_one_crank(1, 2)[0], on_one_crank(1, 2)[0]
+    rows[8, [1, 6]] = 1.0, -0.5
+    exact = np.concatenate([GENERATOR.uniform(1.0, 2.0, 4), 1e-12 * GENERATOR.uniform(1.0, 2.0, 5)])
+    assert split_rows(rows).multipliers(exact @ rows) / exact == pytest.approx(np.ones(9), abs=1e-11)
+    two = rows[:8].copy()
+    two[0, 5] = 1e-3  # one group: the large forces, times 1e-3, are forces at a joint of the small ones too
+    found = split_rows(two).multipliers(exact[:8] @ two)
+    assert found[:4] / exact[:4] == pytest.approx(np.ones(4), abs=1e-11)
+    assert found[4:] == pytest.approx(exact[4:8], abs=1e-17)  # rounding of 1e-3 at that joint
+
+
+def test_what_multipliers_cannot_hold_is_left_in_the_sense_of_least_squares() -> None:
+    rows, force = on_one_crank(1, 2)[0], GENERATOR.normal(size=5)
+    assert split_rows(rows).multipliers(force) == pytest.approx(np.linalg.lstsq(rows.T, force)[0], abs=1e-13)
+
+
+def test_no_forces_need_no_multipliers() -> None:
+    assert split_rows(on_one_crank(1, 2)[0]).multipliers(np.zeros(5)) == pytest.approx(np.zeros(4), abs=0.0)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.constraints.nullspaces.dense_nullspace import VANISHED
+from pinarm.engine.constraints.nullspace import VANISHED
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -210,26 +210,6 @@ def independent_rows(matrix: Array, rank: int, reach: Array | float = 1.0) -> li
         left -= np.outer(left @ direction, direction)
         left[row] = 0.0
     return sorted(chosen)
-
-
-def singular_values(rows: Array) -> Array:
-    """Return the singular values of matrices at many states, shape (r, c, ..), descending, shape (.., min(r, c)).
-
-    Of two rows, the longer one being p and the other q + r p / |p| with q at right angles to p: the sum and the
-    difference of the values are ``sqrt((|p| +- |q|)^2 + r^2)``, and their product is ``|p| |q|``. As by LAPACK, errors
-    are rounding of the largest, of entries between 1e-150 and 1e150; where one is no number, neither are the values.
-    """
-    if len(rows) != 2 or rows.shape[1] < 2:
-        return np.asarray(np.linalg.svd(np.moveaxis(rows, (0, 1), (-2, -1)), compute_uv=False))
-    squares = along(rows[0], rows[0]), along(rows[1], rows[1])
-    ordered = squares[0] >= squares[1]
-    first, other = np.where(ordered, rows, rows[::-1])
-    most = np.where(ordered, *squares)
-    share = along(first, other) / np.where(most > 0.0, most, 1.0)
-    rest = other - share * first
-    p, q, r = np.sqrt(most), np.sqrt(along(rest, rest)), share * np.sqrt(most)
-    largest = 0.5 * (np.hypot(p + q, r) + np.hypot(p - q, r))
-    return np.stack([largest, p * q / np.where(largest > 0.0, largest, 1.0)], axis=-1)
 
 
 def along(x: Array, y: Array) -> Array:

@@ -1,0 +1,409 @@
+"""Null space, rank and redundant rows of the constraint matrix G, and its multipliers, by singular values.
+
+Groups of rows that share no joint are decomposed apart: in one decomposition of all rows the forces of a loop of 1 mm,
+a billionth of those of a loop of 1 m beside it, would be rounding. Sizes of the work grow with the cube of the largest
+group: 200 joints in one group take about 20 ms a state, 1,000 joints seconds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+
+from pinarm.arrays import Array, Indices
+from pinarm.records import Record, replace
+
+MANY = 100
+"""Velocities above which figures of accuracy that cost a decomposition of M are left out."""
+
+UNCLOSED = 1e-9
+"""Largest gap of redundant rows, relative to the extent of the mechanism or in rad: a file with 10 digits says no more.
+The loop is then closed in the sense of least squares, and the result says by how much it is not."""
+
+VANISHED = 4e-9
+"""Length of a row of G, relative to the length that it can have, below which it is 0: axes or hinges that are off by
+``UNCLOSED`` leave as much of the rows that hold a plane linkage in its plane, or a shaft in its second bearing."""
+
+SHORT = 1e-2
+"""Length of a row of G, relative to the length that it can have, below which it is not scaled to 1, but multiplied by
+100 over that length: scaling to 1 would amplify the rounding of a redundant row that passes through 0. A row that
+stands alone is 40 times above ``RANK`` where it is ``VANISHED``."""
+
+RANK = 1e-7
+"""Singular value of G, its rows of length 1 or less, relative to the largest, below which rows count as dependent. The
+effect of ``UNCLOSED`` on redundant rows stays well below it, so that it changes no rank and is not divided by."""
+
+ROUNDING = 1e-16
+"""Part of the largest entry of all rows below which a row is 0, as those that hold a plane linkage in its plane."""
+
+TIED = 1e-14
+"""Entry of G, relative to the length that its row can have, above which the row ties the joint; less is rounding."""
+
+ACTS = 1e-7
+"""Part of a self-stress of length 1 that acts on a component: tilts by rounding of the file stay below."""
+
+CONSISTENT = 1e-9
+"""Power of forces along free motions, relative to that of their terms, that is rounding: multipliers can hold them."""
+
+LEAST = 1e-8
+"""Least weight of a joint, relative to the largest, when rounding is shared among joints by the size of their forces:
+joints then take no more than 1e-16 of the rounding of others, and weighted free motions stay independent."""
+
+Groups = list[tuple[Indices, Indices]]
+"""Rows and joints of each group."""
+
+
+class RowGroup(Record, frozen=True):
+    """Rows of G that share joints, decomposed: ``D G = U S V^T``, cut at the rank r; D scales rows to the length 1.
+
+    Attributes:
+        rows: Places of the rows, shape (m,).
+        joints: Places of their joints in v, shape (w,).
+        matrix: G of these rows and joints, shape (.., m, w).
+        scale: Diagonal of D, shape (.., m).
+        left: U, shape (.., m, r).
+        values: S, descending, shape (.., r).
+        right: V^T, shape (.., r, w).
+        free: Orthonormal basis of the null space, shape (.., w, w - r).
+    """
+
+    rows: Indices
+    joints: Indices
+    matrix: Array
+    scale: Array
+    left: Array
+    values: Array
+    right: Array
+    free: Array
+
+    @property
+    def rank(self) -> int:
+        """Number r of independent rows."""
+        return int(self.values.shape[-1])
+
+    @cached_property
+    def stresses(self) -> Array:
+        """Basis of the multipliers with ``G^T lam = 0``, each of length 1, shape (.., m, m - r)."""
+        beyond = self.scale[..., None] * np.linalg.svd(self.left)[0][..., self.rank :]
+        return np.asarray(beyond / np.linalg.norm(beyond, axis=-2, keepdims=True))
+
+    def particular(self, right: Array) -> Array:
+        """Return the shortest x with ``G x = right`` in the sense of least squares, shape (.., w)."""
+        return np.asarray(np.vecmat(np.vecmat(self.scale * right, self.left) / self.values, self.right))
+
+    def reached(self, right: Array) -> Array:
+        """Return ``D^-1 U U^T D right``, shape (.., m)."""
+        return np.asarray(np.matvec(self.left, np.vecmat(self.scale * right, self.left)) / self.scale)
+
+    def multipliers(self, force: Array) -> Array:
+        """Return the least lam with ``G^T lam = force`` in the sense of least squares, refined once, shape (.., m).
+
+        A decomposition errs by rounding of the largest forces at all joints: the multipliers of a light linkage that a
+        heavy one moves would be lost. The residual at a joint is known to the rounding of the forces at this joint.
+        Its part that no multipliers hold is rounding as well; it is shared among joints by the squares S of their
+        terms ``|force| + |G|^T |lam|``: ``left - S T (T^T S T)^-1 T^T left``.
+
+        Source: Higham, Accuracy and Stability of Numerical Algorithms, second edition (2002), section 12.1; Björck,
+        Numerical Methods for Least Squares Problems (1996), section 4.4.
+        """
+        lam = self._unrefined(force)
+        left = force - np.vecmat(lam, self.matrix)
+        if self.free.shape[-1]:
+            size = np.abs(force) + np.vecmat(np.abs(lam), np.abs(self.matrix))
+            largest = size.max(axis=-1, keepdims=True)
+            size = np.maximum(size / np.where(largest > 0.0, largest, 1.0), LEAST)
+            power, most = np.vecmat(left, self.free), largest * np.vecmat(size, np.abs(self.free))
+            rounding = (np.abs(power) <= CONSISTENT * most).all(axis=-1, keepdims=True)
+            left = left - np.where(rounding, size * _shortest(size[..., None] * self.free, power), 0.0)
+        return lam + self._unrefined(left)
+
+    def _unrefined(self, force: Array) -> Array:
+        along = np.matvec(self.right, force)
+        if self.scale.shape == self.values.shape:
+            return np.asarray(self.scale * np.matvec(self.left, along / self.values))
+        q, r = self._spanned
+        return np.asarray(np.matvec(q, _solved(r.swapaxes(-1, -2), along)))
+
+    @cached_property
+    def _spanned(self) -> tuple[Array, Array]:
+        """``G V = Q R``: redundant rows share a force by their own lengths."""
+        q, r = np.linalg.qr(self.matrix @ self.right.swapaxes(-1, -2))
+        return q, r
+
+
+class SplitRows(Record, frozen=True):
+    """The null space of G, and its rows decomposed by group, at one or at several configurations of the same rank.
+
+    Attributes:
+        groups: Groups of rows that share no joint.
+        alone: Joints that no row ties.
+        shape: Of G, (.., m, nv).
+    """
+
+    groups: Sequence[RowGroup]
+    alone: Indices
+    shape: tuple[int, ...]
+
+    @cached_property
+    def free(self) -> Array:
+        """Orthonormal basis T of the motions that the rows allow, ``G T = 0``, shape (.., nv, nv - r).
+
+        Each is a motion of one group.
+        """
+        if len(self.groups) == 1 and not len(self.alone):
+            return self.groups[0].free
+        *states, _, nv = self.shape
+        free = np.zeros((*states, nv, nv - self.rank))
+        free[..., self.alone, np.arange(len(self.alone))] = 1.0
+        start = len(self.alone)
+        for group in self.groups:
+            end = start + group.free.shape[-1]
+            free[..., group.joints, start:end] = group.free
+            start = end
+        return free
+
+    @property
+    def rank(self) -> int:
+        """Number of independent rows."""
+        return sum(group.rank for group in self.groups)
+
+    @property
+    def regularity(self) -> float:
+        """Smallest singular value of the independent rows, relative to the largest of its group; of one configuration.
+
+        0 without rows.
+        """
+        return min((float(group.values[-1] / group.values[0]) for group in self.groups if group.rank), default=0.0)
+
+    @cached_property
+    def stresses(self) -> Array:
+        """Basis of the multipliers with ``G^T lam = 0``, each of one group and of length 1, shape (.., m, m - r)."""
+        stresses = np.zeros((*self.shape[:-1], self.shape[-2] - self.rank))
+        start = 0
+        for group in self.groups:
+            end = start + group.stresses.shape[-1]
+            stresses[..., group.rows, start:end] = group.stresses
+            start = end
+        return stresses
+
+    def particular(self, right: Array) -> Array:
+        """Return the shortest x with ``G x = right`` in the sense of least squares, shape (.., nv)."""
+        x = np.zeros((*right.shape[:-1], self.shape[-1]))
+        for group in self.groups:
+            x[..., group.joints] = group.particular(right[..., group.rows])
+        return x
+
+    def reached(self, right: Array) -> Array:
+        """Return the part of a right-hand side that some x gives, shape (.., m); the rest contradicts other rows."""
+        reached = np.zeros(right.shape)
+        for group in self.groups:
+            reached[..., group.rows] = group.reached(right[..., group.rows])
+        return reached
+
+    def shaped(self, states: tuple[int, ...]) -> SplitRows:
+        """Return the decompositions of n configurations with other leading axes."""
+        arrays = ("matrix", "scale", "left", "values", "right", "free")
+        groups = [
+            replace(group, **{name: (x := getattr(group, name)).reshape(*states, *x.shape[1:]) for name in arrays})
+            for group in self.groups
+        ]
+        return SplitRows(groups, self.alone, (*states, *self.shape[1:]))
+
+    def multipliers(self, force: Array) -> Array:
+        """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (.., m)."""
+        lam = np.zeros((*force.shape[:-1], self.shape[-2]))
+        for group in self.groups:
+            lam[..., group.rows] = group.multipliers(force[..., group.joints])
+        return lam
+
+
+def split_rows(rows: Array, reach: Array | float = 1.0) -> SplitRows:
+    """Return the decomposition of G at one configuration, shape (m, nv); ``reach`` as in ``RowDecompositions.of``."""
+    groups, alone = _groups_of(rows[None], reach)
+    return SplitRows([_Singular.of(rows[None], group, reach).group(0) for group in groups], alone, rows.shape)
+
+
+def of_one_rank(rows: Array, reach: Array | float = 1.0) -> SplitRows:
+    """Return the decomposition of G, shape (n, m, nv); NaN at configurations without the rank of the first."""
+    groups, alone = _groups_of(rows, reach)
+    found = []
+    for decomposed in (_Singular.of(rows, group, reach) for group in groups):
+        decomposed.values[decomposed.ranks != decomposed.ranks[:1]] = np.nan
+        found.append(decomposed.group(np.arange(len(rows))))
+    return SplitRows(found, alone, rows.shape)
+
+
+class RowDecompositions(Record, frozen=True):
+    """G decomposed at n configurations, those with the same ranks together.
+
+    Attributes:
+        parts: Places of some of the configurations, and their decomposition.
+        shape: Of G, (n, m, nv), of k variants (n, k, m, nv).
+    """
+
+    parts: Sequence[tuple[Indices, SplitRows]]
+    shape: tuple[int, ...]
+
+    @classmethod
+    def of(cls, rows: Array, reach: Array | float = 1.0) -> RowDecompositions:
+        """Return the decompositions.
+
+        Args:
+            rows: G, shape (n, m, nv).
+            reach: Length that each row can have, shape (m,); see ``Closure.reach``.
+        """
+        groups, alone = _groups_of(rows, reach)
+        decomposed = [_Singular.of(rows, group, reach) for group in groups]
+        ranks = np.array([one.ranks for one in decomposed]).reshape(len(groups), len(rows)).T
+        parts = []
+        for kind in sorted(set(map(tuple, ranks.tolist()))):
+            places = np.flatnonzero((ranks == kind).all(axis=1))
+            shape = len(places), *rows.shape[1:]
+            parts.append((places, SplitRows([one.group(places) for one in decomposed], alone, shape)))
+        return cls(parts, rows.shape)
+
+    def multipliers(self, force: Array) -> Array:
+        """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (n, m)."""
+        return self.each(self.shape[-2], lambda split, force: split.multipliers(force), force)
+
+    @property
+    def rank(self) -> int:
+        """Number of independent rows, where there are fewest."""
+        return min(split.rank for _, split in self.parts)
+
+    @property
+    def stresses(self) -> Array:
+        """Multipliers with ``G^T lam = 0``, shape (n, m, s); padded with 0 where there are fewer than elsewhere."""
+        stresses = np.zeros((*self.shape[:-1], self.shape[-2] - self.rank))
+        for places, split in self.parts:
+            stresses[places, ..., : split.stresses.shape[-1]] = split.stresses
+        return stresses
+
+    def each(self, width: int, function: Callable[..., Array], *arrays: Any) -> Array:
+        """Return a function of the decomposition and of rows of arrays at all configurations, shape (n, width)."""
+        values = np.empty((*self.shape[:-2], width))
+        for places, split in self.parts:
+            values[places] = function(split, *(x[places] for x in arrays))
+        return values
+
+
+class _Singular(Record, frozen=True):
+    """Singular value decomposition of one group at n configurations; attributes as of ``RowGroup``, not yet cut."""
+
+    rows: Indices
+    joints: Indices
+    matrix: Array
+    scale: Array
+    scaled: Array
+    left: Array
+    values: Array
+    right: Array
+    ranks: Indices
+
+    @classmethod
+    def of(cls, rows: Array, group: tuple[Indices, Indices], reach: Array | float) -> _Singular:
+        some, joints = group
+        matrix = np.ascontiguousarray(rows[:, some[:, None], joints])
+        reach = np.broadcast_to(reach, rows.shape[1])[some]
+        length = np.sqrt(np.vecdot(matrix, matrix))
+        counts = length > VANISHED * reach
+        scale = 1.0 / np.where(counts, np.maximum(length, SHORT * reach), 1.0)
+        acting = counts.any(axis=0)  # other rows are 0 everywhere, as those that hold a plane linkage in its plane
+        scaled = matrix[:, acting] * (counts * scale)[:, acting, None]
+        u, values, right = np.linalg.svd(scaled, full_matrices=bool(acting.sum() < len(joints)))
+        left = np.zeros((*matrix.shape[:2], u.shape[2]))
+        left[:, acting] = u
+        whole = np.zeros((*matrix.shape[:2], len(joints)))
+        whole[:, acting] = scaled
+        ranks = (values > RANK * values[:, :1]).sum(axis=1)
+        return cls(some, joints, matrix, scale, whole, left, values, right, ranks)
+
+    def group(self, at: Indices | int) -> RowGroup:
+        """Return the group at one configuration, or at several with the rank of the first."""
+        r = int(self.ranks[at] if isinstance(at, int) else self.ranks[at][0])
+        left, values, right = self.left[at][..., :r], self.values[at][..., :r], self.right[at][..., :r, :]
+        free = self.right[at][..., r:, :].swapaxes(-1, -2)
+        # one step of refinement, so that small parts, such as turns beside long slides, are as exact
+        parts = left.swapaxes(-1, -2) @ (self.scaled[at] @ free)
+        free = free - right.swapaxes(-1, -2) @ (parts / values[..., None])
+        return RowGroup(self.rows, self.joints, self.matrix[at], self.scale[at], left, values, right, free)
+
+
+def _groups_of(rows: Array, reach: Array | float) -> tuple[Groups, Indices]:
+    """Return rows and joints of each group of G, shape (n, m, nv), and the joints that no row ties.
+
+    Rows that tie no joint belong to the first group, or are a group without joints.
+    """
+    _, m, nv = rows.shape
+    largest = np.maximum(rows.max(axis=0, initial=0.0), -rows.min(axis=0, initial=0.0))
+    return _groups((largest > TIED * np.asarray(reach)[..., None]).tobytes(), m, nv)
+
+
+@lru_cache(maxsize=64)
+def _groups(pattern: bytes, m: int, nv: int) -> tuple[Groups, Indices]:
+    """Return the groups of a pattern, the bytes of flags of shape (m, nv)."""
+    tied, labels, before = np.frombuffer(pattern, dtype=bool).reshape(m, nv), np.arange(nv), None
+    while before is None or (labels != before).any():  # joints take the least label of those that are tied to them
+        before = labels
+        least = np.where(tied, labels, nv).min(axis=1, initial=nv)
+        labels = np.minimum(labels, np.where(tied, least[:, None], nv).min(axis=0, initial=nv))
+    moved = np.asarray(tied.any(axis=0))
+    names = sorted(set(labels[moved].tolist()))
+    least = np.where(least < nv, least, names[0] if names else 0)
+    groups = [(np.flatnonzero(least == name), np.flatnonzero(moved & (labels == name))) for name in names]
+    if m and not groups:
+        groups = [(np.arange(m), np.arange(0))]
+    return groups, np.flatnonzero(~moved)
+
+
+def _shortest(ways: Array, wanted: Array) -> Array:
+    """Return the shortest x with ``W^T x = wanted``, shapes (.., nv, f) and (.., f) to (.., nv)."""
+    q, r = np.linalg.qr(ways)
+    return np.asarray(np.matvec(q, _solved(r.swapaxes(-1, -2), wanted)))
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
+
+
+class SingularMasses(np.linalg.LinAlgError):
+    """A mass matrix, reduced to free motions or not, that is singular."""
+
+
+def solved_positive(matrix: Array, right: Array) -> Array:
+    """Return x with ``matrix x = right``, shapes (.., k, k), (.., k, c) and (.., k, c), of symmetric positive matrices.
+
+    They are scaled to a diagonal of ones: LAPACK takes the largest entries as pivots, in which masses far smaller than
+    others would be lost.
+
+    Raises:
+        SingularMasses: A matrix is singular.
+    """
+    diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
+    scale = (1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)))[..., None]
+    try:
+        return np.asarray(scale * np.linalg.solve(scale * matrix * scale.swapaxes(-1, -2), scale * right))
+    except np.linalg.LinAlgError as error:
+        raise SingularMasses(str(error)) from None
+
+
+def acting_values(rows: Array, units: Array) -> Array:
+    """Return the singular values of matrices, descending; rows that are 0 cost nothing.
+
+    Args:
+        rows: G, shape (.., m, nv).
+        units: Factors of the entries, shape (m, nv).
+    """
+    m, nv = units.shape
+    every = rows.reshape(math.prod(rows.shape[:-2]), m, nv)
+    most = np.maximum(np.maximum.reduce(every, initial=0.0), -np.minimum.reduce(every, initial=0.0)) * units
+    sizes = np.maximum.reduce(most, axis=1, initial=0.0)
+    counts = sizes > ROUNDING * sizes.max(initial=0.0)
+    values = np.zeros((len(every), min(m, nv)))
+    acting = np.linalg.svd(every[:, counts] * units[counts], compute_uv=False)
+    values[:, : acting.shape[-1]] = acting
+    return values.reshape(*rows.shape[:-2], min(m, nv))
