@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pinarm.arrays import Indices
-from pinarm.engine.integration.batch_solution import Ensemble
+from pinarm.engine.integration.ensemble import Ensemble
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.integrated_motion import states
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem

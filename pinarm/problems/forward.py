@@ -23,7 +23,6 @@ from pinarm.engine.motion.bifurcation import undetermined_rest
 from pinarm.engine.motion.integrated_motion import IntegratedMotion, driven_by, event_columns, push_columns
 from pinarm.engine.motion.lost_turns import acting_on_angles, between, require_turns
 from pinarm.engine.motion.segmented.end_stops import Bound
-from pinarm.engine.motion.segmented.hybrid_motion import FirstSegment
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 from pinarm.engine.motion.segmented.impact_remarks import frictionless_remarks, impact_remarks
 from pinarm.engine.motion.segmented.segments import SegmentedMotion
@@ -198,10 +197,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         outcome = self.solve_from(mechanism, hybrid, q, v, hybrid.initial.given_rates())
         return replace(outcome, notes=(*hybrid.assembly.notes, *outcome.notes))
 
-    def solve_from(
-        self, mechanism: Mechanism, hybrid: HybridSystem, q: Array, v: Array, given: Array,
-        first: FirstSegment | None = None,
-    ) -> Outcome:  # fmt: skip
+    def solve_from(self, mechanism: Mechanism, hybrid: HybridSystem, q: Array, v: Array, given: Array) -> Outcome:
         """Return the motion from an assembled state; see ``solve``.
 
         Args:
@@ -210,11 +206,10 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             q: Configuration at the start, shape (nq,).
             v: Velocity there, shape (nv,).
             given: What was given of it; see ``Initial.given_rates``.
-            first: See ``hybrid_motion.integrate``.
         """
         mechanism = self._losing(mechanism)
         try:
-            motion = integrate_to_size(hybrid, q, v, first)
+            motion = integrate_to_size(hybrid, q, v)
         except (IntegrationError, Interrupted) as error:
             if error.partial is not None and error.partial.end <= self.time.instants()[0]:
                 error.partial = None

@@ -17,7 +17,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.records import Record
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.integrator import Solution
+    from pinarm.engine.integration.solution import Solution
     from pinarm.engine.motion.segmented.segments import SegmentedMotion
 
 Whole = Callable[[Array, Array, Array], tuple[Array, Array]]
@@ -102,15 +102,11 @@ class EnergyAccount(Record, frozen=True):
 
     @classmethod
     def each(cls, motion: SegmentedMotion) -> list[EnergyAccount]:
-        """Return those of the segments of a motion.
-
-        The dense output of the steps that they look into is computed with that of the first steps asked for.
-        """
+        """Return those of the segments of a motion."""
         accounts = []
         for segment in motion.segments:
             local = [segment.dynamics.on(interval.start, interval.end) for interval in segment.solution.intervals]
             accounts.append(cls(segment.solution, local, segment.system.whole))
-            segment.solution.foresee(accounts[-1]._looked_into)
         return accounts
 
     def columns(self) -> tuple[Array, Array, Array]:

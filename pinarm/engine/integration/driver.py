@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec import Struct
 
 from pinarm.arrays import Array
 from pinarm.engine.integration.events import Watch, locate_crossings, possible_crossings
-from pinarm.engine.integration.integrator import Interval, Manifold, Method, Solution, Stepper, StepsOver
-from pinarm.engine.integration.step_control import PASSED, SHORTEST
-from pinarm.engine.integration.steps import Step
+from pinarm.engine.integration.integrator import Interval, Manifold, Method, Stepper, StepsOver
+from pinarm.engine.integration.runge_kutta import PASSED, SHORTEST
+from pinarm.engine.integration.solution import Solution
 from pinarm.errors import IntegrationError, Interrupted
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.compiled_steps import CompiledSteps
 
 PROBED = 20
 """Part of the largest number of steps after which the driver looks whether the rest can come to the end."""
@@ -60,7 +63,8 @@ def integrate(
     q, v = manifold.project(np.asarray(q, float)), np.asarray(v, float)
     solution = Solution(method, manifold, intervals, begun_with=begun_with)
     stepper = method.stepper(manifold, solution.count)
-    steps = _compiled(solution, stepper, steps_over) or SingleSteps(solution, stepper, steps_over)
+    usable = not steps_over and all(interval.compiled for interval in intervals)
+    steps = (stepper.compiled(solution) if usable else None) or SingleSteps(solution, stepper, steps_over)
     driver = _Driver(solution, stepper, steps, max_steps, watches)
     try:
         driver.run(np.concatenate([q, v]))
@@ -69,15 +73,19 @@ def integrate(
     return solution
 
 
-class StepTaker(Protocol):
-    """How steps are taken: one at a time, or many by the compiled library."""
+class SingleSteps(Struct, eq=False, dict=True, weakref=True):
+    """Steps one at a time, by a stepper in Python; ``CompiledSteps`` takes many at a time."""
+
+    solution: Solution
+    stepper: Stepper
+    steps_over: StepsOver | None
 
     def take(self, index: int, span: Interval, t: float, h: float, tries: int) -> tuple[float, float]:
-        """Try to take steps in an interval, and add those that are accepted to the solution.
+        """Try one step in an interval, or the part of it up to the next sample; add it to the solution if accepted.
 
         Args:
             index: Index of the interval.
-            span: The interval, or the part of it up to the next sample: the last step ends at its end.
+            span: The interval, or its part: the last step ends at its end.
             t: Present time [s].
             h: Next step [s].
             tries: Largest number of steps to try, rejected ones included; at least 1.
@@ -85,44 +93,19 @@ class StepTaker(Protocol):
         Returns:
             The time that is reached and the next step [s].
         """
-        ...
-
-    def drop_after(self, index: int) -> None:
-        """Take the steps after the one of an index out of the solution, and of the count of its cost."""
-        ...
-
-    def drop_all(self) -> None:
-        """Take all steps out of the solution; what they have cost counts."""
-        ...
-
-
-class SingleSteps(Struct, eq=False, dict=True, weakref=True):
-    """Steps one at a time.
-
-    Attributes:
-        solution: Where they are added.
-        stepper: What takes them.
-        steps_over: Whether a step may have stepped over a piece of a load.
-    """
-
-    solution: Solution
-    stepper: Stepper
-    steps_over: StepsOver | None
-
-    def take(self, index: int, span: Interval, t: float, h: float, tries: int) -> tuple[float, float]:
-        """Try one step."""
-        stepper, end = self.stepper, span.end
+        stepper, end, count = self.stepper, span.end, self.solution.count
         last = t + 1.01 * h >= end
         taken = end - t if last else h
         error = stepper.attempt(t, taken)
         if error <= 1.0 and self.steps_over:
             error = self.rejected_if_stepped_over(self.steps_over, error, t, taken)
         if not error <= 1.0:  # NaN included
-            self.solution.count.rejected += 1
+            count.rejected += 1
             return t, stepper.retry(taken, error)
         y, until = stepper.y.copy(), end if last else t + taken
         slopes, following = stepper.accept(until, taken, error)
-        self.solution.steps.append(Step(t, taken, until, y, slopes, index))
+        work = np.array([[count.evaluations, count.rejected, count.floored]])
+        self.solution.steps.extend(np.array([[t, taken, until]]), y[None], slopes[None], index, work)
         return until, max(h, following) if last else following
 
     def rejected_if_stepped_over(self, steps_over: StepsOver, error: float, t: float, h: float) -> float:
@@ -136,20 +119,13 @@ class SingleSteps(Struct, eq=False, dict=True, weakref=True):
         self.solution.count.stepped_over += 1
         return error
 
-    def drop_after(self, index: int) -> None:
-        """Do nothing: no step is taken after the last one."""
-
-    def drop_all(self) -> None:
-        """Take all steps out of the solution."""
-        self.solution.truncate(0)
-
 
 class _Driver(Struct, eq=False, dict=True, weakref=True):
     """The loop over intervals and steps."""
 
     solution: Solution
     stepper: Stepper
-    steps: StepTaker
+    steps: SingleSteps | CompiledSteps
     max_steps: int
     watches: Sequence[Watch]
     h: float = 0.0
@@ -189,7 +165,7 @@ class _Driver(Struct, eq=False, dict=True, weakref=True):
                 self.stopped = self.locate_crossings(known)
             if self.stopped and not known and (shorter := self.shorter_first()):
                 t, self.h, self.stopped = span.start, shorter, False
-                self.steps.drop_all()
+                self.solution.truncate(0)
                 self.solution.crossings.clear()
                 self.solution.unresolved.clear()
                 self.solution.nearest.clear()
@@ -215,7 +191,7 @@ class _Driver(Struct, eq=False, dict=True, weakref=True):
         for index in possible_crossings(self.solution, self.watches, first, y):
             end = steps.y[index + 1] if index + 1 < len(steps) else y
             if locate_crossings(self.solution, self.watches, index, end):
-                self.steps.drop_after(index)
+                self.solution.truncate(index + 1)
                 return True
         return False
 
@@ -252,22 +228,6 @@ class _Driver(Struct, eq=False, dict=True, weakref=True):
         steps = self.solution.steps
         longest = 10.0 * max(self.h, (t - float(steps.t[0])) / len(steps)) if steps else 10.0 * self.h
         return self.solution.intervals[-1].end - t > HOPELESS * self.max_steps * longest
-
-
-def _compiled(solution: Solution, stepper: Stepper, steps_over: StepsOver | None) -> StepTaker | None:
-    """Return the steps of the compiled library; ``None`` where it does not know the motion or the method."""
-    pair = solution.method.pair
-    if steps_over or not all(interval.compiled for interval in solution.intervals):
-        return None
-    if pair is not None:
-        from pinarm.engine.integration.compiled_steps import CompiledSteps
-        from pinarm.engine.integration.methods.explicit import AdaptiveStepper
-
-        return CompiledSteps(solution, pair, stepper) if isinstance(stepper, AdaptiveStepper) else None
-    from pinarm.engine.integration.compiled_radau import CompiledRadau
-    from pinarm.engine.integration.methods.stiff import RadauStepper
-
-    return CompiledRadau.of(solution, stepper) if isinstance(stepper, RadauStepper) else None
 
 
 def _not_finite(solution: Solution, t: float, y: Array) -> IntegrationError:

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.integration.integrator import Crossing, Solution
-from pinarm.engine.integration.step_series import nodes, series_of
+from pinarm.engine.integration.solution import Crossing, Solution
 from pinarm.engine.integration.turns import (
     BESIDE,
     DIGITS,
@@ -18,7 +17,9 @@ from pinarm.engine.integration.turns import (
     REACHED,
     Turn,
     may_turn,
+    nodes,
     note_nearest,
+    series_of,
     turns_in,
 )
 from pinarm.records import ValueRecord

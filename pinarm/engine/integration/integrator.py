@@ -1,26 +1,25 @@
-"""The interfaces of time integration: the interval that is integrated, the method, its stepper, and the solution.
+"""Interfaces of time integration: an interval of smooth motion, the configuration space, and an integration method.
 
-No module of this package knows mechanisms.
+No module of this package knows mechanisms. A state is ``y = [q, v]``; arrays of states have leading axes.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from msgspec import Struct, field
+from msgspec import Struct
 
-from pinarm.arrays import Array, Indices
-from pinarm.engine.integration.dense_output import DenseOutput
-from pinarm.engine.integration.steps import InterpolatedSteps, StepTable
+from pinarm.arrays import Array
 from pinarm.records import ValueRecord, replace
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.tableaus import Tableau
-    from pinarm.engine.integration.turns import Turn
+    from pinarm.engine.integration.compiled_steps import CompiledSteps
+    from pinarm.engine.integration.methods.explicit import Adaptive
+    from pinarm.engine.integration.solution import DenseOutput, Solution, StepTable
     from pinarm.engine.kernel.library import Flow
 
 Acceleration = Callable[[float, Array, Array], Array]
@@ -47,7 +46,7 @@ class SampleTimes(Protocol):
     """Instants at which loads may change by what is measured there: no step goes past one of them."""
 
     def act(self, t: float, q: Array, v: Array) -> None:
-        """Change the loads by the integrated state at t [s]; what has been done at an instant is not done again."""
+        """Change the loads by the integrated state at t [s]; a second call at the same instant changes nothing."""
         ...
 
     def next(self, t: float) -> float:
@@ -101,7 +100,7 @@ class Interval(ValueRecord, frozen=True):
         acceleration: Acceleration of one state, smooth up to both ends; at a jump each interval has its own side.
         settle: Projection onto the constraints, applied after every accepted step; ``None`` without constraints.
         floor: Returns the smallest useful step [s]: close to a singular position, where rounding is amplified, shorter
-            steps are no better. Such a step is accepted with an error above the tolerance, up to ``explicit.NOISE``.
+            steps are no better. Such a step is accepted with an error above the tolerance, up to ``runge_kutta.NOISE``.
         acceleration_of_step: Start of an accepted step [s] -> the acceleration that this step used; ``None`` where it
             does not depend on the step (it does where the step began close to a singular position).
         batch: Acceleration of many states at once; ``None`` where only that of one state is known.
@@ -109,7 +108,7 @@ class Interval(ValueRecord, frozen=True):
         compiled: The same motion in compiled code; ``None`` where there is none.
         knots: Instants within it at which steps have to end, since a derivative of the acceleration jumps, ascending.
         sampling: Instants at which steps have to end, since the acceleration may jump there; ``None`` for none.
-        remark: What is to be said to the user of how the motion is computed; mostly empty.
+        remark: A note to the user on how the motion is computed; mostly empty.
         outlook: Start of an accepted step [s] -> whether it is known to stay clear of singular positions, and the rank
             of the constraints in it; ``None`` where nothing is known.
     """
@@ -155,6 +154,29 @@ class Interval(ValueRecord, frozen=True):
             a[k] = self.of_step(begin)(instant, q[k], v[k])
         return a
 
+    def slope(self, manifold: Manifold, t: float, y: Array) -> Array:
+        """Return the slope [q', v'] of one state, whose q is projected onto the manifold in place."""
+        nq = manifold.nq
+        y[:nq] = manifold.project(y[:nq])
+        q, v = y[:nq], y[nq:]
+        return np.concatenate([manifold.velocity(q, v), self.acceleration(t, q, v)])
+
+    def slopes(self, manifold: Manifold, start: Array, t: Array, y: Array) -> Array:
+        """Return the slopes of states, shape (n, nq + nv), whose q are projected onto the manifold in place.
+
+        Args:
+            manifold: The configuration space.
+            start: Starts of the steps that the states belong to [s], shape (n,).
+            t: Instants of the states [s], shape (n,).
+            y: States, shape (n, nq + nv).
+        """
+        nq = manifold.nq
+        y[:, :nq] = manifold.project(y[:, :nq])
+        if self.compiled is not None:
+            return self.compiled.slopes(start, t, y)
+        q, v = y[:, :nq], y[:, nq:]
+        return np.concatenate([manifold.velocity(q, v), self.accelerations(start, t, q, v)], axis=1)
+
 
 class Count(Struct):
     """Cost of an integration.
@@ -173,7 +195,7 @@ class Count(Struct):
 
 
 class Stepper(Protocol):
-    """A method during an integration: the present state, and its buffers."""
+    """A method during the integration of one motion: the present state, and its buffers."""
 
     y: Array
     """Present state [q, v], shape (nq + nv,)."""
@@ -181,6 +203,10 @@ class Stepper(Protocol):
     @property
     def finite(self) -> bool:
         """Whether the slopes last computed are finite."""
+        ...
+
+    def compiled(self, solution: Solution) -> CompiledSteps | None:
+        """Return the same steps by the compiled library, of a motion that it knows; ``None`` where it has none."""
         ...
 
     def begin(self, interval: Interval, y: Array) -> None:
@@ -212,11 +238,11 @@ class Stepper(Protocol):
 
 
 class Doubt(ValueRecord, frozen=True):
-    """What says that a method or its step was a poor choice.
+    """A sign that a method or its step was a poor choice.
 
     Attributes:
-        kind: What it is about. Of a motion in several segments one of a kind is told.
-        size: How much it says; the largest is told.
+        kind: Of several doubts of one kind in the segments of a motion, the largest is printed.
+        size: Its size, to compare it with others of its kind.
         text: The note.
     """
 
@@ -259,7 +285,7 @@ class Method(Protocol):
         ...
 
     @property
-    def pair(self) -> EmbeddedPair | None:
+    def pair(self) -> Adaptive | None:
         """The method itself where it is an embedded pair, with which many motions can be integrated at once."""
         ...
 
@@ -272,155 +298,5 @@ class Method(Protocol):
         ...
 
     def diagnose(self, solution: Solution) -> list[Doubt]:
-        """Return what says that the method or its step was a poor choice, judged from its solution."""
+        """Return the signs in a solution that the method or its step was a poor choice."""
         ...
-
-
-class EmbeddedPair(Method, Protocol):
-    """An explicit Runge-Kutta method with an error estimate, whose step follows the tolerance."""
-
-    @property
-    def tableau(self) -> Tableau:
-        """Coefficients."""
-        ...
-
-    def output_of(
-        self, interval: Interval, manifold: Manifold, t: Array, h: Array, y: Array, slopes: Array
-    ) -> DenseOutput:
-        """Return the dense output of n steps in one interval, of one motion or of several.
-
-        Args:
-            interval: The interval.
-            manifold: The configuration space.
-            t: Starts of the steps [s], shape (n,).
-            h: Lengths [s], shape (n,).
-            y: States [q, v] at the starts, shape (n, nq + nv).
-            slopes: Slopes [q', v'] at the method's stages, shape (n, s + 1, nq + nv).
-        """
-        ...
-
-
-class Crossing(ValueRecord, frozen=True):
-    """A zero crossing of a watched value.
-
-    Attributes:
-        watch: Index of the watch.
-        t: Instant [s].
-        q: Configuration at t, shape (nq,).
-        v: Velocity at t, shape (nv,).
-    """
-
-    watch: int
-    t: float
-    q: Array
-    v: Array
-
-
-class Solution(Struct, eq=False, dict=True, weakref=True):
-    """The result of an integration: its steps, and by dense output the state at any time between.
-
-    Attributes:
-        method: The method.
-        manifold: The configuration space.
-        intervals: The integrated intervals.
-        steps: Accepted steps, in order of time.
-        crossings: Zero crossings of the watched values, in order of time.
-        count: Cost.
-        final: State [q, v] at the end, projected onto the constraints, shape (nq + nv,); ``None`` where an event or a
-            failure ended the integration, or where it was one of many at once.
-        unresolved: Parts of steps in which a watched value varies with loads faster than it is looked at [s].
-        begun_with: Error of the state at its start, relative to ``size + |y|``.
-        nearest: Index of a watch -> the turn at which it is the least certain whether its value comes to 0.
-    """
-
-    method: Method
-    manifold: Manifold
-    intervals: Sequence[Interval]
-    steps: StepTable = field(default_factory=StepTable)
-    crossings: list[Crossing] = []
-    count: Count = field(default_factory=Count)
-    final: Array | None = None
-    unresolved: list[tuple[float, float]] = []
-    begun_with: float = 0.0
-    nearest: dict[int, Turn] = {}
-    _interpolated: InterpolatedSteps = field(default_factory=InterpolatedSteps)
-    _foreseen: Indices | None = None
-
-    @property
-    def end(self) -> float:
-        """Last time reached [s]."""
-        return float(self.steps.until[-1]) if self.steps else self.intervals[0].start
-
-    @property
-    def size(self) -> float:
-        """Largest coordinate or velocity at the ends of its steps, in SI; 0 without steps."""
-        return float(np.abs(self.steps.y).max(initial=0.0))
-
-    @property
-    def displacement(self) -> float:
-        """Largest change of a coordinate, or velocity, at the ends of its steps, in SI; 0 without steps."""
-        states = self.steps.y.copy()
-        states[:, : self.manifold.nq] -= states[:1, : self.manifold.nq].copy()
-        return float(np.abs(states).max(initial=0.0))
-
-    @property
-    def last(self) -> Array:
-        """State [q, v] at the last time reached, shape (nq + nv,)."""
-        return np.hstack(self.states(np.array([self.end])))[0] if self.final is None else self.final
-
-    def states(self, t: Array) -> tuple[Array, Array]:
-        """Return the states at many times, by dense output.
-
-        Args:
-            t: Times [s], shape (n,), within the integrated time.
-
-        Returns:
-            q of shape (n, nq) and v of shape (n, nv).
-        """
-        index = self.steps.t.searchsorted(t, side="right") - 1
-        return self.states_in(np.maximum(index, 0), t)
-
-    def states_in(self, index: Indices, t: Array) -> tuple[Array, Array]:
-        """Return the states at many times, each from the step of the given index, both of shape (n,)."""
-        if not len(index):
-            return np.empty((0, self.manifold.nq)), np.empty((0, self.manifold.nv))
-        start, y = self.steps.t[index], self.steps.y[index]
-        inside = (t != start).nonzero()[0]  # at the start of a step its state is known
-        if len(inside):
-            within = index[inside]
-            self._interpolate(within)
-            y[inside] = self._interpolated.states(within, (t - start)[inside] / self.steps.h[within])
-        return self.manifold.project(y[:, : self.manifold.nq]), y[:, self.manifold.nq :]
-
-    def outlook(self, index: int) -> tuple[bool, int]:
-        """Return what is known of the step of an index, see ``Interval.outlook``; ``(False, 0)`` where nothing is."""
-        known = self.intervals[self.steps.interval[index]].outlook
-        return known(float(self.steps.t[index])) if known else (False, 0)
-
-    def truncate(self, count: int) -> None:
-        """Keep the first steps only."""
-        self.steps.truncate(count)
-        self._interpolated.truncate(count)
-
-    @property
-    def interpolated_steps(self) -> list[int]:
-        """Indices of the steps whose dense output has been computed, ascending."""
-        return self._interpolated.indices
-
-    def foresee(self, index: Indices) -> None:
-        """Let the dense output of steps be computed with that of the first ones asked for: one call takes less time."""
-        self._foreseen = index
-
-    def _interpolate(self, index: Indices) -> None:
-        """Compute the dense output of those steps that have none yet, interval by interval."""
-        if self._foreseen is not None:
-            index, self._foreseen = np.concatenate([index, self._foreseen]), None
-        missing = self._interpolated.missing(index, len(self.steps))
-        if not len(missing):
-            return
-        intervals = self.steps.interval[missing]
-        ends = (intervals[1:] != intervals[:-1]).nonzero()[0] + 1
-        for start, end in pairwise([0, *ends.tolist(), len(missing)]):
-            some, interval = missing[start:end], self.intervals[intervals[start]]
-            output = self.method.dense_output(interval, self.manifold, self.steps.some(some))
-            self._interpolated.add(some, output)

@@ -24,7 +24,7 @@ class Tableau(Record, frozen=True):
         a: Shape (s, s), strictly lower triangular.
         b: Shape (s,).
         c: Shape (s,).
-        error: Weights of the error estimates over ``k_0 .. k_s``, shape (m, s + 1); see ``AdaptiveStepper``.
+        error: Weights of the error estimates over ``k_0 .. k_s``, shape (m, s + 1); see ``runge_kutta.error_of``.
         dense_a: Further stages that only the dense output needs, shape (e, s + 1 + e).
         dense_c: Their times, shape (e,).
         dense_d: Weights of the higher terms of the interpolant over all stages, shape (d, s + 1 + e).
@@ -60,6 +60,18 @@ class Tableau(Record, frozen=True):
     def stages(self) -> int:
         """Number of stages, without the slope at the end of the step."""
         return len(self.b)
+
+    @cached_property
+    def rows(self) -> list[tuple[Array, float]]:
+        """Weights over the earlier slopes, and time, of every stage but the first; last those of the step itself."""
+        weights = [self.a[i, :i] for i in range(1, self.stages)]
+        return list(zip([*weights, self.b], [*self.c[1:].tolist(), 1.0], strict=True))
+
+    @cached_property
+    def dense_rows(self) -> list[tuple[Array, float]]:
+        """The same of the stages that only the dense output needs."""
+        known = self.stages + 1
+        return [(row[: known + k], float(c)) for k, (row, c) in enumerate(zip(self.dense_a, self.dense_c, strict=True))]
 
     @cached_property
     def examined(self) -> Tableau:

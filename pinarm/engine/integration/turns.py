@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.integration.methods.explicit import FixedStep
-from pinarm.engine.integration.step_series import fine_values, series_of
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.events import Watch
-    from pinarm.engine.integration.integrator import Solution
+    from pinarm.engine.integration.solution import Solution
 
 BESIDE = 1e-3
 """Part of a step up to which roots outside of it are told from those within: one at an end may be on either side."""
@@ -186,3 +186,33 @@ def note_nearest(solution: Solution, turns: Sequence[Turn], stop: float, stoppin
         cut_off = turn.watch == stopping and turn.passes
         if (turn.t <= stop or cut_off) and (known is None or turn.doubt > known.doubt):
             solution.nearest[turn.watch] = turn
+
+
+@cache
+def nodes(parts: int) -> Array:
+    """Return the Chebyshev points of [0, 1], ends included: ``(1 - cos(pi k / n)) / 2``, n = 2 parts; (n + 1,)."""
+    return 0.5 - 0.5 * np.cos(np.pi * np.arange(2 * parts + 1) / (2 * parts))
+
+
+def series_of(values: Array) -> Array:
+    """Return the Chebyshev coefficients on [-1, 1] of values at the nodes, both of shape (.., n + 1)."""
+    return np.asarray(values @ _to_series(values.shape[-1] // 2).T)
+
+
+def fine_values(values: Array) -> Array:
+    """Return the values of the series at ``FINE`` even places of the step, shape (.., n + 1) to (.., FINE)."""
+    return np.asarray(values @ _to_fine(values.shape[-1] // 2).T)
+
+
+FINE = 33
+"""Places at which a series is looked at for turns: four to eight between two nodes."""
+
+
+@cache
+def _to_series(parts: int) -> Array:
+    return np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(2.0 * nodes(parts) - 1.0, 2 * parts)))
+
+
+@cache
+def _to_fine(parts: int) -> Array:
+    return np.asarray(np.polynomial.chebyshev.chebvander(np.linspace(-1.0, 1.0, FINE), 2 * parts) @ _to_series(parts))

@@ -1,7 +1,7 @@
 """Free motions of variants of a tree, integrated together: states with an axis of variants after the rows.
 
-Each motion takes the steps that it takes alone, which follow from its own errors. All else is computed of all of them
-at once: dense output, accelerations, energy, and what is asked of the states.
+Each motion takes the steps that it takes alone, which follow from its own errors. Dense output, accelerations, energy
+and quantities are computed of all of them at once.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.side_by_side import SideBySide
-from pinarm.engine.integration.integrator import BATCH_ROUNDING
-from pinarm.engine.integration.variant_steps import VariantSolution, integrate_variants
+from pinarm.engine.integration.ensemble import Ensemble, integrate_variants
+from pinarm.engine.integration.integrator import BATCH_ROUNDING, Acceleration, Interval
 from pinarm.engine.kernel.tree import AGREEMENT, TreeFlow
-from pinarm.engine.kernel.tree_variants import TreeVariants
+from pinarm.engine.kernel.tree_variants import variant_flows
 from pinarm.engine.motion.integrated_motion import IntegratedMotion
 from pinarm.engine.motion.segmented.segments import OFFSET, REST, SMALL
 from pinarm.engine.motion.small_motions import MOST, MOST_ROUNDING
@@ -30,6 +30,7 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import replace
 
 if TYPE_CHECKING:
+    from pinarm.engine.kernel.library import Flow
     from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 
@@ -58,7 +59,7 @@ class IntegratedVariants:
         run: The rows of the first variant.
         motion: Its motion.
         mechanism: The variants.
-        solution: Motions of these and others, without jumps and events.
+        ensemble: Motions of these and others, without jumps and events.
         chosen: Which of the motions are theirs, shape (k,).
         grids: The rows of each of them, as many; the same object where they are the same.
     """
@@ -66,7 +67,7 @@ class IntegratedVariants:
     run: Trajectory
     motion: IntegratedMotion
     mechanism: Mechanism
-    solution: VariantSolution
+    ensemble: Ensemble
     chosen: Indices
     grids: Sequence[Grid]
 
@@ -82,9 +83,9 @@ class IntegratedVariants:
         flow = compiled(motion.hybrid)
         if flow is None:
             raise VariantsDiffer("the motion of a tree that is not compiled")
-        solution = _integrated(motion.hybrid, TreeVariants.of(flow, mechanism.model), motions)
+        ensemble = _integrated(motion.hybrid, *variant_flows(flow, mechanism.model), motions)
         grids = [each.grid for each in motions]
-        return cls(run, motion, mechanism, solution, np.arange(len(motions)), grids)
+        return cls(run, motion, mechanism, ensemble, np.arange(len(motions)), grids)
 
     def some(self, mechanism: Mechanism, variants: Indices, grids: Sequence[Grid]) -> IntegratedVariants:
         """Return some of the variants, of which these are the mechanism, at other rows."""
@@ -92,26 +93,22 @@ class IntegratedVariants:
 
     def rows(self) -> tuple[Trajectory, Flags]:
         """Return the states, and which of them are sound, shape (k,)."""
-        dynamics, t = self.dynamics, self._grid.t.reshape(len(self._grid.t), -1)
-        found = self.solution.states_in(self._steps, np.broadcast_to(t, self._steps.shape))
-        q, v = (np.ascontiguousarray(x) for x in np.split(found, [self.mechanism.model.nq], axis=-1))
+        dynamics, (q, v) = self.dynamics, self.ensemble.states_in(self._steps, self._instants)
         a = _accelerations(dynamics, q, v)
         lam, still = Multipliers.known(np.zeros((*q.shape[:2], 0)), 0), np.zeros_like(v)
         rows = replace(self.run, grid=self._grid, mechanism=self.mechanism, q=q, v=v, a=a, tau=still, lam=lam,
                        closure=self.mechanism.closure, dynamics=dynamics)  # fmt: skip
-        return rows, self.solution.arrived[self.chosen] & self._agree
+        return rows, self.ensemble.arrived[self.chosen] & self._agree
 
     def at(self, near: Array) -> tuple[Trajectory, Flags]:
-        """Return the states; what they are near to is not needed."""
+        """Return the states; they are found without states that are near."""
         return self.rows()
 
     @property
     def interpolated(self) -> Flags:
         """The steps of the motions within which rows are, shape (steps,)."""
-        found = np.zeros(len(self.solution.t), dtype=bool)
-        t = np.broadcast_to(self._grid.t.reshape(len(self._grid.t), -1), self._steps.shape)
-        found[self._steps[self.solution.within(self._steps, t)]] = True
-        return found
+        inside = self._steps[self._instants != self.ensemble.solution.steps.t[self._steps]]
+        return np.bincount(inside, minlength=len(self.ensemble.motion)) > 0
 
     @cached_property
     def dynamics(self) -> Dynamics:
@@ -125,17 +122,23 @@ class IntegratedVariants:
     @cached_property
     def _steps(self) -> Indices:
         """The steps in which the rows are, shape (n, k)."""
-        return self.solution.located(self.chosen, self._grid.t)
+        return self.ensemble.located(self.chosen, self._grid.t)
+
+    @property
+    def _instants(self) -> Array:
+        """The instants of the rows [s], shape (n, k)."""
+        return np.broadcast_to(self._grid.t.reshape(len(self._grid.t), -1), self._steps.shape)
 
     @cached_property
     def _agree(self) -> Flags:
         """Of which motions Pinocchio's accelerations are those of the library, in a state of no special kind."""
         nv, count = self.mechanism.model.nv, len(self.chosen)
-        one = np.sin(1.0 + 1.3 * np.arange(nv)), np.cos(2.0 + 2.9 * np.arange(nv))
-        q, v = (np.broadcast_to(x, (1, count, nv)) for x in one)
+        state = np.sin(1.0 + 1.3 * np.arange(nv)), np.cos(2.0 + 2.9 * np.arange(nv))
+        q, v = (np.broadcast_to(x, (1, count, nv)) for x in state)
         (expected,) = _recursions(self.dynamics).aba_one_by_one(q, v, self.dynamics.loads(0.0, q, v))
-        slopes = self.solution.flows.slopes(self.chosen, np.concatenate([q[0], v[0]], axis=-1))
-        return _close(slopes[:, nv:] - expected, expected, (v * v).sum(axis=-1)[0], AGREEMENT)
+        intervals = (self.ensemble.solution.intervals[k] for k in self.chosen)
+        a = np.array([interval.acceleration(0.0, *state) for interval in intervals])
+        return _close(a - expected, expected, (v * v).sum(axis=-1)[0], AGREEMENT)
 
 
 def compiled(hybrid: HybridSystem) -> TreeFlow | None:
@@ -149,32 +152,39 @@ def compiled(hybrid: HybridSystem) -> TreeFlow | None:
     return flow if isinstance(flow, TreeFlow) and lasting and flat and hybrid.method.pair is not None else None
 
 
-def _integrated(hybrid: HybridSystem, flows: TreeVariants, motions: Sequence[FreeMotion]) -> VariantSolution:
+def _integrated(
+    hybrid: HybridSystem, flows: Sequence[Flow], finite: Flags, motions: Sequence[FreeMotion]
+) -> Ensemble:  # fmt: skip
     """Return motions whose errors are relative to their own sizes where these are below 1; see ``small_motions``.
 
     Those so small that rounding of their accelerations may matter have not arrived: they are to be solved alone.
     """
-    pair = hybrid.method.pair
+    pair, manifold = hybrid.method.pair, hybrid.closed_system.manifold
     assert pair is not None
-    start, end = np.array([each.time for each in motions]).T
-    y = np.array([np.concatenate([each.q, each.v]) for each in motions])
-    solution = integrate_variants(flows, pair, start, end, y, np.full(len(y), hybrid.size), hybrid.max_steps)
-    solution.arrived[~flows.finite] = False
-    while len(small := np.flatnonzero(solution.arrived & _small(solution))):
-        size = solution.sizes[small]
-        some, most = replace(flows, flows=flows.flows[small]), min(hybrid.max_steps, MOST)
-        finer = integrate_variants(some, pair, start[small], end[small], y[small], size, most)
-        finer.arrived[size * pair.tolerance < MOST_ROUNDING] = False
-        solution = solution.with_finer(small, finer)
-        solution.arrived[small[~finer.arrived]] = False
-    scale, moved = solution.size + solution.sizes, solution.displacements
-    solution.arrived[(moved > REST * scale) & (moved < OFFSET * scale)] = False  # with a finer tolerance of its own
-    return solution
+    y, size = np.array([np.concatenate([each.q, each.v]) for each in motions]), np.full(len(motions), hybrid.size)
+
+    def solved(numbers: Indices, most: int) -> Ensemble:
+        given = [(*motions[k].time, flows[k], float(size[k])) for k in numbers]
+        intervals = [
+            Interval(start, end, _acceleration(flow), size=own, compiled=flow) for start, end, flow, own in given
+        ]
+        return integrate_variants(intervals, manifold, y[numbers], pair, most)
+
+    ensemble = solved(np.arange(len(y)), hybrid.max_steps)
+    ensemble.arrived[~finite] = False
+    while len(small := np.flatnonzero(ensemble.arrived & (ensemble.sizes > 0.0) & (ensemble.sizes < SMALL * size))):
+        size[small] = ensemble.sizes[small]
+        finer = solved(small, min(hybrid.max_steps, MOST))
+        finer.arrived[size[small] * pair.tolerance < MOST_ROUNDING] = False
+        ensemble = ensemble.with_others(small, finer)
+        ensemble.arrived[small[~finer.arrived]] = False
+    scale, moved = size + ensemble.sizes, ensemble.displacements
+    ensemble.arrived[(moved > REST * scale) & (moved < OFFSET * scale)] = False  # with a finer tolerance of its own
+    return ensemble
 
 
-def _small(solution: VariantSolution) -> Flags:
-    """Return which motions are small beside what the errors of their steps are relative to, shape (k,)."""
-    return np.asarray((solution.sizes > 0.0) & (solution.sizes < SMALL * solution.size))
+def _acceleration(flow: Flow) -> Acceleration:
+    return lambda t, q, v: flow.slope(t, np.concatenate([q, v]))[len(q) :]
 
 
 def _accelerations(dynamics: Dynamics, q: Array, v: Array) -> Array:

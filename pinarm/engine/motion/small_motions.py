@@ -18,7 +18,7 @@ import math
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.motion.segmented.hybrid_motion import FirstSegment, integrate
+from pinarm.engine.motion.segmented.hybrid_motion import integrate
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 from pinarm.engine.motion.segmented.segments import FINEST, OFFSET, REST, SMALL, MotionSegment, SegmentedMotion
 from pinarm.errors import IntegrationError
@@ -43,13 +43,13 @@ MOST_ROUNDING = 1e-15
 """Largest error of a step in SI that is explained by rounding; what looks like more is a load with corners."""
 
 
-def integrate_to_size(hybrid: HybridSystem, q: Array, v: Array, first: FirstSegment | None = None) -> SegmentedMotion:
+def integrate_to_size(hybrid: HybridSystem, q: Array, v: Array) -> SegmentedMotion:
     """Return the motion from an initial state, its errors relative to its own size where that is below 1.
 
     See ``hybrid_motion.integrate`` for arguments and errors. Where rounding does not allow the finer integration, the
     motion is that of the coarser one; ``SegmentedMotion.rounding`` tells how wrong it is.
     """
-    motion = integrate(hybrid, q, v, first)
+    motion = integrate(hybrid, q, v)
     least = least_size(hybrid, motion) if is_small(hybrid, motion.size) else 0.0
     while is_small(hybrid, wanted := max(motion.size, least)) and motion.size:
         hybrid = hybrid.of_size(wanted, min(hybrid.max_steps, MOST))

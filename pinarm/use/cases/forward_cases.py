@@ -114,7 +114,7 @@ class ForwardCases:
 
     def figures(self, variants: IntegratedVariants) -> dict[str, Array]:
         """Return the energy that nothing accounts for."""
-        return {"energy": variant_energies(variants.dynamics, variants.solution, variants.interpolated)}
+        return {"energy": variant_energies(variants.dynamics, variants.ensemble, variants.interpolated)}
 
 
 def _number(value: Value) -> float | None:

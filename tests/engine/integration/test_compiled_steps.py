@@ -228,7 +228,7 @@ class TestFailures:
         stepper = solution.method.stepper(solution.manifold, solution.count)
         stepper.begin(solution.intervals[0], np.array([1.0, 0.0]))
         solution.truncate(0)
-        steps = compiled_steps.CompiledSteps(solution, solution.method, stepper)
+        steps = compiled_steps.CompiledSteps(solution, stepper)
         t, following = steps.take(0, solution.intervals[0], 0.0, h, 100)
         assert t == 0.0
         assert following == pytest.approx(h, nan_ok=True)

@@ -99,15 +99,6 @@ class TestDenseOutput:
         alone = np.array([np.hstack(one.states(np.array([instant])))[0] for instant in t])
         assert np.hstack(many.states(t)) == pytest.approx(alone, abs=1e-14)
 
-    def test_of_foreseen_steps_is_computed_with_the_first_and_is_the_same(self):
-        one, other = (integrate([Interval(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9)) for _ in "ab")
-        foreseen, places = np.array([2, 7]), np.linspace(0.0, 6.0, 50)
-        one.foresee(foreseen)
-        assert not one.interpolated_steps
-        one.states(one.steps.until[4:5] - 1e-3)
-        assert one.interpolated_steps == [2, 4, 7]
-        assert np.array_equal(np.hstack(one.states(places)), np.hstack(other.states(places)))
-
     def test_quaternions_have_unit_length(self, top):
         solution = integrate([Interval(0.0, 4.0, top.acceleration())], top.manifold, ATTITUDE, SPIN, Adaptive(1e-4))
         q, _ = solution.states(np.linspace(0.0, 4.0, 101))

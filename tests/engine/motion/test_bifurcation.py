@@ -10,7 +10,7 @@ from motions import free, freely
 from scipy.integrate import solve_ivp
 
 from pinarm.engine.checks.residuals import residual_figures
-from pinarm.engine.integration.integrator import Solution
+from pinarm.engine.integration.solution import Solution
 from pinarm.engine.motion import bifurcation
 from pinarm.errors import IntegrationError, NumericsError
 from pinarm.problems.events import EndStop

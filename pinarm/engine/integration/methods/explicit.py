@@ -7,29 +7,42 @@ the unit sphere, so every Runge-Kutta method keeps its order (with ``pin.integra
 from __future__ import annotations
 
 import math
-from functools import cached_property
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array, distinct
-from pinarm.engine.integration.dense_output import DenseOutput
-from pinarm.engine.integration.divided_steps import divided, terms_of
-from pinarm.engine.integration.first_step import first_step
-from pinarm.engine.integration.integrator import Count, Doubt, Interval, Manifold, Solution
-from pinarm.engine.integration.step_control import FASTEST, HUGE, LOST, NOISE, TINY, growth, shrinkage
-from pinarm.engine.integration.steps import Step, StepTable
+from pinarm.engine.integration.integrator import Count, Doubt, Interval, Manifold
+from pinarm.engine.integration.runge_kutta import (
+    FASTEST,
+    NOISE,
+    TINY,
+    along,
+    dense_terms,
+    error_of,
+    first_step,
+    growth,
+    shrinkage,
+    stages,
+)
+from pinarm.engine.integration.solution import DenseOutput, Solution, Step, StepTable
 from pinarm.engine.integration.tableaus import DOP853, DOPRI5, RK4, Tableau
 from pinarm.errors import MethodError
 from pinarm.records import ValueRecord, replace
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.compiled_steps import CompiledSteps
+
+DEFECT, PARTS = 30.0, 8
+"""Defect of the dense output in the middle of a step, over the tolerance, from which on steps of its eighth may take
+its place: it is about 0.1, seldom above 3, and 1e4 beyond the limit of stability."""
 
 STIFF = 0.3
 """Share of steps at the stability limit from which a motion is reported as stiff for an explicit method."""
 
 LIMITED = "stiff"
 """Kind of the doubt on stiffness, with which its note begins."""
-
-HALVES = np.array([0.0, 0.5, 1.0])
-"""Fractions of a step: start, middle, end."""
 
 SAMPLE = 40
 """Number of fixed steps that are repeated as two half steps to estimate their error."""
@@ -52,9 +65,7 @@ class Adaptive(ValueRecord, frozen=True):
     ``DOPRI5`` order 5, dense output of order 4: cheaper at errors of 1e-3 to 1e-5, and where the acceleration has kinks
     (tables, friction) that a high order cannot use. Both fail on stiff problems (joint springs with strong damping):
     steps then follow the fastest decay instead of the motion, which ``diagnose`` reports. Sources: Hairer, Norsett,
-    Wanner, Solving Ordinary Differential Equations I, sections II.4, II.5, II.6 and II.10; step control
-    ``h 0.8 error^(-0.8/k)``, a damped integral controller: Soderlind, Digital filters in adaptive time-stepping, ACM
-    TOMS 29 (2003), section 2.
+    Wanner, Solving Ordinary Differential Equations I, sections II.4, II.5, II.6 and II.10.
 
     Attributes:
         tolerance: Local error per step, relative to ``size + |y|``, see ``Interval.size``; good values 1e-6 to 1e-12,
@@ -88,24 +99,60 @@ class Adaptive(ValueRecord, frozen=True):
         return AdaptiveStepper(self, manifold, count)
 
     def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> DenseOutput:
-        """Return the dense output."""
-        arrays = steps.t, steps.h, steps.y, steps.slopes
-        if interval.compiled is None:
-            return self.output_of(interval, manifold, *arrays)
-        from pinarm.engine.integration.compiled_steps import terms
+        """Return the dense output of steps, of shorter steps in place of those whose own does not follow the motion.
 
-        found = terms(self.tableau.examined, interval.compiled, *arrays)
-        if np.isfinite(found).all():
-            return divided(self.tableau, self.tolerance, interval, manifold, *arrays[:3], found)
-        # Rows that the library cannot solve for in a further stage are solved for by singular values.
-        return self.output_of(replace(interval, compiled=None), manifold, *arrays)
+        Once the fast part of a motion has died away a step may go far beyond the limit of stability before its end
+        shows it: within, the stages blow up the rest of that part. The defect ``h (f(u) - u')`` of the dense output u
+        in the middle of the step shows it. Beside a singular position rounding makes defects too, and shorter steps
+        blow it up more: they have to come to the end of the step, whose error is known, closer than the defect.
+        """
+        terms, interval = self._terms(interval, manifold, steps)
+        y, terms, defects = steps.y, terms[:, :-1], np.abs(terms[:, -1]).max(axis=1)
+        poor = (defects > DEFECT * self.tolerance * (interval.size + np.abs(y).max(axis=1))).nonzero()[0]
+        if not len(poor):
+            return DenseOutput.whole(y, terms)
+        base, parts, ends = self._parts(interval, manifold, steps.some(poor))
+        expected = y[poor] + terms[poor, 0]
+        expected[:, : manifold.nq] = manifold.project(expected[:, : manifold.nq])
+        better = np.abs(ends - expected).max(axis=1) < defects[poor]
+        counts = np.ones(len(y), dtype=np.intp)
+        counts[poor[better]] = PARTS
+        divided = np.repeat(counts, counts) > 1
+        bases, all_terms = np.repeat(y, counts, axis=0), np.repeat(terms, counts, axis=0)
+        bases[divided] = base[better].reshape(-1, base.shape[-1])
+        all_terms[divided] = parts[better].reshape(-1, *parts.shape[2:])
+        return DenseOutput(bases, all_terms, counts)
 
-    def output_of(
-        self, interval: Interval, manifold: Manifold, t: Array, h: Array, y: Array, slopes: Array
-    ) -> DenseOutput:
-        """Return the dense output of steps."""
-        terms = terms_of(self.tableau.examined, interval, manifold, t, t, h, y, slopes)
-        return divided(self.tableau, self.tolerance, interval, manifold, t, h, y, terms)
+    def _terms(self, interval: Interval, manifold: Manifold, steps: StepTable) -> tuple[Array, Interval]:
+        """Return the terms of ``Tableau.examined``, and the interval in the code that could compute them."""
+        tableau, arrays = self.tableau.examined, (steps.t, steps.h, steps.y, steps.slopes)
+        if interval.compiled is not None:
+            from pinarm.engine.integration.compiled_steps import terms
+
+            found = terms(tableau, interval.compiled, *arrays)
+            if np.isfinite(found).all():
+                return found, interval
+            # Rows that the library cannot solve for in a further stage are solved for by singular values.
+            interval = replace(interval, compiled=None)
+        return dense_terms(tableau, partial(interval.slopes, manifold, steps.t), *arrays), interval
+
+    def _parts(self, interval: Interval, manifold: Manifold, steps: StepTable) -> tuple[Array, Array, Array]:
+        """Return the starts of equal parts of n steps, their terms, and the states at the ends of the steps.
+
+        Shapes (n, p, m), (n, p, d, m) and (n, m) with m = nq + nv.
+        """
+        t, h, tableau = steps.t[:, None] + steps.h[:, None] / PARTS * np.arange(PARTS), steps.h / PARTS, self.tableau
+        base = np.empty((len(h), PARTS, steps.y.shape[1]))
+        slopes = np.empty((len(h), PARTS, tableau.stages + 1, steps.y.shape[1]))
+        y, slope, rates = steps.y, steps.slopes[:, 0], partial(interval.slopes, manifold, steps.t)
+        for part in range(PARTS):
+            base[:, part], slopes[:, part, 0] = y, slope
+            y = stages(tableau.rows, rates, t[:, part], h, y, slopes[:, part])
+            slope = slopes[:, part, -1]
+        rates = partial(interval.slopes, manifold, np.repeat(steps.t, PARTS))
+        flat = base.reshape(-1, base.shape[-1]), slopes.reshape(-1, *slopes.shape[2:])
+        terms = dense_terms(tableau, rates, t.ravel(), np.repeat(h, PARTS), *flat)
+        return base, terms.reshape(len(h), PARTS, *terms.shape[1:]), y
 
     def diagnose(self, solution: Solution) -> list[Doubt]:
         """Return a note where the stability limit, not the error, keeps steps short.
@@ -175,8 +222,8 @@ class FixedStep(ValueRecord, frozen=True):
 
     def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> DenseOutput:
         """Return the dense output."""
-        t, h, y, slopes = steps.t, steps.h, steps.y, steps.slopes
-        return DenseOutput.whole(y, terms_of(self.tableau, interval, manifold, t, t, h, y, slopes))
+        rates = partial(interval.slopes, manifold, steps.t)
+        return DenseOutput.whole(steps.y, dense_terms(self.tableau, rates, steps.t, steps.h, steps.y, steps.slopes))
 
     def diagnose(self, solution: Solution) -> list[Doubt]:
         """Return notes where a step and its two halves differ, or where steps may have stepped over a load."""
@@ -202,212 +249,128 @@ class FixedStep(ValueRecord, frozen=True):
 
         For order p it is the error of the step up to a factor ``1 - 2^-p``.
         """
-        interval, tableau = solution.intervals[step.interval], self.tableau
-        interval = replace(interval, acceleration=interval.of_step(step.t))
-        stages = Stages(tableau, solution.manifold)
-        stages.start(step.t, step.y, interval)
-        for half in range(2):
-            stages.advance(step.t + 0.5 * half * step.h, 0.5 * step.h)
-            stages.move()
+        interval, tableau, half = solution.intervals[step.interval], self.tableau, 0.5 * step.h
+        rates = partial(replace(interval, acceleration=interval.of_step(step.t)).slope, solution.manifold)
+        y, slopes = step.y.copy(), np.empty((tableau.stages + 1, len(step.y)))
+        slopes[0] = rates(step.t, y)
+        for k in range(2):
+            y = stages(tableau.rows, rates, step.t + k * half, half, y, slopes)
+            slopes[0] = slopes[-1]
         whole = step.y + step.h * (tableau.b @ step.slopes[: tableau.stages])
-        apart, scale = np.abs(whole - stages.y), size + np.abs(stages.y)
-        return float((apart / scale).max(initial=0.0)) if size else 0.0
+        return float((np.abs(whole - y) / (size + np.abs(y))).max(initial=0.0)) if size else 0.0
 
 
-class Stages:
-    """Buffers and inner loop of an explicit method.
+class ExplicitStepper:
+    """The stepper of an explicit method in Python: the present state, and slopes and end of the last attempt."""
 
-    ``z = [y; k_0; k_1; ...]`` stacks the state and the slopes, so that one product with the row
-    ``[1, h a_i0, h a_i1, ...]`` gives stage i. ``ends`` are the states at the end and at the start of the step.
-    """
+    def __init__(self, tableau: Tableau, manifold: Manifold, count: Count) -> None:
+        n = manifold.nq + manifold.nv
+        self.tableau, self.manifold, self.count = tableau, manifold, count
+        self.y, self.new, self.slopes = np.zeros(n), np.zeros(n), np.zeros((tableau.stages + 1, n))
 
-    def __init__(self, tableau: Tableau, manifold: Manifold) -> None:
-        s, n, nq = tableau.stages, manifold.nq + manifold.nv, manifold.nq
-        self.manifold, self.interval = manifold, Interval(0.0, 0.0, lambda t, q, v: 0.0 * v)
-        rows = np.zeros((s + 3, n))
-        self.ends, self.z = rows[:2], rows[1:]
-        self.new, self.y, self.slopes = rows[0], rows[1], rows[2:]
-        self.unit_weights = np.zeros((s + 1, s + 2))
-        self.unit_weights[:s, 1:-1], self.unit_weights[s, 1:-1] = tableau.a, tableau.b
-        self.weights = np.ones((s + 1, s + 2))
-        self.scaled, self.unscaled = self.weights[:, 1:], self.unit_weights[:, 1:]
-        self.stage, self.instants = np.empty(n), tableau.c
-        self.stage_q, self.stage_v = self.stage[:nq], self.stage[nq:]
-        self.new_q, self.new_v = self.new[:nq], self.new[nq:]
+    @property
+    def finite(self) -> bool:
+        """Whether the slopes last computed are finite."""
+        return bool(np.isfinite(self.slopes).all())
 
-    @cached_property
-    def inner(self) -> list[tuple[Array, Array, Array, Array, float]]:
-        """Weights, rows of z, slopes of q and of v, and c of every stage but the first."""
-        return [(*self._products(i), float(c)) for i, c in enumerate(self.instants) if i]
-
-    @cached_property
-    def final(self) -> tuple[Array, Array, Array, Array]:
-        """The same of the end of the step, without c."""
-        return self._products(len(self.instants))
-
-    def _products(self, i: int) -> tuple[Array, Array, Array, Array]:
-        nq = self.manifold.nq
-        return self.weights[i, : i + 1], self.z[: i + 1], self.slopes[i, :nq], self.slopes[i, nq:]
-
-    def start(self, t: float, y: Array, interval: Interval) -> None:
-        """Set the state and its slope."""
-        self.interval = interval
+    def begin(self, interval: Interval, y: Array) -> None:
+        """Set the state at the start of an interval."""
+        self.interval, self._rates = interval, partial(interval.slope, self.manifold)
         self.y[:] = y
-        self.slopes[0] = self.rates(t, self.y)
+        compiled = interval.compiled
+        usable = compiled is not None and not compiled.settles
+        self.slopes[:] = self._trial(interval.start, self.y) if usable else self._rates(interval.start, self.y)
+        self.count.evaluations += 1
 
-    def rates(self, t: float, y: Array) -> Array:
-        """Return the slope of a state, in compiled code where states need not be settled."""
-        compiled, nq = self.interval.compiled, self.manifold.nq
-        if compiled is not None and not compiled.settles:
-            return compiled.slope(t, y)
-        q, v = self.manifold.project(y[:nq]), y[nq:]
-        return np.concatenate([self.manifold.velocity(q, v), self.interval.acceleration(t, q, v)])
-
-    def trial_rates(self, t: float, y: Array) -> Array:
+    def _trial(self, t: float, y: Array) -> Array:
         """Return the slope of a state that no step reaches, in compiled code where that can solve for it."""
         compiled = self.interval.compiled
         if compiled is not None and np.isfinite(slope := compiled.slope(t, y)).all():
             return slope
-        return self.rates(t, y)
+        return self._rates(t, y)
 
     def advance(self, t: float, h: float) -> None:
-        """Compute the stages and the step from the present state, and the slope at its end."""
-        dot, velocity, project, acceleration = (
-            np.dot, self.manifold.velocity, self.manifold.project, self.interval.acceleration,
-        )  # fmt: skip
-        np.multiply(self.unscaled, h, out=self.scaled)
-        stage, q, v = self.stage, self.stage_q, self.stage_v
-        for weights, stack, slope_q, slope_v, c in self.inner:
-            dot(weights, stack, out=stage)
-            on = project(q)
-            slope_q[:] = velocity(on, v)
-            slope_v[:] = acceleration(t + c * h, on, v)
-        weights, stack, slope_q, slope_v = self.final
-        dot(weights, stack, out=self.new)
-        self.new_q[:] = project(self.new_q)
-        slope_q[:] = velocity(self.new_q, self.new_v)
-        slope_v[:] = acceleration(t + h, self.new_q, self.new_v)
-
-    @property
-    def finite(self) -> bool:
-        """Whether all slopes are finite."""
-        return bool(np.isfinite(self.slopes).all())
+        """Compute the stages and the end of a step from the present state."""
+        self.new = stages(self.tableau.rows, self._rates, t, h, self.y, self.slopes)
+        self.count.evaluations += self.tableau.stages
 
     def along(self, t: float, h: float) -> tuple[Array, Array]:
-        """Return the ends of the step and the middle of the cubic Hermite interpolant."""
-        return t + h * HALVES, np.array([self.y, middle(h, self.y, self.new, self.slopes), self.new])
+        """Return the ends and the middle of the step."""
+        return along(t, h, self.y, self.new, self.slopes)
 
-    def move(self) -> None:
-        """Move to the end of the step, whose slope is already known."""
-        self.y[:] = self.new
-        self.slopes[0] = self.slopes[-1]
+    def move(self, t: float) -> Array:
+        """Move to the end t of the step, projected onto the constraints; return its slopes."""
+        slopes = self.slopes.copy()
+        self.y[:], self.slopes[0] = self.new, self.slopes[-1]
+        self.count.evaluations += self.settle(t)
+        return slopes
 
     def settle(self, t: float) -> bool:
         """Project the state onto the constraints and update its slope; return whether there are constraints."""
         if self.interval.settle is None:
             return False
         nq = self.manifold.nq
-        projected = self.interval.settle(t, self.y[:nq].copy(), self.y[nq:].copy())
-        self.start(t, np.concatenate(projected), self.interval)
+        self.y[:] = np.concatenate(self.interval.settle(t, self.y[:nq].copy(), self.y[nq:].copy()))
+        self.slopes[0] = self._rates(t, self.y)
         return True
 
 
-class AdaptiveStepper:
+class AdaptiveStepper(ExplicitStepper):
     """The stepper of an embedded pair."""
 
     def __init__(self, method: Adaptive, manifold: Manifold, count: Count) -> None:
-        self.tableau, self.tolerance, self.manifold, self.count = method.tableau, method.tolerance, manifold, count
-        self.stages = Stages(method.tableau, manifold)
-        self.y = self.stages.y
-        self.errors, self.sizes = np.empty((len(method.tableau.error), len(self.y))), np.empty((2, len(self.y)))
-        self.order = method.tableau.error_order + 1
+        super().__init__(method.tableau, manifold, count)
+        self.tolerance, self.order = method.tolerance, method.tableau.error_order + 1
         self.ceiling, self.floored = FASTEST, False
 
-    @property
-    def finite(self) -> bool:
-        """Whether the slopes last computed are finite."""
-        return self.stages.finite
+    def compiled(self, solution: Solution) -> CompiledSteps:
+        """Return the same steps by the compiled library."""
+        from pinarm.engine.integration.compiled_steps import CompiledSteps
 
-    def begin(self, interval: Interval, y: Array) -> None:
-        """Set the state at the start of an interval."""
-        self.stages.start(interval.start, y, interval)
-        self.count.evaluations += 1
+        return CompiledSteps(solution, self)
 
     def first(self, h: float) -> float:
         """Return the step proposed in the previous interval, or one from two slopes."""
         if h:
             return h
         self.count.evaluations += 1
-        interval, order = self.stages.interval, self.tableau.error_order
-        slope, rates = self.stages.slopes[0], self.stages.trial_rates
-        return float(
-            first_step(interval.start, interval.end, self.y, slope, rates, self.tolerance, order, interval.size)
-        )
+        time, order, size = (self.interval.start, self.interval.end), self.order - 1, self.interval.size
+        return float(first_step(time, self.y, self.slopes[0], self._trial, self.tolerance, order, size))
 
     def attempt(self, t: float, h: float) -> float:
         """Compute a step from the present state; return its error over the tolerance."""
-        self.stages.advance(t, h)
-        self.count.evaluations += self.tableau.stages
-        error = self._error(h)
-        self.floored = 1.0 < error < NOISE / self.tolerance and h <= 1.001 * self.stages.interval.floor()
+        self.advance(t, h)
+        scale = self.tolerance, self.interval.size
+        error = float(error_of(self.tableau, h, self.y, self.new, self.slopes, scale))
+        self.floored = 1.0 < error < NOISE / self.tolerance and h <= 1.001 * self.interval.floor()
         self.count.floored += self.floored
         return 1.0 if self.floored else error
-
-    def _error(self, h: float) -> float:
-        """Return the error of the step over the tolerance; Hairer, Norsett, Wanner, section II.10, eq. (10.17).
-
-        ``e = |h| rms(error @ k / (tol (size + max(|y|, |y_new|))))``; with a second estimate e3 of lower order it is
-        ``e5^2 / sqrt(e5^2 + 0.01 e3^2)``, which has the order of the step.
-        """
-        errors = np.dot(self.tableau.error, self.stages.slopes, out=self.errors)
-        scale = np.maximum(*np.abs(self.stages.ends, out=self.sizes))
-        scale += self.stages.interval.size
-        errors /= scale
-        squares = [float(row.dot(row)) for row in errors]
-        factor = abs(h) / self.tolerance / len(scale) ** 0.5
-        if not squares[0]:
-            return float(factor * squares[-1] ** 0.5)
-        return float(factor * squares[0] / max((squares[0] + 0.01 * sum(squares[1:])) ** 0.5, TINY))
-
-    def along(self, t: float, h: float) -> tuple[Array, Array]:
-        """Return the ends and the middle of the step."""
-        return self.stages.along(t, h)
 
     def retry(self, h: float, error: float) -> float:
         """Return a shorter step; NaN is treated as a large error."""
         self.ceiling = 1.0
-        floor = self.stages.interval.floor() if error < NOISE / self.tolerance else 0.0
-        return max(h * (shrinkage(error, self.order) if error < HUGE else LOST), floor)
+        floor = self.interval.floor() if error < NOISE / self.tolerance else 0.0
+        return max(h * float(shrinkage(error, self.order)), floor)
 
     def accept(self, t: float, h: float, error: float) -> tuple[Array, float]:
         """Move to the end of the step; return its slopes and the next step [s]."""
-        slopes = self.stages.slopes.copy()
-        self.stages.move()
-        self.count.evaluations += self.stages.settle(t)
-        grown = h * growth(error, self.order, self.ceiling)
+        slopes = self.move(t)
+        grown = h * float(growth(error, self.order, self.ceiling))
         if self.floored:
-            grown = max(grown, self.stages.interval.floor())
+            grown = max(grown, self.interval.floor())
         self.ceiling = FASTEST
         return slopes, grown
 
 
-class FixedStepper:
+class FixedStepper(ExplicitStepper):
     """The stepper of a method with fixed steps."""
 
     def __init__(self, method: FixedStep, manifold: Manifold, count: Count) -> None:
-        self.longest, self.tableau, self.count, self.h = method.step, method.tableau, count, 0.0
-        self.stages = Stages(method.tableau, manifold)
-        self.y = self.stages.y
+        super().__init__(method.tableau, manifold, count)
+        self.longest, self.h = method.step, 0.0
 
-    @property
-    def finite(self) -> bool:
-        """Whether the slopes last computed are finite."""
-        return self.stages.finite
-
-    def begin(self, interval: Interval, y: Array) -> None:
-        """Set the state at the start of an interval."""
-        self.stages.start(interval.start, y, interval)
-        self.count.evaluations += 1
+    def compiled(self, solution: Solution) -> None:
+        """Return nothing: the library knows methods with variable steps."""
 
     def first(self, h: float) -> float:
         """Return the step that divides the interval evenly.
@@ -415,7 +378,7 @@ class FixedStepper:
         Raises:
             MethodError: The interval takes more steps than anybody can wait for.
         """
-        length = self.stages.interval.end - self.stages.interval.start
+        length = self.interval.end - self.interval.start
         if length > MOST_STEPS * self.longest:
             raise MethodError(
                 f"steps of {self.longest:g} s are too short for {length:g} s", expected=f"at most {MOST_STEPS:g} steps",
@@ -426,13 +389,8 @@ class FixedStepper:
 
     def attempt(self, t: float, h: float) -> float:
         """Compute a step; return 0, or NaN where the new slope is not finite."""
-        self.stages.advance(t, h)
-        self.count.evaluations += self.tableau.stages
-        return float(0.0 * self.stages.slopes[-1].sum())
-
-    def along(self, t: float, h: float) -> tuple[Array, Array]:
-        """Return the ends and the middle of the step."""
-        return self.stages.along(t, h)
+        self.advance(t, h)
+        return float(0.0 * self.slopes[-1].sum())
 
     def retry(self, h: float, error: float) -> float:
         """Give up."""
@@ -440,12 +398,4 @@ class FixedStepper:
 
     def accept(self, t: float, h: float, error: float) -> tuple[Array, float]:
         """Move to the end of the step; return its slopes and the same step [s]."""
-        slopes = self.stages.slopes.copy()
-        self.stages.move()
-        self.count.evaluations += self.stages.settle(t)
-        return slopes, self.h
-
-
-def middle(h: Array | float, y: Array, new: Array, slopes: Array) -> Array:
-    """Return the middle of the cubic Hermite interpolant: ``(y + y_new) / 2 + h (k_0 - k_s) / 8``."""
-    return np.asarray(0.5 * (y + new) + 0.125 * h * (slopes[0] - slopes[-1]))
+        return self.move(t), self.h

@@ -7,7 +7,7 @@ longer, friction holds or lets go, or an event of the user stops the run. What f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from itertools import pairwise, takewhile
 
@@ -17,8 +17,8 @@ from pinarm.arrays import Array
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.integration.driver import integrate as integrate_smooth
 from pinarm.engine.integration.events import ROUNDED, SAME_INSTANT, Watch
-from pinarm.engine.integration.integrator import Solution
 from pinarm.engine.integration.methods.explicit import FixedStep
+from pinarm.engine.integration.solution import Solution
 from pinarm.engine.integration.turns import Turn
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
 from pinarm.engine.motion.segmented.margins import deciding, decision, sensitivity
@@ -43,18 +43,14 @@ from pinarm.records import Record, replace
 CUT = 1e-14
 """Distance of an event from a jump of a load, or from the end of the run, over the instant, that is rounding."""
 
-FirstSegment = Callable[[], Solution]
-"""Returns the first segment where it has been integrated already, or raises the error that ended it."""
 
-
-def integrate(hybrid: HybridSystem, q: Array, v: Array, first: FirstSegment | None = None) -> SegmentedMotion:
+def integrate(hybrid: HybridSystem, q: Array, v: Array) -> SegmentedMotion:
     """Return the motion from an initial state.
 
     Args:
         hybrid: What is integrated.
         q: Configuration, shape (nq,), assembled.
         v: Velocity, shape (nv,).
-        first: Gives the first segment where it has been integrated already.
 
     Raises:
         IntegrationError: It could not be followed to its end; ``partial`` is the motion until then.
@@ -62,12 +58,12 @@ def integrate(hybrid: HybridSystem, q: Array, v: Array, first: FirstSegment | No
     """
     integration = HybridIntegration(hybrid, Transitions(hybrid), SegmentedMotion(hybrid.dynamics))
     if hybrid.controls is None:
-        return integration.follow(q, v, first)
+        return integration.follow(q, v)
     from pinarm.engine.motion.segmented.controlled_motion import recorded
 
     hybrid.controls.begin(hybrid.cuts[0], hybrid.cuts[-1])
     try:
-        return recorded(hybrid.controls, integration.follow(q, v, first))
+        return recorded(hybrid.controls, integration.follow(q, v))
     except (IntegrationError, Interrupted) as error:
         if error.partial is not None:
             error.partial = recorded(hybrid.controls, error.partial)
@@ -87,7 +83,7 @@ class HybridIntegration(Record, frozen=True):
     transitions: Transitions
     motion: SegmentedMotion
 
-    def follow(self, q: Array, v: Array, first: FirstSegment | None) -> SegmentedMotion:
+    def follow(self, q: Array, v: Array) -> SegmentedMotion:
         """Return the motion from an initial state to its end; see ``integrate``."""
         hybrid, motion, transitions = self.hybrid, self.motion, self.transitions
         t, separations = hybrid.cuts[0], hybrid.separations
@@ -96,9 +92,9 @@ class HybridIntegration(Record, frozen=True):
             hybrid.friction(separations).sliding(Slip(), hybrid.span(t)).equation.require_determined(q)
         v = transitions.begun(motion, t, q, v)
         v, mode = transitions.settled(motion, t, q, v, transitions.mode(t, q, v), frozenset())
-        while (end := self._segment(mode, t, q, v, first)) is not None:
+        while (end := self._segment(mode, t, q, v)) is not None:
             motion.require_progress(hybrid.cuts[-1], hybrid.max_events)
-            t, q, v, first = self._on_cut(end.t), end.q, end.v, None
+            t, q, v = self._on_cut(end.t), end.q, end.v
             if end.stops:
                 break
             if met := transitions.met(mode.held, end):
@@ -127,7 +123,7 @@ class HybridIntegration(Record, frozen=True):
         if self.hybrid.controls:
             self.hybrid.controls.enter(t, q, v)
 
-    def _segment(self, mode: Mode, t: float, q: Array, v: Array, first: FirstSegment | None) -> SegmentEnd | None:
+    def _segment(self, mode: Mode, t: float, q: Array, v: Array) -> SegmentEnd | None:
         """Add a segment to the motion; return what ended it before the end of the run.
 
         Where something is held a segment ends with its interval: a load that jumps may set it in motion.
@@ -149,7 +145,7 @@ class HybridIntegration(Record, frozen=True):
         )  # fmt: skip
         watches = [of_mechanism(deciding(hybrid, watch), system) for _, watch in ends]
         try:
-            solution = first() if first else self._solution(system, spans, watches, q, v)
+            solution = self._solution(system, spans, watches, q, v)
         except (IntegrationError, Interrupted) as error:
             if error.partial and error.partial.steps:
                 self.motion.add(segment(solution=error.partial))

@@ -21,7 +21,8 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.integrator import Doubt, Solution
+    from pinarm.engine.integration.integrator import Doubt
+    from pinarm.engine.integration.solution import Solution
     from pinarm.engine.motion.segmented.stop_shares import StopShares
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.blas_threads import one_blas_thread
-from pinarm.engine.integration.batch_solution import Ensemble
+from pinarm.engine.integration.ensemble import Ensemble
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.segmented.ensembles import integrate_together
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
@@ -128,8 +128,8 @@ class Block:
     def whole(self) -> Ensemble | None:
         """Return the motions where they are integrated together from end to end; none may have to be followed finer."""
         hybrid, ensemble = self.question.hybrid, self.ensemble
-        if ensemble is None or any(ensemble.crossings):
-            return None  # one has come to an edge of a load, where another segment begins
+        if ensemble is None:
+            return None
         reached = zip(ensemble.sizes.tolist(), ensemble.displacements.tolist(), strict=True)
         finer = any(is_small(hybrid, size) or is_offset(hybrid, moved, hybrid.size + size) for size, moved in reached)
         return None if finer else ensemble
@@ -222,12 +222,11 @@ class Block:
     def _solved(self, number: int) -> Outcome | NumericsError:
         """Return one motion of what is solved, or why there is none."""
         if number not in self._followed:
-            question, ensemble = self.question, self.ensemble
-            first = None if ensemble is None else partial(ensemble.solution, number)
+            question = self.question
             try:
                 self._followed[number] = question.problem.solve_from(
                     question.scenario.simplification.solved, question.hybrid, self.q[number], self.v[number],
-                    self.given[number], first,
+                    self.given[number],
                 )  # fmt: skip
             except Interrupted:
                 raise

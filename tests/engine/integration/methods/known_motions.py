@@ -8,8 +8,8 @@ import pinocchio as pin
 from scipy.integrate import solve_ivp
 
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration.integrator import Flat, Solution
-from pinarm.engine.integration.steps import Step
+from pinarm.engine.integration.integrator import Flat
+from pinarm.engine.integration.solution import Solution
 
 PLANE = Flat(2, 2)
 ECCENTRICITY = 0.1
@@ -72,7 +72,7 @@ def equal_steps(method, interval, manifold, q, v, n):
             if not np.isfinite(stepper.attempt(t, h)):
                 raise ArithmeticError("the iteration does not converge")
         y, (slopes, _) = stepper.y.copy(), stepper.accept(t + h, h, 1.0)
-        solution.steps.append(Step(t, h, t + h, y, slopes, 0))
+        solution.steps.extend(np.array([[t, h, t + h]]), y[None], slopes[None], 0, np.zeros((1, 3)))
     return solution, stepper.y.copy()
 
 

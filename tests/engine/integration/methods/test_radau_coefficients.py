@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pinarm.engine.integration.methods.radau_coefficients import radau
+from pinarm.engine.integration.methods.stiff import radau
 
 
 def test_three_stages_are_those_of_hairer_and_wanner() -> None:

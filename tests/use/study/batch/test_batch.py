@@ -10,9 +10,9 @@ from shutil import copytree
 
 import numpy as np
 import pytest
+from pinarm.engine.integration.batch_driver import integrate_batch
 
 import pinarm
-from pinarm.engine.integration.batch_driver import integrate_batch
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Flat, Interval
 from pinarm.engine.integration.methods.explicit import Adaptive

@@ -5,20 +5,19 @@ import pinocchio as pin
 import pytest
 
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration import compiled_radau
-from pinarm.engine.integration.compiled_radau import CompiledRadau
 from pinarm.engine.integration.driver import SingleSteps, integrate
 from pinarm.engine.integration.events import Watch
-from pinarm.engine.integration.integrator import Solution
-from pinarm.engine.integration.methods.stiff import Radau, radau_of
+from pinarm.engine.integration.methods import stiff as stiff_methods
+from pinarm.engine.integration.methods.stiff import CompiledRadau, Radau, radau_of
+from pinarm.engine.integration.solution import Solution
 from pinarm.engine.kernel.library import absence
 from pinarm.errors import IntegrationError
 from pinarm.mechanics.forces.joint_springs import SpringDamper
 from pinarm.records import replace
 
-from ..kernel.known_trees import states
-from .methods.known_motions import ATTITUDE, SPIN, body, slope, turned
-from .test_compiled_steps import both, intervals, regular
+from ...kernel.known_trees import states
+from ..test_compiled_steps import both, intervals, regular
+from .known_motions import ATTITUDE, SPIN, body, slope, turned
 
 pytestmark = pytest.mark.skipif(bool(absence()), reason=f"compiled kernel: {absence()}")
 
@@ -79,18 +78,18 @@ class TestSteps:
 
     def test_of_large_states_are_taken_in_python(self):
         """With compiled slopes: on the way to the steps no acceleration is computed in Python."""
-        dynamics = stiff(["RX"] * (compiled_radau.LARGEST // 2 + 1))
+        dynamics = stiff(["RX"] * (stiff_methods.LARGEST // 2 + 1))
         (interval,) = intervals(dynamics, 0.0, 1e-3)[0]
         alone = replace(interval, acceleration=lambda *_: pytest.fail("a slope in Python"))
         zero, method = np.zeros(dynamics.model.nv), radau_of(1e-3)
         solution = Solution(method, dynamics.manifold, [alone])
-        assert CompiledRadau.of(solution, method.stepper(dynamics.manifold, solution.count)) is None
+        assert method.stepper(dynamics.manifold, solution.count).compiled(solution) is None
         assert integrate([alone], dynamics.manifold, zero, zero, method).end == 1e-3
 
     def test_do_not_depend_on_how_many_are_taken_in_a_call(self, monkeypatch):
         dynamics, method = stiff(["RX", "RY"]), radau_of(1e-6)
         many = both(dynamics, method, 0.0, 2.0)[0]
-        monkeypatch.setattr(compiled_radau, "FEWEST", 1)
+        monkeypatch.setattr(stiff_methods, "ROOM", 1)
         few = both(dynamics, method, 0.0, 2.0)[0]
         assert len(many.steps) > 20
         assert many.count == few.count
@@ -127,7 +126,7 @@ def test_the_order_is_that_of_the_method(stages, counts, monkeypatch):
 
     The references are right to 1e-12, and iterations end at 1e-13: the range of steps between is short with 7 stages.
     """
-    monkeypatch.setattr(compiled_radau, "ITERATIONS", 30)  # long steps near rounding take more than are allowed
+    monkeypatch.setattr(stiff_methods, "ITERATIONS", 30)  # long steps near rounding take more than are allowed
     dynamics = body()
     (interval,) = intervals(dynamics, 0.0, 4.0)[0]
     errors = []

@@ -1,0 +1,373 @@
+"""Many motions integrated together: from many initial states of one system, or of variants of a system.
+
+Each motion has its own time and step length, and takes the steps that it takes alone. Compiled motions take many steps
+in one call; others take one step each, with the accelerations of all motions evaluated together.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from itertools import repeat
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags, Indices
+from pinarm.engine.integration.integrator import Interval, Manifold, StepsOver
+from pinarm.engine.integration.methods.explicit import Adaptive
+from pinarm.engine.integration.runge_kutta import (
+    FASTEST,
+    PASSED,
+    SHORTEST,
+    along,
+    error_of,
+    first_step,
+    growth,
+    shrinkage,
+    stages,
+)
+from pinarm.engine.integration.solution import Solution
+from pinarm.engine.kernel.library import Flow
+from pinarm.records import Record
+
+ROOM, FEWEST, MOST = 16384, 8, 512
+"""Steps that all motions together may take in one call of the library each, and bounds of those of a single motion."""
+
+ROWS = 16384
+"""Number of states that are evaluated by dense output at once."""
+
+
+class Motions(Record, frozen=True):
+    """Motions that are under way.
+
+    Attributes:
+        number: Numbers of the motions, ascending, shape (m,).
+        t: Present times [s], shape (m,).
+        h: Next steps [s], shape (m,).
+        ceiling: Largest factors by which these may grow, shape (m,).
+        y: Present states [q, v], shape (m, nq + nv).
+        slope: Their slopes [q', v'], shape (m, nq + nv).
+    """
+
+    number: Indices
+    t: Array
+    h: Array
+    ceiling: Array
+    y: Array
+    slope: Array
+
+    def some(self, which: Flags) -> Motions:
+        """Return some of the motions."""
+        return self if which.all() else Motions(*(getattr(self, name)[which] for name in self.__struct_fields__))
+
+
+class Ensemble(Record, frozen=True):
+    """The steps of b motions, and their states in between.
+
+    Attributes:
+        solution: The steps of all motions, those of each one after the other.
+        motion: The motion of each step, ascending, shape (steps,).
+        arrived: Which motions have come to their ends, shape (b,).
+        failures: Number of a motion that has not -> reason.
+    """
+
+    solution: Solution
+    motion: Indices
+    arrived: Flags
+    failures: dict[int, str]
+
+    @cached_property
+    def counts(self) -> Indices:
+        """Number of steps of each motion, shape (b,)."""
+        return np.bincount(self.motion, minlength=len(self.arrived))
+
+    @cached_property
+    def firsts(self) -> Indices:
+        """The first step of each motion, shape (b,)."""
+        return np.cumsum(self.counts) - self.counts
+
+    @cached_property
+    def ends(self) -> Array:
+        """Last time reached by each motion [s], shape (b,); -inf without steps."""
+        ends = np.full(len(self.arrived), -np.inf)
+        ends[self.motion] = self.solution.steps.until
+        return ends
+
+    @property
+    def sizes(self) -> Array:
+        """Largest coordinate or velocity of each motion at the starts of its steps, in SI, shape (b,)."""
+        sizes = np.zeros(len(self.arrived))
+        np.maximum.at(sizes, self.motion, np.abs(self.solution.steps.y).max(axis=1, initial=0.0))
+        return sizes
+
+    @property
+    def displacements(self) -> Array:
+        """Largest change of a coordinate, or velocity, of each motion at the starts of its steps, in SI, shape (b,)."""
+        change, nq = self.solution.steps.y.copy(), self.solution.manifold.nq
+        change[:, :nq] -= self.solution.steps.y[self.firsts[self.motion], :nq]
+        found = np.zeros(len(self.arrived))
+        np.maximum.at(found, self.motion, np.abs(change).max(axis=1, initial=0.0))
+        return found
+
+    def located(self, motions: Indices, t: Array) -> Indices:
+        """Return the steps of some motions in which instants are, of all or of each, shape (n,) or (n, m): (n, m)."""
+        found = np.empty((len(t), len(motions)), dtype=np.intp)
+        columns, starts = np.broadcast_to(t.reshape(len(t), -1), found.shape), self.solution.steps.t
+        spans = zip(self.firsts[motions].tolist(), self.counts[motions].tolist(), strict=True)
+        for column, (first, count) in enumerate(spans):
+            found[:, column] = starts[first : first + count].searchsorted(columns[:, column], side="right")
+        return np.clip(found - 1, 0, np.maximum(self.counts[motions] - 1, 0)) + self.firsts[motions]
+
+    def states_in(self, step: Indices, t: Array) -> tuple[Array, Array]:
+        """Return the states at instants in steps, both of shape (..): q of shape (.., nq) and v of shape (.., nv)."""
+        q, v = self.solution.states_in(step.ravel(), t.ravel())
+        return q.reshape(*step.shape, -1), v.reshape(*step.shape, -1)
+
+    def states(self, t: Array) -> tuple[Array, Array]:
+        """Return the states of all motions at times t [s], ascending, shape (n,), NaN beyond the end of a motion.
+
+        q of shape (b, n, nq) and v of shape (b, n, nv).
+        """
+        reached, manifold = self.reached(t), self.solution.manifold
+        motion, instant = reached.nonzero()
+        q, v = (np.full((*reached.shape, n), np.nan) for n in (manifold.nq, manifold.nv))
+        steps = self.located(np.arange(len(reached)), t).T[reached]
+        for begin in range(0, len(steps), ROWS):
+            k, i = (x[begin : begin + ROWS] for x in (motion, instant))
+            q[k, i], v[k, i] = self.solution.states_in(steps[begin : begin + ROWS], t[i])
+        return q, v
+
+    def reached(self, t: Array) -> Flags:
+        """Return which motions have states at which times, shape (b, n)."""
+        return np.asarray(t <= self.ends[:, None])
+
+    def with_others(self, motions: Indices, others: Ensemble) -> Ensemble:
+        """Return these variants with others in the place of some of the motions, if they have come to their ends.
+
+        Args:
+            motions: Which motions they are of, shape (m,).
+            others: The others.
+        """
+        better, intervals = others.arrived[others.motion], list(self.solution.intervals)
+        for number, interval, arrived in zip(motions.tolist(), others.solution.intervals, others.arrived, strict=True):
+            intervals[number] = interval if arrived else intervals[number]
+        kept = ~np.isin(self.motion, motions[others.arrived])
+        chunks = list[Chunk]()
+        taken = (self.motion, self.solution.steps, kept), (motions[others.motion], others.solution.steps, better)
+        for motion, steps, which in taken:
+            own = motion[which]
+            chunks.append((own, own, steps.times[which], steps.y[which], steps.slopes[which]))
+        arrived = self.arrived.copy()
+        method, manifold = self.solution.method, self.solution.manifold
+        return _ensemble(Solution(method, manifold, intervals), chunks, arrived, self.failures)
+
+
+def integrate_batch(
+    intervals: Sequence[Interval], manifold: Manifold, q: Array, v: Array, method: Adaptive, *,
+    max_steps: int = 1_000_000, steps_over: StepsOver | None = None, threads: int = 1,
+) -> Ensemble:  # fmt: skip
+    """Integrate from many initial states, each with the steps that ``driver.integrate`` takes from it.
+
+    Args:
+        intervals: Consecutive intervals with the accelerations of many states at once, without constraints.
+        manifold: The configuration space.
+        q: Initial configurations, shape (b, nq).
+        v: Initial velocities, shape (b, nv).
+        method: The embedded pair.
+        max_steps: Largest number of steps of a motion, rejected ones included.
+        steps_over: Whether a step may have stepped over a piece of a load; it is rejected then.
+        threads: Number of threads that may take steps in compiled code.
+    """
+    y, parts = np.concatenate([manifold.project(q), v], axis=1), [part for one in intervals for part in one.parts()]
+    integration = _Integration(method, manifold, parts, max_steps, len(y))
+    number, h = np.arange(len(y)), np.zeros(len(y))
+    for index, interval in enumerate(parts):
+        if not len(number):
+            break
+        integration.interval[:] = index
+        step = None if steps_over else integration.compiled([interval.compiled], threads)
+        active = integration.begun(number, y, h)
+        arrived = integration.followed(active, step or partial(integration.step, interval, steps_over))
+        number, y, h = arrived.number, arrived.y, arrived.h
+    return integration.ensemble(number)
+
+
+def integrate_variants(
+    intervals: Sequence[Interval], manifold: Manifold, y: Array, method: Adaptive, max_steps: int
+) -> Ensemble:
+    """Integrate motions of variants, each with the steps that ``driver.integrate`` takes of it.
+
+    Args:
+        intervals: The interval of each motion, compiled.
+        manifold: The configuration space of all of them.
+        y: Initial states [q, v], shape (b, nq + nv).
+        method: The embedded pair.
+        max_steps: Largest number of steps of a motion, rejected ones included.
+    """
+    integration = _Integration(method, manifold, intervals, max_steps, len(y))
+    active = integration.begun(np.arange(len(y)), y.copy(), np.zeros(len(y)))
+    step = partial(integration.take, [interval.compiled for interval in intervals if interval.compiled], 0)
+    return integration.ensemble(integration.followed(active, step).number)
+
+
+Chunk = tuple[Indices, Indices, Array, Array, Array]
+"""Motions, intervals, times, states and slopes of some steps."""
+
+
+def _ensemble(solution: Solution, chunks: Sequence[Chunk], arrived: Flags, failures: dict[int, str]) -> Ensemble:
+    """Return motions, given their steps in order of time."""
+    if not chunks:
+        return Ensemble(solution, np.empty(0, np.intp), arrived, failures)
+    motion, interval, times, y, slopes = (np.concatenate(x) for x in zip(*chunks, strict=True))
+    order = np.argsort(motion, kind="stable")
+    solution.steps.extend(times[order], y[order], slopes[order], interval[order], np.zeros((len(order), 3), np.intp))
+    return Ensemble(solution, motion[order], arrived, failures)
+
+
+@dataclass(eq=False)
+class _Integration:
+    """The integration of b motions; ``interval`` is the index of the present interval of each."""
+
+    method: Adaptive
+    manifold: Manifold
+    intervals: Sequence[Interval]
+    max_steps: int
+    count: int
+    chunks: list[Chunk] = field(default_factory=list)
+    failures: dict[int, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.tries, self.interval = np.zeros(self.count, np.intp), np.arange(self.count)
+
+    def of_each(self, name: str, number: Indices) -> Array:
+        """Return a number of the present intervals of motions, shape (m,)."""
+        values: Array = np.array([getattr(interval, name) for interval in self.intervals])
+        return np.asarray(values[self.interval[number]])
+
+    def ensemble(self, arrived: Indices) -> Ensemble:
+        """Return the motions, of which some have come to their ends."""
+        flags = np.zeros(self.count, dtype=bool)
+        flags[arrived] = True
+        return _ensemble(Solution(self.method, self.manifold, self.intervals), self.chunks, flags, self.failures)
+
+    def begun(self, number: Indices, y: Array, h: Array) -> Motions:
+        """Return motions at the starts of their intervals; h are the steps proposed before, or 0."""
+        time, tableau = (self.of_each("start", number), self.of_each("end", number)), self.method.tableau
+        rates = partial(self._slopes, number)
+        active = Motions(number, time[0], h, np.full(len(h), FASTEST), y, rates(time[0], y))
+        if not h.any():
+            size = self.of_each("size", number)[:, None]
+            first = first_step(time, y, active.slope, rates, self.method.tolerance, tableau.error_order, size)
+            active = Motions(number, time[0], first, active.ceiling, y, active.slope)
+        infinite = ~(np.isfinite(active.slope).all(axis=1) & np.isfinite(active.h))
+        return self.without(active, infinite, "the acceleration is not finite")
+
+    def _slopes(self, number: Indices, t: Array, y: Array) -> Array:
+        """Return the slopes of states at the starts of motions; q are projected onto the manifold in place."""
+        index, start = self.interval[number], self.of_each("start", number)
+        if (index == index[0]).all():
+            return self.intervals[index[0]].slopes(self.manifold, start, t, y)
+        rows = [slice(k, k + 1) for k in range(len(y))]
+        return np.concatenate([
+            self.intervals[k].slopes(self.manifold, start[row], t[row], y[row])
+            for k, row in zip(index.tolist(), rows, strict=True)
+        ])  # fmt: skip
+
+    def followed(self, active: Motions, step: Callable[[Motions], Motions]) -> Motions:
+        """Let motions take steps to the ends of their intervals; return those that come there."""
+        arrived = [active.some(np.zeros(len(active.number), dtype=bool))]
+        while len(active.number):
+            active = step(active)
+            start, end = self.of_each("start", active.number), self.of_each("end", active.number)
+            there = active.t >= end
+            arrived.append(active.some(there))
+            active, length = active.some(~there), (end - start)[~there]
+            short = active.h < SHORTEST * np.spacing(np.maximum(np.abs(active.t), length))
+            active = self.without(active, short, "the acceleration grows without bound or is not finite")
+            many = self.tries[active.number] >= self.max_steps
+            active = self.without(active, many, f"it has taken {self.max_steps} steps")
+        found = [np.concatenate(x) for x in zip(*map(_fields, arrived), strict=True)]
+        order = np.argsort(found[0])
+        return Motions(*(x[order] for x in found))
+
+    def without(self, active: Motions, failed: Flags, why: str) -> Motions:
+        """Return the motions that have not failed, and record why the others have."""
+        for number, t in zip(active.number[failed].tolist(), active.t[failed].tolist(), strict=True):
+            self.failures[number] = f"the integration cannot go on at t = {t:.9g} s: {why}"
+        return active.some(~failed)
+
+    def step(self, interval: Interval, steps_over: StepsOver | None, active: Motions) -> Motions:
+        """Try one step of each motion in an interval; return the motions behind it."""
+        tableau, t, y, end = self.method.tableau, active.t, active.y, interval.end
+        last = t + 1.01 * active.h >= end
+        h, until = np.where(last, end - t, active.h), np.where(last, end, t + active.h)
+        slopes = np.empty((len(y), tableau.stages + 1, y.shape[1]))
+        slopes[:, 0] = active.slope
+        new = stages(tableau.rows, partial(interval.slopes, self.manifold, t), t, h, y, slopes)
+        error = error_of(tableau, h, y, new, slopes, (self.method.tolerance, interval.size))
+        if steps_over:
+            nq, states = self.manifold.nq, zip(*along(t, h, y, new, slopes), strict=True)
+            error[[steps_over(times, each[:, :nq], each[:, nq:]) for times, each in states]] = PASSED
+        done, order = error <= 1.0, tableau.error_order + 1  # False for NaN
+        grown = h * growth(error, order, active.ceiling)
+        grown = np.where(last, np.maximum(active.h, grown), grown)
+        self.record(active.number[done], np.stack([t, h, until], axis=1)[done], y[done], slopes[done])
+        self.tries[active.number] += 1
+        return Motions(
+            active.number, np.where(done, until, t), np.where(done, grown, h * shrinkage(error, order)),
+            np.where(done, FASTEST, 1.0), np.where(done[:, None], new, y),
+            np.where(done[:, None], slopes[:, -1], active.slope),
+        )  # fmt: skip
+
+    def record(self, number: Indices, times: Array, y: Array, slopes: Array) -> None:
+        """Record accepted steps."""
+        self.chunks.append((number, self.interval[number], times, y, slopes))
+
+    def compiled(self, flows: Sequence[Flow | None], threads: int) -> Callable[[Motions], Motions] | None:
+        """Return how motions that share a flow take steps in compiled code; ``None`` where a flow has a state."""
+        copies = [copy for _ in range(threads) if flows[0] is not None and (copy := flows[0].copied()) is not None]
+        return partial(self.take, copies, threads) if len(copies) == threads else None
+
+    def take(self, flows: Sequence[Flow], threads: int, active: Motions) -> Motions:
+        """Take steps of each motion in compiled code, as many as there is room for; return the motions behind them.
+
+        Args:
+            flows: The flow that all motions share, once for each thread; or, without threads, that of each motion.
+            threads: Number of threads.
+            active: The motions.
+        """
+        from pinarm.engine.integration.compiled_steps import StepRoom, controls_of, elements, take_many
+
+        number, tableau, m = active.number, self.method.tableau, len(active.number)
+        room = min(max(ROOM // m, FEWEST), MOST)
+        places = StepRoom(active.y.copy(), room, tableau.stages + 1, 2)
+        places.slopes[:, 0, 0], courses = active.slope, places.courses
+        values = active.t, active.h, active.ceiling, self.of_each("start", number), self.of_each("end", number)
+        for name, numbers in zip(("t", "h", "ceiling", "start", "end"), values, strict=True):
+            courses[name] = numbers
+        courses["tries"] = self.max_steps - self.tries[number]
+        controls = controls_of(self.method.tolerance, self.of_each("size", number))
+        rows = list(zip(elements(controls), elements(courses), strict=True))
+        addresses = [ctypes.addressof(flow.structure) for flow in flows]
+        left = iter(range(m))  # the threads share it: each takes the next motion that is left
+        works = [_work(left, rows, repeat(flow, m)) for flow in addresses]
+        take_many(tableau, works if threads else [_work(left, rows, [addresses[k] for k in number])])
+        written = courses["written"]
+        taken = np.arange(room) < written[:, None]
+        times, states, slopes = places.times[:, taken].T, places.states[taken], places.slopes[:, :-1][taken]
+        self.record(number[taken.nonzero()[0]], times, states, slopes)
+        self.tries[number] += written + courses["rejected"]
+        t, h, ceiling = (courses[name].copy() for name in ("t", "h", "ceiling"))
+        return Motions(number, t, h, ceiling, places.y, places.slopes[np.arange(m), written, 0])
+
+
+def _work(left: Iterator[int], rows: Sequence[tuple[int, int]], flows: Iterable[int]) -> Iterator[tuple[int, int, int]]:
+    """Yield the addresses of flow, control and course of the motions that are left."""
+    for k, flow in zip(left, flows, strict=False):
+        yield flow, *rows[k]
+
+
+def _fields(motions: Motions) -> tuple[Array, ...]:
+    return tuple(getattr(motions, name) for name in motions.__struct_fields__)

@@ -1,0 +1,122 @@
+"""Many motions integrated together, in compiled code and in Python, against each integrated by itself."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.integration import ensemble as ensembles
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.ensemble import integrate_batch, integrate_variants
+from pinarm.engine.integration.integrator import Interval
+from pinarm.engine.integration.methods.explicit import Adaptive
+from pinarm.engine.kernel.library import absence
+from pinarm.engine.kernel.tree import CompiledTree
+from pinarm.engine.kernel.tree_variants import variant_flows
+from pinarm.mechanics.forces.joint_efforts import AppliedEffort
+from pinarm.mechanics.laws import Constant
+from tests.mechanics.geometry.random_variants import random_variants
+
+from ..kernel.known_trees import states
+from .test_compiled_steps import intervals, regular
+
+pytestmark = pytest.mark.skipif(bool(absence()), reason=f"compiled kernel: {absence()}")
+
+METHOD, COUNT, JOINTS = Adaptive(1e-9), 5, 3
+
+
+@pytest.fixture(scope="module")
+def motion():
+    """A tree with a ball joint under a steady effort, the motion in two intervals, and states of no special kind."""
+    dynamics = regular(["RZ", "Spherical", "PX"], forces={"push": AppliedEffort(0, Constant(value=0.7))})
+    compiled, python = intervals(dynamics, 0.0, 0.4, 1.5)
+    q, v = (np.array(x) for x in zip(*states(dynamics.model, 9), strict=True))
+    return dynamics.manifold, compiled, python, q, 0.5 * v
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_steps_are_those_of_each_motion_by_itself(motion, threads, monkeypatch):
+    """To the last digit: the same code takes them."""
+    manifold, compiled, _, q, v = motion
+    monkeypatch.setattr(ensembles, "MOST", 7)  # several rounds in an interval
+    monkeypatch.setattr(ensembles, "ROOM", 63)
+    found = integrate_batch(compiled, manifold, q, v, METHOD, threads=threads)
+    assert found.arrived.all()
+    t = np.linspace(0.0, 1.5, 23)
+    together = found.states(t)
+    for number in range(len(q)):
+        single = integrate(compiled, manifold, q[number], v[number], METHOD)
+        assert found.counts[number] == len(single.steps)
+        for one, other in zip(together, single.states(t), strict=True):
+            assert one[number] == pytest.approx(other, rel=1e-11, abs=1e-11)
+
+
+def test_motions_are_those_of_python(motion):
+    """Their errors are made up of local ones of 1e-9, which hardly grow in 1.5 s."""
+    manifold, compiled, python, q, v = motion
+    t = np.linspace(0.0, 1.5, 5)
+    ours, theirs = (integrate_batch(each, manifold, q, v, METHOD).states(t) for each in (compiled, python))
+    for one, other in zip(ours, theirs, strict=True):
+        assert one == pytest.approx(other, rel=1e-7, abs=1e-7)
+
+
+def test_motions_that_cannot_go_on_leave_the_others(motion):
+    """One spins so fast that its steps are used up."""
+    manifold, compiled, _, q, v = motion
+    fast = v / 1e3
+    fast[4] = v[4]
+    fast[4] *= 1e3
+    usual = integrate_batch(compiled, manifold, q, v / 1e3, METHOD)
+    most = 2 * usual.counts.max() + 20
+    found = integrate_batch(compiled, manifold, q, fast, METHOD, max_steps=most, threads=2)
+    assert list(found.failures) == [4]
+    assert f"it has taken {most} steps" in found.failures[4]
+    others, t = np.arange(9) != 4, np.array([1.5])
+    assert (found.arrived == others).all()
+    assert found.reached(t)[:, 0].tolist() == others.tolist()
+    assert np.isnan(found.states(t)[0][4]).all()
+    assert (found.states(t)[0][others] == usual.states(t)[0][others]).all()
+
+
+@pytest.mark.parametrize("room", [16384, 40])
+def test_variants_take_the_steps_of_each_by_itself(room, monkeypatch):
+    """In one round and in many; each on an interval of its own, with errors relative to a size of its own."""
+    monkeypatch.setattr(ensembles, "ROOM", room)
+    rng = np.random.default_rng(4)
+    pin.seed(4)
+    variants, models = random_variants(rng, JOINTS, COUNT)
+    flows, finite = variant_flows(CompiledTree.of(variants.first).flow(np.zeros(JOINTS), []), variants)
+    assert finite.all()
+    end, y, size = np.linspace(0.3, 0.5, COUNT), rng.normal(size=(COUNT, 2 * JOINTS)), [1.0, 1.0, 0.1, 1.0, 1e-3]
+    dynamics = [Dynamics.of(model) for model in models]
+    given = [Interval(0.0, end[k], dynamics[k].acceleration(), size=size[k], compiled=flows[k]) for k in range(COUNT)]
+    found = integrate_variants(given, dynamics[0].manifold, y, METHOD, 10_000)
+    assert found.arrived.all()
+    t = np.linspace(0.0, 1.0, 11)[:, None] * end
+    together = np.concatenate(found.states_in(found.located(np.arange(COUNT), t), t), axis=-1)
+    for k, model in enumerate(models):
+        compiled = CompiledTree.of(model).flow(np.zeros(JOINTS), [])
+        interval = Interval(0.0, end[k], dynamics[k].acceleration(), size=size[k], compiled=compiled)
+        alone = integrate([interval], dynamics[k].manifold, y[k, :JOINTS], y[k, JOINTS:], METHOD)
+        assert found.counts[k] == len(alone.steps)
+        expected = np.concatenate(alone.states(t[:, k]), axis=1)
+        np.testing.assert_allclose(together[:, k], expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())
+
+
+def test_variants_are_replaced_by_others_that_have_arrived():
+    variants, _ = random_variants(np.random.default_rng(1), JOINTS, 3)
+    flows, _ = variant_flows(CompiledTree.of(variants.first).flow(np.zeros(JOINTS), []), variants)
+    dynamics, y = Dynamics.of(variants.first), np.random.default_rng(2).normal(size=(3, 2 * JOINTS))
+
+    def solved(numbers, tolerance, most):
+        given = [Interval(0.0, 0.3, dynamics.acceleration(), compiled=flows[k]) for k in numbers]
+        return integrate_variants(given, dynamics.manifold, y[numbers], Adaptive(tolerance), most)
+
+    coarse, fine, none = solved([0, 1, 2], 1e-6, 1000), solved([0, 2], 1e-9, 1000), solved([1], 1e-9, 2)
+    assert not none.arrived.any()
+    found = coarse.with_others(np.array([0, 2]), fine).with_others(np.array([1]), none)
+    assert found.counts.tolist() == [fine.counts[0], coarse.counts[1], fine.counts[1]]
+    t = np.full((1, 3), 0.3)
+    ours, theirs = (each.states_in(each.located(np.arange(3), t), t)[0][0] for each in (found, coarse))
+    assert (np.abs(ours - theirs).max(axis=1) > 0.0).tolist() == [True, False, True]
+    assert ours == pytest.approx(theirs, abs=1e-4)
