@@ -268,12 +268,12 @@ class _Integration:
         """Return the slopes of states at the starts of motions; q are projected onto the manifold in place."""
         index, start = self.interval[number], self.of_each("start", number)
         if (index == index[0]).all():
-            return self.intervals[index[0]].slopes(self.manifold, start, t, y)
-        rows = [slice(k, k + 1) for k in range(len(y))]
-        return np.concatenate([
-            self.intervals[k].slopes(self.manifold, start[row], t[row], y[row])
-            for k, row in zip(index.tolist(), rows, strict=True)
-        ])  # fmt: skip
+            return self.intervals[int(index[0])].slopes(self.manifold, start, t, y)
+        slopes = np.empty_like(y)
+        for row, k in enumerate(index.tolist()):
+            here = slice(row, row + 1)
+            slopes[here] = self.intervals[k].slopes(self.manifold, start[here], t[here], y[here])
+        return slopes
 
     def followed(self, active: Motions, step: Callable[[Motions], Motions]) -> Motions:
         """Let motions take steps to the ends of their intervals; return those that come there."""

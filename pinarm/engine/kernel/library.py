@@ -133,7 +133,7 @@ def library() -> ctypes.PyDLL | None:
     """Return the library; ``None`` where there is none, it does not fit, or ``PINARM_KERNEL=off`` switches it off.
 
     It keeps Python's lock while it computes: the buffers of a mechanism serve one thread at a time. Where each thread
-    has buffers of its own, ``compiled_batch`` calls it without.
+    has buffers of its own, ``compiled_steps.take_many`` calls it without.
     """
     if os.environ.get(SWITCH) == "off" or not PATH.exists():
         return None

@@ -28,7 +28,7 @@ def test_it_is_that_of_each_alone_and_shows_a_wrong_weight(load: list[str]) -> N
     first, grid = motions[0], results[0].trajectory.grid
     given = [FreeMotion(*one.hybrid.start, one.hybrid.time, grid) for one in motions]
     together = IntegratedVariants.integrated(results[0].trajectory, first, alike_variants(first.mechanism, 3), given)
-    energy = variant_energies(together.dynamics, together.solution, together.interpolated)
+    energy = variant_energies(together.dynamics, together.ensemble, together.interpolated)
     alone = np.array([one.figures["energy"] for one in results])
     assert (alone > 1e-9).all()
     np.testing.assert_allclose(energy, alone, rtol=0.0, atol=1e-13)  # roundings of energies of the size exchanged
@@ -36,4 +36,4 @@ def test_it_is_that_of_each_alone_and_shows_a_wrong_weight(load: list[str]) -> N
     model = first.mechanism.model.copy()
     model.gravity.linear = 1.01 * model.gravity.linear
     wrong = replace(together, mechanism=alike_variants(replace(first.mechanism, model=model), 3))
-    assert (variant_energies(wrong.dynamics, wrong.solution, wrong.interpolated) > 1e-4).all()
+    assert (variant_energies(wrong.dynamics, wrong.ensemble, wrong.interpolated) > 1e-4).all()

@@ -6,7 +6,7 @@ import pytest
 
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kernel.tree import CompiledTree, TreeFlow
-from pinarm.engine.kernel.tree_variants import TreeVariants
+from pinarm.engine.kernel.tree_variants import variant_flows
 from pinarm.records import replace
 from tests.mechanics.geometry.random_variants import random_variants
 
@@ -23,9 +23,10 @@ def test_slopes_are_those_of_each_tree(seed):
     variants, models = random_variants(rng, 4, 7)
     flow = CompiledTree.of(variants.first).flow(np.zeros(4), [])
     assert isinstance(flow, TreeFlow)
-    motions = np.array([3, 0, 6, 3])
-    y = rng.normal(size=(4, 8))
-    slopes = TreeVariants.of(flow, variants).slopes(motions, y)
+    flows, finite = variant_flows(flow, variants)
+    assert finite.all()
+    motions, y = [3, 0, 6, 3], rng.normal(size=(4, 8))
+    slopes = np.array([flows[motion].slope(0.0, state) for motion, state in zip(motions, y, strict=True)])
     np.testing.assert_array_equal(slopes[:, :4], y[:, 4:])
     for k, motion in enumerate(motions):
         expected = Dynamics.of(models[motion]).acceleration()(0.0, y[k, :4], y[k, 4:])
@@ -37,4 +38,4 @@ def test_numbers_that_are_not_finite_are_told():
     parameters = variants.parameters.copy()
     parameters[1, 0, 0] = np.nan
     flow = CompiledTree.of(variants.first).flow(np.zeros(2), [])
-    assert TreeVariants.of(flow, replace(variants, parameters=parameters)).finite.tolist() == [True, False, True]
+    assert variant_flows(flow, replace(variants, parameters=parameters))[1].tolist() == [True, False, True]

@@ -11,6 +11,7 @@ from pinarm.engine.mechanism_variants import alike_variants, some_variants
 from pinarm.engine.motion.integrated_motion import IntegratedMotion
 from pinarm.engine.motion.integrated_variants import FreeMotion, IntegratedVariants
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import replace
 
 pytestmark = pytest.mark.skipif(bool(absence()), reason=f"compiled kernel: {absence()}")
 
@@ -57,12 +58,9 @@ def test_some_of_them_at_other_instants_have_instants_of_their_own(
 def test_motions_that_the_library_gets_wrong_are_not_sound(
     variants: IntegratedVariants, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    flows = variants.solution.flows
-    slopes = flows.slopes
-
-    def wrong(motions: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return slopes(motions, y) * np.where(motions == 1, 1.0 + 1e-9, 1.0)[:, None]
-
-    monkeypatch.setattr(type(flows), "slopes", lambda _, motions, y: wrong(motions, y))
+    intervals = list(variants.ensemble.solution.intervals)
+    right = intervals[1].acceleration
+    intervals[1] = replace(intervals[1], acceleration=lambda t, q, v: right(t, q, v) * (1.0 + 1e-9))
+    monkeypatch.setattr(variants.ensemble.solution, "intervals", intervals)
     fresh = variants.some(variants.mechanism, np.arange(3), variants.grids)
     assert fresh.rows()[1].tolist() == [True, False, True]
