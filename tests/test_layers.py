@@ -19,7 +19,7 @@ FLOOR_PLAN = {
     "records": "",
     "errors": "",
     "arrays": "",
-    "input": "numbers units roots xml_text xml_names mjcf_includes formulas yaml csv_rows motion_tables xacro robots",
+    "input": "numbers units roots xml_text xml_names formulas yaml csv_rows motion_tables xacro robots",
     "mechanics": "geometry joints laws limited_states motors drives coordinates paths control rotors ball_joints loops "
     "forces couplings loading friction payloads points perturbation planar description",
     "engine": "series one_run kernel integration constraints dynamics mesh_inertias model_source kinematics statics "

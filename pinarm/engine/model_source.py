@@ -14,14 +14,13 @@ import msgspec
 import pinocchio as pin
 
 from pinarm.errors import Location, ModelError
-from pinarm.input.mjcf_includes import resolve_includes
 from pinarm.input.numbers import decimal
 from pinarm.input.robots import ENDINGS, is_floating
 from pinarm.input.robots import robot as robot_file
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.xacro.expansion import check_declared, expand
 from pinarm.input.xml_names import UnknownName
-from pinarm.input.xml_text import MAX_BYTES, location, read
+from pinarm.input.xml_text import MAX_BYTES, location, read, resolve_includes
 from pinarm.mechanics.description import Gravity, MechanismDescription
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects, RobotModel, build_model
 from pinarm.records import ValueRecord, replace

@@ -1,51 +1,66 @@
-"""Names of elements and attributes in XML files: what a format knows, and what of it is read here.
+"""Names of elements and attributes in XML models, compared with those of their format.
 
-A reader that asks for the names it knows takes a misprint for something left out: ``<orign xyz="1 0 0"/>`` would put a
-joint at 0. So a file is first compared with all names of its format.
+One rule at every level. A name that a misprint makes of a known one is refused with the name that may be meant, since a
+reader that asks for known names would take ``<orign xyz="1 0 0"/>`` for no origin. Any other unknown name is an
+extension: it is counted, and listed as not read. Names with a prefix belong to other formats.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from enum import Enum, auto
 from xml.etree.ElementTree import Element
 from xml.parsers import expat
-
-from msgspec import field
 
 from pinarm.errors import Location, ModelError, choices
 from pinarm.input.xml_text import location
 from pinarm.records import ValueRecord
 
+SHORT = 5
+"""Letters of a name up to which one mistake makes a misprint; two in longer names."""
 
-class Content(Enum):
-    """Elements that a format knows and whose content is not examined."""
+TextTable = Mapping[str, str]
+"""Kind of element -> its attributes, then, after ``>``, the elements in it.
 
-    IDLE = auto()
-    """It has no part in what is computed, such as a colour."""
-    UNREAD = auto()
-    """It may have one, and is not read: it is listed as such."""
+``tag`` stands in it once at most, ``tag*`` any number of times, ``tag-`` has no part in what is computed and is not
+examined. ``tag=kind`` names its kind where that is not the tag; an element whose kind has no entry has text only.
+"""
 
 
-class ElementNames(ValueRecord, frozen=True):
-    """Names that one kind of element may contain.
+class Kind(ValueRecord, frozen=True):
+    """Names in one kind of element.
 
     Attributes:
-        attributes: Attributes that are read, or have no part in what is computed.
-        children: Elements in it by tag. A mapping may contain itself, as that of bodies that carry bodies does.
-        unread: Attributes that may have a part, and are not read.
-        once: Elements that stand in it once at most: a second one would be passed over.
+        attributes: Its attributes.
+        children: Tags of the elements in it -> their kind; empty where their content is not examined.
+        once: Tags of those that stand in it once at most.
     """
 
     attributes: frozenset[str] = frozenset()
-    children: Mapping[str, ElementNames | Content] = field(default_factory=dict)
-    unread: frozenset[str] = frozenset()
+    children: Mapping[str, str] = {}
     once: frozenset[str] = frozenset()
 
 
+Format = Mapping[str, Kind]
+"""Kind of element -> the names in it."""
+
+
+def format_names(table: TextTable) -> Format:
+    """Return the names of a format."""
+    kinds = {}
+    for name, text in table.items():
+        attributes, _, inside = text.partition(">")
+        children, once = dict[str, str](), set[str]()
+        for word in inside.split():
+            tag, _, kind = word.rstrip("*-").partition("=")
+            children[tag] = "" if word.endswith("-") else kind or tag
+            once |= {tag} if word[-1] not in "*-" else set()
+        kinds[name] = Kind(frozenset(attributes.split()), children, frozenset(once))
+    return kinds
+
+
 class UnknownName(ModelError):
-    """An element or attribute that a format does not have.
+    """A misprint of the name of an element or attribute.
 
     Attributes:
         parent: Tag of the element around it; empty for the outermost.
@@ -53,20 +68,15 @@ class UnknownName(ModelError):
         attribute: The attribute; ``None`` where the element itself is unknown.
     """
 
-    def __init__(
-        self, message: str, around: Sequence[Element], tag: str, attribute: str | None, known: Iterable[str]
-    ) -> None:
-        expected, hint = choices(attribute or tag, known)
-        super().__init__(message, expected=expected, hint=hint)
-        self.parent, self.tag, self.attribute = around[-1].tag if around else "", tag, attribute
+    def __init__(self, around: Sequence[Element], tag: str, attribute: str | None, known: Iterable[str]) -> None:
+        owner = _words(around)
+        message = f"{owner} contains no <{tag}>" if attribute is None else f"{owner} has no attribute '{attribute}'"
+        super().__init__(message, expected=choices("", known, most=40)[0], hint=meant_by(attribute or tag, known))
+        parents = around if attribute is None else around[:-1]
+        self.parent, self.tag, self.attribute = parents[-1].tag if parents else "", tag, attribute
 
     def place(self, text: str, source: str) -> Location:
-        """Return where it stands in the text of a file, which is well-formed; the file where it does not.
-
-        Args:
-            text: Text of the file.
-            source: Name of the file.
-        """
+        """Return where it is in the text of a well-formed file; the file alone where it is not in it."""
         lines: list[int] = []
         tags = [""]
         parser = expat.ParserCreate()
@@ -87,63 +97,39 @@ class UnknownName(ModelError):
         return location(source, text, lines[0], column, len(name)) if column else whole
 
 
-def names(
-    attributes: str = "", children: Mapping[str, ElementNames | Content] | None = None, unread: str = "",
-    once: str = "",
-) -> ElementNames:  # fmt: skip
-    """Return the names of an element; attributes, and elements that stand in it once, are separated by spaces."""
-    return ElementNames(frozenset(attributes.split()), children or {}, frozenset(unread.split()),
-                        frozenset(once.split()))  # fmt: skip
-
-
-def check_names(root: Element, known: ElementNames) -> Counter[str]:
-    """Compare an element and all in it with the names of their format; elements with a namespace are not read.
-
-    Args:
-        root: The outermost element.
-        known: The names that it may contain.
+def check_names(root: Element, known: Format) -> Counter[str]:
+    """Compare an element and all in it with the names of a format.
 
     Returns:
-        What is not read, such as ``<transmission>``, with its number.
+        What is not read, such as ``<transmission>`` or ``colour of <board>``, with its number.
 
     Raises:
-        UnknownName: The first name in the order of the file that the format does not have; the message says the nearest
-            element around it that has a name, the hint what it may have been meant to be.
+        UnknownName: The first misprint in the order of the file.
         ModelError: An element stands twice where one would be passed over.
     """
     unread: Counter[str] = Counter()
-    waiting: list[tuple[tuple[Element, ...], Element, ElementNames]] = [
-        ((), root, ElementNames(children={root.tag: known}))
-    ]
+    waiting: list[tuple[tuple[Element, ...], Mapping[str, str]]] = [((root,), {root.tag: root.tag})]
     while waiting:
-        around, element, allowed = waiting.pop()
-        if element.tag not in allowed.children:
-            raise UnknownName(f"{_words(around)} contains no <{element.tag}>", around, element.tag, None,
-                              allowed.children)  # fmt: skip
-        content = allowed.children[element.tag]
-        if content is Content.UNREAD:
-            unread[f"<{element.tag}>"] += 1
-        elif isinstance(content, ElementNames):
-            _check_attributes(around, element, content, unread)
-            _check_once(around, element, content)
-            unread.update(f"<{child.tag}>" for child in element if isinstance(child.tag, str) and _foreign(child.tag))
+        (*around, element), siblings = waiting.pop()
+        tag = element.tag
+        if tag not in siblings:
+            _refuse_misprint(around, tag, None, siblings)
+            unread[f"<{tag}>"] += 1
+        elif siblings[tag]:
+            kind = known.get(siblings[tag], Kind())
             inside = (*around, element)
-            waiting += [(inside, child, content) for child in reversed(element) if not _foreign(child.tag)]
+            for attribute in element.attrib.keys() - kind.attributes:
+                _refuse_misprint(inside, tag, attribute, kind.attributes)
+                if not is_foreign(attribute):
+                    unread[f"{attribute} of <{tag}>"] += 1
+            _check_once(inside, kind.once)
+            waiting += [((*inside, child), kind.children) for child in reversed(element)]
     return unread
 
 
-def own_names(root: Element) -> bool:
-    """Take the namespace of the outermost element from all elements in it: what it contains is of one format.
-
-    Returns:
-        Whether there was one.
-    """
-    space, found, _ = root.tag.rpartition("}")
-    if found:
-        for element in root.iter():
-            if isinstance(element.tag, str):
-                element.tag = element.tag.removeprefix(f"{space}}}")
-    return bool(found)
+def is_foreign(name: str) -> bool:
+    """Return whether a name has a prefix, or declares a namespace."""
+    return ":" in name or name == "xmlns"
 
 
 def counted(unread: Mapping[str, int]) -> str:
@@ -151,28 +137,44 @@ def counted(unread: Mapping[str, int]) -> str:
     return ", ".join(what if number == 1 else f"{what} ({number})" for what, number in sorted(unread.items()))
 
 
-def _check_attributes(
-    around: tuple[Element, ...], element: Element, allowed: ElementNames, unread: Counter[str]
-) -> None:
-    for attribute in element.attrib:
-        if attribute in allowed.unread:
-            unread[f"{attribute} of <{element.tag}>"] += 1
-        elif attribute not in allowed.attributes and not _foreign(attribute):
-            raise UnknownName(f"{_words((*around, element))} has no attribute '{attribute}'", around, element.tag,
-                              attribute, allowed.attributes | allowed.unread)  # fmt: skip
+def meant_by(name: str, known: Iterable[str]) -> str:
+    """Return the known name that a misprint makes a name of; empty where there is none."""
+    for other in sorted(known):
+        most = 1 if len(other) <= SHORT else 2
+        if abs(len(name) - len(other)) <= most and _mistakes(name.lower(), other.lower()) <= most:
+            return other
+    return ""
 
 
-def _check_once(around: tuple[Element, ...], element: Element, allowed: ElementNames) -> None:
-    if not allowed.once:
-        return
-    for tag, count in Counter(child.tag for child in element).items():
-        if count > 1 and tag in allowed.once:
+def _mistakes(name: str, other: str) -> int:
+    """Return how many letters to change, add, drop, or swap with their neighbour make one name of the other."""
+    before, above = list[int](), list(range(len(other) + 1))
+    for i, letter in enumerate(name, 1):
+        row = [i]
+        for j, wanted in enumerate(other, 1):
+            least = min(above[j] + 1, row[-1] + 1, above[j - 1] + (letter != wanted))
+            if min(i, j) > 1 and (letter, wanted) == (other[j - 2], name[i - 2]):
+                least = min(least, before[j - 2] + 1)
+            row.append(least)
+        before, above = above, row
+    return above[-1]
+
+
+def _refuse_misprint(around: Sequence[Element], tag: str, attribute: str | None, known: Iterable[str]) -> None:
+    if not is_foreign(attribute or tag) and meant_by(attribute or tag, known):
+        raise UnknownName(around, tag, attribute, known)
+
+
+def _check_once(around: Sequence[Element], once: frozenset[str]) -> None:
+    element = around[-1]
+    for tag, count in Counter(child.tag for child in element).items() if once else ():
+        if count > 1 and tag in once:
             name = element.get("name")
-            where = f"{element.tag} '{name}'" if name else _words((*around, element))
+            where = f"{element.tag} '{name}'" if name else _words(around)
             raise ModelError(f"{where}: it has {count} <{tag}>", expected="one")
 
 
-def _words(chain: tuple[Element, ...]) -> str:
+def _words(chain: Sequence[Element]) -> str:
     """Return the last element of a chain and those around it until one with a name: ``<mass> in <link> 'arm'``."""
     words: list[str] = []
     for element in reversed(chain[1:] or chain):
@@ -181,8 +183,3 @@ def _words(chain: tuple[Element, ...]) -> str:
         if name:
             break
     return " in ".join(words)
-
-
-def _foreign(name: object) -> bool:
-    """Tell whether a name belongs to another format, by its namespace; comments have no name."""
-    return not isinstance(name, str) or name.startswith("{") or ":" in name

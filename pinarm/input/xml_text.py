@@ -1,17 +1,16 @@
-"""XML text of models: a bounded survey before a tree is built from it, and a bounded writer."""
+"""XML text of models: bounded before a tree is built from it; includes of MJCF are resolved."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 from xml.parsers import expat
 
 from msgspec import Struct, field
 
 from pinarm.errors import InputError, Location, ModelError, PinarmError
-
-if TYPE_CHECKING:
-    from xml.dom.minidom import Document
+from pinarm.input.roots import contained_file
 
 MAX_BYTES = 4_000_000
 """Largest size of all files of a model together, and of its expansion; example-robot-data has at most 0.2 MB."""
@@ -28,12 +27,7 @@ MAX_TEXT = 10_000
 
 
 def read(path: Path, source: str, most: int) -> str:
-    """Return the text of a file of a model.
-
-    Args:
-        path: The file.
-        source: Its name in messages.
-        most: Largest size in bytes.
+    """Return the text of a model file that has at most ``most`` bytes; messages call it ``source``.
 
     Raises:
         InputError: It cannot be read, or is not UTF-8.
@@ -47,29 +41,42 @@ def read(path: Path, source: str, most: int) -> str:
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"the file cannot be read as UTF-8 text ({reason})").at(Location(source)) from None
-    raise ModelError("the files of this model are too large", expected=f"at most {MAX_BYTES} bytes").at(
-        Location(source)
-    )
+    problem = ModelError("the files of this model are too large", expected=f"at most {MAX_BYTES} bytes")
+    raise problem.at(Location(source))
+
+
+def tree_of(text: str) -> Element:
+    """Return the root element of a text.
+
+    Names keep their prefixes as written, declared or not, and namespaces without a prefix are ignored: the readers of
+    ROS, Gazebo and MuJoCo take names so.
+
+    Raises:
+        ModelError: It is not XML.
+    """
+    builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
+    parser.buffer_text = True
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
+    parser.CharacterDataHandler = builder.data
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
+        raise ModelError(f"the model is not XML: {error}") from None
+    return builder.close()
 
 
 class Survey(Struct):
     """Counts from a first pass over XML text, which builds nothing and stops at the bounds.
 
     Attributes:
-        source: File name, for errors.
         lines: Line of every element, in the order of the document.
-        links: Number of links below the root element.
-        joints: Number of joints below the root element.
-        comments: Number of comments.
         is_xacro: Whether it contains anything of xacro; files that xacro has written declare its namespace, no more.
     """
 
-    source: str
     lines: list[int] = field(default_factory=list)
-    links: int = 0
-    joints: int = 0
-    comments: int = 0
     is_xacro: bool = False
+    _counts: dict[str, int] = field(default_factory=lambda: {"link": 0, "joint": 0, "comment": 0})
     _has_expressions: bool = False
     _depth: int = 0
 
@@ -80,10 +87,10 @@ class Survey(Struct):
         Raises:
             ModelError: It is malformed, has a DOCTYPE, or exceeds a bound.
         """
-        survey, parser = cls(source, _has_expressions="$" in text or "&#" in text), expat.ParserCreate()
+        survey, parser = cls(_has_expressions="$" in text or "&#" in text), expat.ParserCreate()
         parser.StartElementHandler = lambda name, attributes: survey._start(name, attributes, parser)
         parser.EndElementHandler = survey._end
-        parser.CommentHandler = survey._count_comment
+        parser.CommentHandler = lambda _: survey._count("comment", "comments", MAX_COMMENTS)
         parser.StartDoctypeDeclHandler = survey._refuse_doctype
         try:
             parser.Parse(text, True)
@@ -99,34 +106,28 @@ class Survey(Struct):
     def _start(self, name: str, attributes: dict[str, str], parser: expat.XMLParserType) -> None:
         self._depth += 1
         self.lines.append(parser.CurrentLineNumber)
-        self.links += self._depth == 2 and name == "link"
-        self.joints += self._depth == 2 and name == "joint"
         self.is_xacro |= name.startswith("xacro:") or any(
             key.startswith("xacro:") or (self._has_expressions and key == "xmlns:xacro") for key in attributes
         )
         bound("levels of XML", self._depth, MAX_DEPTH)
         bound("elements", len(self.lines), MAX_ELEMENTS)
-        bound("links", self.links, MAX_LINKS)
-        bound("joints", self.joints, MAX_LINKS)
         bound("characters in one attribute", max(map(len, attributes.values()), default=0), MAX_TEXT)
+        if self._depth == 2 and name in ("link", "joint"):
+            self._count(name, f"{name}s", MAX_LINKS)
+
+    def _count(self, what: str, words: str, most: int) -> None:
+        self._counts[what] += 1
+        bound(words, self._counts[what], most)
 
     def _end(self, name: str) -> None:
         self._depth -= 1
-
-    def _count_comment(self, _: str) -> None:
-        self.comments += 1
-        bound("comments", self.comments, MAX_COMMENTS)
 
     def _refuse_doctype(self, *_: object) -> None:
         raise ModelError("a model has no DOCTYPE and no entities", hint="remove the line that begins with <!DOCTYPE")
 
 
 def bound(what: str, number: int, most: int) -> None:
-    """Raise where there are too many of something.
-
-    Raises:
-        ModelError: Says how many there may be.
-    """
+    """Raise a ``ModelError`` where there are more than ``most`` of something."""
     if number > most:
         raise ModelError(f"the model has too many {what}", expected=f"at most {most}")
 
@@ -135,56 +136,44 @@ def location(source: str, text: str, line: int, column: int = 0, width: int = 1)
     """Return a location in a text; the whole line where no column is given."""
     lines = text.splitlines()
     excerpt = lines[line - 1] if 0 < line <= len(lines) else ""
-    stripped = excerpt.strip()
     if not column:
-        column, width = len(excerpt) - len(excerpt.lstrip()) + 1, max(1, len(stripped))
+        column, width = len(excerpt) - len(excerpt.lstrip()) + 1, max(1, len(excerpt.strip()))
     return Location(source, line, column, excerpt, width)
 
 
-class Writer:
-    """Writer of a tree in xacro's format, with a bound on its size."""
+def resolve_includes(text: str, path: Path, root: Path) -> str:
+    """Return MJCF text with the content of its included files; any other text is returned unchanged.
 
-    def __init__(self) -> None:
-        self.parts: list[str] = []
-        self.size = 0
+    Args:
+        text: Text of the file, within the bounds of ``Survey``.
+        path: The file; included files are relative to its folder.
+        root: Folder under which they must lie; they count against the bounds of size.
 
-    def document(self, document: Document) -> str:
-        """Return the text of a document."""
-        self.write('<?xml version="1.0" ?>\n')
-        for node in document.childNodes:
-            self._node(node, "")
-        return "".join(self.parts)
-
-    def write(self, text: str) -> None:
-        """Append a piece of text."""
-        self.size += len(text)
-        bound("characters", self.size, MAX_BYTES)
-        self.parts.append(text)
-
-    def _node(self, node: Any, indent: str) -> None:
-        if node.nodeType == node.ELEMENT_NODE:
-            self._element(node, indent)
-        elif node.nodeType != node.TEXT_NODE or node.data.strip():
-            node.writexml(self, indent, "  ", "\n")
-
-    def _element(self, element: Any, indent: str) -> None:
-        children = element.childNodes
-        self.write(f"{indent}<{element.tagName}")
-        for name, value in sorted(element.attributes.items()):
-            self.write(f' {name}="{str(value).translate(_ATTRIBUTE)}"')
-        if not children:
-            self.write("/>\n")
-        elif len(children) == 1 and children[0].nodeType == element.TEXT_NODE:
-            self.write(">")
-            children[0].writexml(self)
-            self.write(f"</{element.tagName}>\n")
-        else:
-            self.write(">\n")
-            for child in children:
-                self._node(child, indent + "  ")
-            self.write(f"{indent}</{element.tagName}>\n")
-
-
-_ATTRIBUTE = str.maketrans(
-    {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\r": "&#13;", "\n": "&#10;", "\t": "&#9;"}
-)
+    Raises:
+        ModelError: A file is malformed, too large, or included twice (also by including itself).
+        InputError: A file is missing or lies elsewhere.
+    """
+    if "<include" not in text or (model := tree_of(text)).tag != "mujoco":
+        return text
+    included, size, waiting = {path.resolve()}, len(text), [model]
+    while waiting:
+        parent = waiting.pop()
+        for place, element in enumerate(parent):
+            if element.tag != "include":
+                waiting.append(element)
+                continue
+            name = element.get("file", "")
+            file = contained_file(path.parent.absolute() / name, root)
+            if file in included:
+                problem = ModelError(f"the file '{name}' is included twice", expected="each file once")
+                raise problem.at(Location(str(path)))
+            included.add(file)
+            content = read(file, name, MAX_BYTES - size)
+            size += len(content)
+            Survey.of(content, name)
+            parent[place : place + 1] = list(tree_of(content))
+            waiting.append(parent)  # whose children have changed
+            break
+    flat = ElementTree.tostring(model, encoding="unicode")
+    Survey.of(flat, f"{path} with what it includes")
+    return flat

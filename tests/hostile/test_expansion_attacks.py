@@ -70,7 +70,6 @@ SUBSTITUTIONS = {
     "anon": "$(anon x)",
     "eval": "$(eval open('{canary}', 'w'))",
     "eval 1": "$(eval 1)",
-    "find": "$(find x)",
     "find nothing": "$(find)",
     "arg nothing": "$(arg)",
     "arg unknown": "$(arg unknown)",

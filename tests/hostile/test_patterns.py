@@ -13,7 +13,7 @@ import pinarm
 LENGTH = 100_000  # linear patterns take milliseconds for it, quadratic ones minutes
 BOUNDED = {
     "pinarm.input.units._FACTOR": 100,  # units are at most that long
-    "pinarm.input.xacro.sandboxed_xacro._MACRO_PARAMETER": 10_000,  # an attribute
+    "pinarm.input.xacro.expander._MACRO_PARAMETER": 10_000,  # an attribute
 }
 LETTERS = ["a", "1", " ", ".", "e", "-", "'", '"', "<mesh ", "filename=", "$", "${", "[", "(", "_", "²", "٣", "d"]
 

@@ -1,23 +1,31 @@
-"""One expansion by a private copy of xacro in which the functions that evaluate, read or recurse are replaced."""
+"""One expansion by a private copy of xacro in which the functions that evaluate, read or recurse are replaced.
+
+xacro evaluates Python, reads any file and can be made to run for ever. Here expressions are the checked arithmetic of
+``arithmetic``, only ``$(arg NAME)`` and ``$(find PACKAGE)`` are substituted, included files lie under the root, and
+every step counts against a budget. Honest files expand as with xacro.
+"""
 
 from __future__ import annotations
 
+import importlib.util
 import keyword
+import os
 import re
+import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
-from functools import partial
+from collections.abc import Callable, Iterator
+from functools import cache, partial
 from itertools import pairwise
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from pinarm.errors import Location, ModelError, PinarmError, choices
 from pinarm.input.formulas.grammar import MANY
-from pinarm.input.roots import contained_file, contained_path, unknown_package
+from pinarm.input.roots import contained_file, contained_path
 from pinarm.input.xacro.arithmetic import Names, Scalars, evaluate
 from pinarm.input.xacro.expression_tape import OPEN, Tape
-from pinarm.input.xacro.sandboxed_xacro import OURS, private_xacro
-from pinarm.input.xml_text import MAX_BYTES, MAX_DEPTH, MAX_TEXT, Survey, Writer, bound, location, read
+from pinarm.input.xml_text import MAX_BYTES, MAX_DEPTH, MAX_TEXT, Survey, bound, location, read
 from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
@@ -31,6 +39,23 @@ SIBLINGS = 500
 _LOCK = threading.Lock()
 _TOKEN = re.compile(r"\$(\$+[{(])|\$\{([^}]*)\}|\$\(([^)]*)\)|([^$]+|\$[^{($]+|\$$)")
 """As in xacro: an escaped brace, an expression, a substitution, other text."""
+
+
+_MACRO_PARAMETER = re.compile(
+    r"^\s*([^\s:=]+?)\s*:?=\s*(\^\|?)?(\$\{.*?\}|\$\(.*?\)|(?:'.*?'|\".*?\"|[^\s'\"]++)++|)(?:\s+|$)(.*)"
+)
+"""xacro's own, with possessive repetitions: as it stands there, an unbalanced quote takes exponential time."""
+_DISARMED = ("open", "eval", "compile", "os", "glob", "load_yaml", "safe_eval", "eval_extension", "process_file")
+"""Names of xacro that are set to ``None``: the replacements do not need them, and any other use fails."""
+OURS = (
+    "check_attrs", "eval_all", "eval_text", "get_include_files", "handle_macro_call", "is_valid_name", "parse",
+    "print_location", "remove_previous_comments", "replace_node", "reqd_attrs", "warning",
+)  # fmt: skip
+_NEEDED = (
+    *OURS, "LEXER", "NameSpace", "Table", "XacroException", "_global_symbols", "all_includes", "filestack",
+    "init_stacks", "macrostack", "process_doc", "process_include", "re_macro_arg", "root_dir",
+    "substitution_args_context",
+)  # fmt: skip
 
 
 class Expansion(ValueRecord, frozen=True):
@@ -52,17 +77,15 @@ class Expander:
 
     Args:
         root: Folder of the files that may be read.
-        packages: Packages whose files may be read too.
         arguments: Values of arguments; xacro adds the defaults.
         sources: Path of a file -> its name in messages.
         tape: Where to record what is computed; arguments that are on it are given as its marks.
     """
 
     def __init__(
-        self, root: Path, packages: Mapping[str, Path], arguments: dict[str, str], sources: dict[str, str],
-        tape: Tape | None = None,
-    ) -> None:  # fmt: skip
-        self.root, self.packages, self.arguments, self.sources, self.tape = root, packages, arguments, sources, tape
+        self, root: Path, arguments: dict[str, str], sources: dict[str, str], tape: Tape | None = None
+    ) -> None:
+        self.root, self.arguments, self.sources, self.tape = root, arguments, sources, tape
         with _LOCK:  # loading it is not for two at once either
             self.xacro, self.plain = private_xacro()
         self.declared: dict[str, None] = {}
@@ -137,7 +160,7 @@ class Expander:
         if not path.exists():
             self.xacro.filestack.pop()  # as xacro does: where an include is optional, it goes on from here
             raise self.xacro.XacroException(f"there is no file {filename}", exc=FileNotFoundError())
-        text = read(contained_file(path, self.root, self.packages), source, MAX_BYTES - self.size)
+        text = read(contained_file(path, self.root), source, MAX_BYTES - self.size)
         self.size += len(text)
         self.texts[filename] = text
         lines = Survey.of(text, source).lines
@@ -260,20 +283,18 @@ class Expander:
             position = match.end()
 
     def _substitute(self, text: str) -> str:
-        """Return what ``$(arg NAME)`` and ``$(find PACKAGE)`` stand for; there are no others."""
+        """Return what ``$(arg NAME)`` stands for, or ``$(find PACKAGE)``: the URI of the package."""
         command, _, name = text.strip().partition(" ")
-        tables = {"arg": self.arguments, "find": {package: str(path) for package, path in self.packages.items()}}
-        if command not in tables:
-            raise ModelError(f"'$({text[:60]})' is not allowed", expected="$(arg NAME) or $(find PACKAGE)")
         name = name.strip()
-        if name not in tables[command]:
-            if command == "find":
-                raise unknown_package(name, self.packages)
-            expected, hint = choices(name, tables[command], most=40)
+        if command == "find" and name:  # no package is looked for, and only includes would read a file of it
+            return f"package://{name}"
+        if command != "arg":
+            raise ModelError(f"'$({text[:60]})' is not allowed", expected="$(arg NAME) or $(find PACKAGE)")
+        if name not in self.arguments:
+            expected, hint = choices(name, self.arguments, most=40)
             raise ModelError(f"unknown argument '{name[:60]}'", expected=expected, hint=hint)
-        if command == "arg":
-            self.declared[name] = None
-        return tables[command][name]
+        self.declared[name] = None
+        return self.arguments[name]
 
     def get_include_files(self, filename_spec: str, symbols: Any) -> Iterator[str]:
         """Yield the file to include, once it is checked to lie in an allowed folder."""
@@ -282,7 +303,7 @@ class Expander:
             raise ModelError(f"'{name[:60]}' has wildcards", expected="the name of one file")
         base = "" if "://" in name else Path(self.xacro.filestack[-1]).parent
         wanted = str(base / Path(name)) if base else name
-        path = self.includes[wanted] = str(contained_path(wanted, self.root, self.packages))
+        path = self.includes[wanted] = str(contained_path(wanted, self.root))
         if path in self.xacro.filestack:
             raise ModelError(f"the file '{name}' includes itself")
         yield path
@@ -318,3 +339,98 @@ class _Copies(ValueRecord, frozen=True):
 def _one_line(error: Exception) -> str:
     text = " ".join(str(error).split()) or type(error).__name__
     return text[:300]
+
+
+def _version(site: Path) -> str:
+    """Return the version of the xacro in a folder, which its name says (importlib.metadata takes 20 ms)."""
+    names = [name for name in os.listdir(site) if name.startswith("xacro-") and name.endswith(".dist-info")]
+    return names[0].removeprefix("xacro-").removesuffix(".dist-info") if len(names) == 1 else "of unknown version"
+
+
+def _literal(plain: Callable[[Any], Any], value: Any) -> Any:
+    """Turn text into the number that it is, as xacro does; but digits of other scripts are text."""
+    return value if isinstance(value, str) and not value.isascii() and value[0] != "'" else plain(value)
+
+
+@cache
+def private_xacro() -> tuple[ModuleType, dict[str, Any]]:
+    """Load a private copy of xacro; return it with those of its functions that are replaced.
+
+    Raises:
+        ModelError: It is missing, or not version 2.1, for which the replacements are written.
+    """
+    from xml.dom import minidom
+
+    spec, hint = importlib.util.find_spec("xacro"), "pip install 'xacro==2.1.*'"
+    if spec is None or spec.origin is None:
+        raise ModelError("xacro files need the package xacro", hint=hint)
+    version = _version(Path(spec.origin).parents[1])
+    if not version.startswith("2.1."):
+        raise ModelError(f"xacro {version} is not known to be contained", expected="version 2.1", hint=hint)
+    folders = spec.submodule_search_locations
+    spec = importlib.util.spec_from_file_location("_pinarm_xacro", spec.origin, submodule_search_locations=folders)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    command_line: Any = ModuleType(f"{spec.name}.cli")  # which nobody needs, and which imports much
+    command_line.process_args = None
+    sys.modules[command_line.__name__] = command_line
+    writexml = minidom.Element.writexml
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        minidom.Element.writexml = writexml  # type: ignore[method-assign]  # which xacro replaces for everyone
+    if missing := [name for name in _NEEDED if not hasattr(module, name)]:
+        raise ModelError(f"this xacro {version} has no {missing[0]}: it is not known to be contained", hint=hint)
+    module.Table._eval_literal = staticmethod(partial(_literal, module.Table._eval_literal))
+    vars(module).update(dict.fromkeys(_DISARMED), re_macro_arg=_MACRO_PARAMETER, _global_symbols={})
+    return module, {name: getattr(module, name) for name in OURS}
+
+
+class Writer:
+    """Writer of a tree in xacro's format, with a bound on its size."""
+
+    def __init__(self) -> None:
+        self.parts: list[str] = []
+        self.size = 0
+
+    def document(self, document: Document) -> str:
+        """Return the text of a document."""
+        self.write('<?xml version="1.0" ?>\n')
+        for node in document.childNodes:
+            self._node(node, "")
+        return "".join(self.parts)
+
+    def write(self, text: str) -> None:
+        """Append a piece of text."""
+        self.size += len(text)
+        bound("characters", self.size, MAX_BYTES)
+        self.parts.append(text)
+
+    def _node(self, node: Any, indent: str) -> None:
+        if node.nodeType == node.ELEMENT_NODE:
+            self._element(node, indent)
+        elif node.nodeType != node.TEXT_NODE or node.data.strip():
+            node.writexml(self, indent, "  ", "\n")
+
+    def _element(self, element: Any, indent: str) -> None:
+        children = element.childNodes
+        self.write(f"{indent}<{element.tagName}")
+        for name, value in sorted(element.attributes.items()):
+            self.write(f' {name}="{str(value).translate(_ATTRIBUTE)}"')
+        if not children:
+            self.write("/>\n")
+        elif len(children) == 1 and children[0].nodeType == element.TEXT_NODE:
+            self.write(">")
+            children[0].writexml(self)
+            self.write(f"</{element.tagName}>\n")
+        else:
+            self.write(">\n")
+            for child in children:
+                self._node(child, indent + "  ")
+            self.write(f"{indent}</{element.tagName}>\n")
+
+
+_ATTRIBUTE = str.maketrans(
+    {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\r": "&#13;", "\n": "&#10;", "\t": "&#9;"}
+)

@@ -18,7 +18,7 @@ import numpy as np
 from msgspec import Struct, field
 
 from pinarm.arrays import Array, Flags
-from pinarm.errors import ExpressionError, ModelError
+from pinarm.errors import ModelError
 from pinarm.input.xacro.arithmetic import Scalars, evaluate
 from pinarm.records import Record, ValueRecord
 
@@ -154,18 +154,8 @@ class Tape(Struct):
         bool(self.record(_IsText(), number))
         return number
 
-    def run(self, numbers: Sequence[Number]) -> list[Any] | None:
-        """Return all registers for other numbers; ``None`` where the program does not hold for them."""
-        values: list[Any] = list(numbers)
-        try:
-            for function, registers in self.steps:
-                values.append(function(*[values[register] for register in registers]))
-        except ExpressionError:
-            return None
-        return values if all(bool(values[register]) == outcome for register, outcome in self.guards) else None
-
-    def run_columns(self, numbers: Sequence[Number | AnyColumn]) -> tuple[list[Any], Flags]:
-        """Return all registers for columns of numbers, and for which rows of them the program holds.
+    def run(self, numbers: Sequence[Number | AnyColumn]) -> tuple[list[Any], Flags]:
+        """Return all registers for other numbers, and for which rows of them the program holds.
 
         A register that follows from a column is a column: its step is taken number by number, with the same functions.
 
@@ -176,26 +166,26 @@ class Tape(Struct):
             ExpressionError: A step is not possible in some row.
         """
         values: list[Any] = list(numbers)
-        count = next(len(each) for each in numbers if is_column(each))
+        count = next((len(value) for value in numbers if is_column(value)), 1)
         for function, registers in self.steps:
             operands = [values[register] for register in registers]
-            if any(map(is_column, operands)):
-                if (
-                    isinstance(function, _Binary | _Read | _IsText)
-                    and (found := function.of_columns(*operands)) is not None
-                ):
-                    values.append(found)
-                    continue
-                spread = (rows_of(each) if is_column(each) else repeat(each, count) for each in operands)
-                values.append(column(map(function, *spread)))
-            else:
+            if not any(map(is_column, operands)):
                 values.append(function(*operands))
+            elif (whole := getattr(function, "of_columns", _unsure)(*operands)) is not None:
+                values.append(whole)
+            else:
+                spread = (rows_of(operand) if is_column(operand) else repeat(operand, count) for operand in operands)
+                values.append(column(map(function, *spread)))
         holds = np.ones(count, dtype=bool)
         for register, outcome in self.guards:
-            given = values[register]
-            truths = given if isinstance(given, np.ndarray) else [*map(bool, given if is_column(given) else [given])]
+            value = values[register]
+            truths = value if isinstance(value, np.ndarray) else [*map(bool, value if is_column(value) else [value])]
             holds &= np.asarray(truths, dtype=bool) == outcome
         return values, holds
+
+
+def _unsure(*operands: Any) -> None:
+    """Return no column: of other functions every number is computed by itself."""
 
 
 class _Binary(ValueRecord, frozen=True):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -12,7 +12,7 @@ import pinocchio as pin
 from msgspec import field
 
 from pinarm.arrays import Array, Flags
-from pinarm.errors import ModelError, choices
+from pinarm.errors import ModelError, choices, listed
 from pinarm.records import ValueRecord, replace
 
 if TYPE_CHECKING:
@@ -27,20 +27,15 @@ TRIANGLE = 1e-9
 NOTHING = 1e-25
 """Moment of inertia that is taken for rounding of 0 [kg*m^2]."""
 
-
 LIGHTEST = 1e-14
 """Least mass of what a joint carries that is not 0 [kg]; a hundredth of it is the rounding of 1."""
 
+Z = np.array([0.0, 0.0, 1.0])
+"""Axis of joints whose axis has no meaning."""
+
 
 class Bounds(ValueRecord, frozen=True):
-    """Limits of a joint with one coordinate; infinite where the model gives none.
-
-    Attributes:
-        lower: Lower limit of the coordinate [rad or m].
-        upper: Upper limit of the coordinate [rad or m].
-        velocity: Limit of the speed [rad/s or m/s].
-        effort: Limit of the absolute effort of the drive [N*m or N].
-    """
+    """Limits of a joint with one coordinate [rad or m], its speed and its effort; infinite where there is none."""
 
     lower: float = -np.inf
     upper: float = np.inf
@@ -68,7 +63,7 @@ class TreeJoint(ValueRecord, frozen=True):
         drawn: Coordinate of the reference pose of the model [rad or m].
         tuned_stiffness: Further stiffness, per inertia that the joint has at the reference pose [1/s^2].
         tuned_damping: Further damping, likewise [1/s].
-        made_for: What of the file needs it, where the file itself has no joint or link of its name.
+        made_for: Joint of the file that needs it, where the file itself has no joint or link of its name.
     """
 
     name: str
@@ -76,7 +71,7 @@ class TreeJoint(ValueRecord, frozen=True):
     parent: str
     child: str
     placement: pin.SE3
-    axis: Array
+    axis: Array = field(default_factory=lambda: Z)
     offset: pin.SE3 = field(default_factory=pin.SE3.Identity)
     bounds: Bounds = Bounds()
     damping: float = 0.0
@@ -91,14 +86,7 @@ class TreeJoint(ValueRecord, frozen=True):
 
 
 class Mimic(ValueRecord, frozen=True):
-    """A joint that the model couples to another one: ``q = multiplier * q_of + offset``.
-
-    Attributes:
-        joint: The joint that follows.
-        of: The joint that leads.
-        multiplier: Ratio of the coordinates [rad/rad, m/rad, ...].
-        offset: Coordinate of the follower where the leader's is 0 [rad or m].
-    """
+    """A joint that the model couples to another one: ``q = multiplier * q_of + offset``."""
 
     joint: str
     of: str
@@ -152,6 +140,38 @@ def _held(joint: TreeJoint, value: float) -> TreeJoint:
     return TreeJoint(joint.name, "fixed", joint.parent, joint.child, place, joint.axis)
 
 
+def fixed_frame(name: str, link: str, place: pin.SE3, made_for: str = "") -> TreeJoint:
+    """Return the joint that fixes a frame to a link."""
+    return TreeJoint(f"{name}_fixed", "fixed", link, name, place, made_for=made_for)
+
+
+def tied_frames(name: str, ends: Iterable[tuple[str, pin.SE3]]) -> tuple[list[TreeJoint], tuple[str, str]]:
+    """Return frames ``NAME_1`` and ``NAME_2`` of a joint that closes a loop, at places in two links; their names."""
+    first, second = f"{name}_1", f"{name}_2"
+    frames = [fixed_frame(frame, *end, made_for=name) for frame, end in zip((first, second), ends, strict=True)]
+    return frames, (first, second)
+
+
+def depth_first(root: str, joints: Sequence[TreeJoint]) -> tuple[TreeJoint, ...]:
+    """Return joints with those beyond each right behind it, as Pinocchio's algorithms need them.
+
+    Raises:
+        ModelError: Two joints or links have the same name, or joints hang in a circle.
+    """
+    check_unique(root, joints)
+    beyond: dict[str, list[TreeJoint]] = {}
+    for joint in reversed(joints):
+        beyond.setdefault(joint.parent, []).append(joint)
+    ordered, waiting = list[TreeJoint](), beyond.get(root, [])
+    while waiting:
+        ordered.append(joint := waiting.pop())
+        waiting += beyond.get(joint.child, [])
+    if lost := sorted({joint.name for joint in joints} - {joint.name for joint in ordered}):
+        raise ModelError(f"the {listed('joint', lost)} hang{'' if len(lost) > 1 else 's'} in a circle",
+                         expected="a tree")  # fmt: skip
+    return tuple(ordered)
+
+
 def check_unique(root: str, joints: Iterable[TreeJoint]) -> None:
     """Refuse names that two parts of a tree have: those of links, frames and joints, of the file or made for it.
 
@@ -170,6 +190,20 @@ def _claim(taken: dict[str, str], name: str, what: str, kind: str) -> None:
         raise ModelError(f"two {kind} have the name '{name}': {taken[name]}, and {what}",
                          expected="a name of its own for each", hint="rename one of them")  # fmt: skip
     taken[name] = what
+
+
+def body_inertia(mass: float, place: pin.SE3, moments: Array, where: str) -> pin.Inertia:
+    """Return an inertia about a link's frame; a negative mass is refused.
+
+    Args:
+        mass: Mass [kg].
+        place: Centre of mass, and axes of the moments, in the link.
+        moments: Inertia matrix about the centre of mass [kg*m^2], shape (3, 3).
+        where: Begins the message.
+    """
+    if mass < 0.0:
+        raise ModelError(f"{where}: the mass is negative ({mass:g} kg)")
+    return inertia(mass, place.translation, place.rotation @ moments @ place.rotation.T)
 
 
 def inertia(mass: float, centre: Array, moments: Array) -> pin.Inertia:
@@ -247,11 +281,7 @@ def checked_mimics(mimics: Iterable[Mimic], joints: Mapping[str, Kind]) -> tuple
 
 
 def _followed(joint: str, leaders: Mapping[str, str], ending: Set[str]) -> Set[str]:
-    """Return a joint with those that it follows, up to one of those that are known not to follow a circle.
-
-    Raises:
-        ModelError: It follows itself, or joints that do.
-    """
+    """Return a joint with those that it follows, up to one of those that are known not to follow a circle."""
     chain, last = {joint: None}, joint
     while last in leaders and last not in ending:
         last = leaders[last]
@@ -266,7 +296,7 @@ def from_z(axis: Array) -> Array:
 
     ``R = 1 + r [n] + (1 - axis_z) [n]^2`` with ``r n = z x axis``, accurate beside -z too.
     """
-    w = np.cross([0.0, 0.0, 1.0], axis)
+    w = np.cross(Z, axis)
     r = float(np.linalg.norm(w))
     if r < 1e-15:
         return np.diag([1.0, 1.0, 1.0] if axis[2] > 0.0 else [1.0, -1.0, -1.0])

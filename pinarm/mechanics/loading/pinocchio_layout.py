@@ -18,10 +18,9 @@ here. Joints that mimic others have coordinates of their own in both.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import numpy as np
@@ -32,6 +31,7 @@ from pinarm.errors import LISTED, InputError, several
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.loading.pinocchio_model import BASE
 from pinarm.mechanics.loading.urdf.writer import CHAINS
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.mechanics.ball_joints import Ball
@@ -53,154 +53,99 @@ full, at 3,700 of them with the usual 8 MB."""
 SAME = 1e-12
 """Distance of two axes that is rounding."""
 
+PARTS: Mapping[str, tuple[str, ...]] = {
+    "Planar": (".x", ".y", ".angle"), "FreeFlyer": (".x", ".y", ".z"), "Spherical": (),
+    **{kind: tuple(f".{ending}" for ending in endings) for kind, endings in CHAINS.items()},
+}  # fmt: skip
+"""Kind of Pinocchio's joint -> what the names of pinarm's joints with one coordinate for it have at their end; those of
+any other kind have its own name."""
 
-class JointStates(Protocol):
-    """The states of one joint. ``p_q, p_v`` are rows as Pinocchio has them, ``q, v`` as pinarm has them."""
-
-    def take(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
-        """Write q and v, from Pinocchio's."""
-
-    def give(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
-        """Write Pinocchio's, from q and v."""
+BALLS = ("FreeFlyer", "Spherical")
+"""Kinds that have a ball joint of their own name here."""
 
 
-@dataclass(frozen=True)
-class CopiedStates:
-    """A joint whose coordinates and rates are the same in both.
+class JointStates(Record, frozen=True):
+    """Where the states of one joint stand.
 
     Attributes:
+        name: Its name, for messages.
+        way: How they differ: an entry of ``TAKE`` and ``GIVE``, ``same`` where they do not.
         p_q: Indices in Pinocchio's q.
         p_v: Indices in Pinocchio's v.
         q: Indices in q.
         v: Indices in v.
-    """
-
-    p_q: tuple[int, ...]
-    p_v: tuple[int, ...]
-    q: tuple[int, ...]
-    v: tuple[int, ...]
-
-    def take(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
-        """Copy coordinates and rates."""
-        q[:, self.q], v[:, self.v] = p_q[:, self.p_q], p_v[:, self.p_v]
-
-    def give(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
-        """Copy coordinates and rates."""
-        p_q[:, self.p_q], p_v[:, self.p_v] = q[:, self.q], v[:, self.v]
-
-
-@dataclass(frozen=True)
-class ContinuousStates:
-    """A joint that turns without limits; Pinocchio has the cosine and the sine of its angle.
-
-    Attributes:
-        name: Its name, for messages.
-        p_q: Index of the cosine in Pinocchio's q, before the sine.
-        p_v: Index of the rate in Pinocchio's v.
-        q: Index of the angle in q.
-        v: Index of its rate in v.
-    """
-
-    name: str
-    p_q: int
-    p_v: int
-    q: int
-    v: int
-
-    def take(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
-        """Write the angle, from -pi to pi.
-
-        Raises:
-            InputError: ``(cos, sin)`` has not the length 1.
-        """
-        cos, sin = p_q[:, self.p_q], p_q[:, self.p_q + 1]
-        _require_unit(np.hypot(cos, sin), f"(cos, sin) of '{self.name}'")
-        q[:, self.q], v[:, self.v] = np.arctan2(sin, cos), p_v[:, self.p_v]
-
-    def give(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
-        """Write cosine and sine, which know no turns."""
-        p_q[:, self.p_q], p_q[:, self.p_q + 1] = np.cos(q[:, self.q]), np.sin(q[:, self.q])
-        p_v[:, self.p_v] = v[:, self.v]
-
-
-@dataclass(frozen=True)
-class PlanarStates:
-    """A joint that slides along two axes and turns about the third.
-
-    Attributes:
-        angle: Its angle, whose cosine and sine stand behind x and y in Pinocchio's q.
-        p_q: Index of x in Pinocchio's q, before y.
-        p_v: Index of Pinocchio's velocity, along the axes of what moves.
-        x: The joint along x.
-        y: The joint along y.
-    """
-
-    angle: ContinuousStates
-    p_q: int
-    p_v: int
-    x: Joint
-    y: Joint
-
-    def take(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
-        """Write x, y, the angle, and their rates."""
-        self.angle.take(p_q, p_v, q, v)
-        cos, sin = p_q[:, self.p_q + 2], p_q[:, self.p_q + 3]
-        ahead, aside = p_v[:, self.p_v], p_v[:, self.p_v + 1]
-        q[:, self.x.q], q[:, self.y.q] = p_q[:, self.p_q], p_q[:, self.p_q + 1]
-        v[:, self.x.v], v[:, self.y.v] = cos * ahead - sin * aside, sin * ahead + cos * aside
-
-    def give(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
-        """Write x, y, cosine and sine, and the velocity along the axes of what moves."""
-        self.angle.give(p_q, p_v, q, v)
-        cos, sin = p_q[:, self.p_q + 2], p_q[:, self.p_q + 3]
-        x, y = v[:, self.x.v], v[:, self.y.v]
-        p_q[:, self.p_q], p_q[:, self.p_q + 1] = q[:, self.x.q], q[:, self.y.q]
-        p_v[:, self.p_v], p_v[:, self.p_v + 1] = cos * x + sin * y, cos * y - sin * x
-
-
-@dataclass(frozen=True, eq=False)
-class FloatingStates:
-    """A joint that moves freely: a free-flyer in Pinocchio.
-
-    Attributes:
-        p_q: Index of the position in Pinocchio's q, before the quaternion.
-        p_v: Index of the velocity in Pinocchio's v, before the angular velocity.
-        slides: The joints along x, y and z.
-        ball: The ball joint beyond them.
         axes: Axes of Pinocchio's position in those of pinarm's, shape (3, 3).
     """
 
-    p_q: int
-    p_v: int
-    slides: tuple[Joint, Joint, Joint]
-    ball: Ball
+    name: str
+    way: str
+    p_q: range
+    p_v: range
+    q: tuple[int, ...]
+    v: tuple[int, ...]
     axes: Array
 
-    def take(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
-        """Write position, quaternion, the rate of the position, and the angular velocity.
 
-        Raises:
-            InputError: The quaternion has not the length 1.
-        """
-        quaternion = p_q[:, self.p_q + 3 : self.p_q + 7]
-        _require_unit(np.linalg.norm(quaternion, axis=1), f"the quaternion of '{self.ball.name}'")
-        at, rate = [joint.q for joint in self.slides], [joint.v for joint in self.slides]
-        q[:, at] = p_q[:, self.p_q : self.p_q + 3] @ self.axes.T
-        v[:, rate] = _turned(quaternion, p_v[:, self.p_v : self.p_v + 3]) @ self.axes.T
-        self.ball.quaternion(q)[:], self.ball.vectors(v)[:] = quaternion, p_v[:, self.p_v + 3 : self.p_v + 6]
-
-    def give(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
-        """Write position, quaternion, the velocity in the axes of what moves, and the angular velocity."""
-        quaternion = self.ball.quaternion(q)
-        _require_unit(np.linalg.norm(quaternion, axis=1), f"the quaternion of '{self.ball.name}'")
-        at, rate = [joint.q for joint in self.slides], [joint.v for joint in self.slides]
-        p_q[:, self.p_q : self.p_q + 3] = q[:, at] @ self.axes
-        p_v[:, self.p_v : self.p_v + 3] = _turned(quaternion * [-1.0, -1.0, -1.0, 1.0], v[:, rate] @ self.axes)
-        p_q[:, self.p_q + 3 : self.p_q + 7], p_v[:, self.p_v + 3 : self.p_v + 6] = quaternion, self.ball.vectors(v)
+Change = Callable[[JointStates, Array, Array], tuple[Array, Array]]
+"""From q and v of one joint, rows of states, to those of the other convention."""
 
 
-@dataclass(frozen=True, eq=False)
-class PinocchioLayout:
+def _angle_taken(joint: JointStates, q: Array, v: Array) -> tuple[Array, Array]:
+    """Return the angle, from -pi to pi, and its rate."""
+    _require_unit(np.hypot(q[:, 0], q[:, 1]), f"(cos, sin) of '{joint.name}'")
+    return np.arctan2(q[:, 1:2], q[:, :1]), v
+
+
+def _angle_given(joint: JointStates, q: Array, v: Array) -> tuple[Array, Array]:
+    """Return cosine and sine, which know no turns, and the rate of the angle."""
+    return np.hstack([np.cos(q), np.sin(q)]), v
+
+
+def _plane_taken(joint: JointStates, q: Array, v: Array) -> tuple[Array, Array]:
+    angle, rate = _angle_taken(joint, q[:, 2:], v[:, 2:])
+    return np.hstack([q[:, :2], angle]), np.hstack([_in_plane(angle, v), rate])
+
+
+def _plane_given(joint: JointStates, q: Array, v: Array) -> tuple[Array, Array]:
+    turn, rate = _angle_given(joint, q[:, 2:], v[:, 2:])
+    return np.hstack([q[:, :2], turn]), np.hstack([_in_plane(-q[:, 2:], v), rate])
+
+
+def _in_plane(angle: Array, v: Array) -> Array:
+    """Return vectors of the plane turned by an angle, shapes (n, 1) and (n, 2)."""
+    c, s, x, y = np.cos(angle), np.sin(angle), v[:, :1], v[:, 1:2]
+    return np.hstack([c * x - s * y, s * x + c * y])
+
+
+def _flight_taken(joint: JointStates, q: Array, v: Array) -> tuple[Array, Array]:
+    quaternion = _quaternion(joint, q)
+    velocity = _turned(quaternion, v[:, :3]) @ joint.axes.T
+    return np.hstack([q[:, :3] @ joint.axes.T, quaternion]), np.hstack([velocity, v[:, 3:]])
+
+
+def _flight_given(joint: JointStates, q: Array, v: Array) -> tuple[Array, Array]:
+    quaternion = _quaternion(joint, q)
+    velocity = _turned(quaternion * [-1.0, -1.0, -1.0, 1.0], v[:, :3] @ joint.axes)
+    return np.hstack([q[:, :3] @ joint.axes, quaternion]), np.hstack([velocity, v[:, 3:]])
+
+
+def _quaternion(joint: JointStates, q: Array) -> Array:
+    _require_unit(np.linalg.norm(q[:, 3:], axis=1), f"the quaternion of '{joint.name}'")
+    return q[:, 3:]
+
+
+TAKE: Mapping[str, Change] = {
+    "same": lambda _, q, v: (q, v), "continuous": _angle_taken, "planar": _plane_taken, "floating": _flight_taken,
+}  # fmt: skip
+"""From Pinocchio's states to pinarm's."""
+
+GIVE: Mapping[str, Change] = {
+    "same": lambda _, q, v: (q, v), "continuous": _angle_given, "planar": _plane_given, "floating": _flight_given,
+}  # fmt: skip
+"""From pinarm's states to Pinocchio's."""
+
+
+class PinocchioLayout(Record, frozen=True):
     """How the states of a mechanism stand in the arrays of ``pin.buildModelFromUrdf``.
 
     Attributes:
@@ -272,30 +217,27 @@ class PinocchioLayout:
 
     def words(self) -> str:
         """Return which convention q and v have where Pinocchio has another one; empty where they are the same."""
-        turning = [part.name for part in self.parts if isinstance(part, ContinuousStates)]
-        flat = [part.angle.name for part in self.parts if isinstance(part, PlanarStates)]
-        floating = [part.ball.name for part in self.parts if isinstance(part, FloatingStates)]
-        told = (
-            (turning, "q has the angle, turns counted (Pinocchio: cos, sin)"),
-            (flat, "q has x, y and the angle, v the velocity in the axes of the parent (Pinocchio: x, y, cos, sin, and "
-                   "the axes of what moves)"),
-            (floating, FLOATING),
-        )  # fmt: skip
-        parts = [f"of {several(names, LISTED)} {what}" for names, what in told if names]
-        return "; ".join(parts)
+        conventions = {
+            "continuous": "q has the angle, turns counted (Pinocchio: cos, sin)",
+            "planar": "q has x, y and the angle, v the velocity in the axes of the parent (Pinocchio: x, y, cos, sin, "
+                      "and the axes of what moves)",
+            "floating": FLOATING,
+        }  # fmt: skip
+        named = {way: [part.name for part in self.parts if part.way == way] for way in conventions}
+        return "; ".join(f"of {several(names, LISTED)} {conventions[way]}" for way, names in named.items() if names)
 
     def take(self, p_q: Array, p_v: Array) -> tuple[Array, Array]:
         """Return q, shape (n, nq), and v, shape (n, nv), from those of Pinocchio, shapes (n, p_nq) and (n, p_nv)."""
         q, v = np.zeros((len(p_q), self.nq)), np.zeros((len(p_q), self.nv))
         for part in self.parts:
-            part.take(p_q, p_v, q, v)
+            q[:, part.q], v[:, part.v] = TAKE[part.way](part, p_q[:, part.p_q], p_v[:, part.p_v])
         return q, v
 
     def give(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return q, shape (n, p_nq), and v, shape (n, p_nv), of Pinocchio."""
         p_q, p_v = np.zeros((len(q), self.p_nq)), np.zeros((len(q), self.p_nv))
         for part in self.parts:
-            part.give(p_q, p_v, q, v)
+            p_q[:, part.p_q], p_v[:, part.p_v] = GIVE[part.way](part, q[:, part.q], v[:, part.v])
         return p_q, p_v
 
 
@@ -329,17 +271,6 @@ def _joints_alone(root: ElementTree.Element) -> str:
     return ElementTree.tostring(robot, encoding="unicode")
 
 
-PARTS: Mapping[str, tuple[str, ...]] = {
-    "Planar": (".x", ".y", ".angle"), "FreeFlyer": (".x", ".y", ".z"), "Spherical": (),
-    **{kind: tuple(f".{ending}" for ending in endings) for kind, endings in CHAINS.items()},
-}  # fmt: skip
-"""Kind of Pinocchio's joint -> what the names of pinarm's joints with one coordinate for it have at their end; those of
-any other kind have its own name."""
-
-BALLS = ("FreeFlyer", "Spherical")
-"""Kinds that have a ball joint of their own name here."""
-
-
 def _part(
     theirs: pin.Model, index: int, name: str, model: pin.Model, joints: Mapping[str, Joint], balls: Mapping[str, Ball]
 ) -> JointStates:
@@ -349,31 +280,26 @@ def _part(
         InputError: The mechanism has no such joint.
     """
     joint = theirs.joints[index]
-    kind, p_q, p_v = joint.shortname().removeprefix("JointModel"), joint.idx_q, joint.idx_v
+    kind = joint.shortname().removeprefix("JointModel")
     named = [f"{name}{ending}" for ending in PARTS.get(kind, ("",))]
     if not set(named) <= joints.keys() or (kind in BALLS and name not in balls):
         raise InputError(f"Pinocchio's reader makes '{name}' a {joint.shortname()}, which it is not here",
                          hint="the base as the model's text has it, fixed or floating")  # fmt: skip
-    ours = [joints[each] for each in named]
-    if kind == "Spherical":
+    ours = [joints[part] for part in named]
+    q, v = [part.q for part in ours], [part.v for part in ours]
+    if kind in BALLS:
         ball = balls[name]
-        return CopiedStates(_from(p_q, 4), _from(p_v, 3), _from(ball.q, 4), _from(ball.v, 3))
-    if joint.nq == 2 * joint.nv:
-        return ContinuousStates(name, p_q, p_v, ours[0].q, ours[0].v)
-    if joint.nq == joint.nv:
-        q, v = tuple(each.q for each in ours), tuple(each.v for each in ours)
-        return CopiedStates(_from(p_q, joint.nq), _from(p_v, joint.nv), q, v)
-    axes = model.jointPlacements[ours[0].index].rotation.T @ theirs.jointPlacements[index].rotation
-    if kind == "FreeFlyer":
-        return FloatingStates(p_q, p_v, (ours[0], ours[1], ours[2]), balls[name], axes)
-    if np.abs(axes - np.eye(3)).max() > SAME:
+        q, v = [*q, *range(ball.q, ball.q + 4)], [*v, *range(ball.v, ball.v + 3)]
+    way, axes = {"FreeFlyer": "floating", "Planar": "planar"}.get(kind, "same"), np.eye(3)
+    if way != "same":
+        axes = model.jointPlacements[ours[0].index].rotation.T @ theirs.jointPlacements[index].rotation
+    elif joint.nq == 2 * joint.nv:
+        way = "continuous"
+    if way == "planar" and np.abs(axes - np.eye(3)).max() > SAME:
         raise InputError(f"Pinocchio's reader takes no notice of the axis of the planar joint '{name}'",
                          expected="planar joints whose axis is z")  # fmt: skip
-    return PlanarStates(ContinuousStates(name, p_q + 2, p_v + 2, ours[2].q, ours[2].v), p_q, p_v, ours[0], ours[1])
-
-
-def _from(start: int, count: int) -> tuple[int, ...]:
-    return tuple(range(start, start + count))
+    places = range(joint.idx_q, joint.idx_q + joint.nq), range(joint.idx_v, joint.idx_v + joint.nv)
+    return JointStates(name, way, *places, tuple(q), tuple(v), axes)
 
 
 def _turned(quaternion: Array, vectors: Array) -> Array:
@@ -384,11 +310,7 @@ def _turned(quaternion: Array, vectors: Array) -> Array:
 
 
 def _require_unit(lengths: Array, what: str) -> None:
-    """Raise where something has not the length 1.
-
-    Raises:
-        InputError: Says what, and in which row.
-    """
+    """Raise an ``InputError`` with the first row where something has not the length 1."""
     for row in np.flatnonzero(~(np.abs(lengths - 1.0) <= UNIT))[:1]:
         raise InputError(f"row {row}: {what} has the length {lengths[row]:.6g}", expected="the length 1",
                          hint="pin.normalize(model, q)")  # fmt: skip

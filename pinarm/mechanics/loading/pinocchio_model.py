@@ -18,7 +18,8 @@ from msgspec import field
 
 from pinarm.arrays import Array
 from pinarm.errors import ModelError, listed
-from pinarm.input.xml_names import own_names
+from pinarm.input.xml_names import is_foreign
+from pinarm.input.xml_text import tree_of
 from pinarm.input.yaml.schema import FARTHEST, HEAVIEST, LARGEST
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.forces.joint_definitions import CREEP
@@ -28,6 +29,7 @@ from pinarm.mechanics.loading.model_tree import (
     Mimic,
     Tree,
     TreeJoint,
+    Z,
     check_unique,
     from_z,
     with_held,
@@ -119,65 +121,57 @@ def build_model(
 
 
 def _read(xml: str) -> tuple[str, Tree]:
-    """Return a text without the namespace of its outermost element, and its tree."""
+    """Return a text whose names other readers take too, and its tree."""
+    root = tree_of(xml)
+    if any(":" in element.tag or "xmlns" in element.attrib for element in root.iter()):
+        xml = ElementTree.tostring(_without_prefixes(tree_of(xml)), encoding="unicode")
     try:
-        root = ElementTree.fromstring(xml)
-        if own_names(root):
-            xml = ElementTree.tostring(root, encoding="unicode")
         return xml, _within_reach(_tree(root))
-    except ElementTree.ParseError as error:
-        raise ModelError(f"the model is not XML: {error}") from None
     except ArithmeticError as error:
         problem = f"a number that follows from the model is beyond all numbers ({error})"
         raise ModelError(problem, hint="sizes and masses below 1e50") from None
 
 
+def _without_prefixes(root: ElementTree.Element) -> ElementTree.Element:
+    """Remove elements and attributes of other formats, which may have prefixes that are not declared."""
+    for element in root.iter():
+        element[:] = [child for child in element if not is_foreign(child.tag)]
+        for key in [key for key in element.attrib if is_foreign(key)]:
+            del element.attrib[key]
+    return root
+
+
 def _within_reach(tree: Tree) -> Tree:
     """Return the tree if its frames and centres of mass are within ``FARTHEST``, its masses within ``HEAVIEST``.
 
-    Moments of inertia are within ``LARGEST``.
-
-    Raises:
-        ModelError: One is.
+    Moments of inertia and coefficients of joints are within ``LARGEST``.
     """
     ends = {name: getattr(loop, "between", ()) for name, loop in tree.loops.items()}
-    frames = {frame: f"'{name}': its frame" for name, tied in ends.items() for frame in tied}
+    frames = {frame: f"loop '{name}'" for name, tied in ends.items() for frame in tied}
     for joint in tree.joints:
-        where = frames.get(joint.child, f"joint '{joint.name}'")
-        _require_within_reach(where, joint.placement.translation, joint.offset.translation)
-        passive = {"stiffness": joint.stiffness, "damping": joint.damping, "armature": joint.armature}
-        _require_ordinary(f"joint '{joint.name}'", *((what, size, LARGEST, "") for what, size in passive.items()))
+        where = f"joint '{joint.name}'"
+        for place in (joint.placement, joint.offset):
+            _require_small(frames.get(joint.child, where), "distance", place.translation, FARTHEST, "m")
+        for what in ("stiffness", "damping", "armature"):
+            _require_small(where, what, getattr(joint, what), LARGEST, "")
     for name, body in tree.links.items():
-        _require_within_reach(f"link '{name}': its centre of mass", body.lever)
-        moment = float(np.abs(body.inertia).max())
-        _require_ordinary(f"link '{name}'", ("mass", body.mass, HEAVIEST, "kg"),
-                          ("largest moment of inertia", moment, LARGEST, "kg*m^2"))  # fmt: skip
+        _require_small(f"link '{name}'", "centre of mass", body.lever, FARTHEST, "m")
+        _require_small(f"link '{name}'", "mass", body.mass, HEAVIEST, "kg")
+        _require_small(f"link '{name}'", "largest moment of inertia", body.inertia, LARGEST, "kg*m^2")
     return tree
 
 
-def _require_ordinary(name: str, *numbers: tuple[str, float, float, str]) -> None:
-    """Raise where a number is too large; each is given with its name, the largest allowed and its unit.
-
-    Raises:
-        ModelError: One is.
-    """
-    for what, size, most, measured in numbers:
-        if size > most:
-            raise ModelError(f"{name}: its {what} is {size:g} {measured}".rstrip(),
-                             expected=f"at most {most:g} {measured}".rstrip(),
-                             hint="check the exponent and the unit")  # fmt: skip
-
-
-def _require_within_reach(name: str, *places: Array) -> None:
-    farthest = max(float(np.abs(place).max()) for place in places)
-    if farthest > FARTHEST:
-        raise ModelError(f"{name} is {farthest:g} m away", expected=f"at most {FARTHEST:g} m",
+def _require_small(where: str, what: str, values: Array | float, most: float, measured: str) -> None:
+    size = float(np.abs(values).max())
+    if size > most:
+        raise ModelError(f"{where}: its {what} is {size:g} {measured}".rstrip(),
+                         expected=f"at most {most:g} {measured}".rstrip(),
                          hint="check the exponent and the unit")  # fmt: skip
 
 
 def _tree(root: ElementTree.Element) -> Tree:
     if root.tag == "mujoco":
-        from pinarm.mechanics.loading.mjcf import mjcf_tree  # not paid for by others
+        from pinarm.mechanics.loading.mjcf.reader import mjcf_tree  # not paid for by others
 
         return mjcf_tree(root)
     if root.tag == "sdf":
@@ -206,9 +200,8 @@ def _tuned(tree: Tree) -> Tree:
         if made.nq == 1:
             q[made.idx_q] = drawn.get(name, 0.0)
     upper = np.triu(pin.crba(model, model.createData(), q))
-    mass = upper + np.triu(upper, 1).T
     try:
-        mobility = np.diag(np.linalg.inv(mass))
+        mobility = np.diag(np.linalg.inv(upper + np.triu(upper, 1).T))
     except np.linalg.LinAlgError:
         raise ModelError("springdamper needs a mass that its joint moves", expected="masses beyond every joint",
                          hint="stiffness and damping in its place") from None  # fmt: skip
@@ -231,7 +224,7 @@ def _with_base(tree: Tree, base: Base | None) -> Tree:
     A root without mass that carries floating joints stands for the ground: what these carry is held, or floats already.
 
     Raises:
-        ModelError: Such a root carries masses by other joints too, or a name that is needed is taken.
+        ModelError: Such a root carries masses by other joints too.
     """
     if base is None:
         return tree
@@ -247,12 +240,8 @@ def _with_base(tree: Tree, base: Base | None) -> Tree:
                              f"{listed('joint', standing)} too", expected="a root without other joints",
                              hint="without 'base: floating' the model is as its file has it")  # fmt: skip
         return tree
-    if any(joint.name == BASE for joint in tree.joints):
-        raise ModelError(f"the model has a joint '{BASE}', which is the name of the one that lets its base float")
     ground = "ground" if tree.root == "world" else "world"
-    if ground in tree.links:
-        raise ModelError(f"the model has a link '{ground}', which is the name of what its base would float in")
-    free = TreeJoint(BASE, "floating", ground, tree.root, pin.SE3.Identity(), np.array([1.0, 0.0, 0.0]))
+    free = TreeJoint(BASE, "floating", ground, tree.root, pin.SE3.Identity(), made_for="base: floating")
     return replace(tree, links={ground: pin.Inertia.Zero(), **tree.links}, joints=(free, *tree.joints))
 
 
@@ -304,15 +293,11 @@ def _add(model: pin.Model, joint: TreeJoint, before: int) -> int:
         return int(model.addFrame(pin.Frame(joint.name, parent.parentJoint, before, place, pin.FrameType.FIXED_JOINT)))
     index = model.addJoint(parent.parentJoint, _joint_model(joint), place, joint.name)
     made, bounds = model.joints[index], joint.bounds
-    for limits, value, start, size in (
-        (model.lowerPositionLimit, bounds.lower, made.idx_q, made.nq),
-        (model.upperPositionLimit, bounds.upper, made.idx_q, made.nq),
-        (model.velocityLimit, bounds.velocity, made.idx_v, made.nv),
-        (model.effortLimit, bounds.effort, made.idx_v, made.nv),
-        (model.armature, joint.armature, made.idx_v, made.nv),
-        (model.damping, joint.damping, made.idx_v, made.nv),
-    ):
-        limits[start : start + size] = value
+    for values, value in ((model.lowerPositionLimit, bounds.lower), (model.upperPositionLimit, bounds.upper)):
+        values[made.idx_q : made.idx_q + made.nq] = value
+    for values, value in ((model.velocityLimit, bounds.velocity), (model.effortLimit, bounds.effort),
+                          (model.armature, joint.armature), (model.damping, joint.damping)):  # fmt: skip
+        values[made.idx_v : made.idx_v + made.nv] = value
     return int(model.addJointFrame(index, before))
 
 
@@ -343,8 +328,7 @@ def _parts(joint: TreeJoint) -> Iterator[TreeJoint]:
     if joint.kind == "floating":
         yield replace(last, kind="ball", placement=drawn, offset=joint.offset)
     else:
-        z = np.array([0.0, 0.0, 1.0])
-        yield replace(last, kind="revolute", name=f"{joint.name}.angle", placement=place, axis=z,
+        yield replace(last, kind="revolute", name=f"{joint.name}.angle", placement=place, axis=Z,
                       offset=drawn * joint.offset)  # fmt: skip
 
 
@@ -362,10 +346,9 @@ def _passive(model: pin.Model, tree: Tree, creep: float | None) -> dict[str, For
         return {}
     from pinarm.mechanics.forces.joint_springs import BallSpring, DryFriction, SpringDamper
 
-    damping, friction = (
-        np.array([getattr(joint, key) for joint, made in of for _ in range(made.nv)]) for key in ("damping", "friction")
-    )
-    regularised = [creep is not None or joint.kind == "ball" for joint, made in of for _ in range(made.nv)]
+    rows = [joint for joint, made in of for _ in range(made.nv)]
+    damping, friction = (np.array([getattr(joint, key) for joint in rows]) for key in ("damping", "friction"))
+    regularised = [creep is not None or joint.kind == "ball" for joint in rows]
     damped, rubbed = np.flatnonzero(damping), np.flatnonzero(friction * regularised)
     forces: dict[str, ForceElement] = {}
     if len(damped):
@@ -373,23 +356,19 @@ def _passive(model: pin.Model, tree: Tree, creep: float | None) -> dict[str, For
         forces["joint damping"] = SpringDamper(damped, damped, none, damping[damped], none)
     if len(rubbed):
         forces["joint friction"] = DryFriction(rubbed, friction[rubbed], np.full(len(rubbed), creep or CREEP))
-    single = [(joint, made) for joint, made in of if joint.stiffness and made.nv == 1]
-    if single:
-        q, v = (np.array([getattr(made, key) for _, made in single]) for key in ("idx_q", "idx_v"))
-        stiffness, rest = (np.array([getattr(joint, key) for joint, _ in single]) for key in ("stiffness", "rest"))
+    sprung = [(joint, made) for joint, made in of if joint.stiffness]
+    if single := [(made.idx_q, made.idx_v, joint.stiffness, joint.rest) for joint, made in sprung if made.nv == 1]:
+        q, v, stiffness, rest = (np.array(values) for values in zip(*single, strict=True))
         forces["joint springs"] = SpringDamper(q, v, stiffness, np.zeros(len(v)), rest)
-    balls = [(joint, made) for joint, made in of if joint.stiffness and made.nv == 3]
-    return {**forces, **{f"spring of {joint.name}": BallSpring(made.idx_q, made.idx_v, joint.stiffness)
-                         for joint, made in balls}}  # fmt: skip
+    balls = {f"spring of {joint.name}": BallSpring(made.idx_q, made.idx_v, joint.stiffness)
+             for joint, made in sprung if made.nv == 3}  # fmt: skip
+    return {**forces, **balls}
 
 
 def _require_weighable(model: pin.Model) -> None:
     """Raise where a body beyond a joint is so light that sums of inertias lose its centre of mass.
 
     Pinocchio divides by the mass or by the rounding of 1, 2.2e-16, whichever is larger.
-
-    Raises:
-        ModelError: One is.
     """
     for name, body in zip(model.names, model.inertias, strict=True):
         if 0.0 < body.mass < LIGHTEST:

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from pinarm.arrays import Indices
-from pinarm.input.xacro.templates import WAYS
+from pinarm.input.xacro.expansion import WAYS
 from pinarm.use.cases.case import Case, Row, Task, solve_case
 from pinarm.use.cases.case_table import CaseTable, RowTable, SomeCases
 from pinarm.use.cases.columns import Kind, grouped, of_kind, tabled

@@ -16,7 +16,7 @@ from pinarm.errors import InputError, ModelError, PinarmError
 from pinarm.input import roots
 from pinarm.input.robots import robot
 from pinarm.input.roots import contained_file, contained_path, example_robot_data, root_of
-from pinarm.input.xacro import sandboxed_xacro as private_xacro
+from pinarm.input.xacro import expander as private_xacro
 from pinarm.input.xacro.expansion import Expansion, expand
 
 HEAD = '<?xml version="1.0"?>\n<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
@@ -183,15 +183,14 @@ def test_arguments_are_exact_and_must_be_declared(tmp_path: Path) -> None:
         expand(plain, {"mass": 1}, root=tmp_path)
 
 
-def test_packages(tmp_path: Path) -> None:
-    package, model = tmp_path / "package", tmp_path / "model"
-    package.mkdir(), model.mkdir()
-    write(package, "<found/>", "part.xacro")
+def test_a_package_is_its_uri_and_no_file_of_it_is_read(tmp_path: Path) -> None:
+    path = write(tmp_path, '<mesh filename="$(find parts)/a.stl"/><plugin>$(find parts)/config.yaml</plugin>')
+    text = expand(path, {}, root=tmp_path).xml
+    assert '"package://parts/a.stl"' in text
+    assert ">package://parts/config.yaml<" in text
     for name in ("$(find parts)/part.xacro", "package://parts/part.xacro"):
-        path = write(model, f'<xacro:include filename="{name}"/>')
-        assert "<found/>" in expand(path, {}, root=model, packages={"parts": package}).xml
-        with pytest.raises(PinarmError, match=r"unknown package 'parts'") as caught:
-            expand(path, {}, root=model)
+        with pytest.raises(PinarmError, match=r":3:1: unknown package 'parts'") as caught:
+            expanded(tmp_path, f'<xacro:include filename="{name}"/>')
         assert caught.value.hint == "the path of the file from the one that names it"
 
 

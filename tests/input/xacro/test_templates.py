@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pinarm.errors import PinarmError
-from pinarm.input.xacro import templates
+from pinarm.input.xacro import expansion as templates
 from pinarm.input.xacro.expansion import expand, expand_columns
 
 ROOT = Path(__file__).parents[3]

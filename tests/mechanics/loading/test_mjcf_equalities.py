@@ -162,7 +162,7 @@ def test_connects_at_other_distances_are_two_joints(tmp_path):
     ('<joint joint1="j" polycoef="0.1"/><joint joint1="j" joint2="k"/>',
      "equality 'j': 'j' is held or coupled by another equality already"),
     ('<tendon tendon1="t"/>', "equality 'without name': a <tendon> is not read"),
-    ('<connect name="e" body1="b" anchor="0 0"/>', "equality 'e': anchor='0 0' is not what is read here"),
+    ('<connect name="e" body1="b" anchor="0 0"/>', "equality 'e': anchor: '0 0' is not 3 finite numbers"),
     ('<connect name="e" body1="b"/><weld name="e" body1="b"/>', "two equalities have the name 'e'"),
 ])  # fmt: skip
 def test_mistakes_are_told(equality, message):

@@ -1,28 +1,32 @@
 """The ``<joint>`` elements of SDF: what each is in a tree, and the loop joint that it is where it closes a loop.
 
 A universal joint is two revolute joints in a row, ``NAME.axis`` and ``NAME.axis2``. A screw is a slide ``NAME.slide``
-and a revolute joint ``NAME``, tied by a coupling of its lead.
+and a revolute joint ``NAME``, tied by a coupling of its lead. A gearbox moves no link, and couples two joints on one
+body: with theta_1 the angle from the reference body to the parent about ``<axis>``, and theta_2 that from the reference
+body to the child about ``<axis2>``, ``theta_2 = -gearbox_ratio theta_1``.
 
-Source: SDFormat 1.12, specification of joint.
+Source: SDFormat 1.12, specification of joint, gearbox_reference_body and gearbox_ratio.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, unit
+from pinarm.arrays import Array
 from pinarm.errors import ModelError, choices
-from pinarm.mechanics.loading.model_tree import Bounds, Kind, Mimic, TreeJoint
-from pinarm.mechanics.loading.sdf.poses import MODEL, WORLD, Frames, is_true, number_in, numbers_of, text_of
+from pinarm.mechanics.loading.model_tree import Bounds, Kind, Mimic, TreeJoint, tied_frames
+from pinarm.mechanics.loading.sdf.frames import MODEL, WORLD, Frames, is_true, number_in, text_of
+from pinarm.mechanics.loading.values import direction, numbers
 from pinarm.records import replace
 
 if TYPE_CHECKING:
+    from pinarm.mechanics.couplings.gear import Gear
     from pinarm.mechanics.loops.kinds import Loop
 
 GEARBOX = "gearbox"
@@ -37,8 +41,8 @@ INFINITE = ("inf", "+inf", "-inf")
 SQUARE = 1e-6
 """Cosine of the angle between two axes up to which they are at right angles: digits that a file prints."""
 
-Z = np.array([0.0, 0.0, 1.0])
-"""Axis of a joint that has none, shape (3,)."""
+ALONG = 1e-6
+"""Sine of the angle between an axis of a gearbox and that of a joint up to which they are one: printed digits."""
 
 SECOND = ".axis2"
 """End of the name of the second joint of a universal one."""
@@ -58,7 +62,6 @@ class SdfJoint:
     """A joint of an SDF file.
 
     Attributes:
-        name: Its name.
         kind: Its type, as the file calls it.
         parent: The link that the file calls parent, or the world.
         child: The link that it calls child.
@@ -93,15 +96,12 @@ class SdfJoint:
         )
 
     def hung(self, parent: str, child: str, placed: Mapping[str, pin.SE3]) -> list[TreeJoint]:
-        """Return its simple joints between two links of a tree.
+        """Return its simple joints between two links of a tree, of which ``parent`` is nearer to the root.
 
         Where the tree leads from the joint's child to its parent they follow each other in the opposite order, with
         opposite axes: coordinates stay those of the file.
 
-        Args:
-            parent: The link that is nearer to the root: the joint's parent or its child.
-            child: The other one.
-            placed: Placement of every link in the model.
+        ``placed`` has the placement of every link in the model.
         """
         outwards = parent == self.parent
         steps = self.steps if outwards else [replace(step, axis=-step.axis) for step in reversed(self.steps)]
@@ -114,19 +114,13 @@ class SdfJoint:
         return [*hung[:-1], replace(hung[-1], offset=self.place.actInv(placed[child]), made_for="")]
 
     def closing(self, placed: Mapping[str, pin.SE3]) -> tuple[list[TreeJoint], Loop]:
-        """Return what it is where it closes a loop: a frame ``NAME_1`` on the parent, ``NAME_2`` on the child, and it.
-
-        Args:
-            placed: Placement of every link in the model.
+        """Return the frames and the loop joint that it is where it closes a loop.
 
         Raises:
             ModelError: It turns about two axes that are not at right angles.
         """
-        between = f"{self.name}_1", f"{self.name}_2"
-        frames = [
-            TreeJoint(f"{frame}_fixed", "fixed", link, frame, placed[link].actInv(self.place), Z, made_for=self.name)
-            for frame, link in zip(between, (self.parent, self.child), strict=True)
-        ]
+        ends = ((link, placed[link].actInv(self.place)) for link in (self.parent, self.child))
+        frames, between = tied_frames(self.name, ends)
         return frames, self._loop(between)
 
     def _loop(self, between: tuple[str, str]) -> Loop:
@@ -152,10 +146,10 @@ class SdfJoint:
 
 
 def joint_in(joint: Element, frames: Frames, version: tuple[int, int]) -> SdfJoint:
-    """Return the joint of an element.
+    """Return the joint of an element that is no gearbox.
 
     Args:
-        joint: The ``<joint>``; no gearbox.
+        joint: The ``<joint>``.
         frames: Frames of the model, the joint's own among them.
         version: Version of the format.
 
@@ -168,63 +162,43 @@ def joint_in(joint: Element, frames: Frames, version: tuple[int, int]) -> SdfJoi
         expected, hint = choices(given, [*KINDS, GEARBOX])
         raise ModelError(f"{where}: a joint of type '{given}' is not read", expected=expected, hint=hint)
     place = frames.placement(name, where)
-    parent, child = (end_of(joint, end, frames, where) for end in ("parent", "child"))
+    parent, child = (_end_of(joint, end, frames, where) for end in ("parent", "child"))
     if parent == child:
         raise ModelError(f"{where}: it joins '{child}' to itself")
-    steps = []
+    steps, notes = [], list[str]()
     for end, kind, tag in KINDS[given]:
-        step = TreeJoint(name + end, kind, parent, child, pin.SE3.Identity(), Z)
+        step = TreeJoint(name + end, kind, parent, child, pin.SE3.Identity())
         if kind not in ("fixed", "ball"):
-            step = replace(step, axis=axis_in(joint.find(tag or "axis"), place, frames, version, where))
+            step = replace(step, axis=_axis_in(joint.find(tag or "axis"), place, frames, version, where))
         if tag:
-            step = _moving(step, joint.find(tag), limits=given != "continuous", where=where)
+            step = _moving(step, joint.find(tag), where, notes, limited=given != "continuous")
         steps.append(step)
-    lead, notes = _lead(joint, where) if given == "screw" else (0.0, ())
+    lead = _lead(joint, where, notes) if given == "screw" else 0.0
     mimics = [_mimic(joint.find(tag), name + end, where) for end, _, tag in KINDS[given] if tag]
-    return SdfJoint(name, given, parent, child, place, tuple(steps), lead, tuple(filter(None, mimics)), notes)
+    return SdfJoint(name, given, parent, child, place, tuple(steps), lead, tuple(filter(None, mimics)), tuple(notes))
 
 
-def end_of(joint: Element, end: str, frames: Frames, where: str) -> str:
+def _end_of(joint: Element, end: str, frames: Frames, where: str) -> str:
     """Return the link at an end of a joint, or the world."""
     name = text_of(joint, end)
     return WORLD if name == WORLD and end != "child" else frames.link(name, f"{where}: {end}")
 
 
-def axis_in(axis: Element | None, place: pin.SE3, frames: Frames, version: tuple[int, int], where: str) -> Array:
-    """Return an axis in the axes of a joint, shape (3,): as it says, before version 1.5 in those of the model.
-
-    Args:
-        axis: The ``<axis>``; z where there is none.
-        place: Placement of the joint in the model.
-        frames: Frames of the model.
-        version: Version of the format.
-        where: Begins the message of an error.
-
-    Raises:
-        ModelError: It is 0, or no vector.
-    """
+def _axis_in(axis: Element | None, place: pin.SE3, frames: Frames, version: tuple[int, int], where: str) -> Array:
+    """Return an axis in the axes of a joint, shape (3,): as it says, before version 1.5 in those of the model."""
     given = None if axis is None else axis.find("xyz")
-    xyz = numbers_of((given.text or "") if given is not None else "0 0 1", 3, f"{where}: axis")
-    if not xyz.any():
-        raise ModelError(f"{where}: its axis is 0", expected="a direction")
+    xyz = numbers((given.text or "") if given is not None else None, 3, f"{where}: axis", (0.0, 0.0, 1.0))
     named = given.get("expressed_in", "") if given is not None else ""
     key = "use_parent_model_frame"
-    if version < (1, 5) or (axis is not None and is_true(axis.findtext(key), f"{where}: {key}")):
+    if version < (1, 5) or is_true(text_of(axis, key), f"{where}: {key}"):
         named = named or MODEL
     turn = place.rotation.T @ frames.placement(named, f"{where}: axis").rotation if named else np.eye(3)
-    return np.asarray(turn @ unit(xyz))
+    return np.asarray(turn @ direction(xyz, f"{where}: its axis"))
 
 
-def _moving(plain: TreeJoint, axis: Element | None, *, limits: bool, where: str) -> TreeJoint:
-    """Return a simple joint with the limits, damping, friction and spring of an ``<axis>``.
-
-    Args:
-        plain: The joint without them.
-        axis: The element; ``None`` for one that says nothing.
-        limits: Whether limits of the coordinate are those of the element; there are none otherwise.
-        where: Begins the message of an error.
-    """
-    bounds = _bounds(axis, where) if limits else Bounds()
+def _moving(plain: TreeJoint, axis: Element | None, where: str, notes: list[str], *, limited: bool) -> TreeJoint:
+    """Return a simple joint with the limits, damping, friction and spring of an ``<axis>``."""
+    bounds = _bounds(axis, where, notes) if limited else Bounds()
     effort, speed = (_limit(axis, key, -1.0, where) for key in ("effort", "velocity"))
     damping, friction, stiffness = (
         number_in(axis, f"dynamics/{key}", 0.0, where) for key in ("damping", "friction", "spring_stiffness")
@@ -238,25 +212,22 @@ def _moving(plain: TreeJoint, axis: Element | None, *, limits: bool, where: str)
     )  # fmt: skip
 
 
-def _bounds(axis: Element | None, where: str) -> Bounds:
-    lower, upper = (_limit(axis, key, x, where) for key, x in (("lower", -np.inf), ("upper", np.inf)))
+def _bounds(axis: Element | None, where: str, notes: list[str]) -> Bounds:
+    lower, upper = _limit(axis, "lower", -np.inf, where), _limit(axis, "upper", np.inf, where)
     if lower > upper or lower >= LIMITLESS or upper <= -LIMITLESS:
-        raise ModelError(f"{where}: its limits are {lower:g} to {upper:g}", expected="the lower one first")
+        notes.append(f"{where}: its limits {lower:g} to {upper:g} are none: the lower one is above the upper one")
+        return Bounds()
     return Bounds(lower if lower > -LIMITLESS else -np.inf, upper if upper < LIMITLESS else np.inf)
 
 
 def _limit(axis: Element | None, key: str, default: float, where: str) -> float:
     """Return a number in ``<limit>``, which may be infinite; the default where there is none."""
-    text = "" if axis is None else (axis.findtext(f"limit/{key}") or "").strip()
+    text = text_of(axis, f"limit/{key}")
     return float(text) if text.lower() in INFINITE else number_in(axis, f"limit/{key}", default, where)
 
 
-def _lead(joint: Element, where: str) -> tuple[float, tuple[str, ...]]:
-    """Return the way per turn of a screw [m], and a note where the file has it as rad/m.
-
-    Raises:
-        ModelError: It has none, or 0.
-    """
+def _lead(joint: Element, where: str, notes: list[str]) -> float:
+    """Return the way per turn of a screw [m]; where the file has it as rad/m it is noted."""
     for tag in ("screw_thread_pitch", "thread_pitch"):
         if not text_of(joint, tag):
             continue
@@ -264,10 +235,11 @@ def _lead(joint: Element, where: str) -> tuple[float, tuple[str, ...]]:
         if given == 0.0:
             raise ModelError(f"{where}: its {tag} is 0", expected="a number other than 0")
         if tag == "screw_thread_pitch":
-            return given, ()
+            return given
         lead = -2.0 * np.pi / given
-        return lead, (f"{where}: its thread_pitch is read as Gazebo does, in rad/m and positive for a left-handed "
-                      f"thread: {lead:g} m per turn; 'screw_thread_pitch' has one meaning",)  # fmt: skip
+        notes.append(f"{where}: its thread_pitch is read as Gazebo does, in rad/m and positive for a left-handed "
+                     f"thread: {lead:g} m per turn; 'screw_thread_pitch' has one meaning")  # fmt: skip
+        return lead
     raise ModelError(f"{where}: a screw without a pitch", expected="<screw_thread_pitch>, in metres per turn")
 
 
@@ -282,3 +254,49 @@ def _mimic(axis: Element | None, name: str, where: str) -> Mimic | None:
     )
     second = SECOND if given.get("axis") == "axis2" else ""
     return Mimic(name, given.get("joint", "") + second, multiplier, offset - multiplier * reference)
+
+
+class Hinge(NamedTuple):
+    """A revolute joint of the tree, whose ``child`` turns against its ``parent``; its axis in the axes of the model."""
+
+    name: str
+    parent: str
+    child: str
+    axis: Array
+
+
+def gear_of(joint: Element, frames: Frames, version: tuple[int, int], hinges: Iterable[Hinge]) -> Gear:
+    """Return the gear that a gearbox is; see ``joint_in``.
+
+    Raises:
+        ModelError: No revolute joint of the tree joins one of its links to the reference body about its axis, or the
+            ratio is 0.
+    """
+    from pinarm.mechanics.couplings.gear import Gear
+
+    where = f"joint '{joint.get('name')}'"
+    place = frames.placement(str(joint.get("name")), where)
+    base = _end_of(joint, "gearbox_reference_body", frames, where)
+    ratio = number_in(joint, "gearbox_ratio", 1.0, where)
+    if ratio == 0.0:
+        raise ModelError(f"{where}: its gearbox_ratio is 0", expected="a number other than 0")
+    first = joint.find("axis")
+    second = joint.find("axis2") if joint.find("axis2") is not None else first
+    known = [*hinges]
+    (driver, sense), (follower, other) = (
+        _hinge(known, base, _end_of(joint, end, frames, where),
+               place.rotation @ _axis_in(axis, place, frames, version, where), where)
+        for end, axis in (("parent", first), ("child", second))
+    )  # fmt: skip
+    return Gear(joints=(driver, follower), ratio=-sense * other * ratio)
+
+
+def _hinge(hinges: Iterable[Hinge], base: str, link: str, axis: Array, where: str) -> tuple[str, float]:
+    """Return the joint between a body and a link about an axis, and the sign of its coordinate about it."""
+    for hinge in hinges:
+        ends = hinge.parent, hinge.child
+        if {*ends} == {base, link} and np.linalg.norm(np.cross(hinge.axis, axis)) < ALONG:
+            return hinge.name, float(np.sign(hinge.axis @ axis)) * (1.0 if ends == (base, link) else -1.0)
+    raise ModelError(f"{where}: no revolute joint of the tree turns '{link}' against '{base}' about the gearbox's axis",
+                     expected="one between its gearbox_reference_body and each of its links",
+                     hint="without it, a coupling of the mechanism file: couplings: {kind: gear}")  # fmt: skip

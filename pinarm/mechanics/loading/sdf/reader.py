@@ -9,23 +9,22 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element
 
-import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import ModelError, listed
 from pinarm.input.xml_names import check_names, counted
 from pinarm.input.xml_text import MAX_LINKS, bound
-from pinarm.mechanics.loading.model_tree import Tree, checked_mimics, inertia, inertia_defect
-from pinarm.mechanics.loading.sdf.joints import GEARBOX, SdfJoint, joint_in
+from pinarm.mechanics.loading.model_tree import Tree, body_inertia, checked_mimics, inertia_defect
+from pinarm.mechanics.loading.sdf.frames import WORLD, Frames, is_true, number_in, pose_of, text_of
+from pinarm.mechanics.loading.sdf.joints import GEARBOX, Hinge, SdfJoint, gear_of, joint_in
 from pinarm.mechanics.loading.sdf.names import SDF
-from pinarm.mechanics.loading.sdf.poses import WORLD, Frames, is_true, number_in, numbers_of, pose_of
-from pinarm.mechanics.loading.sdf.spanning_tree import grown_tree
+from pinarm.mechanics.loading.sdf.spanning_tree import spanning_tree
+from pinarm.mechanics.loading.values import numbers, symmetric
 from pinarm.records import replace
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.couplings.kinds import CouplingDefinition
-
+    from pinarm.mechanics.couplings.gear import Gear
 
 MOMENTS = ("ixx", "iyy", "izz")
 
@@ -51,25 +50,26 @@ def sdf_tree(root: Element) -> Tree:
     bound("links", len(bodies), MAX_LINKS)
     places = {name: frames.placement(name, f"link '{name}'") for name in bodies}
     around = Frames.around(model, root.find("world"))
-    stand = around.placement(model.get("name", ""), "the model") * _reference(model, frames)
+    placed = model.get("placement_frame")
+    own = frames.placement(placed, "placement_frame").inverse() if placed else pin.SE3.Identity()
+    stand = around.placement(model.get("name", ""), "the model") * own
     elements = model.findall("joint")
     joints = [joint_in(element, frames, version) for element in elements if element.get("type") != GEARBOX]
     static = is_true(model.findtext("static"), "static")
     _require_still(static, elements)
-    grown = grown_tree(joints, places, stand, fixed=static)
-    couplings = {**grown.couplings, **_gears(elements, frames, version, grown.hung)}
-    kinds = {joint.name: joint.kind for joint in grown.joints}
-    leaders = {joint.name: joint.first for joint in grown.hung}
-    mimics = [replace(mimic, of=leaders.get(mimic.of, mimic.of)) for joint in grown.hung for mimic in joint.mimics]
-    kept, orphans = checked_mimics(mimics, kinds)
+    tree = spanning_tree(joints, places, stand, fixed=static)
+    couplings = {**tree.couplings, **_gears(elements, frames, version, tree.hung)}
+    leaders = {joint.name: joint.first for joint in tree.hung}
+    mimics = [replace(mimic, of=leaders.get(mimic.of, mimic.of)) for joint in tree.hung for mimic in joint.mimics]
+    kept, orphans = checked_mimics(mimics, {joint.name: joint.kind for joint in tree.joints})
     if unread:
         notes.append(f"not read: {counted(unread)}")
-    ends = {joint.child: pin.Inertia.Zero() for joint in grown.joints if joint.child not in bodies}
-    links = {WORLD: pin.Inertia.Zero(), **{name: bodies[name] for name in [*grown.links][1:]}, **ends}
+    ends = {joint.child: pin.Inertia.Zero() for joint in tree.joints if joint.child not in bodies}
+    links = {WORLD: pin.Inertia.Zero(), **{name: bodies[name] for name in tree.links if name != WORLD}, **ends}
     gravity = _gravity(root, version, notes)
     return Tree(
-        model.get("name", ""), links, tuple(grown.joints), kept, gravity, (*defects, *orphans),
-        (*notes, *grown.notes), grown.loops, couplings,
+        model.get("name", ""), links, tuple(tree.joints), kept, gravity, (*defects, *orphans),
+        (*notes, *tree.notes), tree.loops, couplings,
     )  # fmt: skip
 
 
@@ -77,17 +77,14 @@ def _gravity(root: Element, version: tuple[int, int], notes: list[str]) -> Array
     """Return the gravity of the world [m/s^2], shape (3,); ``None`` for a model without one.
 
     Before version 1.6 it is an element of ``<physics>``. A world that says nothing has that of the format.
-
-    Raises:
-        ModelError: It is no vector, or several engines have different ones.
     """
     world = root.find("world")
     if world is None:
         return None
-    engines = {" ".join(text.split()) for text in map(_text_of_gravity, world.findall("physics")) if text}
+    engines = {" ".join(text.split()) for part in world.findall("physics") if (text := text_of(part, "gravity"))}
     if engines and version >= (1, 6):
         notes.append("the <gravity> in <physics> is not read: from version 1.6 on it stands in the <world>")
-    given = _text_of_gravity(world)
+    given = text_of(world, "gravity")
     if not given and version < (1, 6):
         if len(engines) > 1:
             raise ModelError(f"the <physics> of the world have several gravities: {'; '.join(sorted(engines))}",
@@ -95,26 +92,18 @@ def _gravity(root: Element, version: tuple[int, int], notes: list[str]) -> Array
         given = next(iter(engines), "")
     if not given:
         notes.append(f"the world has no <gravity>, and by the format {GRAVITY} m/s^2")
-    return numbers_of(given or GRAVITY, 3, "gravity")
-
-
-def _text_of_gravity(element: Element) -> str:
-    return (element.findtext("gravity") or "").strip()
+    return numbers(given or GRAVITY, 3, "gravity")
 
 
 def _gears(
     elements: Sequence[Element], frames: Frames, version: tuple[int, int], hung: Sequence[SdfJoint]
-) -> dict[str, CouplingDefinition]:
+) -> dict[str, Gear]:
     """Return the gears that the gearboxes of a model are, by name."""
-    boxes = [element for element in elements if element.get("type") == GEARBOX]
-    if not boxes:
-        return {}
-    from pinarm.mechanics.loading.sdf.gearboxes import Hinge, gear_of
-
     hinges = [
         Hinge(joint.name, joint.parent, joint.child, joint.place.rotation @ joint.steps[0].axis)
         for joint in hung if joint.kind in ("revolute", "continuous")
     ]  # fmt: skip
+    boxes = [element for element in elements if element.get("type") == GEARBOX]
     return {str(box.get("name")): gear_of(box, frames, version, hinges) for box in boxes}
 
 
@@ -171,18 +160,8 @@ def _require_still(static: bool, joints: Sequence[Element]) -> None:
                          hint="without <static>, and a fixed joint from the world to its base")  # fmt: skip
 
 
-def _reference(model: Element, frames: Frames) -> pin.SE3:
-    """Return the model's frame in what its pose places: the model itself, or its ``placement_frame``."""
-    placed = model.get("placement_frame")
-    return frames.placement(placed, "placement_frame").inverse() if placed else pin.SE3.Identity()
-
-
 def _inertia(link: Element, defects: list[str], notes: list[str]) -> pin.Inertia:
-    """Return the inertia of a link about its frame; 1 kg and 1 kg*m^2 where the file gives none, as the format has it.
-
-    Raises:
-        ModelError: The mass is negative, or to be computed from collision shapes.
-    """
+    """Return the inertia of a link about its frame; 1 kg and 1 kg*m^2 where the file gives none."""
     where, inertial = f"link '{link.get('name')}'", link.find("inertial")
     if not is_true(link.findtext("gravity"), f"{where}: gravity", default=True):
         notes.append(f"{where}: gravity acts on it, though the model switches it off")
@@ -194,15 +173,13 @@ def _inertia(link: Element, defects: list[str], notes: list[str]) -> pin.Inertia
     elif missing := [tag for tag in ("mass", *(f"inertia/{key}" for key in MOMENTS)) if not inertial.findtext(tag)]:
         given = "1 kg" if missing == ["mass"] else "1 kg*m^2" if "mass" not in missing else "1 kg and 1 kg*m^2"
         notes.append(f"{where}: its <inertial> has no {', '.join(missing)}, and by the format {given}")
-    mass = number_in(inertial, "mass", 1.0, where)
-    if mass < 0.0:
-        raise ModelError(f"{where}: the mass is negative ({mass:g} kg)")
-    xx, yy, zz = (number_in(inertial, f"inertia/{key}", 1.0, where) for key in MOMENTS)
-    xy, xz, yz = (number_in(inertial, f"inertia/{key}", 0.0, where) for key in ("ixy", "ixz", "iyz"))
-    moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    diagonal = [number_in(inertial, f"inertia/{key}", 1.0, where) for key in MOMENTS]
+    moments = symmetric(
+        *diagonal, *(number_in(inertial, f"inertia/{key}", 0.0, where) for key in ("ixy", "ixz", "iyz"))
+    )
     if wrong := inertia_defect(moments):
         defects.append(f"{where}: {wrong}")
     base, place = ("", pin.SE3.Identity()) if inertial is None else pose_of(inertial, "", f"{where}: inertial")
     if base:
         raise ModelError(f"{where}: the pose of its inertia is relative to '{base}'", expected="the link itself")
-    return inertia(mass, place.translation, place.rotation @ moments @ place.rotation.T)
+    return body_inertia(number_in(inertial, "mass", 1.0, where), place, moments, where)

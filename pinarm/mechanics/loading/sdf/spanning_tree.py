@@ -1,4 +1,4 @@
-"""The tree of joints of an SDF model, and the joints that close its loops.
+"""The spanning tree of the joints of an SDF model, and the joints that close its loops.
 
 Joints are taken in the order of the file, from the world outwards. A joint between links that both hang in the tree
 already closes a loop; one that leads from a link to its own parent is turned round, and keeps its coordinate. A model
@@ -7,18 +7,17 @@ that no joint ties to the world floats.
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from heapq import heappop, heappush
+from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING
 
-import numpy as np
 import pinocchio as pin
 
 from pinarm.errors import listed
-from pinarm.mechanics.loading.model_tree import Kind, TreeJoint, check_unique
+from pinarm.mechanics.loading.model_tree import TreeJoint, depth_first
+from pinarm.mechanics.loading.sdf.frames import WORLD
 from pinarm.mechanics.loading.sdf.joints import SdfJoint
-from pinarm.mechanics.loading.sdf.poses import WORLD
 
 if TYPE_CHECKING:
     from pinarm.mechanics.couplings.kinds import CouplingDefinition
@@ -34,14 +33,14 @@ class SpanningTree:
 
     Attributes:
         links: Links that hang in it already, the world first.
-        joints: Simple joints and frames in their order.
+        joints: Simple joints and frames, depth-first.
         hung: The joints of the file that they are made of.
         loops: Joints that close loops.
         couplings: Threads of the screws, by name of the joint.
         notes: What is modelled differently, in words.
     """
 
-    links: dict[str, None] = field(default_factory=lambda: {WORLD: None})
+    links: dict[str, None] = field(default_factory=dict)
     joints: list[TreeJoint] = field(default_factory=list)
     hung: list[SdfJoint] = field(default_factory=list)
     loops: dict[str, Loop] = field(default_factory=dict)
@@ -61,13 +60,14 @@ class SpanningTree:
             self.couplings[joint.name] = Screw(joints=(joint.name, f"{joint.name}.slide"), lead=joint.lead)
         return child
 
-    def close(self, joint: SdfJoint, placed: Mapping[str, pin.SE3]) -> None:
-        """Add a loop joint, between frames on both of its links."""
-        frames, self.loops[joint.name] = joint.closing(placed)
-        self.joints += frames
+    def free(self, link: str, place: pin.SE3, *, fixed: bool) -> None:
+        """Let a link float in the world, or hold it."""
+        floating = any(joint.kind == "floating" for joint in self.joints)
+        name = f"{link}_free" if floating else FREE
+        self.joints.append(TreeJoint(name, "fixed" if fixed else "floating", WORLD, link, place))
 
 
-def grown_tree(
+def spanning_tree(
     joints: Sequence[SdfJoint], places: Mapping[str, pin.SE3], stand: pin.SE3, *, fixed: bool
 ) -> SpanningTree:
     """Return the tree of joints, and loop joints for those that it does not need.
@@ -82,75 +82,32 @@ def grown_tree(
         ModelError: A universal joint whose axes are not at right angles closes a loop, or two parts of the tree have
             the same name.
     """
-    tree, waiting = SpanningTree(), _Waiting(joints, WORLD)
-    placed = {WORLD: stand.inverse(), **places}
+    tree, placed = SpanningTree(), {WORLD: stand.inverse(), **places}
+    at: dict[str, list[tuple[bool, int]]] = {}
+    for number, joint in enumerate(joints):
+        at.setdefault(joint.parent, []).append((False, number))  # outwards comes first
+        at.setdefault(joint.child, []).append((True, number))
     carried = {joint.child for joint in joints}
-    order = iter([*(link for link in places if link not in carried), *places])
-    while True:
-        while (joint := waiting.next(tree.links)) is not None:
-            waiting.reach(tree.hang(joint, placed))
-        loose = next((link for link in order if link not in tree.links), None)
-        if loose is None:
-            break
-        name = FREE if not any(joint.kind == "floating" for joint in tree.joints) else f"{loose}_free"
-        kind: Kind = "fixed" if fixed else "floating"
-        tree.joints.append(TreeJoint(name, kind, WORLD, loose, stand * places[loose], np.array([0.0, 0.0, 1.0])))
-        tree.links[loose] = None
-        waiting.reach(loose)
+    for root in (WORLD, *(link for link in places if link not in carried), *places):
+        if root in tree.links:
+            continue
+        if root != WORLD:
+            tree.free(root, stand * places[root], fixed=fixed)
+        tree.links[root] = None
+        heapify(ready := [*at.get(root, ())])
+        while ready:
+            joint = joints[heappop(ready)[1]]
+            if not {joint.parent, joint.child} <= tree.links.keys():
+                for item in at[tree.hang(joint, placed)]:
+                    heappush(ready, item)
     hung = {joint.name for joint in tree.hung}
     for joint in joints:
         if joint.name not in hung:
-            tree.close(joint, placed)
+            frames, tree.loops[joint.name] = joint.closing(placed)
+            tree.joints += frames
     tree.notes += _notes(tree, joints)
-    check_unique(WORLD, tree.joints)
-    tree.joints = _depth_first(tree.joints)
+    tree.joints = [*depth_first(WORLD, tree.joints)]
     return tree
-
-
-def _depth_first(joints: list[TreeJoint]) -> list[TreeJoint]:
-    """Return the joints with those beyond each next to it, as Pinocchio's algorithms need them."""
-    beyond: dict[str, list[TreeJoint]] = {}
-    for joint in reversed(joints):
-        beyond.setdefault(joint.parent, []).append(joint)
-    ordered, waiting = list[TreeJoint](), [*beyond.get(WORLD, [])]
-    while waiting:
-        joint = waiting.pop()
-        ordered.append(joint)
-        waiting += beyond.get(joint.child, [])
-    return ordered
-
-
-class _Waiting:
-    """Joints that may hang in a tree next: those of the links that have been reached, in the order of the file.
-
-    Args:
-        joints: All joints of the file.
-        root: The link that is reached first.
-    """
-
-    def __init__(self, joints: Sequence[SdfJoint], root: str) -> None:
-        self._joints = joints
-        self._of: dict[str, tuple[list[int], list[int]]] = {}
-        for number, joint in enumerate(joints):
-            for end, link in enumerate((joint.parent, joint.child)):
-                self._of.setdefault(link, ([], []))[end].append(number)
-        self._ready: tuple[list[int], list[int]] = ([], [])
-        self.reach(root)
-
-    def reach(self, link: str) -> None:
-        """Add the joints of a link: those that lead from it outwards, and those that lead to it inwards."""
-        for ready, numbers in zip(self._ready, self._of.get(link, ([], [])), strict=True):
-            for number in numbers:
-                heappush(ready, number)
-
-    def next(self, links: Container[str]) -> SdfJoint | None:
-        """Return the first joint to a link that is not among those of the tree, outwards before inwards."""
-        for ready in self._ready:
-            while ready:
-                joint = self._joints[heappop(ready)]
-                if joint.parent not in links or joint.child not in links:
-                    return joint
-        return None
 
 
 def _notes(tree: SpanningTree, joints: Sequence[SdfJoint]) -> Iterator[str]:

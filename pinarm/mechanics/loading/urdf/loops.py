@@ -14,20 +14,21 @@ Sources: M. Chignoli, J.-J. Slotine, P. Wensing, S. Kim, *URDF+: An Enhanced URD
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element
 
-import numpy as np
 import pinocchio as pin
 
 from pinarm.errors import ModelError, choices, listed
-from pinarm.mechanics.loading.model_tree import Tree, TreeJoint
-from pinarm.mechanics.loading.sdf.gearboxes import Hinge, gear_of
-from pinarm.mechanics.loading.sdf.joints import GEARBOX, joint_in
-from pinarm.mechanics.loading.sdf.poses import MODEL, Frames, pose_of, text_of
-from pinarm.mechanics.loading.urdf.elements import axis_of, number_of, placement_of
-from pinarm.mechanics.loading.urdf.names import gazebo_joints
+from pinarm.input.xml_names import check_names, meant_by
+from pinarm.mechanics.loading.model_tree import Tree, TreeJoint, tied_frames
+from pinarm.mechanics.loading.sdf.frames import MODEL, Frames, pose_of, text_of
+from pinarm.mechanics.loading.sdf.joints import GEARBOX, Hinge, gear_of, joint_in
+from pinarm.mechanics.loading.sdf.names import SDF
+from pinarm.mechanics.loading.values import axis_of, number, placement_of, text_in
 from pinarm.records import replace
 
 if TYPE_CHECKING:
@@ -40,6 +41,9 @@ KINDS: Mapping[str, str] = {
 }  # fmt: skip
 """Type of a ``<loop>`` or ``<loop_joint>`` -> kind of loop joint."""
 
+ENDS = (("predecessor",), ("successor", "sucessor"))
+"""Tags of the ends of a loop or coupling; exporters also write ``sucessor``."""
+
 VERSION = (1, 7)
 """Version of SDF in whose meaning joints in ``<gazebo>`` are read: axes in the axes of the joint."""
 
@@ -51,9 +55,9 @@ def with_loops(tree: Tree, robot: Element) -> Tree:
         ModelError: One has no name or that of another part, a link does not exist, or a number, axis or type is
             invalid.
     """
-    closed = _Closed(tree, robot)
+    closed = _Closed(tree)
     for element in robot.findall("loop"):
-        ends = [_end(element, tags) for tags in (("predecessor",), ("successor", "sucessor"))]
+        ends = [_end(element, tags) for tags in ENDS]
         closed.close(element, [(_link(end), end.find("origin")) for end in ends])
     for element in robot.findall("loop_joint"):
         ends = [end for end in element if end.tag in ("link1", "link2")]  # Isaac's own example has two link1
@@ -62,8 +66,9 @@ def with_loops(tree: Tree, robot: Element) -> Tree:
         closed.close(element, [(_link(end), end) for end in ends])
     for element in robot.findall("coupling"):
         closed.couple(element)
-    for element in gazebo_joints(robot):
-        closed.add_joint_of_sdf(element)
+    for gazebo in robot.findall("gazebo"):
+        for element in gazebo.findall("joint") if not gazebo.get("reference") else ():
+            closed.add_joint_of_sdf(element)
     frames = {joint.child: pin.Inertia.Zero() for joint in closed.frames}
     return replace(
         tree, links={**tree.links, **frames}, joints=(*tree.joints, *closed.frames), loops=closed.loops,
@@ -71,26 +76,23 @@ def with_loops(tree: Tree, robot: Element) -> Tree:
     )  # fmt: skip
 
 
+@dataclass
 class _Closed:
     """Loops and couplings of a tree while they are read.
 
     Attributes:
         frames: Frames that are tied, as joints that fix them to links.
-        loops: Joints that close loops.
-        couplings: Couplings.
         idle: Joints whose limits, damping, friction and springs are not modelled.
-        remarks: Further notes.
+        foreign: Joints of Gazebo between links that the model does not have.
     """
 
-    def __init__(self, tree: Tree, robot: Element) -> None:
-        self.frames: list[TreeJoint] = []
-        self.loops: dict[str, Loop] = {}
-        self.couplings: dict[str, CouplingDefinition] = {}
-        self.idle: list[str] = []
-        self.remarks: list[str] = []
-        self._tree = tree
-        self._above = {joint.child: joint for joint in tree.joints}
-        self._robot = robot
+    tree: Tree
+    frames: list[TreeJoint] = field(default_factory=list)
+    loops: dict[str, Loop] = field(default_factory=dict)
+    couplings: dict[str, CouplingDefinition] = field(default_factory=dict)
+    idle: list[str] = field(default_factory=list)
+    foreign: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
     def close(self, element: Element, ends: list[tuple[str, Element | None]]) -> None:
         """Add the loop joint of an element between origins in two links."""
@@ -101,11 +103,10 @@ class _Closed:
         if given not in KINDS:
             expected, hint = choices(given, KINDS)
             raise ModelError(f"{where}: its type is '{given}'", expected=expected, hint=hint)
-        between = f"{name}_1", f"{name}_2"
-        for frame, (link, origin) in zip(between, ends, strict=True):
-            self._check(link, where)
-            place = placement_of(origin, f"{where}: origin in '{link}'")
-            self._add_frame(replace(_fixed(frame, link, place), made_for=name), where)
+        places = [(self._known(link, where), placement_of(origin, f"{where}: origin in '{link}'"))
+                  for link, origin in ends]  # fmt: skip
+        frames, between = tied_frames(name, places)
+        self.frames += frames
         kind = LOWER_KINDS[KINDS[given]]
         if issubclass(kind, AxisDefinition):
             x, y, z = axis_of(element.find("axis"), where).tolist()
@@ -118,10 +119,9 @@ class _Closed:
         from pinarm.mechanics.couplings.weighted_sum import WeightedSum
 
         where, name = _where(element), self._named(element)
-        ends = [_link(_end(element, tags)) for tags in (("predecessor",), ("successor", "sucessor"))]
-        ways = [self._way(link, where) for link in ends]
+        ways = [[*self._way(self._known(_link(_end(element, tags)), where))] for tags in ENDS]
         shared = {*ways[0]} & {*ways[1]}
-        ratio = number_of(element.find("ratio"), "value", f"{where}: ratio", default=1.0)
+        ratio = number(text_in(element.find("ratio"), "value"), f"{where}: ratio", 1.0)
         weights = [{joint: weight for joint in way if joint not in shared}
                    for way, weight in zip(ways, (-ratio, 1.0), strict=True)]  # fmt: skip
         if ratio == 0.0 or not all(weights):
@@ -129,9 +129,14 @@ class _Closed:
         self.couplings[name] = WeightedSum(weights={**weights[1], **weights[0]})
 
     def add_joint_of_sdf(self, element: Element) -> None:
-        """Add a joint of SDF, which closes a loop, or a gearbox."""
-        where, name = _where(element), self._named(element)
-        placed = self._placed()
+        """Add a joint of SDF, which closes a loop, or a gearbox; one between links of Gazebo alone is passed over."""
+        check_names(element, SDF)
+        where, name, placed = _where(element), self._named(element), self._placed
+        if strange := [link for end in ("parent", "child") if (link := text_of(element, end)) not in placed]:
+            if meant_by(strange[0], placed):
+                self._known(strange[0], where)
+            self.foreign.append(name)
+            return
         pose = pose_of(element, text_of(element, "child"), where)
         placing = {MODEL: (MODEL, pin.SE3.Identity()), **{link: (MODEL, place) for link, place in placed.items()}}
         frames = Frames({**placing, name: pose}, {link: link for link in placed})
@@ -139,70 +144,59 @@ class _Closed:
             hinges = [
                 Hinge(joint.name, joint.parent, joint.child, placed[joint.parent].rotation @ joint.placement.rotation
                       @ joint.axis)
-                for joint in self._tree.joints if joint.kind == "revolute"
+                for joint in self.tree.joints if joint.kind == "revolute"
             ]  # fmt: skip
             self.couplings[name] = gear_of(element, frames, VERSION, hinges)
             return
         joint = joint_in(element, frames, VERSION)
-        self._check(joint.parent, where)
         made, self.loops[name] = joint.closing(placed)
-        for frame in made:
-            self._add_frame(frame, where)
+        self.frames += made
         self.remarks += joint.notes
-        if joint.active:
-            self.idle.append(name)
+        self.idle += [name] if joint.active else []
 
-    def notes(self) -> list[str]:
-        """Return what was taken, and what of it is not modelled, in words."""
-        notes = [f"closing loops of the tree of joints: {listed('joint', [*self.loops])}"] if self.loops else []
+    def notes(self) -> Iterator[str]:
+        """Yield what was taken, and what of it is not modelled, in words."""
+        if self.loops:
+            yield f"closing loops of the tree of joints: {listed('joint', [*self.loops])}"
         if self.idle:
-            notes.append(f"limits, damping, friction and springs of {listed('joint', self.idle)}, closing loops, are "
-                         "not modelled")  # fmt: skip
-        return [*notes, *self.remarks]
+            names = listed("joint", self.idle)
+            yield f"limits, damping, friction and springs of {names}, closing loops, are not modelled"
+        if self.foreign:
+            yield f"not read, as they join links that only Gazebo has: {listed('joint', self.foreign)}"
+        yield from self.remarks
 
     def _named(self, element: Element) -> str:
         name = element.get("name", "")
-        taken = {*self.loops, *self.couplings, *(joint.name for joint in self._tree.joints)}
+        taken = {*self.loops, *self.couplings, *(joint.name for joint in self.tree.joints)}
         if not name or name in taken:
             raise ModelError(f"two joints have the name '{name}'" if name else f"a <{element.tag}> has no name",
                              expected="a name of its own for each")  # fmt: skip
         return name
 
-    def _check(self, link: str, where: str) -> None:
-        if link not in self._tree.links:
-            expected, hint = choices(link, self._tree.links)
+    def _known(self, link: str, where: str) -> str:
+        if link not in self.tree.links:
+            expected, hint = choices(link, self.tree.links)
             raise ModelError(f"{where}: its link '{link}' does not exist", expected=expected, hint=hint)
+        return link
 
-    def _add_frame(self, frame: TreeJoint, where: str) -> None:
-        if frame.child in self._tree.links or any(frame.child == other.child for other in self.frames):
-            raise ModelError(f"{where}: '{frame.child}', which would be the name of its frame, is a link",
-                             expected="another name for it")  # fmt: skip
-        self.frames.append(frame)
-
-    def _way(self, link: str, where: str) -> list[str]:
-        """Return the joints that move from the root to a link."""
-        self._check(link, where)
-        way = []
-        while (joint := self._above.get(link)) is not None:
+    def _way(self, link: str) -> Iterator[str]:
+        """Yield the joints that move from a link to the root."""
+        above = {joint.child: joint for joint in self.tree.joints}
+        while (joint := above.get(link)) is not None:
             if joint.kind != "fixed":
-                way.append(joint.name)
+                yield joint.name
             link = joint.parent
-        return way
 
+    @cached_property
     def _placed(self) -> dict[str, pin.SE3]:
-        """Return the placement of every link where all joints are at 0, in the axes of the root."""
-        placed = {self._tree.root: pin.SE3.Identity()}
-        for joint in self._tree.joints:
+        """Placement of every link where all joints are at 0, in the axes of the root."""
+        placed = {self.tree.root: pin.SE3.Identity()}
+        for joint in self.tree.joints:
             placed[joint.child] = placed[joint.parent] * joint.placement * joint.offset
         return placed
 
 
-def _fixed(frame: str, link: str, place: pin.SE3) -> TreeJoint:
-    return TreeJoint(f"{frame}_fixed", "fixed", link, frame, place, np.array([0.0, 0.0, 1.0]))
-
-
 def _end(element: Element, tags: tuple[str, ...]) -> Element:
-    """Return an end of a loop or coupling; exporters also write ``sucessor``."""
     ends = [end for end in element if end.tag in tags]
     if len(ends) != 1:
         raise ModelError(f"{_where(element)}: it has {len(ends)} <{tags[0]}>", expected="one")

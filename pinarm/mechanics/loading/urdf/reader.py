@@ -1,29 +1,33 @@
-"""Reader of URDF models; it checks every number: common parsers read a NaN mass as 0 kg, or drop elements."""
+"""Reader of URDF models; it checks every number: common parsers read a NaN mass as 0 kg, or drop elements.
+
+Source: the XML specifications of the ROS package ``urdf``. ``armature``, the joint type ``spherical`` and the elements
+that close loops (``loops``) are extensions.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.errors import ModelError, choices, listed, several
 from pinarm.input.numbers import is_decimal
-from pinarm.input.xml_names import check_names, counted
+from pinarm.input.xml_names import check_names, counted, format_names
 from pinarm.mechanics.loading.model_tree import (
     Bounds,
     Kind,
     Mimic,
     Tree,
     TreeJoint,
+    body_inertia,
     checked_mimics,
-    inertia,
+    depth_first,
     inertia_defect,
 )
-from pinarm.mechanics.loading.urdf.elements import axis_of, number_of, placement_of
-from pinarm.mechanics.loading.urdf.names import closes_loops, urdf_names
+from pinarm.mechanics.loading.values import axis_of, not_negative, number, placement_of, symmetric, text_in
 from pinarm.records import replace
 
 KINDS: Mapping[str, Kind] = {
@@ -32,7 +36,43 @@ KINDS: Mapping[str, Kind] = {
 }  # fmt: skip
 """URDF joint type -> kind; ``continuous`` is revolute without limits, ``spherical`` an extension of URDF."""
 
-Element = ElementTree.Element
+CLOSING = ("loop", "coupling", "loop_joint")
+"""Elements of a robot that close loops or couple joints, beside joints in ``<gazebo>``."""
+
+URDF = format_names({
+    "robot": "name version > link* joint* material- loop* coupling* loop_joint* gazebo-",
+    "link": "name > inertial visual* collision-",
+    "inertial": "> origin mass inertia",
+    "mass": "value",
+    "inertia": "ixx ixy ixz iyy iyz izz iyx izx izy",
+    "origin": "xyz rpy",
+    "visual": "name > origin* geometry* material*",
+    "geometry": "name > box* cylinder* sphere* capsule* mesh*",
+    "box": "size",
+    "cylinder": "radius length",
+    "sphere": "radius",
+    "capsule": "radius length",
+    "mesh": "filename scale",
+    "material": "name > color* texture-",
+    "color": "rgba",
+    "joint": "name type > origin parent child axis limit dynamics mimic calibration- safety_controller-",
+    "parent": "link",
+    "child": "link",
+    "axis": "xyz",
+    "limit": "lower upper effort velocity",
+    "dynamics": "damping friction armature",
+    "mimic": "joint multiplier offset",
+    "loop": "name type > predecessor=end* successor=end* sucessor=end* axis",
+    "coupling": "name > predecessor=end* successor=end* sucessor=end* ratio",
+    "end": "link name > origin",
+    "ratio": "value",
+    "loop_joint": "name type > link1=linked* link2=linked* axis",
+    "linked": "link xyz rpy",
+})  # fmt: skip
+"""Names of URDF; exporters also write ``sucessor``."""
+
+TWINS = {"iyx": "ixy", "izx": "ixz", "izy": "iyz"}
+"""Moments below the diagonal, which may stand beside those above it."""
 
 
 def urdf_tree(robot: Element) -> Tree:
@@ -41,42 +81,30 @@ def urdf_tree(robot: Element) -> Tree:
     Joints are ordered depth-first, those of one link by name, as in Pinocchio's own reader.
 
     Raises:
-        ModelError: A name is none of URDF, an element stands twice, the links and joints form no tree, or a mass, axis
+        ModelError: A name is misprinted, an element stands twice, the links and joints form no tree, or a mass, axis
             or other number is invalid.
     """
-    unread = check_names(robot, urdf_names(robot))
+    unread = check_names(robot, URDF)
     defects: list[str] = []
     notes: list[str] = []
-    links = {name: _inertia(link, name, defects, notes) for name, link in _named(robot, "link").items()}
+    links = {name: _inertia(link, f"link '{name}'", defects, notes) for name, link in _named(robot, "link").items()}
     elements = _named(robot, "joint")
-    joints = {name: _joint(joint, name, links) for name, joint in elements.items()}
+    joints = {name: _joint(joint, name, links, notes) for name, joint in elements.items()}
     root, order = _ordered(links, joints)
     mimics, orphans = checked_mimics([*_mimics(elements)], {name: joint.kind for name, joint in joints.items()})
-    notes += _limit_notes(elements, joints)
-    if locked := [name for name, joint in elements.items() if _is_fixed(joint) and joint.find("mimic") is not None]:
-        notes.append(f"fixed joints follow no other, though they have a <mimic>: {listed('joint', locked)}")
-    if any(float(spring.text or 0) for spring in robot.iter("springStiffness") if is_decimal(spring.text)):
-        notes.append("springs that the model gives to its joints for Gazebo are not modelled")
-    if geared := [*_geared(robot)]:
-        notes.append(f"gears and rotors of transmissions are modelled as 'drives' only: {several(geared)}")
+    notes += [*_unknown_limits(elements, joints), *_unmodelled(robot, elements)]
+    gazebo = [*robot.findall("gazebo")]
+    if others := sum(any(child.tag != "joint" for child in part) or not len(part) for part in gazebo):
+        unread["<gazebo>"] = others
     if unread:
         notes.append(f"not read: {counted(unread)}")
     bodies = {root: links[root], **{joint.child: links[joint.child] for joint in order}}
     tree = Tree(robot.get("name", ""), bodies, order, mimics, None, (*defects, *orphans), tuple(notes))
-    if not closes_loops(robot):
+    if not any(robot.find(tag) is not None for tag in CLOSING) and all(part.find("joint") is None for part in gazebo):
         return tree
     from pinarm.mechanics.loading.urdf.loops import with_loops
 
     return with_loops(tree, robot)
-
-
-def _geared(robot: Element) -> Iterator[str]:
-    """Yield the names of the transmissions with a gear ratio or a rotor inertia."""
-    idle = {"mechanicalReduction": 1.0, "motorInertia": 0.0}
-    for transmission in robot.findall("transmission"):
-        if any(element.tag in idle and is_decimal(element.text) and abs(float(element.text or 0)) != idle[element.tag]
-               for element in transmission.iter()):  # fmt: skip
-            yield transmission.get("name", "without name")
 
 
 def _named(robot: Element, tag: str) -> dict[str, Element]:
@@ -91,96 +119,118 @@ def _named(robot: Element, tag: str) -> dict[str, Element]:
     return elements
 
 
-def _inertia(link: Element, name: str, defects: list[str], notes: list[str]) -> pin.Inertia:
-    where, inertial = f"link '{name}'", link.find("inertial")
+def _inertia(link: Element, where: str, defects: list[str], notes: list[str]) -> pin.Inertia:
+    inertial = link.find("inertial")
     if inertial is None:
         return pin.Inertia.Zero()
-    mass = number_of(inertial.find("mass"), "value", f"{where}: mass")
-    if mass < 0.0:
-        raise ModelError(f"{where}: the mass is negative ({mass:g} kg)")
+    mass = number(text_in(inertial.find("mass"), "value"), f"{where}: mass")
     place = placement_of(inertial.find("origin"), f"{where}: origin of the inertia")
     element = inertial.find("inertia")
     if element is None:
         notes.append(f"{where}: it has a mass but no <inertia>, and is taken for a point mass")
-        return inertia(mass, place.translation, np.zeros((3, 3)))
-    xx, yy, zz = (number_of(element, key, f"{where}: {key}") for key in ("ixx", "iyy", "izz"))
-    xy, xz, yz = (number_of(element, key, f"{where}: {key}", default=0.0) for key in ("ixy", "ixz", "iyz"))
-    moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        return body_inertia(mass, place, np.zeros((3, 3)), where)
+    diagonal = [number(element.get(key), f"{where}: {key}") for key in ("ixx", "iyy", "izz")]
+    moments = symmetric(*diagonal, *(_product(element, key, twin, where) for twin, key in TWINS.items()))
     if wrong := inertia_defect(moments):
         defects.append(f"{where}: {wrong}")
-    return inertia(mass, place.translation, place.rotation @ moments @ place.rotation.T)
+    return body_inertia(mass, place, moments, where)
 
 
-def _joint(joint: Element, name: str, links: Mapping[str, Any]) -> TreeJoint:
+def _product(element: Element, key: str, twin: str, where: str) -> float:
+    """Return a moment beside the diagonal; its twin, if there is one, is the same."""
+    value = number(element.get(key), f"{where}: {key}", 0.0)
+    if number(element.get(twin), f"{where}: {twin}", value) != value:
+        raise ModelError(f"{where}: {twin} is not {key}", expected="a symmetric matrix of inertia")
+    return value
+
+
+def _joint(joint: Element, name: str, links: Mapping[str, Any], notes: list[str]) -> TreeJoint:
     where, given = f"joint '{name}'", joint.get("type", "")
     if given not in KINDS:
         expected, hint = choices(given, KINDS)
         raise ModelError(f"{where}: its type is '{given}'", expected=expected, hint=hint)
     parent, child = (_end(joint, end, where, links) for end in ("parent", "child"))
     placement = placement_of(joint.find("origin"), f"{where}: origin")
-    plain = TreeJoint(name, KINDS[given], parent, child, placement, np.array([1.0, 0.0, 0.0]))
+    x = np.array([1.0, 0.0, 0.0])
+    plain = TreeJoint(name, KINDS[given], parent, child, placement, x)
     if plain.kind == "fixed":
         return plain
-    damping, friction, armature = (
-        _not_negative(joint.find("dynamics"), key, where) for key in ("damping", "friction", "armature")
-    )
-    axis = axis_of(joint.find("axis"), where)
-    return replace(plain, axis=axis, bounds=_bounds(joint, where), damping=damping, friction=friction,
-                   armature=armature)  # fmt: skip
+    passive = {key: not_negative(text_in(joint.find("dynamics"), key), f"{where}: its {key}")
+               for key in ("damping", "friction", "armature")}  # fmt: skip
+    axis = x if plain.kind in ("floating", "ball") else axis_of(joint.find("axis"), where)
+    return replace(plain, axis=axis, bounds=_bounds(joint, where, notes), **passive)
 
 
 def _end(joint: Element, end: str, where: str, links: Mapping[str, Any]) -> str:
-    element = joint.find(end)
-    link = element.get("link", "") if element is not None else ""
+    link = text_in(joint.find(end), "link") or ""
     if link not in links:
         expected, hint = choices(link, links)
         raise ModelError(f"{where}: its {end} link '{link}' does not exist", expected=expected, hint=hint)
     return link
 
 
-def _bounds(joint: Element, where: str) -> Bounds:
+def _bounds(joint: Element, where: str, notes: list[str]) -> Bounds:
     """Return the limits; an effort, velocity or range of 0 means unknown: exporters write it so."""
     limit = joint.find("limit")
-    effort, velocity = (_not_negative(limit, key, where, "limit of ") or np.inf for key in ("effort", "velocity"))
+    effort, velocity = (not_negative(text_in(limit, key), f"{where}: its limit of {key}") or np.inf
+                        for key in ("effort", "velocity"))  # fmt: skip
     if joint.get("type") not in ("revolute", "prismatic"):
         return Bounds(effort=effort, velocity=velocity)
-    lower, upper = (number_of(limit, key, f"{where}: {key} limit", default=0.0) for key in ("lower", "upper"))
+    lower, upper = (number(text_in(limit, key), f"{where}: {key} limit", 0.0) for key in ("lower", "upper"))
     if lower > upper:
-        raise ModelError(f"{where}: its limits are {lower:g} to {upper:g}", expected="the lower one first")
-    if lower == upper == 0.0:
+        notes.append(f"{where}: its limits {lower:g} to {upper:g} are none: the lower one is above the upper one")
+    if lower > upper or lower == upper == 0.0:
         lower, upper = -np.inf, np.inf
     return Bounds(lower, upper, velocity, effort)
 
 
-def _limit_notes(elements: Mapping[str, Element], joints: Mapping[str, TreeJoint]) -> list[str]:
-    """Return one note for each kind of limit that is 0 or missing."""
+def _unknown_limits(elements: Mapping[str, Element], joints: Mapping[str, TreeJoint]) -> Iterator[str]:
+    """Yield one note for each kind of limit that is 0 or missing."""
     missing: dict[str, list[str]] = {"position": [], "effort": [], "velocity": []}
     for name, joint in joints.items():
         limit = None if joint.kind == "fixed" else elements[name].find("limit")
-        if elements[name].get("type") in ("revolute", "prismatic") and joint.bounds.lower == -np.inf:
+        given = [text_in(limit, key) for key in ("lower", "upper")]
+        bounded = elements[name].get("type") in ("revolute", "prismatic")
+        if bounded and joint.bounds.lower == -np.inf and all(float(text or 0) == 0.0 for text in given):
             missing["position"].append(name)
         for key in ("effort", "velocity"):
-            if limit is not None and limit.get(key) is not None and getattr(joint.bounds, key) == np.inf:
+            if text_in(limit, key) is not None and getattr(joint.bounds, key) == np.inf:
                 missing[key].append(name)
-    return [f"{key} limits of 0, or none, are taken for unknown: {listed('joint', names)}"
-            for key, names in missing.items() if names]  # fmt: skip
+    for key, names in missing.items():
+        if names:
+            yield f"{key} limits of 0, or none, are taken for unknown: {listed('joint', names)}"
+
+
+def _unmodelled(robot: Element, elements: Mapping[str, Element]) -> Iterator[str]:
+    """Yield notes on what moves a robot in other programs."""
+    if locked := [name for name, joint in elements.items() if _is_fixed(joint) and joint.find("mimic") is not None]:
+        yield f"fixed joints follow no other, though they have a <mimic>: {listed('joint', locked)}"
+    if any(float(spring.text or 0) for spring in robot.iter("springStiffness") if is_decimal(spring.text)):
+        yield "springs that the model gives to its joints for Gazebo are not modelled"
+    idle = {"mechanicalReduction": 1.0, "motorInertia": 0.0}
+    geared = [
+        transmission.get("name", "without name") for transmission in robot.findall("transmission")
+        if any(part.tag in idle and is_decimal(part.text) and abs(float(part.text or 0)) != idle[part.tag]
+               for part in transmission.iter())
+    ]  # fmt: skip
+    if geared:
+        yield f"gears and rotors of transmissions are modelled as 'drives' only: {several(geared)}"
 
 
 def _is_fixed(joint: Element) -> bool:
     return joint.get("type") == "fixed"
 
 
-def _mimics(elements: Mapping[str, Element]) -> Iterable[Mimic]:
+def _mimics(elements: Mapping[str, Element]) -> Iterator[Mimic]:
     for name, joint in elements.items():
-        mimic = joint.find("mimic")
+        mimic, where = joint.find("mimic"), f"joint '{name}': mimic"
         if mimic is None or _is_fixed(joint):  # a joint that exporters lock often keeps its <mimic>
             continue
-        where = f"joint '{name}': mimic"
         if joint.get("type") not in ("revolute", "continuous", "prismatic"):
             raise ModelError(f"joint '{name}' mimics another, but is {joint.get('type')}",
                              expected="a joint with one coordinate")  # fmt: skip
-        multiplier = number_of(mimic, "multiplier", f"{where}: multiplier", default=1.0)
-        offset = number_of(mimic, "offset", f"{where}: offset", default=0.0)
+        multiplier = number(mimic.get("multiplier"), f"{where}: multiplier", 1.0)
+        offset = number(mimic.get("offset"), f"{where}: offset", 0.0)
         yield Mimic(name, mimic.get("joint", ""), multiplier, offset)
 
 
@@ -191,36 +241,16 @@ def _ordered(links: Mapping[str, Any], joints: Mapping[str, TreeJoint]) -> tuple
         ModelError: A link has two parents, there is not exactly one root, or joints form a cycle.
     """
     carried: dict[str, str] = {}
-    below: dict[str, list[TreeJoint]] = {name: [] for name in links}
-    for name in sorted(joints, reverse=True):
-        joint = joints[name]
-        if joint.child in carried:
+    for name in sorted(joints):
+        if (other := carried.setdefault(child := joints[name].child, name)) != name:
             raise ModelError(
-                f"link '{joint.child}' is carried by two joints, '{carried[joint.child]}' and '{name}'",
+                f"link '{child}' is carried by two joints, '{other}' and '{name}'",
                 expected="a tree: a loop is cut at one joint and closed by <loop>, or in the mechanism file",
             )
-        carried[joint.child] = name
-        below[joint.parent].append(joint)
     roots = [name for name in links if name not in carried]
     if len(roots) != 1:
         raise ModelError(
             f"the model has {len(roots)} links that no joint carries{': ' if roots else ''}{', '.join(roots[:6])}",
             expected="one, from which all others hang",
         )
-    ordered, waiting = [], [*below[roots[0]]]
-    while waiting:
-        joint = waiting.pop()
-        ordered.append(joint)
-        waiting += below[joint.child]
-    if len(ordered) < len(joints):
-        lost = sorted(set(joints) - {joint.name for joint in ordered})
-        verb = "hang" if len(lost) > 1 else "hangs"
-        raise ModelError(f"the {listed('joint', lost)} {verb} in a circle", expected="a tree")
-    return roots[0], tuple(ordered)
-
-
-def _not_negative(element: Element | None, key: str, where: str, what: str = "") -> float:
-    value = number_of(element, key, f"{where}: {what}{key}", default=0.0)
-    if value < 0.0:
-        raise ModelError(f"{where}: its {what}{key} is negative")
-    return value
+    return roots[0], depth_first(roots[0], [joints[name] for name in sorted(joints)])

@@ -172,9 +172,10 @@ def test_limits_may_be_infinite(word):
         "</xyz></axis>", f"</xyz>{limit}</axis>")).model  # fmt: skip
     bounds = (-model.lowerPositionLimit, model.upperPositionLimit, model.effortLimit, model.velocityLimit)
     assert all(np.isposinf(bound).all() for bound in bounds)
-    with pytest.raises(ModelError, match="its limits are inf to inf"):
-        build_model(sdf(link("a"), joint("j", "world", "a")).replace(
-            "</xyz></axis>", "</xyz><limit><lower>inf</lower></limit></axis>"))  # fmt: skip
+    turned = build_model(sdf(link("a"), joint("j", "world", "a")).replace(
+        "</xyz></axis>", "</xyz><limit><lower>2</lower><upper>1</upper></limit></axis>"))  # fmt: skip
+    assert np.isposinf(turned.model.upperPositionLimit).all()
+    assert "joint 'j': its limits 2 to 1 are none: the lower one is above the upper one" in turned.notes
 
 
 WHEELS = link("base"), link("one"), link("two"), joint("A", "base", "one"), joint("B", "base", "two", axis="0 1 0")

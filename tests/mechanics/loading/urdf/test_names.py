@@ -62,7 +62,7 @@ def test_extensions_of_others_are_listed_as_not_read(mechanism: Callable[..., Me
         '<ros2_control name="c" type="system"/><drake_acceleration/><d:joint xmlns:d="http://drake"/>'
     )
     notes = mechanism(ARM.replace("</robot>", others + "</robot>")).notes
-    listed = "not read: <drake_acceleration>, <gazebo> (2), <ros2_control>, <transmission>, <{http://drake}joint>"
+    listed = "not read: <d:joint>, <drake_acceleration>, <gazebo> (2), <ros2_control>, <transmission>"
     assert [note for note in notes if note.startswith("not read")] == [listed]
 
 
@@ -70,9 +70,28 @@ def test_a_file_of_urdf_alone_has_no_such_note(mechanism: Callable[..., Mechanis
     assert not [note for note in mechanism(ARM).notes if note.startswith("not read")]
 
 
-def test_elements_with_a_namespace_are_listed_as_not_read(mechanism: Callable[..., Mechanism]) -> None:
-    bushing = '<drake:linear_bushing_rpy xmlns:drake="http://drake.mit.edu"/>'
-    notes = mechanism(ARM.replace("</robot>", bushing + "</robot>")).notes
-    assert any("not read: <{http://drake.mit.edu}linear_bushing_rpy>" in note for note in notes)
-    notes = mechanism(ARM.replace("<inertial>", '<inertial xmlns="x">')).notes
-    assert any("not read: <{x}inertial>" in note for note in notes)
+def test_names_with_a_prefix_are_of_others_declared_or_not(mechanism: Callable[..., Mechanism], tmp_path) -> None:
+    """As urdfdom takes them; a saved result is read again."""
+    text = ARM.replace("</robot>", "<drake:linear_bushing_rpy/></robot>").replace("<link name", '<link d:x="1" name')
+    bushed = mechanism(text.replace("<inertial>", '<inertial xmlns="x">'))
+    assert "not read: <drake:linear_bushing_rpy>" in bushed.notes
+    assert bushed.model.inertias[1].mass == 2.0
+    assert "drake" not in bushed.xml
+
+
+def test_what_is_in_known_elements_and_has_no_meaning_is_listed(mechanism: Callable[..., Mechanism]) -> None:
+    """Stray names at every level, moments below the diagonal, axes of joints that have none."""
+    text = ARM.replace("<mass ", "<density/><mass unit='kg' ").replace('iyz="0"', 'iyz="0" iyx="0" izx="0.0" izy="0"')
+    free = (
+        '<link name="f"/><joint name="w" type="fixed"><parent link="arm"/><child link="f"/><axis xyz="0 0 0"/></joint>'
+    )
+    notes = mechanism(text.replace("</robot>", free + "</robot>")).notes
+    assert "not read: <density>, unit of <mass>" in notes
+    with pytest.raises(ModelError, match="link 'arm': iyx is not ixy"):
+        mechanism(text.replace('iyx="0"', 'iyx="1"'))
+
+
+def test_joints_between_links_of_gazebo_alone_are_listed(mechanism: Callable[..., Mechanism]) -> None:
+    held = "<gazebo><joint name='g' type='fixed'><parent>world</parent><child>base</child></joint></gazebo>"
+    notes = mechanism(ARM.replace("</robot>", held + "</robot>")).notes
+    assert "not read, as they join links that only Gazebo has: joint g" in notes

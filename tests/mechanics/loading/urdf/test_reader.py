@@ -73,11 +73,12 @@ def test_nothing_is_said_on_the_users_terminal(chain, capfd):
         ("<inertial>", "<inertial/><inertial>", "link 'arm_link': it has 2 <inertial>"),
         ('ixx="0.1" ', "", "link 'arm_link': ixx is missing"),
         ('type="continuous"', 'type="universal"', "joint 'arm': its type is 'universal'"),
-        (LIMIT, '<limit effort="-1" velocity="1"/>', "joint 'arm': its limit of effort is negative"),
-        (LIMIT, '<limit effort="1" velocity="nan"/>', "joint 'arm': limit of velocity: 'nan' is not a finite number"),
-        ('mass value="2.0"', 'mass value="2_0"', "link 'arm_link': mass: '2_0' is not a number"),
+        (LIMIT, '<limit effort="-1" velocity="1"/>', "joint 'arm': its limit of effort is negative (-1)"),
+        (LIMIT, '<limit effort="1" velocity="nan"/>',
+         "joint 'arm': its limit of velocity: 'nan' is not a finite number"),
+        ('mass value="2.0"', 'mass value="2_0"', "link 'arm_link': mass: '2_0' is not a finite number"),
         ("</robot>", '<joint name="arm2" type="fixed"><parent link="base"/><child link="arm_link"/></joint></robot>',
-         "link 'arm_link' is carried by two joints, 'arm2' and 'arm'"),
+         "link 'arm_link' is carried by two joints, 'arm' and 'arm2'"),
         ("</robot>", '<joint name="back" type="fixed"><parent link="arm_link"/><child link="base"/></joint></robot>',
          "the model has 0 links that no joint carries"),
         ("</robot>", '<link name="a"/><link name="b"/><joint name="ab" type="fixed"><parent link="a"/><child link="b"/>'
@@ -91,9 +92,10 @@ def test_what_is_no_tree_of_bodies_is_refused(chain, part, broken, message):
     assert refusal(xml.replace(part, broken, 1)).message == message
 
 
-def test_limits_the_wrong_way_round_are_refused(chain):
-    xml = chain({**ARM, "kind": "revolute"}).replace('lower="-1000"', 'lower="2000"')
-    assert refusal(xml).message == "joint 'arm': its limits are 2000 to 1000"
+def test_limits_the_wrong_way_round_are_none(chain):
+    robot = build_model(chain({**ARM, "kind": "revolute"}).replace('lower="-1000"', 'lower="2000"'))
+    assert (robot.model.lowerPositionLimit[0], robot.model.upperPositionLimit[0]) == (-np.inf, np.inf)
+    assert "joint 'arm': its limits 2000 to 1000 are none: the lower one is above the upper one" in robot.notes
 
 
 def test_a_mass_without_inertia_is_a_point_and_is_noted(chain):
@@ -209,9 +211,9 @@ class TestBase:
 
     def test_needs_its_names(self, chain):
         taken = chain({**ARM, "name": "root"})
-        with pytest.raises(ModelError, match="a joint 'root', which is the name"):
+        with pytest.raises(ModelError, match="two joints have the name 'root': a part of 'base: floating'"):
             build_model(taken, base="floating")
-        with pytest.raises(ModelError, match="a link 'world', which is the name"):
+        with pytest.raises(ModelError, match="have the name 'world': the root, 'world', and what joint"):
             build_model(chain(ARM).replace("arm_link", "world"), base="floating")
 
     def test_with_a_mass_is_the_base_itself(self, chain):

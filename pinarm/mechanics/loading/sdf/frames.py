@@ -6,7 +6,6 @@ attached to, unless ``relative_to`` says another frame.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TypeVar
@@ -15,9 +14,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, unit
 from pinarm.errors import ModelError, choices
-from pinarm.input.numbers import decimal
+from pinarm.mechanics.loading.values import number, numbers, rotation
 
 MODEL = "__model__"
 """Name of the frame of the model."""
@@ -28,7 +26,7 @@ WORLD = "world"
 TRUTH = {"true": True, "1": True, "false": False, "0": False}
 """Words of SDF for yes and no, in capitals or not."""
 
-FoundT = TypeVar("FoundT")
+ValueT = TypeVar("ValueT")
 
 
 @dataclass(frozen=True)
@@ -49,38 +47,21 @@ class Frames:
 
     @classmethod
     def of(cls, model: Element) -> Frames:
-        """Return the frames of a ``<model>`` element.
-
-        Raises:
-            ModelError: Two have the same name, or one has no name, or one that the format keeps for itself.
-        """
-        placed: dict[str, tuple[str, pin.SE3]] = {MODEL: (MODEL, pin.SE3.Identity())}
+        """Return the frames of a ``<model>`` element."""
+        placed = {MODEL: (MODEL, pin.SE3.Identity())}
         attached: dict[str, str] = {}
         for element in (*model.findall("link"), *model.findall("joint"), *model.findall("frame")):
-            name = element.get("name", "")
-            if not name or name in placed:
-                raise ModelError(f"two frames have the name '{name}'" if name else f"a {element.tag} has no name",
-                                 expected="a name of its own for each link, joint and frame")  # fmt: skip
-            _require_free(name, element.tag)
             base = {"link": MODEL, "joint": text_of(element, "child"), "frame": element.get("attached_to") or MODEL}
+            name = _place(placed, element, base[element.tag])
             attached[name] = name if element.tag == "link" else base[element.tag]
-            placed[name] = pose_of(element, base[element.tag], f"{element.tag} '{name}'")
         return cls(placed, attached)
 
     @classmethod
     def around(cls, model: Element, world: Element | None) -> Frames:
-        """Return the frames that a model may be placed in: its world, those that this has, and the model itself.
-
-        Raises:
-            ModelError: Two have the same name, or one has no name, or one that the format keeps for itself.
-        """
-        placed: dict[str, tuple[str, pin.SE3]] = {WORLD: (WORLD, pin.SE3.Identity())}
+        """Return the frames that a model may be placed in: its world, those that this has, and the model itself."""
+        placed = {WORLD: (WORLD, pin.SE3.Identity())}
         for element in (model, *(world.findall("frame") if world is not None else ())):
-            name = element.get("name", "")
-            if name in placed:
-                raise ModelError(f"two frames have the name '{name}'", expected="a name of its own for each")
-            _require_free(name, element.tag)
-            placed[name] = pose_of(element, element.get("attached_to") or WORLD, f"{element.tag} '{name}'")
+            _place(placed, element, element.get("attached_to") or WORLD)
         return cls(placed, {}, WORLD)
 
     def placement(self, name: str, where: str) -> pin.SE3:
@@ -115,29 +96,31 @@ class Frames:
         self._links.update(dict.fromkeys(chain, name))
         return name
 
-    def _known(self, found: Mapping[str, FoundT], name: str, where: str) -> FoundT:
-        if name not in found:
-            expected, hint = choices(name, [key for key in found if key != MODEL])
+    def _known(self, frames: Mapping[str, ValueT], name: str, where: str) -> ValueT:
+        if name not in frames:
+            expected, hint = choices(name, [key for key in frames if key != MODEL])
             raise ModelError(f"{where}: there is no frame '{name}'", expected=expected, hint=hint)
-        return found[name]
+        return frames[name]
 
 
-def _require_free(name: str, what: str) -> None:
-    """Raise where a name is one that the format keeps for itself.
+def _place(placed: dict[str, tuple[str, pin.SE3]], element: Element, base: str) -> str:
+    """Add the frame of an element to others; return its name.
 
     Raises:
-        ModelError: It is ``world``, or begins and ends with two underscores.
+        ModelError: It has no name, that of another one, or one that the format keeps for itself.
     """
+    name, tag = element.get("name", ""), element.tag
     if name == WORLD or (name.startswith("__") and name.endswith("__")):
-        raise ModelError(f"{what} '{name}': this name is reserved", expected="a name that is not 'world', nor __..__")
+        raise ModelError(f"{tag} '{name}': this name is reserved", expected="a name that is not 'world', nor __..__")
+    if name in placed or (not name and tag != "model"):
+        raise ModelError(f"two frames have the name '{name}'" if name else f"a {tag} has no name",
+                         expected="a name of its own for each link, joint and frame")  # fmt: skip
+    placed[name] = pose_of(element, base, f"{tag} '{name}'")
+    return name
 
 
 def pose_of(element: Element, base: str, where: str) -> tuple[str, pin.SE3]:
-    """Return the frame that an element is placed in, and its placement there: as ``<pose>`` says, or at its base.
-
-    Raises:
-        ModelError: The pose is malformed.
-    """
+    """Return the frame that an element is placed in, and its placement there: as ``<pose>`` says, or at its base."""
     pose = element.find("pose")
     if pose is None:
         return base, pin.SE3.Identity()
@@ -145,12 +128,12 @@ def pose_of(element: Element, base: str, where: str) -> tuple[str, pin.SE3]:
         raise ModelError(f"{where}: its <pose> has the attribute frame='{pose.get('frame')}', which no version defines",
                          hint=f"relative_to=\"{pose.get('frame')}\" in version 1.7")  # fmt: skip
     quaternion = pose.get("rotation_format") == "quat_xyzw"
-    given = numbers_of(pose.text or ("0 " * 6 + "1" * quaternion), 7 if quaternion else 6, f"{where}: pose")
+    given = numbers(pose.text or ("0 " * 6 + "1" * quaternion), 7 if quaternion else 6, f"{where}: pose")
     if quaternion:
         if not given[3:].any():
             raise ModelError(f"{where}: its pose has the quaternion 0")
-        x, y, z, w = unit(given[3:])
-        turn = pin.Quaternion(w, x, y, z).matrix()
+        x, y, z, w = given[3:]
+        turn = rotation(w, x, y, z)
     else:
         angles = np.deg2rad(given[3:]) if is_true(pose.get("degrees"), f"{where}: degrees of its pose") else given[3:]
         turn = pin.rpy.rpyToMatrix(angles)
@@ -158,11 +141,7 @@ def pose_of(element: Element, base: str, where: str) -> tuple[str, pin.SE3]:
 
 
 def is_true(text: str | None, where: str, *, default: bool = False) -> bool:
-    """Return whether a text says yes; the default where there is none.
-
-    Raises:
-        ModelError: It says neither yes nor no.
-    """
+    """Return whether a text says yes; the default where there is none."""
     word = (text or "").strip()
     if not word:
         return default
@@ -171,27 +150,12 @@ def is_true(text: str | None, where: str, *, default: bool = False) -> bool:
     return TRUTH[word.lower()]
 
 
-def numbers_of(text: str, count: int, where: str) -> Array:
-    """Return finite numbers of a text, shape (count,).
-
-    Raises:
-        ModelError: They are not so many, or not finite numbers.
-    """
-    try:
-        found = [decimal(part) for part in text.split()]
-    except ValueError:
-        found = []
-    if len(found) != count or not all(math.isfinite(number) for number in found):
-        raise ModelError(f"{where}: '{text.strip()}'", expected=f"{count} finite number{'s' if count > 1 else ''}")
-    return np.array(found)
-
-
 def number_in(element: Element | None, path: str, default: float, where: str) -> float:
     """Return the number in an element that is given by its path; the default where there is none."""
-    text = None if element is None else element.findtext(path)
-    return default if text is None or not text.strip() else float(numbers_of(text, 1, f"{where}: {path}")[0])
+    text = text_of(element, path)
+    return number(text, f"{where}: {path}") if text else default
 
 
-def text_of(element: Element, tag: str) -> str:
+def text_of(element: Element | None, path: str) -> str:
     """Return the text in an element, without spaces around it; empty where there is none."""
-    return (element.findtext(tag) or "").strip()
+    return "" if element is None else (element.findtext(path) or "").strip()

@@ -2,41 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, unit
+from pinarm.arrays import Array
 from pinarm.errors import ModelError
-from pinarm.mechanics.loading.mjcf_settings import Attributes, Settings, number, numbers, one_of
+from pinarm.mechanics.loading.mjcf.settings import (
+    ACTUATOR,
+    Attributes,
+    Settings,
+    known,
+    number_in,
+    numbers_in,
+)
 from pinarm.mechanics.loading.model_tree import Bounds, Kind, TreeJoint
+from pinarm.mechanics.loading.values import direction, word
 from pinarm.records import replace
 
 KINDS: dict[str, Kind] = {"hinge": "revolute", "slide": "prismatic", "ball": "ball", "free": "floating"}
 
-SWITCHES: dict[str, frozenset[str]] = {
+COEFFICIENTS: dict[str, frozenset[str]] = {
     "stiffness": frozenset({"passive", "spring"}), "damping": frozenset({"passive", "damper"}),
     "frictionloss": frozenset({"frictionloss", "constraint"}), "armature": frozenset(),
 }  # fmt: skip
 """Coefficients of joints, and the flags of the model that switch them off."""
 
-
 POLYNOMIALS = ("stiffness", "damping")
 """Coefficients that may be followed by those of the second and the third power."""
 
+UNSAID = ("auto", "true", "false")
 
-@dataclass(frozen=True)
-class BodyElement:
-    """An element that belongs to a body.
+Notes = dict[str, list[str]]
+"""What is not modelled -> names of the elements that have it."""
 
-    Attributes:
-        tag: Its kind.
-        given: Its attributes, those of its class included.
-        frame: Placement in the body of the frame that it stands in.
-    """
+
+class BodyElement(NamedTuple):
+    """An element of a body: its tag, its attributes with those of its class, the placement of its ``<frame>``."""
 
     tag: str
     given: Attributes
@@ -61,12 +66,7 @@ def elements_of(settings: Settings, body: Element, childclass: str, *tags: str) 
 
 
 def joint_chain(
-    settings: Settings,
-    joints: Sequence[BodyElement],
-    parent: str,
-    body: str,
-    place: pin.SE3,
-    notes: dict[str, list[str]],
+    settings: Settings, joints: Sequence[BodyElement], parent: str, body: str, place: pin.SE3, notes: Notes
 ) -> Iterator[TreeJoint]:
     """Yield the joints of a body as a chain: each moves in the frame of the one before it.
 
@@ -76,7 +76,7 @@ def joint_chain(
         parent: Parent link of the body.
         body: Name of the body.
         place: Placement of the body in the parent link at the reference pose.
-        notes: Attribute that is not modelled -> names of the joints that have it; completed here.
+        notes: Completed here.
 
     Raises:
         ModelError: An attribute is invalid, or there is another joint beside a free joint.
@@ -87,7 +87,7 @@ def joint_chain(
     for k, part in enumerate(joints):
         name = part.given.get("name") or (f"{body}_free" if free else f"{body}_joint{k + 1 if len(joints) > 1 else ''}")
         child = body if k == len(joints) - 1 else f"{body}/{name}"
-        kind = "free" if part.tag == "freejoint" else one_of(part.given, "type", tuple(KINDS), f"joint '{name}'")
+        kind = "free" if part.tag == "freejoint" else word(part.given.get("type"), (*KINDS,), f"joint '{name}': type")
         joint = _joint(settings, part, name, KINDS[kind], notes)
         made_for = name if child != body else ""
         yield replace(joint, parent=parent, child=child, placement=place * joint.placement, made_for=made_for)
@@ -95,44 +95,61 @@ def joint_chain(
 
 
 def aligned(settings: Settings, joint: BodyElement) -> bool:
-    """Tell whether MuJoCo moves the frame of a free body without bodies on it to its inertia."""
+    """Return whether MuJoCo moves the frame of a free body without bodies on it to its inertia."""
     if joint.tag != "freejoint":
         return settings.aligns and joint.given.get("type") == "free"
-    said = one_of(joint.given, "align", ("auto", "true", "false"), "freejoint")
+    said = word(joint.given.get("align"), UNSAID, "freejoint: align")
     return settings.aligns if said == "auto" else said == "true"
 
 
-def coefficient(given: Attributes, key: str, settings: Settings, where: str) -> float:
-    """Return one of the coefficients in ``SWITCHES``; 0 where it is not given, or the model disables it.
+def with_actuators(
+    settings: Settings, model: Element, joints: Mapping[str, TreeJoint], notes: Notes
+) -> dict[str, TreeJoint]:
+    """Return the joints with the armature ``N^2 J`` and the damping ``N^2 d`` of their actuators, with the gear N.
 
     Raises:
-        ModelError: It is negative.
+        ModelError: An actuator is at a joint that does not exist, or has a negative armature or damping.
     """
+    completed = dict(joints)
+    for element in model.findall(f"{ACTUATOR}/*"):
+        given = settings.attributes(element, "", ACTUATOR)
+        name = given.get("joint") or given.get("jointinparent")
+        where = f"actuator '{given.get('name') or name or element.tag}'"
+        armature, damping = (_coefficient(given, key, settings, where) for key in ("armature", "damping"))
+        if name is None:
+            if armature or damping:
+                notes.setdefault("armature and damping beyond joints are not modelled", []).append(where)
+            continue
+        joint = completed[known(name, joints, "joint", where)]
+        squared = number_in({"gear": (given.get("gear", "").split() or ["1"])[0]}, "gear", where) ** 2
+        completed[name] = replace(joint, armature=joint.armature + squared * armature,
+                                  damping=joint.damping + squared * damping)  # fmt: skip
+    return completed
+
+
+def _coefficient(given: Attributes, key: str, settings: Settings, where: str) -> float:
+    """Return one of the ``COEFFICIENTS``; 0 where it is not given, or the model disables it."""
     count = max(len(given.get(key, "").split()), 1) if key in POLYNOMIALS else 1
-    value, *higher = numbers(given, key, where, count, (0.0,))
+    value, *higher = numbers_in(given, key, where, count, (0.0,))
     if any(higher):
         raise ModelError(f"{where}: {key}='{given[key][:60]}' is a polynomial, which is not read",
                          expected="one number", hint=f"no {key} here, and 'forces:' in the mechanism file")  # fmt: skip
     if value < 0.0:
         raise ModelError(f"{where}: its {key} is negative")
-    return 0.0 if SWITCHES[key] & settings.off else value
+    return 0.0 if COEFFICIENTS[key] & settings.off else float(value)
 
 
-def _joint(settings: Settings, part: BodyElement, name: str, kind: Kind, notes: dict[str, list[str]]) -> TreeJoint:
+def _joint(settings: Settings, part: BodyElement, name: str, kind: Kind, notes: Notes) -> TreeJoint:
     """Return a joint in its body frame, with the forces and limits of its attributes."""
     where, given = f"joint '{name}'", part.given
-    axis = numbers(given, "axis", where, 3, (0.0, 0.0, 1.0))
-    if not axis.any():
-        raise ModelError(f"{where}: its axis is 0 0 0", expected="three numbers, not all zero")
-    axis = part.frame.rotation @ unit(axis)
-    stiffness, damping, friction, armature = (coefficient(given, key, settings, where) for key in SWITCHES)
-    joint = TreeJoint(name, kind, "", "", pin.SE3.Identity(), axis, stiffness=stiffness, damping=damping,
-                      friction=friction, armature=armature)  # fmt: skip
+    stiffness, damping, friction, armature = (_coefficient(given, key, settings, where) for key in COEFFICIENTS)
+    joint = TreeJoint(name, kind, "", "", pin.SE3.Identity(), stiffness=stiffness, damping=damping, friction=friction,
+                      armature=armature)  # fmt: skip
     if "springdamper" in given:
         joint = _tuned(joint, given, settings, where)
     if kind == "floating":
         return joint
-    anchor = pin.SE3(np.eye(3), part.frame.act(numbers(given, "pos", where, 3, (0.0, 0.0, 0.0))))
+    anchor = pin.SE3(np.eye(3), part.frame.act(numbers_in(given, "pos", where, 3, (0.0, 0.0, 0.0))))
     joint = replace(joint, placement=anchor, offset=anchor.inverse())
     if kind == "ball":
         if given.get("range") and given.get("limited") != "false":
@@ -140,7 +157,8 @@ def _joint(settings: Settings, part: BodyElement, name: str, kind: Kind, notes: 
         return joint
     if given.get("range") and given.get("limited", "auto") == "auto" and not settings.limits_by_range:
         notes.setdefault("their range is no limit, as autolimits is false and limited is not said", []).append(name)
-    measured = _measured(settings, joint, given, where)
+    axis = direction(numbers_in(given, "axis", where, 3, (0.0, 0.0, 1.0)), f"{where}: its axis")
+    measured = _measured(settings, replace(joint, axis=part.frame.rotation @ axis), given, where)
     if measured.drawn:
         notes.setdefault("drawn at their ref, but begin at 0 where nothing is said", []).append(name)
     return measured
@@ -150,7 +168,7 @@ def _measured(settings: Settings, joint: TreeJoint, given: Attributes, where: st
     """Return a joint of one coordinate, completed by its reference, spring rest position and limits."""
     turns = joint.kind == "revolute"
     measure = settings.angle if turns else 1.0
-    drawn, rest = (measure * number(given, key, where, 0.0) for key in ("ref", "springref"))
+    drawn, rest = (measure * number_in(given, key, where, 0.0) for key in ("ref", "springref"))
     lower, upper = measure * _range(given, "range", "limited", settings, where)
     effort = np.abs(_range(given, "actuatorfrcrange", "actuatorfrclimited", settings, where)).max()
     back = pin.SE3(pin.exp3(-drawn * joint.axis), np.zeros(3)) if turns else pin.SE3(np.eye(3), -drawn * joint.axis)
@@ -164,24 +182,24 @@ def _tuned(joint: TreeJoint, given: Attributes, settings: Settings, where: str) 
     With the inertia m of the joint at the reference pose they are ``m / (T D)^2`` and ``2 m / T``, in place of those
     that are given.
     """
-    constant, ratio = numbers(given, "springdamper", where, 2)
+    constant, ratio = numbers_in(given, "springdamper", where, 2)
     if not constant and not ratio:
         return joint
     if constant <= 0.0 or ratio <= 0.0:
         raise ModelError(f"{where}: springdamper='{given['springdamper']}'", expected="two positive numbers, or 0 0")
-    stiffness = 0.0 if SWITCHES["stiffness"] & settings.off else 1.0 / (constant * ratio) ** 2
-    damping = 0.0 if SWITCHES["damping"] & settings.off else 2.0 / constant
+    stiffness = 0.0 if COEFFICIENTS["stiffness"] & settings.off else 1.0 / (constant * ratio) ** 2
+    damping = 0.0 if COEFFICIENTS["damping"] & settings.off else 2.0 / constant
     return replace(joint, stiffness=0.0, damping=0.0, tuned_stiffness=stiffness, tuned_damping=damping)
 
 
 def _range(given: Attributes, key: str, switch: str, settings: Settings, where: str) -> Array:
     """Return a range if it is a limit, otherwise an infinite one, shape (2,)."""
-    limited = one_of(given, switch, ("auto", "true", "false"), where)
+    limited = word(given.get(switch), UNSAID, f"{where}: {switch}")
     if limited == "true" and key not in given:
         raise ModelError(f"{where}: {switch}='true', and it has no {key}", expected=f"a {key}, or {switch}='false'")
     if key not in given or limited == "false" or (limited == "auto" and not settings.limits_by_range):
         return np.array([-np.inf, np.inf])
-    lower, upper = numbers(given, key, where, 2)
+    lower, upper = numbers_in(given, key, where, 2)
     if lower == upper == 0.0 and limited == "auto":  # the format's own default
         return np.array([-np.inf, np.inf])
     if lower >= upper:

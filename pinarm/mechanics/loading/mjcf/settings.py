@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 
@@ -12,18 +12,24 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, unit
 from pinarm.errors import ModelError, choices
-from pinarm.input.numbers import decimal
 from pinarm.input.yaml.schema import LARGEST
-from pinarm.mechanics.loading.mjcf_names import ACTUATORS
+from pinarm.mechanics.loading.mjcf.names import ACTUATORS
 from pinarm.mechanics.loading.model_tree import from_z
+from pinarm.mechanics.loading.values import numbers, rotation, word
 
 Attributes = Mapping[str, str]
 
 ACTUATOR = "actuator"
 """Entry of the attributes that all kinds of actuators have in common in a class."""
 
-ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
-SWITCHES = {"gravity", "passive", "spring", "damper", "frictionloss", "constraint", "equality"}
+ORIENTATIONS = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
+"""Attributes that say an orientation -> how many numbers they have."""
+
+SWITCHES = ("gravity", "passive", "spring", "damper", "frictionloss", "constraint", "equality")
+"""Flags that are read."""
+
+NO, YES = ("false", "true"), ("true", "false")
+"""Words of a switch, the default first."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +40,8 @@ class Settings:
         angle: Unit of angles [rad]: 1, or pi/180.
         sequence: Axes of Euler angles: lower case about body axes, upper case about fixed axes.
         limits_by_range: Whether a range is a limit without ``limited="true"`` (``autolimits``).
-        source: Source of inertias: ``inertial``, ``geoms``, or ``auto``: ``inertial`` where given, else geoms.
+        source: Source of inertias (``inertiafromgeom``): ``false``: inertials, ``true``: geoms, ``auto``: inertials
+            where given, else geoms.
         groups: First and last group of the geoms with mass.
         least_mass: Lower bound of the mass of every body [kg].
         least_inertia: Lower bound of the principal moments of every body [kg*m^2].
@@ -69,29 +76,28 @@ class Settings:
         Raises:
             ModelError: A value is malformed, or a convention is not supported.
         """
-        compiler = _merged(model.findall("compiler"))
-        option = _merged(model.findall("option"))
-        flags = _merged([flag for section in model.findall("option") for flag in section.findall("flag")])
+        compiler, option = (_merged(model.findall(tag)) for tag in ("compiler", "option"))
+        flags = _merged(model.findall("option/flag"))
         if compiler.get("coordinate", "local") != "local":
             raise ModelError("the model has global coordinates", expected='<compiler coordinate="local"/>')
         sequence = compiler.get("eulerseq", "xyz")
         if len(sequence) != 3 or not set(sequence.lower()) <= set("xyz"):
             raise ModelError(f"eulerseq is '{sequence}'", expected="three of x, y, z")
-        source = {"auto": "auto", "true": "geoms", "false": "inertial"}[
-            one_of(compiler, "inertiafromgeom", ("auto", "true", "false"), "<compiler>")
-        ]
-        first, last = numbers(compiler, "inertiagrouprange", "<compiler>", 2, (0.0, 5.0))
-        degrees = one_of(compiler, "angle", ("degree", "radian"), "<compiler>") == "degree"
-        least_mass, least_inertia = (number(compiler, key, "<compiler>", 0.0) for key in ("boundmass", "boundinertia"))
+
+        def chosen(key: str, words: Sequence[str]) -> str:
+            return word(compiler.get(key), words, f"<compiler>: {key}")
+
+        first, last = numbers_in(compiler, "inertiagrouprange", "<compiler>", 2, (0.0, 5.0))
+        least_mass, least_inertia, total = (number_in(compiler, key, "<compiler>", 0.0)
+                                            for key in ("boundmass", "boundinertia", "settotalmass"))  # fmt: skip
         return cls(
-            math.pi / 180.0 if degrees else 1.0, sequence,
-            one_of(compiler, "autolimits", ("true", "false"), "<compiler>") == "true", source, (first, last),
-            least_mass, least_inertia, one_of(compiler, "balanceinertia", ("false", "true"), "<compiler>") == "true",
-            max(0.0, number(compiler, "settotalmass", "<compiler>", 0.0)),
-            one_of(compiler, "fusestatic", ("false", "true"), "<compiler>") == "true",
-            one_of(compiler, "alignfree", ("false", "true"), "<compiler>") == "true",
-            numbers(option, "gravity", "<option>", 3, (0.0, 0.0, -9.81)),
-            frozenset(name for name in SWITCHES if flags.get(name) == "disable"), _classes(model),
+            angle=math.pi / 180.0 if chosen("angle", ("degree", "radian")) == "degree" else 1.0, sequence=sequence,
+            limits_by_range=chosen("autolimits", YES) == "true", source=chosen("inertiafromgeom", ("auto", *YES)),
+            groups=(first, last), least_mass=least_mass, least_inertia=least_inertia,
+            balances=chosen("balanceinertia", NO) == "true", total_mass=max(0.0, total),
+            fuses=chosen("fusestatic", NO) == "true", aligns=chosen("alignfree", NO) == "true",
+            gravity=numbers_in(option, "gravity", "<option>", 3, (0.0, 0.0, -9.81)),
+            off=frozenset(name for name in SWITCHES if flags.get(name) == "disable"), classes=_classes(model),
         )  # fmt: skip
 
     def attributes(self, element: Element, childclass: str, kind: str = "") -> Attributes:
@@ -113,7 +119,7 @@ class Settings:
 
     def placement(self, given: Attributes, where: str) -> pin.SE3:
         """Return the placement from ``pos`` and one of the ``ORIENTATIONS``."""
-        return pin.SE3(self.rotation(given, where), numbers(given, "pos", where, 3, (0.0, 0.0, 0.0)))
+        return pin.SE3(self._rotation(given, where), numbers_in(given, "pos", where, 3, (0.0, 0.0, 0.0)))
 
     def shape_placement(self, given: Attributes, where: str) -> tuple[pin.SE3, float | None]:
         """Return the placement of a geom or site, and half of the length that ``fromto`` gives it.
@@ -130,32 +136,27 @@ class Settings:
             raise ModelError(f"{where}: its place is given by pos and fromto", expected="one of them, in its class too")
         if given.get("type", "sphere") == "sphere":
             raise ModelError(f"{where}: a sphere has no fromto", expected="a capsule, cylinder, ellipsoid or box")
-        ends = numbers(given, "fromto", where, 6)
+        ends = numbers_in(given, "fromto", where, 6)
         back = ends[:3] - ends[3:]
         if not (length := float(np.linalg.norm(back))):
             raise ModelError(f"{where}: fromto='{given['fromto'][:60]}' has no length")
         return pin.SE3(from_z(back / length), (ends[:3] + ends[3:]) / 2), length / 2
 
-    def rotation(self, given: Attributes, where: str) -> Array:
-        """Return an orientation as a matrix, shape (3, 3).
-
-        Raises:
-            ModelError: It is given twice, or has no direction.
-        """
+    def _rotation(self, given: Attributes, where: str) -> Array:
+        """Return an orientation, which is given once at most, as a matrix, shape (3, 3)."""
         ways = [key for key in ORIENTATIONS if key in given]
         if len(ways) > 1:
             raise ModelError(f"{where}: its orientation is given by {' and '.join(ways)}", expected="one of them")
         if not ways:
             return np.eye(3)
         way = ways[0]
-        values = numbers(given, way, where, {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}[way])
+        values = numbers_in(given, way, where, ORIENTATIONS[way])
         if way == "euler":
             return self._euler(values)
         if not values[:3].any() and not (way == "quat" and values.any()):
             raise ModelError(f"{where}: {way}='{given[way]}' has no direction")
         if way == "quat":
-            w, x, y, z = unit(values)
-            return np.asarray(pin.Quaternion(w, x, y, z).matrix())
+            return rotation(*values)
         if way == "axisangle":
             return np.asarray(pin.exp3(unit(values[:3]) * values[3] * self.angle))
         if way == "zaxis":
@@ -175,43 +176,23 @@ class Settings:
         return turn
 
 
-def number(given: Attributes, key: str, where: str, default: float | None = None) -> float:
-    """Return an attribute that is one number; see ``numbers``."""
-    return float(numbers(given, key, where, 1, None if default is None else (default,))[0])
+def numbers_in(given: Attributes, key: str, where: str, count: int, default: Sequence[float] | None = None) -> Array:
+    """Return an attribute with ``count`` finite numbers, shape (count,)."""
+    return numbers(given.get(key), count, f"{where}: {key}", default, most=LARGEST)
 
 
-def numbers(given: Attributes, key: str, where: str, count: int, default: Sequence[float] | None = None) -> Array:
-    """Return an attribute with ``count`` finite numbers, shape (count,).
-
-    Raises:
-        ModelError: It is missing without a default, malformed, or beyond ``LARGEST``.
-    """
-    if key not in given:
-        if default is None:
-            raise ModelError(f"{where}: {key} is missing")
-        return np.array(default, float)
-    text = given[key]
-    try:
-        values = np.array([decimal(part) for part in text.split()])
-    except ValueError:
-        values = np.empty(0)
-    if len(values) != count or not (np.abs(values) <= LARGEST).all():
-        wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-        raise ModelError(f"{where}: {key}='{text[:60]}' is not what is read here",
-                         expected=f"{wanted}, at most {LARGEST:g}")  # fmt: skip
-    return values
+def number_in(given: Attributes, key: str, where: str, default: float | None = None) -> float:
+    """Return an attribute that is one number."""
+    return float(numbers_in(given, key, where, 1, None if default is None else (default,))[0])
 
 
-def one_of(given: Attributes, key: str, words: Sequence[str], where: str) -> str:
-    """Return an attribute with one of the given words; the first is the default.
-
-    Raises:
-        ModelError: It is another word.
-    """
-    word = given.get(key, words[0])
-    if word not in words:
-        raise ModelError(f"{where}: {key} is '{word}'", expected=f"one of {', '.join(words)}")
-    return word
+def known(name: str, names: Iterable[str], what: str, where: str) -> str:
+    """Return a name that is one of those of the model's joints, bodies or sites."""
+    names = [*names]
+    if name not in names:
+        expected, hint = choices(name, names)
+        raise ModelError(f"{where}: there is no {what} '{name}'", expected=expected, hint=hint)
+    return name
 
 
 def _merged(elements: Sequence[Element]) -> dict[str, str]:
@@ -236,8 +217,7 @@ def _overridden(above: Attributes, own: Attributes) -> Attributes:
 def _classes(model: Element) -> dict[str, Mapping[str, Attributes]]:
     classes: dict[str, Mapping[str, Attributes]] = {"": {}}
     for top in model.findall("default"):
-        for name, elements in _class(top, classes[""]):
-            classes[name] = elements
+        classes.update(_class(top, classes[""]))
         classes[""] = classes[top.get("class", "main")]
     return classes
 

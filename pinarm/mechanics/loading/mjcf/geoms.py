@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import ModelError
-from pinarm.mechanics.loading.mjcf_settings import Attributes, Settings, number, numbers
+from pinarm.mechanics.loading.mjcf.settings import Attributes, Settings, number_in, numbers_in
 from pinarm.mechanics.loading.model_tree import inertia
 
 WATER = 1000.0
@@ -40,12 +40,12 @@ def geom_inertia(given: Attributes, settings: Settings, where: str) -> pin.Inert
         MeshMass: Its mass would come from a mesh.
     """
     kind = given.get("type", "mesh" if "mesh" in given else "sphere")
-    mass, density = (number(given, key, where, -1.0) for key in ("mass", "density"))
-    group = number(given, "group", where, 0.0)
+    mass, density = (number_in(given, key, where, -1.0) for key in ("mass", "density"))
+    group = number_in(given, "group", where, 0.0)
     first, last = settings.groups
     if kind in FLAT or mass == 0.0 or (mass < 0.0 and density == 0.0) or not first <= group <= last:
         return pin.Inertia.Zero()
-    if any(number(given, key, where, 0.0) < 0.0 for key in ("mass", "density")):
+    if any(number_in(given, key, where, 0.0) < 0.0 for key in ("mass", "density")):
         raise ModelError(f"{where}: its mass or density is negative")
     if kind not in SIZES or "mesh" in given or given.get("shellinertia", "false") != "false":
         what = "mesh" if kind in ("mesh", "sdf") or "mesh" in given else f"'{kind}' or shell"
@@ -62,7 +62,7 @@ def geom_inertia(given: Attributes, settings: Settings, where: str) -> pin.Inert
 
 def _shape(given: Attributes, kind: str, settings: Settings, where: str) -> tuple[pin.SE3, Array]:
     """Return placement and size; with ``fromto`` the length is that between the two points."""
-    size = numbers(given, "size", where, len(given.get("size", "").split()), ())
+    size = numbers_in(given, "size", where, len(given.get("size", "").split()), ())
     if len(size) > MOST_SIZES:
         raise ModelError(f"{where}: size='{given['size'][:60]}' has {len(size)} numbers",
                          expected=f"{SIZES[kind]} positive numbers, {MOST_SIZES} at most")  # fmt: skip
@@ -85,9 +85,8 @@ def _solid(kind: str, size: Array) -> tuple[float, Array]:
     if kind == "sphere":
         return ball, np.full(3, r * r / 5)
     half = float(size[1])
-    tube = math.pi * r * r * 2 * half
+    tube, middle = math.pi * r * r * 2 * half, np.array([r * r / 4, r * r / 4, half * half / 3])
     if kind == "cylinder":
-        return tube, np.array([r * r / 4, r * r / 4, half * half / 3])
+        return tube, middle
     caps = np.array([r * r / 5, r * r / 5, r * r / 5 + half * half + 0.75 * half * r])  # centroid at 3/8 r
-    middle = np.array([r * r / 4, r * r / 4, half * half / 3])
     return ball + tube, (ball * caps + tube * middle) / (ball + tube)

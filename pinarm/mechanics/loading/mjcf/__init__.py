@@ -1,0 +1,1 @@
+"""Reader of MJCF models, with the equalities that close loops."""

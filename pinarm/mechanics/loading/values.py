@@ -1,0 +1,95 @@
+"""Numbers, words, directions and placements in XML models, each checked; ``where`` begins the messages."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, unit
+from pinarm.errors import ModelError
+from pinarm.input.numbers import decimal
+
+FINITE = sys.float_info.max
+"""Largest number."""
+
+
+def numbers(
+    text: str | None, count: int, where: str, default: Sequence[float] | None = None, *, most: float = FINITE
+) -> Array:
+    """Return the numbers in a text, shape (count,); the default where there is no text.
+
+    Raises:
+        ModelError: It is missing without a default, or is not so many finite numbers of at most that size.
+    """
+    if text is None:
+        if default is None:
+            raise ModelError(f"{where} is missing")
+        return np.array(default, float)
+    try:
+        values = np.array([decimal(part) for part in text.split()])
+    except ValueError:
+        values = np.empty(0)
+    if len(values) != count or not (np.abs(values) <= most).all():
+        wanted = "a finite number" if count == 1 else f"{count} finite numbers"
+        bounded = f"{wanted}, at most {most:g}" if most < FINITE else f"{wanted} such as -1.5e-3"
+        raise ModelError(f"{where}: '{text.strip()[:60]}' is not {wanted}", expected=bounded)
+    return values
+
+
+def number(text: str | None, where: str, default: float | None = None) -> float:
+    """Return the number that a text is; see ``numbers``."""
+    return float(numbers(text, 1, where, None if default is None else (default,))[0])
+
+
+def not_negative(text: str | None, where: str) -> float:
+    """Return the number that a text is, 0 where there is none; negative ones are refused."""
+    value = number(text, where, 0.0)
+    if value < 0.0:
+        raise ModelError(f"{where} is negative ({value:g})", expected="0 or more")
+    return value
+
+
+def word(text: str | None, words: Sequence[str], where: str) -> str:
+    """Return one of several words, the first where there is no text."""
+    if text is not None and text not in words:
+        raise ModelError(f"{where} is '{text}'", expected=f"one of {', '.join(words)}")
+    return words[0] if text is None else text
+
+
+def direction(vector: Array, where: str) -> Array:
+    """Return a vector, shape (3,), with the length 1; 0 is refused."""
+    if not vector.any():
+        raise ModelError(f"{where} is 0 0 0", expected="three numbers, not all zero")
+    return unit(vector)
+
+
+def rotation(w: float, x: float, y: float, z: float) -> Array:
+    """Return the matrix of a quaternion of any length but 0, shape (3, 3)."""
+    w, x, y, z = unit(np.array([w, x, y, z]))
+    return np.asarray(pin.Quaternion(w, x, y, z).matrix())
+
+
+def symmetric(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> Array:
+    """Return the symmetric matrix of six numbers, shape (3, 3)."""
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def axis_of(axis: Element | None, where: str) -> Array:
+    """Return the unit vector of an ``<axis>`` of URDF, x where there is none, shape (3,)."""
+    vector = np.array([1.0, 0.0, 0.0]) if axis is None else numbers(axis.get("xyz"), 3, f"{where}: axis")
+    return direction(vector, f"{where}: its axis")
+
+
+def placement_of(origin: Element | None, where: str) -> pin.SE3:
+    """Return the placement that ``xyz`` and ``rpy`` of an element say, as in URDF; the identity where there is none."""
+    xyz, rpy = (numbers(text_in(origin, key), 3, f"{where}: {key}", (0.0, 0.0, 0.0)) for key in ("xyz", "rpy"))
+    return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
+
+
+def text_in(element: Element | None, key: str) -> str | None:
+    """Return an attribute of an element, which need not exist."""
+    return None if element is None else element.get(key)
