@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,6 +29,17 @@ def real(x: ArrayLike, name: str) -> Array:
         return np.asarray(getattr(x, "si", x)).astype(np.float64, casting="same_kind", copy=False)
     except (TypeError, ValueError):
         raise InputError(f"{name} is no array of real numbers", expected="an array of them") from None
+
+
+def continued(function: Callable[[Array], Sequence[Array]], x: Array) -> Array:
+    """Return f(x) by a function that returns f and f' at real x; complex steps continue it to first order.
+
+    Splines, tables and curves given by points are not analytic.
+    """
+    if np.isrealobj(x):
+        return function(x)[0]
+    value, slope = function(np.real(x))
+    return np.asarray(value + 1j * slope * np.imag(x))
 
 
 def as_rows(x: Array, width: int, name: str) -> Array:

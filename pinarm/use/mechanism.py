@@ -17,6 +17,8 @@ from pinarm.input.yaml.values import Values
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from pinarm.engine.linear.derivatives import EquationDerivatives
+    from pinarm.engine.linear.linear_states import Linearisation
     from pinarm.engine.quantities.catalogue import QuantityCatalogue
     from pinarm.engine.quantities.states import States
     from pinarm.use.result.result import Result
@@ -226,6 +228,50 @@ class Mechanism(mechanism.Mechanism, frozen=True):
         from pinarm.engine.quantities import matrices
 
         return matrices.mass_matrices(self, q)
+
+    def derivatives(
+        self, q: Array, v: Array, a: Array, tau: Array | None = None, *, t: float = 0.0
+    ) -> EquationDerivatives:
+        """Return the derivatives of the equation of motion ``M a + nle - loads - G^T lam = tau`` at one state.
+
+        ``force_q`` and ``force_v`` are those of its left side by q and v, for open chains those of the efforts that
+        ``inverse`` returns; ``mass`` is M. Derivatives by q are along unit velocities. With loops lam holds what the
+        efforts do not, and ``rows``, ``rows_q``, ``acceleration_q`` and ``acceleration_v`` are those of ``G v`` and of
+        ``G a + G' v``.
+
+        Args:
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+            a: Acceleration, shape (nv,).
+            tau: Efforts of the drives [N*m or N], shape (nv,); 0 where they are left out. Needed where there are loops.
+            t: Instant at which forces that follow laws are taken [s].
+
+        Raises:
+            InputError: The shapes do not fit, there is dry friction, or a load has a kink here.
+        """
+        from pinarm.engine.linear import linear_states
+
+        return linear_states.derivatives(self, q, v, a, tau, t)
+
+    def linearise(self, q: Array, v: Array | None = None, tau: Array | None = None, *, t: float = 0.0) -> Linearisation:
+        """Return the motion linearised about a state: ``x' = A x + B u``, natural frequencies, modes.
+
+        x are deviations of independent coordinates and their velocities, named in ``states``; u are efforts at the
+        joints. Loops and couplings hold. ``acceleration`` is 0 where the state is an equilibrium, or a steady motion.
+
+        Args:
+            q: Configuration, shape (nq,), at which loops are closed.
+            v: Velocity, shape (nv,); 0 where it is left out.
+            tau: Efforts of the drives [N*m or N], shape (nv,); 0 where they are left out.
+            t: Instant at which forces that follow laws are taken [s].
+
+        Raises:
+            InputError: The shapes do not fit, a loop is open, there is dry friction, or a load has a kink here.
+            DynamicsError: The position is singular, or something without mass is free.
+        """
+        from pinarm.engine.linear import linear_states
+
+        return linear_states.linearise(self, q, v, tau, t)
 
     def frame(self, name: str, q: ArrayLike) -> Array:
         """Return the placement of a link, or of the frame of a joint J by ``joint.J``, in the world.

@@ -218,7 +218,7 @@ class EvaluatedRows(Record, frozen=True):
     @cached_property
     def gaps(self) -> Array:
         """The gaps, or the values of coordinates [m or rad], shape (.., m)."""
-        found = np.zeros((self.rows.size, *self.states))
+        found = np.zeros((self.rows.size, *self.states), self.q.dtype)
         for part, pairs, motion in self._pairs():
             for row, gap in zip(pairs.rows, pairs.pair.gap(*motion.flat), strict=True):
                 found[row, part] += _spread(gap, motion)
@@ -234,7 +234,7 @@ class EvaluatedRows(Record, frozen=True):
     @cached_property
     def entries(self) -> Array:
         """The entries of G in the order of the pattern, shape (z, ..)."""
-        pattern, found = self.rows.pattern, np.zeros((len(self.rows.pattern.rows), *self.states))
+        pattern, found = self.rows.pattern, np.zeros((len(self.rows.pattern.rows), *self.states), self.q.dtype)
         for part, pairs, motion in self._pairs():
             e, w = _directions(pairs.pair, motion)
             found[pairs.entries, part] += power(e, motion.linear) + power(w, motion.angular)
@@ -276,13 +276,13 @@ class EvaluatedRows(Record, frozen=True):
     def matrices(self) -> Array:
         """G, shape (.., m, nv)."""
         pattern = self.rows.pattern
-        found = np.zeros((*self.states, self.rows.size, pattern.nv))
+        found = np.zeros((*self.states, self.rows.size, pattern.nv), self.q.dtype)
         found[..., pattern.rows, pattern.columns] = np.moveaxis(self.entries, 0, -1)
         return found
 
     def drifts(self, v: Array) -> Array:
         """Return ``G' v`` for velocities, shape (.., nv), as an array of shape (.., m)."""
-        found = np.zeros((self.rows.size, *self.states))
+        found = np.zeros((self.rows.size, *self.states), np.result_type(self.q, v))
         rates = components_first(v, 1)
         for part, pairs, motion in self._pairs():
             e, w = _directions(pairs.pair, motion)

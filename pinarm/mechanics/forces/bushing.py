@@ -83,7 +83,7 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
 
     def _add_many(self, q: Array, v: Array, tau: Array) -> None:
         """Add the loads at n configurations."""
-        if len(q) < MANY:
+        if len(q) < MANY and np.isrealobj(q):
             for state, rate, load in zip(q, v, tau, strict=True):
                 self.add_load(0.0, state, rate, load)
             return

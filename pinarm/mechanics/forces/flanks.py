@@ -58,8 +58,9 @@ class Flanks(AlongCoordinate, frozen=True):
 
     def effort(self, t: Array | float, w: Array, rate: Array) -> Array:
         """Return the effort [N*m or N]."""
-        push = np.maximum(self._push(np.sign(w), w, rate), 0.0)
-        return np.asarray(np.where(self._touches(np.sign(w), w), -np.sign(w) * push, 0.0))
+        side = np.sign(np.real(w))
+        push = np.maximum(self._push(side, w, rate), 0.0)
+        return np.asarray(np.where(self._touches(side, w), -side * push, 0.0))
 
     def _push(self, side: Array | float, w: Array, rate: Array) -> Array:
         """Return what the flank on a side, 1 or -1, would push while it touches."""

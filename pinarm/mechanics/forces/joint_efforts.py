@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, continued
 from pinarm.mechanics.forces.breakpoints import Pieces
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.laws import Constant
@@ -86,7 +86,7 @@ class ProfiledEffort(AbstractRecord, ForceElement, frozen=True):
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load to ``tau``."""
-        tau[..., self.v] += self.profile(q[..., self.q])[0]
+        tau[..., self.v] += continued(lambda w: self.profile(w)[:2], q[..., self.q])
 
     def potential_energy(self, q: Array) -> Array:
         """Return 0."""
@@ -130,7 +130,7 @@ class MotorCurve(AbstractRecord, ForceElement, frozen=True):
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load to ``tau``."""
-        tau[..., self.v] += np.interp(v[..., self.v], self.speeds, self.efforts)
+        tau[..., self.v] += continued(self._curve, v[..., self.v])
 
     def potential_energy(self, q: Array) -> Array:
         """Return 0."""
@@ -149,6 +149,12 @@ class MotorCurve(AbstractRecord, ForceElement, frozen=True):
     def passed(self, q: Array, v: Array) -> bool:
         """Return whether the velocity passes the whole way between two points of the curve."""
         return self._pieces.passed(v[..., self.v])
+
+    def _curve(self, rate: Array) -> tuple[Array, Array]:
+        """Return the efforts and their slopes at velocities."""
+        place = np.searchsorted(self.speeds, rate)
+        slopes = np.concatenate([[0.0], np.diff(self.efforts) / np.diff(self.speeds), [0.0]])
+        return np.interp(rate, self.speeds, self.efforts), slopes[place]
 
     @cached_property
     def _pieces(self) -> Pieces:

@@ -125,9 +125,9 @@ class BallSpring(AbstractRecord, ForceElement, frozen=True):
     def _rotation(self, q: Array) -> Array:
         """Return the rotation vectors, shape (..., 3); ``w = 2 atan(n / c) u`` for the quaternion (n u, c)."""
         vector, c = q[..., self.q : self.q + 3], q[..., self.q + 3 : self.q + 4]
-        n = np.linalg.norm(vector, axis=-1, keepdims=True)
-        factor = 2.0 * np.arctan2(n * np.where(c < 0.0, -1.0, 1.0), np.abs(c)) / np.maximum(n, np.finfo(float).tiny)
-        return np.asarray(vector * np.where(n > 0.0, factor, 0.0))
+        n, sign = np.sqrt((vector * vector).sum(axis=-1, keepdims=True)), np.where(c < 0.0, -1.0, 1.0)
+        half = np.arctan2(n, sign * c) if np.isrealobj(q) else np.arctan(n / (sign * c))  # of a complex step
+        return np.asarray(vector * sign * 2.0 * half / np.where(n == 0.0, 1.0, n))
 
 
 class DryFriction(AbstractRecord, ForceElement, frozen=True):

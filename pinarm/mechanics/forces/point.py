@@ -61,7 +61,7 @@ class AppliedWrench(AbstractRecord, ForceElement, frozen=True):
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load ``J^T w`` to ``tau``."""
-        if q.ndim == 2 and len(q) >= MANY:
+        if q.ndim == 2 and (len(q) >= MANY or np.iscomplexobj(q)):
             self._add_many(t, q, tau)
             return
         for instant, state, load in _rows(t, q, tau):
@@ -234,7 +234,8 @@ class TwoPointSpring(AbstractRecord, ForceElement, frozen=True):
     def _lines(self, q: Array) -> tuple[Array, Array]:
         """Return lengths [m], shape (...), and dl/dq, shape (..., nv), at configurations, shape (..., nq)."""
         states = q.reshape(-1, q.shape[-1])
-        lengths, rows = self._last(q.tobytes()) if len(states) <= KEPT else self._lines_of(states)
+        few = len(states) <= KEPT and np.isrealobj(q)
+        lengths, rows = self._last(q.tobytes()) if few else self._lines_of(states)
         return lengths.reshape(q.shape[:-1]), rows.reshape(*q.shape[:-1], self.model.nv)
 
     @cached_property
@@ -244,12 +245,13 @@ class TwoPointSpring(AbstractRecord, ForceElement, frozen=True):
 
     def _lines_of(self, states: Array) -> tuple[Array, Array]:
         """Return lengths [m], shape (n,), and dl/dq, shape (n, nv), at configurations, shape (n, nq)."""
-        if len(states) < MANY:
+        if len(states) < MANY and np.isrealobj(states):
             lines = [self._line(state) for state in states]
             lengths, rows = np.array([length for length, _, _ in lines]), np.array([row for _, _, row in lines])
         else:
             motion = self.frame_pair.at_configurations(states)
-            lengths, rows = np.sqrt(dot(motion.p, motion.p))[0], np.zeros((len(states), self.model.nv))
+            lengths = np.sqrt(dot(motion.p, motion.p))[0]
+            rows = np.zeros((len(states), self.model.nv), states.dtype)
             if not lengths.all() and not self._passes_zero:
                 raise self._meeting(states[lengths.argmin()])
             along = motion.p / np.where(lengths == 0.0, 1.0, lengths)

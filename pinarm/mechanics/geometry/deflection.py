@@ -70,7 +70,7 @@ class Deflection(Record, Generic[Number], frozen=True):
         """
         places, turned = np.broadcast_arrays(p, rotation_vector(axes))
         theta = np.sqrt((turned * turned).sum(axis=0))
-        half = np.where(theta > REACH, math.nan, 0.5 * np.maximum(theta, TINY))
+        half = np.where(theta > REACH, math.nan, 0.5 * np.where(theta == 0.0, TINY, theta))
         return Deflection._of(tuple(places), tuple(turned), half, np.sin(half), np.cos(half))
 
     @staticmethod

@@ -41,7 +41,7 @@ def cross(a: Array, b: Array) -> Array:
         return np.asarray(a[1:4] * b[2:5] - a[2:5] * b[1:4])
     (a0, a1, a2), (b0, b1, b2) = a, b
     x = a1 * b2 - a2 * b1
-    product = np.empty((3, *x.shape))
+    product = np.empty((3, *x.shape), x.dtype)
     product[0] = x
     product[1] = a2 * b0 - a0 * b2
     product[2] = a0 * b1 - a1 * b0
@@ -90,7 +90,7 @@ def components_apart(like: Array, width: int) -> Array:
     Its states have the order of another array's, shape (..): numpy then works on long rows.
     """
     order, back = _order(like.strides)
-    return np.empty((width, *[like.shape[axis] for axis in order])).transpose(back)
+    return np.empty((width, *[like.shape[axis] for axis in order]), like.dtype).transpose(back)
 
 
 @lru_cache(maxsize=256)
@@ -134,5 +134,6 @@ def rotation_vector(axes: Axes) -> Array:
     largest = np.argmax(own, axis=0)
     w, *u = rows[largest, :, np.arange(rows.shape[2])].T
     sine = np.sqrt(dot(np.array(u), np.array(u)))
-    turn = 2.0 * np.arctan2(sine, np.abs(w)) / np.where(sine > 0.0, sine, 1.0)
-    return np.asarray(np.where(w < 0.0, -turn, turn) * np.array(u))
+    sign = np.where(w < 0.0, -1.0, 1.0)
+    half = np.arctan2(sine, sign * w) if np.isrealobj(w) else np.arctan(sine / (sign * w))  # of a complex step
+    return np.asarray(sign * 2.0 * half / np.where(sine == 0.0, 1.0, sine) * np.array(u))

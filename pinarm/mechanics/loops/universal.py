@@ -50,13 +50,13 @@ class Cross(Record, frozen=True):
     def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
         """Return the directions; rotation is held about the normal of both axes."""
         normal = cross(combined(axes, self.second), self.first)
-        w = np.zeros((4, *normal.shape))
+        w = np.zeros((4, *normal.shape), normal.dtype)
         w[3] = normal
         return ORIGINS, w
 
     def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> Array:
         """Return what the turning of the second axis does."""
         turning = dot(cross(cross(omega, combined(axes, self.second)), self.first), omega)
-        bend = np.zeros((4, *turning.shape))
+        bend = np.zeros((4, *turning.shape), turning.dtype)
         bend[3] = turning
         return bend

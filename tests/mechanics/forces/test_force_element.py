@@ -5,6 +5,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.linear.derivatives import load_derivatives
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import Distance, PointCoordinate, coordinates_of
 from pinarm.mechanics.forces.along_coordinate import CoordinateEffort, CoordinateSpring
@@ -139,6 +141,18 @@ def test_many_states_at_once_are_the_same_as_one_by_one(force, model, joints):
         for together, alone in zip(many, one, strict=True):
             assert together[k] == pytest.approx(alone, rel=1e-13, abs=1e-13)
     assert [x.shape for x in many] == [(n, 2), (n,), (n,)]
+
+
+@every_force
+def test_complex_steps_give_the_derivatives_of_the_load(force, model, joints, differentiate):
+    """Against real differences of order 8; no sample is at a kink in this state."""
+    element, (q, v) = made(force, model, joints), motion(0.37)
+    by_q, by_v = load_derivatives(Dynamics.of(model, {"force": element}), 0.37, q, v)
+    for k, way in enumerate(np.eye(2)):
+        of_q = differentiate(lambda x, way=way: load(element, 0.37, q + x * way, v), 0.0, h=2e-3)
+        of_v = differentiate(lambda x, way=way: load(element, 0.37, q, v + x * way), 0.0, h=2e-3)
+        assert by_q[:, k] == pytest.approx(of_q, abs=1e-8)  # rounding of loads of 100 N over the step
+        assert by_v[:, k] == pytest.approx(of_v, abs=1e-8)
 
 
 def test_a_load_is_steady_that_is_the_same_in_all_states_and_at_all_times(model, joints):

@@ -1,0 +1,1 @@
+"""Linear analysis: derivatives of the equation of motion, linearised motion, natural frequencies and mode shapes."""

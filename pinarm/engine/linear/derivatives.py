@@ -1,0 +1,164 @@
+"""Derivatives of the equation of motion at one state, for trees and loops.
+
+With the rows G of the constraints and their multipliers lam,
+
+    M a + nle - loads - G^T lam = tau,    G a + G' v = 0,    G v = 0
+
+Pinocchio differentiates ``M a + nle`` (``computeRNEADerivatives``). Loads, ``G^T lam``, ``G a``, ``G' v`` and ``G v``
+are differentiated by complex steps of the numpy evaluation: ``f'(x) = Im f(x + i h) / h`` is exact to rounding, as no
+difference is taken. Derivatives by q are those along unit velocities, ``d/ds f(q + s e_k)`` on the space of
+configurations. Couplings of joint coordinates have constant rows.
+
+Source: Squire and Trapp, Using complex variables to estimate derivatives of real functions, SIAM Review 40 (1998);
+Carpentier and Mansard, Analytical derivatives of rigid body dynamics algorithms, RSS (2018).
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.constraint import Constraint
+from pinarm.engine.constraints.constraint_rows import ConstraintRows
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.errors import InputError
+from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.couplings.coupling import Coupling, JointRelation
+from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
+from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.geometry.pinocchio_data import new_data
+from pinarm.records import Record
+
+STEP = 1e-30
+"""Imaginary step h: its square vanishes beside 1, and no difference is taken."""
+
+
+class EquationDerivatives(Record, frozen=True):
+    """Derivatives of the equation of motion at one state; m rows of constraints.
+
+    Attributes:
+        mass: M, shape (nv, nv).
+        force_q: Of ``M a + nle - loads - G^T lam`` by q, shape (nv, nv).
+        force_v: The same by v, shape (nv, nv).
+        rows: G, shape (m, nv).
+        rows_q: Of G by q, the velocity of the step first, shape (nv, m, nv).
+        acceleration_q: Of ``G a + G' v`` by q, shape (m, nv).
+        acceleration_v: The same by v, shape (m, nv).
+    """
+
+    mass: Array
+    force_q: Array
+    force_v: Array
+    rows: Array
+    rows_q: Array
+    acceleration_q: Array
+    acceleration_v: Array
+
+
+def equation_derivatives(
+    dynamics: Dynamics, constraints: Sequence[Constraint], t: float, q: Array, v: Array, a: Array, lam: Array
+) -> EquationDerivatives:
+    """Return the derivatives at a state.
+
+    Args:
+        dynamics: The equation of motion with its loads.
+        constraints: Its constraints.
+        t: Instant of loads that follow laws [s].
+        q: Configuration, shape (nq,).
+        v: Velocity, shape (nv,).
+        a: Acceleration, shape (nv,).
+        lam: Multipliers of the constraints, shape (m,).
+
+    Raises:
+        InputError: A constraint or a load has no derivative here.
+    """
+    mass, force_q, force_v = tree_derivatives(dynamics.model, q, v, a)
+    load_q, load_v = load_derivatives(dynamics, t, q, v)
+    rows, rows_q, drift_q, drift_v = _row_derivatives(dynamics.model, constraints, q, v)
+    held_q = np.einsum("kmj,m->jk", rows_q, lam)
+    acceleration_q = np.einsum("kmj,j->mk", rows_q, a) + drift_q
+    return EquationDerivatives(mass, force_q - load_q - held_q, force_v - load_v, rows, rows_q, acceleration_q, drift_v)
+
+
+def tree_derivatives(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+    """Return M and the derivatives of ``M a + nle`` by q and by v, shape (nv, nv) each."""
+    data = new_data(model)
+    pin.computeRNEADerivatives(model, data, q, v, a)
+    upper = np.triu(data.M)
+    return upper + np.triu(upper, 1).T, data.dtau_dq.copy(), data.dtau_dv.copy()
+
+
+def load_derivatives(dynamics: Dynamics, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+    """Return the derivatives of the generalised loads by q and by v, shape (nv, nv) each."""
+    nv = dynamics.model.nv
+    if not dynamics.changing:
+        return np.zeros((nv, nv)), np.zeros((nv, nv))
+    q_steps, v_steps = _steps(dynamics.model, q), v + 1j * STEP * np.eye(nv)
+    q_many = np.concatenate([q_steps, np.broadcast_to(q, q_steps.shape)])
+    v_many = np.concatenate([np.broadcast_to(v, v_steps.shape), v_steps])
+    tau = np.zeros((2 * nv, nv), dtype=complex)
+    with _complex_kept():
+        for force in dynamics.changing:
+            _add_load(dynamics.model, force, t, q_many, v_many, tau)
+    slopes = np.imag(tau) / STEP
+    return slopes[:nv].T, slopes[nv:].T
+
+
+def _add_load(model: pin.Model, force: ForceElement, t: float, q: Array, v: Array, tau: Array) -> None:
+    """Add a load at complex states, shape (n, nv); loads along coordinates by the rows of these."""
+    if not isinstance(force, AlongCoordinate) or isinstance(force.coordinate, LinearCoordinate):
+        force.add_load(t, q, v, tau)
+        return
+    rows = ConstraintRows.of(model, [force.coordinate])
+    _require_pairs(rows, [force.coordinate])
+    here = rows.at(q)
+    row = here.matrices[:, 0]
+    tau += np.asarray(force.effort(t, here.gaps[:, 0], (row * v).sum(axis=-1)))[..., None] * row
+
+
+def _row_derivatives(
+    model: pin.Model, constraints: Sequence[Constraint], q: Array, v: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Return G, its derivative by q, and those of ``G' v`` by q and by v."""
+    rows, nv = ConstraintRows.of(model, constraints), model.nv
+    _require_pairs(rows, constraints)
+    steps = _steps(model, q)
+    with _complex_kept():
+        moved, still = rows.at(steps), rows.at(np.broadcast_to(q + 0j, steps.shape))
+        rows_q = np.imag(moved.matrices) / STEP
+        drift_q = np.imag(moved.drifts(np.broadcast_to(v + 0j, (nv, nv)))) / STEP
+        drift_v = np.imag(still.drifts(v + 1j * STEP * np.eye(nv))) / STEP
+    return rows.at(q[None]).matrices[0], rows_q, drift_q.T, drift_v.T
+
+
+def _steps(model: pin.Model, q: Array) -> Array:
+    """Return a configuration with an imaginary step along every velocity, shape (nv, nq)."""
+    return q + 1j * STEP * pin.tangentMap(model, q).T  # type: ignore[no-any-return]
+
+
+def _require_pairs(rows: ConstraintRows, measured: Sequence[object]) -> None:
+    """Raise where rows are not evaluated by pairs of frames or constant weights.
+
+    Raises:
+        InputError: Names the kind of the constraint or the coordinate.
+    """
+    curved = [one for _, one in rows.relations if isinstance(one, JointRelation) and not isinstance(one, Coupling)]
+    others = [one for _, one in rows.others]
+    if curved or others:
+        kinds = ", ".join(sorted({type(one).__name__ for one in (*curved, *others)}))
+        raise InputError(
+            f"the linear analysis has no derivatives of {kinds}", expected="loops, couplings and forces of other kinds"
+        )
+
+
+@contextmanager
+def _complex_kept() -> Iterator[None]:
+    """Raise where an imaginary part would be dropped: the derivative would be wrong without a word."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", np.exceptions.ComplexWarning)
+        yield

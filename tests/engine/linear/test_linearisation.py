@@ -1,0 +1,184 @@
+"""Linearised motions against closed forms: chains, a spinning rotor and a top, a four-bar with springs, Pinocchio."""
+
+import itertools
+import math
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.optimize import brentq
+
+import pinarm
+from pinarm.errors import DynamicsError, InputError
+from pinarm.use.mechanism import Mechanism
+
+GRAVITY = 9.81
+ROOT = Path(pinarm.__file__).parents[1]
+
+
+def link(name, parent, axis, *, at="0 0 0", mass=0.0, com="0 0 0", inertia=(0.0, 0.0, 0.0), kind="continuous"):
+    diagonal = " ".join(f'{key}="{value}"' for key, value in zip(("ixx", "iyy", "izz"), inertia, strict=True))
+    body = (
+        f'<inertial><origin xyz="{com}"/><mass value="{mass}"/><inertia {diagonal} ixy="0" ixz="0" iyz="0"/></inertial>'
+    )
+    limit = '<limit effort="1e9" velocity="1e9" lower="-10" upper="10"/>' if kind == "prismatic" else ""
+    return (
+        f'<link name="{name}_link">{body if mass else ""}</link><joint name="{name}" type="{kind}">'
+        f'<parent link="{parent}"/><child link="{name}_link"/><origin xyz="{at}"/><axis xyz="{axis}"/>{limit}</joint>'
+    )
+
+
+def robot(*links):
+    return '<robot name="made"><link name="base"/>' + "".join(links) + "</robot>"
+
+
+def hanging(n, length=0.7):
+    """A chain of n point masses on massless rods."""
+    links = [
+        link(f"j{k}", f"j{k - 1}_link" if k else "base", "0 1 0", at=f"0 0 {-length if k else 0}", mass=1.3,
+             com=f"0 0 {-length}")
+        for k in range(n)
+    ]  # fmt: skip
+    return robot(*links)
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 9])
+def test_a_chain_of_point_masses_has_the_zeros_of_laguerres_polynomial(n, mechanism):
+    """``omega^2 = (g/l) x``, L_n(x) = 0."""
+    found = mechanism(hanging(n)).linearise(np.zeros(n)).modes
+    zeros = np.polynomial.laguerre.lagroots([0.0] * n + [1.0])
+    assert found.frequencies == pytest.approx(np.sqrt(GRAVITY / 0.7 * zeros) / (2.0 * math.pi), rel=1e-10)
+    assert found.damping_ratios == pytest.approx(0.0, abs=1e-12)
+    assert found.errors.max() < 1e-12
+
+
+def test_a_rod_on_its_head_falls(mechanism):
+    """``lambda = +- sqrt(g/l)``."""
+    found = mechanism(hanging(1)).linearise(np.array([math.pi])).modes
+    assert np.sort(found.eigenvalues.real) == pytest.approx([-math.sqrt(GRAVITY / 0.7), math.sqrt(GRAVITY / 0.7)])
+
+
+def test_springs_and_dampers_in_a_row(mechanism):
+    """Two carriages with springs and dampers: lambda of ``M x'' + D x' + K x = 0`` by its own state matrix."""
+    xml = robot(
+        link("a", "base", "1 0 0", mass=2.0, kind="prismatic"), link("b", "a_link", "1 0 0", mass=3.0, kind="prismatic")
+    )
+    found = mechanism(xml, gravity="none", forces={
+        "one": {"kind": "joint_spring", "joint": "a", "stiffness": "70 N/m", "damping": "1.5 N*s/m"},
+        "two": {"kind": "joint_spring", "joint": "b", "stiffness": "40 N/m", "damping": "0.4 N*s/m"},
+    }).linearise(np.zeros(2))  # fmt: skip
+    m, k, d = np.diag([2.0, 3.0]), np.array([[110.0, -40.0], [-40.0, 40.0]]), np.array([[1.9, -0.4], [-0.4, 0.4]])
+    inverse = np.linalg.inv(m)
+    state = np.block([[np.zeros((2, 2)), np.eye(2)], [-inverse @ k, -inverse @ d]])
+    expected = [x for x in np.linalg.eigvals(state) if x.imag > 0.0]
+    assert found.modes.eigenvalues == pytest.approx(sorted(expected, key=abs), rel=1e-12)
+    assert found.states == ["a", "b", "a'", "b'"]
+    moved = found.response(np.array([0.0]), np.eye(2, 4))[0]
+    assert moved[:, 0].real == pytest.approx([1.0 / 70.0, 0.0], abs=1e-15)  # 1 N on the first carriage
+
+
+@pytest.mark.parametrize("spin", [0.0, 30.0, 400.0])
+def test_a_spinning_disk_on_a_gimbal_with_springs(spin, mechanism):
+    """``omega = sqrt((I_p W / (2 I_t))^2 + k / I_t) +- I_p W / (2 I_t)``."""
+    stiffness, polar, transverse = 60.0, 0.02, 0.013
+    xml = robot(
+        link("x", "base", "1 0 0"), link("y", "x_link", "0 1 0"),
+        link("z", "y_link", "0 0 1", mass=1.0, inertia=(transverse, transverse, polar)),
+    )  # fmt: skip
+    spring = {"kind": "joint_spring", "stiffness": f"{stiffness} N*m/rad"}
+    made = mechanism(xml, gravity="none", forces={"x": {**spring, "joint": "x"}, "y": {**spring, "joint": "y"}})
+    found = made.linearise(np.zeros(3), np.array([0.0, 0.0, spin]))
+    assert found.acceleration == pytest.approx(0.0, abs=1e-12)
+    half = polar * spin / (2.0 * transverse)
+    root = math.sqrt(half**2 + stiffness / transverse)
+    whirling = found.modes.frequencies[found.modes.frequencies > 1e-6] * 2.0 * math.pi
+    assert whirling == pytest.approx([root - half, root + half], rel=1e-9)
+
+
+def test_a_top_on_a_ball_joint(mechanism):
+    """Upright: ``I_t w^2 - I_p W w + m g h = 0`` in space, w - W in the axes of the top, in which it is linearised."""
+    height, mass, polar, transverse, spin = 0.1, 0.8, 0.004, 0.006 + 0.8 * 0.01, 60.0
+    xml = robot(link("ball", "base", "0 0 1", mass=mass, com=f"0 0 {height}",
+                     inertia=(0.006, 0.006, polar))).replace('type="continuous"', 'type="spherical"')  # fmt: skip
+    made = mechanism(xml)
+    found = made.linearise(pin.neutral(made.model), np.array([0.0, 0.0, spin]))
+    expected = sorted(abs(w - spin) for w in np.roots([transverse, -polar * spin, mass * GRAVITY * height]))
+    whirling = found.modes.frequencies[found.modes.frequencies > 1e-6] * 2.0 * math.pi
+    assert whirling == pytest.approx(expected, rel=1e-9)
+
+
+def test_forward_dynamics_of_a_tree_have_pinocchios_derivatives():
+    model = Mechanism.load("ur5")
+    generator = np.random.default_rng(3)
+    q, v, tau = generator.uniform(-1.0, 1.0, (3, model.model.nv))
+    found = model.linearise(q, v, 10.0 * tau)
+    data = model.model.createData()
+    by_q, by_v, by_tau = pin.computeABADerivatives(model.model, data, q, v, 10.0 * tau)
+    n = model.model.nv
+    for own, other in ((found.A[n:, :n], by_q), (found.A[n:, n:], by_v), (found.B[n:], by_tau)):
+        assert own == pytest.approx(other, rel=1e-9, abs=1e-9 * np.abs(other).max())
+
+
+class FourBar:
+    """Bars in the plane, uniform rods: angles of coupler and rocker over the crank angle, energies, in closed form."""
+
+    def __init__(self, a, b, c, d, masses, stiffness):
+        self.lengths, self.masses, self.stiffness = (a, b, c, d), masses, stiffness
+
+    def angles(self, x):
+        a, b, c, d = self.lengths
+        tip = a * np.exp(1j * x)
+        way = d - tip
+        coupler = np.angle(way) + math.acos((b * b + abs(way) ** 2 - c * c) / (2.0 * b * abs(way)))
+        return coupler, np.angle(tip + b * np.exp(1j * coupler) - d)
+
+    def places(self, x):
+        a, b, c, d = self.lengths
+        coupler, rocker = self.angles(x)
+        return [0.5 * a * np.exp(1j * x), a * np.exp(1j * x) + 0.5 * b * np.exp(1j * coupler),
+                d + 0.5 * c * np.exp(1j * rocker)]  # fmt: skip
+
+    def potential(self, x):
+        weights = sum(m * GRAVITY * z.imag for m, z in zip(self.masses, self.places(x), strict=True))
+        return weights + 0.5 * self.stiffness * self.angles(x)[1] ** 2
+
+    def inertia(self, x, derivative):
+        """m(x) of ``T = m(x) x'^2 / 2``."""
+        total = 0.0
+        for k, (mass, length) in enumerate(zip(self.masses, self.lengths, strict=False)):
+            place = [derivative(lambda y, k=k, part=part: getattr(self.places(y)[k], part), x, 1e-3)
+                     for part in ("real", "imag")]  # fmt: skip
+            turn = 1.0 if k == 0 else derivative(lambda y, k=k: self.angles(y)[k - 1], x, 1e-3)
+            total += mass * (place[0] ** 2 + place[1] ** 2) + mass * length**2 / 12.0 * turn**2
+        return total
+
+
+def test_a_four_bar_with_a_spring_about_its_equilibrium(differentiate):
+    """``omega^2 = V'' / m`` over the crank angle, from the closed geometry alone."""
+    numbers = {"a": 0.12, "b": 0.35, "c": 0.28, "d": 0.3, "m2": 0.4, "m3": 0.9, "m4": 0.7}
+    made = Mechanism.load(ROOT / "models/crank_rocker/mechanism.yaml", numbers, values={"forces": {
+        "spring": {"kind": "joint_spring", "joint": "theta4", "stiffness": "9 N*m/rad"},
+    }})  # fmt: skip
+    bars = FourBar(*(numbers[key] for key in "abcd"), [numbers[f"m{k}"] for k in (2, 3, 4)], 9.0)
+    slope = lambda x: differentiate(bars.potential, x, 1e-3)  # noqa: E731
+    starts = np.linspace(-math.pi, math.pi, 41)
+    ends = [(x, y) for x, y in itertools.pairwise(starts) if slope(x) < 0.0 < slope(y)]
+    x = brentq(slope, *ends[0], xtol=1e-14)
+    coupler, rocker = bars.angles(x)
+    q = made.configurations({"theta2": x, "A": coupler - x, "theta4": rocker})
+    found = made.linearise(q)
+    assert found.acceleration == pytest.approx(0.0, abs=1e-7)  # of a slope by differences
+    curvature = differentiate(slope, x, 1e-2)
+    frequency = math.sqrt(curvature / bars.inertia(x, differentiate)) / (2.0 * math.pi)
+    assert found.modes.frequencies == pytest.approx([frequency], rel=1e-7)  # of differences of second order
+
+
+def test_dry_friction_and_singular_positions_are_refused(mechanism):
+    xml = robot(link("a", "base", "0 1 0", mass=1.0, com="0 0 -1"))
+    made = mechanism(xml, friction={"a": {"constant": "1 N*m"}})
+    with pytest.raises(InputError, match=r"dry friction has no derivative where it sticks: joint\.a"):
+        made.linearise(np.zeros(1))
+    square = Mechanism.load(ROOT / "models/crank_rocker/mechanism.yaml", {"a": 0.2, "b": 0.3, "c": 0.2, "d": 0.3})
+    with pytest.raises(DynamicsError, match="singular"):
+        square.linearise(square.configurations({"theta2": 0.0, "A": 0.0, "theta4": 0.0}))
