@@ -91,7 +91,7 @@ class Modes(Record, frozen=True):
         kept = np.flatnonzero(eigenvalues.imag >= 0.0)
         kept = kept[np.lexsort((eigenvalues.real[kept], np.abs(eigenvalues[kept])))]
         conditions = 1.0 / np.maximum(np.abs((left[:, kept].conj() * right[:, kept]).sum(axis=0)), np.finfo(float).tiny)
-        vectors = np.diag(scales) @ right[:, kept]
+        vectors = scales @ right[:, kept]
         error = float(np.finfo(float).eps * np.linalg.norm(balanced, 2))
         return cls(eigenvalues[kept], vectors / np.linalg.norm(vectors, axis=0), conditions, error)
 

@@ -78,6 +78,19 @@ def test_springs_and_dampers_in_a_row(mechanism):
     assert moved[:, 0].real == pytest.approx([1.0 / 70.0, 0.0], abs=1e-15)  # 1 N on the first carriage
 
 
+def test_mode_shapes_of_two_like_pendulums_with_a_spring(mechanism):
+    """One mode in step at sqrt(g/l), one in opposite step at sqrt(g/l + 2 k/(m l^2))."""
+    pendulum = {"mass": 1.3, "com": "0 0 -0.7"}
+    xml = robot(link("a", "base", "0 1 0", **pendulum), link("b", "base", "0 1 0", at="0 1 0", **pendulum))
+    found = mechanism(xml, coordinates={"apart": {"kind": "sum", "of": {"a": 1, "b": -1}}}, forces={
+        "spring": {"kind": "coordinate_spring", "coordinate": "apart", "stiffness": "4 N*m/rad"},
+    }).linearise(np.zeros(2))  # fmt: skip
+    slow, fast = math.sqrt(GRAVITY / 0.7), math.sqrt(GRAVITY / 0.7 + 2.0 * 4.0 / (1.3 * 0.49))
+    assert found.modes.frequencies * 2.0 * math.pi == pytest.approx([slow, fast], rel=1e-12)
+    shapes = found.shapes()
+    assert shapes[1] / shapes[0] == pytest.approx([1.0, -1.0], abs=1e-9)
+
+
 @pytest.mark.parametrize("spin", [0.0, 30.0, 400.0])
 def test_a_spinning_disk_on_a_gimbal_with_springs(spin, mechanism):
     """``omega = sqrt((I_p W / (2 I_t))^2 + k / I_t) +- I_p W / (2 I_t)``."""
