@@ -68,11 +68,7 @@ def read_table(name: str, column: str | None, stamp: Stamp) -> MotionTable:
 
 
 def _place(heads: list[str], column: str | None, file: str) -> int:
-    """Return where the column with a name stands, or the one with a unit beside the first.
-
-    Raises:
-        InputError: There is none of that name, or there are several.
-    """
+    """Return where the column with a name stands, or the one with a unit beside the first."""
     names = {place: _name(head) for place, head in enumerate(heads) if place}
     if column is None:
         fitting = [1, *(place for place in names if place > 1 and _measured(heads[place]))]

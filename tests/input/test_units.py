@@ -81,12 +81,6 @@ def test_wrong_units(text: str, says: str) -> None:
         unit(text)
 
 
-def test_hertz_says_what_to_write() -> None:
-    with pytest.raises(UnitError) as caught:
-        unit("Hz")
-    assert caught.value.hint == "rpm, rev/s or rad/s"
-
-
 @pytest.mark.parametrize(("wrong", "right"), [("mmm", "mm"), ("kgs", "kg"), ("rads", "rad"), ("degg", "deg")])
 def test_a_near_miss_gets_a_suggestion(wrong: str, right: str) -> None:
     with pytest.raises(UnitError) as caught:

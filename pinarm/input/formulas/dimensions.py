@@ -37,18 +37,7 @@ _CONSTANTS = dict.fromkeys(CONSTANTS, DIMENSIONLESS)
 
 
 def unit_of(tree: ast.expr, names: Mapping[str, Unit | None], rules: Mapping[str, Rule], text: str) -> Unit | None:
-    """Return the SI unit of a formula's value; ``None`` where it cannot be known, and for 0.
-
-    Args:
-        tree: The formula.
-        names: Units of the names in it; ``None`` is unknown and fits everything.
-        rules: Rule of each function.
-        text: The formula as it was written, for messages.
-
-    Raises:
-        UnitError: Quantities of different dimensions are added or compared, or one goes into a function of numbers.
-        ExpressionError: A name is unknown.
-    """
+    """Return the SI unit of a formula's value, see ``Expression.dimension``; ``rules`` has that of each function."""
     measure = interpret(tree, _Units(names, rules), text)
     return None if measure.value == 0 else measure.unit
 

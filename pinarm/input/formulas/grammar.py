@@ -44,35 +44,27 @@ class Algebra(Protocol[T]):
 
     def constant(self, value: Any, /) -> T:
         """Return what a literal means."""
-        ...
 
     def name(self, name: str, /) -> T:
         """Return what a name means."""
-        ...
 
     def unary(self, symbol: str, operand: T, /) -> T:
         """Apply ``+``, ``-`` or ``not``."""
-        ...
 
     def binary(self, symbol: str, left: T, right: T, /) -> T:
         """Apply an arithmetic operator."""
-        ...
 
     def compare(self, symbols: Sequence[str], operands: Sequence[T], /) -> T:
         """Compare neighbours, as in ``0 < x <= 1``."""
-        ...
 
     def logic(self, symbol: str, operands: Sequence[Callable[[], T]], /) -> T:
         """Apply ``and`` or ``or`` to operands that need not all be interpreted."""
-        ...
 
     def choose(self, test: T, then: Callable[[], T], otherwise: Callable[[], T], /) -> T:
         """Return one of two; the other need not be interpreted."""
-        ...
 
     def call(self, function: str, arguments: Sequence[T], /) -> T:
         """Apply a function."""
-        ...
 
 
 class Grammar(Record, frozen=True):
@@ -142,7 +134,7 @@ def read_tree(text: str, grammar: Grammar) -> ast.expr:
         measured = find_measured(text) if MeasuredNumber in grammar.literals else []
     except ExpressionError as error:
         raise _in_words(error, text) from None
-    plain, keywords = _without_keywords(_without_units(text, measured))
+    plain, replaced = _replaced(text, measured)
     try:
         tree = ast.parse(plain, mode="eval").body
     except SyntaxError as error:
@@ -152,26 +144,9 @@ def read_tree(text: str, grammar: Grammar) -> ast.expr:
         raise _in_words(problem.at(place), text) from None
     except (ValueError, RecursionError, MemoryError, OverflowError) as error:
         raise ExpressionError(f"this is not a formula: {error or 'nested too deeply'}", expected=_LANGUAGE) from None
-    _put_back(tree, text, measured)
-    _put_keywords_back(tree, keywords)
+    _put_back(tree, replaced)
     _check(tree, grammar, text)
     return tree
-
-
-def _without_units(text: str, measured: Sequence[tuple[int, MeasuredNumber]]) -> str:
-    """Return the text with ``0`` and blanks in place of numbers with units: everything else stays at its column."""
-    for start, number in measured:
-        text = f"{text[:start]}{'0'.ljust(len(number.text))}{text[start + len(number.text) :]}"
-    return text
-
-
-def _put_back(tree: ast.expr, text: str, measured: Sequence[tuple[int, MeasuredNumber]]) -> None:
-    """Put numbers with units into a tree, at the columns from which they were taken."""
-    numbers = {len(text[:start].encode()): number for start, number in measured}
-    for node in ast.walk(tree) if numbers else ():
-        if isinstance(node, ast.Constant) and node.col_offset in numbers:
-            number = numbers[node.col_offset]
-            node.value, node.end_col_offset = number, node.col_offset + len(number.text)  # type: ignore[assignment]
 
 
 _OF_THE_LANGUAGE = ("and", "else", "if", "not", "or")
@@ -179,29 +154,35 @@ _BEFORE_NAME = re.compile(rf"(?:^|[-+*/%<>=(,]|\b(?:{'|'.join(_OF_THE_LANGUAGE)}
 _KEYWORD = re.compile(rf"(?<!\w)(?:{'|'.join(keyword.kwlist)})(?!\w)")
 
 
-def _without_keywords(text: str) -> tuple[str, dict[int, str]]:
-    """Return the text with other letters in place of Python's keywords in names, and these by their place in bytes.
+def _replaced(text: str, measured: Sequence[tuple[int, MeasuredNumber]]) -> tuple[str, dict[int, str | MeasuredNumber]]:
+    """Return the text as Python can read it, and what was replaced in it by place in bytes; columns stay.
 
-    A keyword beside a dot is part of a name. Alone it is a name where a name may stand, unless formulas use the word.
+    Numbers with units become ``0`` and blanks, Python's keywords in names other letters. A keyword beside a dot is part
+    of a name. Alone it is a name where a name may stand, unless formulas use the word.
     """
-    found = dict[int, str]()
+    replaced = dict[int, str | MeasuredNumber]()
+    for start, number in measured:
+        replaced[len(text[:start].encode())] = number
+        text = f"{text[:start]}{'0'.ljust(len(number.text))}{text[start + len(number.text) :]}"
     for match in _KEYWORD.finditer(text):
         word, (start, end) = match[0], match.span()
         dotted = text[start - 1 : start] == "." or text[end : end + 1] == "."
         free = word not in (*_OF_THE_LANGUAGE, "True", "False", "None")
         if dotted or (free and _BEFORE_NAME.search(text[:start])):
-            found[len(text[:start].encode())] = word
+            replaced[len(text[:start].encode())] = word
             text = f"{text[:start]}{'x' * len(word)}{text[end:]}"
-    return text, found
+    return text, replaced
 
 
-def _put_keywords_back(tree: ast.expr, keywords: Mapping[int, str]) -> None:
-    """Put keywords into the names of a tree, at the columns from which they were taken."""
-    for node in ast.walk(tree) if keywords else ():
-        if isinstance(node, ast.Name):
-            node.id = keywords.get(node.col_offset, node.id)
+def _put_back(tree: ast.expr, replaced: Mapping[int, Any]) -> None:
+    """Put numbers with units and keywords into a tree, at the columns from which they were taken."""
+    for node in ast.walk(tree) if replaced else ():
+        if isinstance(node, ast.Constant) and isinstance(number := replaced.get(node.col_offset), MeasuredNumber):
+            node.value, node.end_col_offset = number, node.col_offset + len(number.text)  # type: ignore[assignment]
+        elif isinstance(node, ast.Name):
+            node.id = replaced.get(node.col_offset, node.id)
         elif isinstance(node, ast.Attribute):
-            node.attr = keywords.get((node.end_col_offset or 0) - len(node.attr.encode()), node.attr)
+            node.attr = replaced.get((node.end_col_offset or 0) - len(node.attr.encode()), node.attr)
 
 
 _BLANKS = {ord("\n"): " ", ord("\r"): " ", ord("\t"): " "}

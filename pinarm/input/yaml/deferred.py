@@ -21,12 +21,7 @@ Deferred = Mapping[str, tuple[str, str]]
 
 
 def with_types(struct: type[StructT], keys: Iterable[str]) -> type[StructT]:
-    """Return a struct with the types of the deferred fields that are among some keys.
-
-    Args:
-        struct: With ``deferred``, as ``InputStruct`` has it.
-        keys: As in files. Others of its deferred fields remain ``Any``.
-    """
+    """Return a struct with the types of those of its ``deferred`` fields that are among the keys of a file."""
     deferred: Deferred = getattr(struct, "deferred", {})
     wanted = deferred.keys() & keys if deferred else ()
     return _with_types(struct, frozenset(wanted)) if wanted else struct

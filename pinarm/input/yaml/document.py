@@ -1,8 +1,4 @@
-"""YAML documents with the location of every value, and validation with located errors.
-
-Loading builds numbers, text, booleans, lists and maps only. Tags, anchors and aliases are refused, and size, depth and
-digits are bounded: an untrusted file can neither run code nor occupy the reader for long.
-"""
+"""YAML documents with the location of every value, and validation with located errors."""
 
 from __future__ import annotations
 
@@ -88,7 +84,7 @@ class Document(ValueRecord, frozen=True):
             InputError: Something else is among them.
         """
         try:
-            plain = _plain(data)
+            plain = plain_data(data)
         except InputError as error:
             raise error.at(_named(source, error.path)) from None
         places = {path: _named(source, path) for path in _paths(plain)}
@@ -135,21 +131,20 @@ class Document(ValueRecord, frozen=True):
         Raises:
             InputError: The path is not in the document.
         """
-        data, node = (copied := _copy(self.data)), None
+        holder = data = _copy(self.data)
         path: Path_ = ()
         *parents, last = steps_of(name, data, option)
         for key in parents:
-            node = step_into(data, key, option, create=True)
-            data, path = data[node], (*path, node)
-        node = step_into(data, last, option, create=True)
-        data[node] = value
-        path = (*path, node)
+            path = (*path, step_into(holder, key, option, create=True))
+            holder = holder[path[-1]]
+        path = (*path, step_into(holder, last, option, create=True))
+        holder[path[-1]] = value
         made = {path[:k]: option for k in range(1, len(path))}
         places, keys = (
             made | {at: place for at, place in locations.items() if at[: len(path)] != path} | {path: option}
             for locations in (self.places, self.keys)
         )
-        return replace(self, data=copied, places=places, keys=keys)
+        return replace(self, data=data, places=places, keys=keys)
 
     def part(self, key: str) -> Document:
         """Return the content below a key as a document."""
@@ -220,26 +215,30 @@ def _named(source: str, path: Path_) -> Location:
     return Location(f"{source}: {'.'.join(map(str, path))}" if path else source)
 
 
-def _plain(data: Any, depth: int = 0) -> Any:
-    """Return data as a file would give them; maps and lists that hold themselves have no end of levels."""
+def plain_data(data: Any, depth: int = 0) -> Any:
+    """Return data as a file would give them: of numpy's types and tuples, Python's numbers and lists.
+
+    Raises:
+        InputError: They hold what no file can hold, or, as lists that hold themselves, too many levels.
+    """
     if depth > MAX_DEPTH:
         raise InputError(NESTED, expected=LEVELS)
-    if isinstance(data, Mapping):
-        plain = {}
-        for key, value in data.items():
-            with within(str(key)):
-                plain[str(key)] = _plain(value, depth + 1)
-        return plain
     if isinstance(data, np.ndarray | np.generic):
         return data.tolist()
     if isinstance(data, list | tuple):
-        return [_plain(value, depth + 1) for value in data]
+        return [plain_data(value, depth + 1) for value in data]
     if isinstance(data, str | int | float | None):
         return data
     if isinstance(data, Path):
         return str(data)
-    raise InputError(f"a {type(data).__name__} is nothing that a file can hold",
-                     expected="text with a unit such as '30 deg', a number, a list, or a map")  # fmt: skip
+    if not isinstance(data, Mapping):
+        raise InputError(f"a value of type {type(data).__name__} is nothing that a file can hold",
+                         expected="text with a unit such as '30 deg', a number, a list, or a map")  # fmt: skip
+    plain = {}
+    for key, value in data.items():
+        with within(str(key)):
+            plain[str(key)] = plain_data(value, depth + 1)
+    return plain
 
 
 def _merged(data: Any, changes: Any, place: Location) -> Any:

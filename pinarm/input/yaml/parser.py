@@ -1,6 +1,7 @@
 """YAML text to plain data, without recursion, with the location of every key and value.
 
-Numbers, text, booleans, lists and maps only. Tags, anchors and aliases are refused; depth and digits are bounded.
+Loading builds numbers, text, booleans, lists and maps only. Tags, anchors and aliases are refused, and depth and digits
+are bounded: an untrusted file can neither run code nor occupy the reader for long.
 """
 
 from __future__ import annotations

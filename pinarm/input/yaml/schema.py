@@ -234,11 +234,7 @@ class _Fraction(PureNumber):
 
     @classmethod
     def read(cls, value: object, *, bare: bool = True) -> Self:
-        """Read ``0.5``, or ``"17/43"``.
-
-        Raises:
-            InputError: It is neither, or not finite.
-        """
+        """Read ``0.5``, or ``"17/43"``."""
         given = re.fullmatch(_FRACTION, value.strip()) if isinstance(value, str) else None
         if given and not float(given[2]):
             raise InputError(f"'{given[0][:40]}' divides by 0", expected="a fraction such as 17/43")

@@ -14,14 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
-from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from pinarm.errors import InputError, Location, UnitError
 from pinarm.input.units import read_quantity, unit
-from pinarm.input.yaml.document import Document, step_into
+from pinarm.input.yaml.document import Document, plain_data, step_into
 from pinarm.input.yaml.key_path import steps_of
 from pinarm.input.yaml.schema import Measured
 
@@ -33,12 +30,7 @@ SHOWN = 120
 
 
 def varied(document: Document, values: Values, declared: Callable[[str], str] = lambda path: "") -> Document:
-    """Return a file with other values.
-
-    Args:
-        document: The file.
-        values: Path -> value as the file would have it, or texts such as ``problem.time.end=3 s``.
-        declared: The unit that is known of the value at a path where the file itself has none; empty for none.
+    """Return a file with other values; ``declared`` knows the unit at a path where the file itself has none.
 
     Raises:
         InputError: A path does not lead into the file, or a value is no plain data.
@@ -50,11 +42,7 @@ def varied(document: Document, values: Values, declared: Callable[[str], str] = 
 
 
 def require_apart(data: Any, values: Values, others: Iterable[str]) -> None:
-    """Raise where a value leads to, or below, what other paths replace, or one of these to what another does.
-
-    Raises:
-        InputError: One does.
-    """
+    """Refuse values that lead to, or below, what other paths replace, and two of these paths that are the same."""
     replaced = [(other, steps_of(other, data, Location(other))) for other in others]
     for (first, one), (second, two) in combinations(replaced, 2):
         if one == two:
@@ -78,11 +66,7 @@ def written_unit(data: Any, path: str) -> str:
 
 
 def require_unit(value: Measured, known: str, path: str) -> None:
-    """Raise where a number has no unit, and the number at the path that it is meant for has one.
-
-    Raises:
-        UnitError: Names the unit.
-    """
+    """Refuse a number without a unit where the number at the path that it is meant for has one."""
     if value and value.unit is None and known not in ("", "1"):
         raise UnitError(f"'{value:g}' has no unit, and the number at '{path}' is in {known}",
                         expected="a number with its unit", hint=f"{value:g} {known}")  # fmt: skip
@@ -105,7 +89,10 @@ def _assignments(values: Values) -> Iterator[tuple[str, Any, Location]]:
             place = Location(f"{path}={value}"[:SHOWN])
             if not isinstance(path, str) or not path.strip():
                 raise InputError(f"the key {path!r} is no path", expected="text such as 'problem.time.end'").at(place)
-            yield path.strip(), _plain(value, place), place
+            try:
+                yield path.strip(), plain_data(value), place
+            except InputError as error:
+                raise error.at(place) from None
         return
     if isinstance(values, str) or not isinstance(values, Sequence):
         raise InputError(f"other values are given as {str(values)[:SHOWN]!r}",
@@ -116,26 +103,6 @@ def _assignments(values: Values) -> Iterator[tuple[str, Any, Location]]:
         if not equals or not name.strip():
             raise InputError("this is not an assignment", expected="path.to.key=value").at(option)
         yield name.strip(), Document.parse(value, source=option.source).data, option
-
-
-def _plain(value: Any, place: Location) -> Any:
-    """Return a value as a file would have it: of numpy's types and tuples, Python's numbers and lists.
-
-    Raises:
-        InputError: It is none that a file could have.
-    """
-    if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
-    if isinstance(value, Mapping):
-        return {str(key): _plain(inner, place) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(inner, place) for inner in value]
-    if isinstance(value, Path):
-        return str(value)
-    if value is None or isinstance(value, str | bool | int | float):
-        return value
-    raise InputError(f"a value of type {type(value).__name__} is nothing that a file could have",
-                     expected="text with a unit, a number, a word, a list or a map").at(place)  # fmt: skip
 
 
 def _with_unit(document: Document, path: str, value: Any, place: Location, declared: Callable[[str], str]) -> Any:

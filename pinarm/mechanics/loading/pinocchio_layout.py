@@ -274,11 +274,7 @@ def _joints_alone(root: ElementTree.Element) -> str:
 def _part(
     theirs: pin.Model, index: int, name: str, model: pin.Model, joints: Mapping[str, Joint], balls: Mapping[str, Ball]
 ) -> JointStates:
-    """Return the states of one of Pinocchio's joints, which has the name ``name`` here.
-
-    Raises:
-        InputError: The mechanism has no such joint.
-    """
+    """Return the states of one of Pinocchio's joints, which has the name ``name`` here."""
     joint = theirs.joints[index]
     kind = joint.shortname().removeprefix("JointModel")
     named = [f"{name}{ending}" for ending in PARTS.get(kind, ("",))]

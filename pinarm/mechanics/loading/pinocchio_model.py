@@ -188,9 +188,6 @@ def _tuned(tree: Tree) -> Tree:
     """Return the tree with numbers for the springs and dampers that are given per inertia of their joint.
 
     The inertia of a joint is the harmonic mean of its ``1 / (M^-1)_ii`` at the reference pose, as in MuJoCo.
-
-    Raises:
-        ModelError: Such a joint moves no mass.
     """
     if not any(joint.tuned_stiffness or joint.tuned_damping for joint in tree.joints):
         return tree
@@ -222,9 +219,6 @@ def _with_base(tree: Tree, base: Base | None) -> Tree:
     """Return the tree with its root fixed or floating.
 
     A root without mass that carries floating joints stands for the ground: what these carry is held, or floats already.
-
-    Raises:
-        ModelError: Such a root carries masses by other joints too.
     """
     if base is None:
         return tree
@@ -257,11 +251,7 @@ def _standing(tree: Tree) -> list[str]:
 
 
 def _assembled(tree: Tree) -> pin.Model:
-    """Return Pinocchio's model of a tree.
-
-    Raises:
-        ModelError: It has no degree of freedom, or too many, or two of its parts have the same name.
-    """
+    """Return Pinocchio's model of a tree."""
     model = pin.Model()
     model.name = tree.name
     simple = [part for joint in tree.joints for part in _parts(joint)]

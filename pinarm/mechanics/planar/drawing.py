@@ -160,11 +160,7 @@ class PlanarDrawing(InputStruct, frozen=True):
 
 
 def _check_known(*path: str | int, name: str, what: str, known: Iterable[str]) -> None:
-    """Refuse a name that the drawing does not have.
-
-    Raises:
-        InputError: It is none of those known.
-    """
+    """Refuse a name that the drawing does not have."""
     if name not in known:
         expected, hint = choices(name, known)
         with within(*path):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -245,16 +244,6 @@ def test_xacro_and_minidom_are_left_as_they_were(tmp_path: Path) -> None:
     assert dict(vars(xacro)) == before
     assert minidom.Element.writexml is writexml
     assert 'v="1"' in plainly(path)
-
-
-def test_loading_xacro_does_not_change_how_others_write_xml(monkeypatch: pytest.MonkeyPatch) -> None:
-    def mine() -> None: ...
-
-    for name in [name for name in sys.modules if name.startswith("_pinarm_xacro")]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setattr(minidom.Element, "writexml", mine)
-    private_xacro.private_xacro.__wrapped__()
-    assert minidom.Element.writexml is mine
 
 
 def test_threads_do_not_meet(tmp_path: Path) -> None:

@@ -203,17 +203,6 @@ def test_a_link_that_comes_to_lead_out_is_refused(tmp_path: Path) -> None:
         expand(path, {"a": 1.5}, root=root)
 
 
-def test_a_link_that_comes_to_lead_elsewhere_is_followed(tmp_path: Path) -> None:
-    link = tmp_path / "part.xacro"
-    path = write(tmp_path, f'{GIVEN}<xacro:include filename="part.xacro"/><x v="${{a}}"/>')
-    for name in ("one", "two"):
-        write(tmp_path, f"<{name}/>", f"{name}.xacro")
-        link.unlink(missing_ok=True)
-        link.symlink_to(tmp_path / f"{name}.xacro")
-        for _ in range(3):
-            assert f"<{name}/>" in expand(path, {"a": 1.5}, root=tmp_path).xml
-
-
 def test_a_recording_that_differs_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write(tmp_path, f'{GIVEN}<x v="${{a*b}}"/>')
     monkeypatch.setattr(templates, "joined", lambda texts, *values: "".join(texts))

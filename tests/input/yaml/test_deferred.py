@@ -3,11 +3,9 @@
 import subprocess
 import sys
 
-import msgspec
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.input.yaml.deferred import with_types
 from pinarm.input.yaml.document import Document
 from pinarm.mechanics.description import MechanismDescription
 from pinarm.mechanics.forces.joint_definitions import JointSpring
@@ -37,16 +35,6 @@ def test_values_given_in_python_are_checked_likewise():
     assert Statics(hold={"A": 0.1}, loads={"spring": JointSpring(joint="A", stiffness=2.0)}).loads
     with pytest.raises(InputError, match="loads"):
         Statics(hold={"A": 0.1}, loads={"spring": 3.0})  # type: ignore[dict-item]
-
-
-def test_a_class_is_made_once_and_others_stay_as_they_are():
-    typed = with_types(MechanismDescription, ["forces", "title"])
-    assert typed is with_types(MechanismDescription, ["title", "forces"])
-    assert with_types(MechanismDescription, ["title"]) is MechanismDescription
-    fields = {field.name: field for field in msgspec.structs.fields(typed)}
-    plain = {field.name: field for field in msgspec.structs.fields(MechanismDescription)}
-    assert fields.keys() == plain.keys()
-    assert [name for name in fields if fields[name].type != plain[name].type] == ["forces"]
 
 
 def test_a_plain_run_imports_no_kinds_that_it_does_not_use():

@@ -383,6 +383,6 @@ def test_an_excerpt_of_a_long_line_shows_what_it_is_about(column: int) -> None:
 def test_data_built_in_python_are_read_as_files_are():
     document = Document.of_data({"a": (1, np.float64(2.5)), "b": {"c": np.arange(2)}, "d": Path("x")}, "here")
     assert document.data == {"a": [1, 2.5], "b": {"c": [0, 1]}, "d": "x"}
-    with pytest.raises(InputError, match="a set is nothing that a file can hold") as error:
+    with pytest.raises(InputError, match="a value of type set is nothing that a file can hold") as error:
         Document.of_data({"b": {"c": [{1}]}}, "here")
     assert str(error.value.location).startswith("here: b.c")

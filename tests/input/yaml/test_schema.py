@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 import pytest
 
 from pinarm.errors import InputError, UnitError
@@ -17,8 +16,6 @@ from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces.joint_definitions import JointSpring
 from pinarm.mechanics.laws import Cycloidal, Polynomial
-from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.time_grid import TimeGrid
 
 
 class Piece(InputStruct, rename={"angle": "from"}):
@@ -55,10 +52,6 @@ def test_a_quantity_is_read_in_si_and_remembers_its_unit() -> None:
 def test_a_file_must_give_the_unit(field: str, value: float | str) -> None:
     with pytest.raises(InputError, match="has no unit"):
         from_file(**{field: value})
-
-
-def test_zero_needs_no_unit() -> None:
-    assert from_file(length=0, torque="0").length == 0.0
 
 
 def test_python_may_give_numbers_in_si() -> None:
@@ -142,11 +135,6 @@ def test_pieces_are_immutable_and_know_their_keys() -> None:
         from_file(lenght="1 m")
     with pytest.raises(AttributeError):
         from_file(length="1 m").length = 2.0
-
-
-def test_numbers_of_numpy_are_numbers():
-    assert Accuracy(tolerance=np.float64(1e-6)).tolerance == 1e-6
-    assert TimeGrid(end=np.float64(2.0), samples=np.int64(5)).samples == 5
 
 
 @pytest.mark.parametrize(

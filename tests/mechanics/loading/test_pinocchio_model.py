@@ -48,28 +48,6 @@ def test_defects_are_refused(chain, part, broken, message):
     assert refusal(xml.replace(part, broken)).message.startswith(message)
 
 
-@pytest.mark.parametrize("place", ["0.5 0", "0.5 0 x", "nan 0 0", "0.5 0 inf"])
-@pytest.mark.parametrize("key", ["xyz", "rpy"])
-@pytest.mark.parametrize("owner", ["<inertial>", '<child link="arm_link"/>'])
-def test_an_origin_that_cannot_be_read_is_refused(chain, owner, key, place):
-    # the parser drops such an inertial, prints so, and goes on without the mass
-    xml = chain(PENDULUM).replace('<origin xyz="0.5 0 0"/>', "").replace('<origin xyz="0 0 0"/>', "")
-    refusal(xml.replace(owner, f'{owner}<origin {key}="{place}"/>'))
-
-
-@pytest.mark.parametrize("damping", ["nan", "inf", "-0.1", "much"])
-def test_damping_that_no_joint_has_is_refused(chain, damping):
-    refusal(chain(PENDULUM).replace('damping="0.0"', f'damping="{damping}"'))
-
-
-@pytest.mark.parametrize(("defect", "hint"), [("bass", "base"), ("arm_lonk", "arm_link")])
-def test_a_missing_link_comes_with_the_name_that_was_meant(chain, defect, hint):
-    xml = chain(PENDULUM).replace(f'link="{hint}"', f'link="{defect}"')
-    error = refusal(xml)
-    assert error.hint == hint
-    assert "arm_link, base" in error.expected
-
-
 def test_another_root_element_is_refused():
     assert refusal("<scene/>").message == "the model begins with <scene>"
 
@@ -82,18 +60,6 @@ def test_two_links_on_one_parentless_pair_are_refused(chain):
 def test_rounding_of_printed_digits_is_forgiven(chain):
     build_model(chain({**PENDULUM, "inertia": (0.3, 0.1, 0.2 * (1 - 1e-10))}))
     refusal(chain({**PENDULUM, "inertia": (0.3, 0.1, 0.2 * (1 - 1e-7))}))
-
-
-def test_a_continuous_joint_is_one_angle(chain):
-    robot = build_model(chain(PENDULUM))
-    assert (robot.model.nq, robot.model.nv) == (1, 1)
-    assert robot.model.names[1] == "arm"
-
-
-def test_a_continuous_joint_without_limit_element_is_one_angle(chain):
-    xml = chain(PENDULUM).replace('<limit lower="-1000" upper="1000" effort="1000" velocity="1000"/>', "")
-    assert "limit" not in xml
-    assert build_model(xml).model.nq == 1
 
 
 def test_turns_are_counted(mechanism, chain):

@@ -7,7 +7,7 @@ import pytest
 import pinarm
 from pinarm.errors import InputError
 from pinarm.mechanics.planar.drawing import PlanarDrawing
-from pinarm.mechanics.planar.linkage import Linkage
+from pinarm.mechanics.planar.expansion import joined
 
 SOUND = """\
 pinarm: 1
@@ -74,7 +74,7 @@ def test_a_link_that_hangs_on_nothing() -> None:
         links={"a": {"points": ["O", "A"]}, "lost": {"points": ["B", "C"]}},
     )  # type: ignore[dict-item]
     with pytest.raises(InputError, match="the link 'lost' hangs on nothing") as caught:
-        Linkage.of(drawn)
+        joined(drawn)
     assert caught.value.path == ("links", "lost")
 
 
@@ -85,9 +85,9 @@ def test_slides_are_coordinates_and_pins_close_the_loop() -> None:
         links={"boom": {"points": ["O", "Q"]}, "rod": {"points": ["Q", "R"]}, "barrel": {"points": ["P"]}},  # type: ignore[dict-item]
         sliders={"s": {"link": "rod", "on": "barrel", "along": ["P", "Q"]}},  # type: ignore[dict-item]
     )  # fmt: skip
-    linkage = Linkage.of(drawn)
-    assert [one.name for one in linkage.tree] == ["O", "P", "s"]
-    assert [one.name for one in linkage.closing] == ["Q"]
+    tree, closing = joined(drawn)
+    assert [joint.name for joint in tree] == ["O", "P", "s"]
+    assert [joint.name for joint in closing] == ["Q"]
 
 
 def test_a_drawing_has_no_arguments(tmp_path: Path) -> None:

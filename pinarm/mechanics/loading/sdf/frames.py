@@ -104,11 +104,7 @@ class Frames:
 
 
 def _place(placed: dict[str, tuple[str, pin.SE3]], element: Element, base: str) -> str:
-    """Add the frame of an element to others; return its name.
-
-    Raises:
-        ModelError: It has no name, that of another one, or one that the format keeps for itself.
-    """
+    """Add the frame of an element to others; return its name."""
     name, tag = element.get("name", ""), element.tag
     if name == WORLD or (name.startswith("__") and name.endswith("__")):
         raise ModelError(f"{tag} '{name}': this name is reserved", expected="a name that is not 'world', nor __..__")

@@ -108,11 +108,7 @@ def _gears(
 
 
 def _version(root: Element) -> tuple[int, int]:
-    """Return the version of the format.
-
-    Raises:
-        ModelError: It is none that is read.
-    """
+    """Return the version of the format."""
     parts = root.get("version", "").split(".")
     if len(parts) < 2 or not all(part.isdecimal() and part.isascii() for part in parts[:2]) or parts[0] != "1":
         raise ModelError(f"the model is SDF of version '{root.get('version', '')}'", expected="1.4 to 1.12")
@@ -131,11 +127,7 @@ def _renew(root: Element, version: tuple[int, int]) -> None:
 
 
 def _only_model(root: Element) -> Element:
-    """Return the model of a file.
-
-    Raises:
-        ModelError: There is not exactly one, or it has parts in other files or other models.
-    """
+    """Return the model of a file."""
     models = [*root.findall("model"), *root.findall("world/model")]
     if len(models) != 1:
         raise ModelError(f"the file has {len(models)} models", expected="one <model>, in <sdf> or in a <world>")
@@ -147,11 +139,7 @@ def _only_model(root: Element) -> Element:
 
 
 def _require_still(static: bool, joints: Sequence[Element]) -> None:
-    """Raise where a model that is said not to move has joints that do.
-
-    Raises:
-        ModelError: It has.
-    """
+    """Raise where a model that is said not to move has joints that do."""
     moving = [str(joint.get("name")) for joint in joints if joint.get("type") != "fixed"]
     if static and moving:
         verb = "move" if len(moving) > 1 else "moves"

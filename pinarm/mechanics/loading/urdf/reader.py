@@ -235,11 +235,7 @@ def _mimics(elements: Mapping[str, Element]) -> Iterator[Mimic]:
 
 
 def _ordered(links: Mapping[str, Any], joints: Mapping[str, TreeJoint]) -> tuple[str, tuple[TreeJoint, ...]]:
-    """Return the root, and the joints depth-first.
-
-    Raises:
-        ModelError: A link has two parents, there is not exactly one root, or joints form a cycle.
-    """
+    """Return the root, and the joints depth-first."""
     carried: dict[str, str] = {}
     for name in sorted(joints):
         if (other := carried.setdefault(child := joints[name].child, name)) != name:

@@ -104,11 +104,7 @@ def _tree_of(xml: str) -> Tree:
 
 @lru_cache(KEPT)
 def _marked(text: str, columns: Sequence[str]) -> Element:
-    """Return a text with words where numbers vary.
-
-    Raises:
-        VariantsDiffer: A number varies that is not read here; says where.
-    """
+    """Return a text with words where numbers vary."""
     robot = ElementTree.fromstring(text)
     _check_places(robot, columns)
     return robot
@@ -251,11 +247,7 @@ class _Reader:
         return any(word in text for text in element.attrib.values() for word in self.columns)
 
     def _numbers(self, text: str) -> Array:
-        """Return the numbers of an attribute, shape (k, numbers), or (1, numbers) where none varies.
-
-        Raises:
-            VariantsDiffer: A word is neither a number nor a column.
-        """
+        """Return the numbers of an attribute, shape (k, numbers), or (1, numbers) where none varies."""
         try:
             words = [_read(self.columns.get(word, (word,))) for word in text.split()]
         except ValueError:
@@ -265,11 +257,7 @@ class _Reader:
 
 
 def _read(column: Sequence[Any] | Array) -> Array:
-    """Return the numbers of a column, shape (k, 1), or of a column of texts, shape (k, numbers).
-
-    Raises:
-        ValueError: A text is no number, or they have not all as many.
-    """
+    """Return the numbers of a column, shape (k, 1), or of a column of texts, shape (k, numbers)."""
     if isinstance(column, np.ndarray):
         return column[:, None]
     rows = [[*map(decimal, each.split())] if isinstance(each, str) else [float(each)] for each in column]
@@ -288,10 +276,6 @@ def _turns(angles: Array) -> Array:
 
 
 def _same(own: Array, first: Array) -> None:
-    """Raise where what was computed for the first variant is not what its model has.
-
-    Raises:
-        VariantsDiffer: Something in the model is not in its text, such as a payload.
-    """
+    """Raise where what was computed for the first variant is not what its model has."""
     if not np.abs(own - first).max() <= ROUNDING * np.abs(first).max():
         raise VariantsDiffer("the model of the first variant")

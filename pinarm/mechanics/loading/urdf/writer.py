@@ -20,7 +20,6 @@ What a joint carries is one link, with all the mass of it. Frames are links with
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from xml.etree import ElementTree
 
 import numpy as np
@@ -29,6 +28,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import ModelError
 from pinarm.mechanics.ball_joints import roll_pitch_yaw
+from pinarm.records import Record
 
 Element = ElementTree.Element
 
@@ -52,14 +52,8 @@ UNLIMITED = 1e100
 """Limits beyond it are those of models that have none: the largest double, or infinity."""
 
 
-@dataclass(frozen=True)
-class WrittenModel:
-    """A model as text.
-
-    Attributes:
-        urdf: URDF text.
-        notes: What of the model is not in it, in words.
-    """
+class WrittenModel(Record, frozen=True):
+    """A model as URDF text, and what of it is not in the text, in words."""
 
     urdf: str
     notes: tuple[str, ...]
@@ -76,14 +70,45 @@ def written(model: pin.Model) -> WrittenModel:
     links = _links(model)
     robot = ElementTree.Element("robot", name=model.name or "model")
     for joint in range(model.njoints):
-        _add_link(robot, links[joint], model.inertias[joint] if joint else None)
+        add_link(robot, links[joint], model.inertias[joint] if joint else None)
     for joint in range(1, model.njoints):
         _add_joint(robot, model, joint, links)
     taken = {*links}
     for name, joint, place in _frames(model, links):
-        _add_frame(robot, name, links[joint], place, taken)
+        if name in taken:
+            raise ModelError(f"two frames have the name '{name}'", expected="a name of its own for each")
+        taken.add(name)
+        add_link(robot, name)
+        add_joint(robot, f"{name}_fixed", "fixed", links[joint], name, place)
     ElementTree.indent(robot)
     return WrittenModel(ElementTree.tostring(robot, encoding="unicode") + "\n", tuple(_notes(model)))
+
+
+def add_link(robot: Element, name: str, body: pin.Inertia | None = None) -> None:
+    """Add a link to a ``<robot>``, with its inertia about its own frame."""
+    link = ElementTree.SubElement(robot, "link", name=name)
+    if body is None or not (body.mass or np.any(body.inertia)):
+        return
+    inertial, moments = ElementTree.SubElement(link, "inertial"), body.inertia
+    ElementTree.SubElement(inertial, "origin", xyz=_text(body.lever))
+    ElementTree.SubElement(inertial, "mass", value=repr(float(body.mass)))
+    entries = {f"i{'xyz'[i]}{'xyz'[j]}": repr(float(moments[i, j])) for i in range(3) for j in range(i, 3)}
+    ElementTree.SubElement(inertial, "inertia", entries)
+
+
+def add_joint(robot: Element, name: str, kind: str, parent: str, child: str, place: pin.SE3) -> Element:
+    """Add a joint to a ``<robot>``, which has a placement in its parent link."""
+    joint = ElementTree.SubElement(robot, "joint", name=name, type=kind)
+    ElementTree.SubElement(joint, "parent", link=parent)
+    ElementTree.SubElement(joint, "child", link=child)
+    angles = roll_pitch_yaw(pin.Quaternion(place.rotation).normalized().coeffs())  # keeps all digits at any pitch
+    ElementTree.SubElement(joint, "origin", xyz=_text(place.translation), rpy=_text(angles))
+    return joint
+
+
+def add_axis(joint: Element, axis: Array) -> None:
+    """Add the axis of a joint, shape (3,)."""
+    ElementTree.SubElement(joint, "axis", xyz=_text(axis))
 
 
 def _links(model: pin.Model) -> list[str]:
@@ -107,25 +132,6 @@ def _frames(model: pin.Model, links: list[str]) -> Iterator[tuple[str, int, pin.
             yield frame.name, frame.parentJoint, frame.placement
 
 
-def _add_frame(robot: Element, name: str, link: str, place: pin.SE3, taken: set[str]) -> None:
-    if name in taken:
-        raise ModelError(f"two frames have the name '{name}'", expected="a name of its own for each")
-    taken.add(name)
-    _add_link(robot, name, None)
-    _placed(_joint(robot, f"{name}_fixed", "fixed", link, name), place)
-
-
-def _add_link(robot: Element, name: str, body: pin.Inertia | None) -> None:
-    link = ElementTree.SubElement(robot, "link", name=name)
-    if body is None or not (body.mass or np.any(body.inertia)):
-        return
-    inertial, moments = ElementTree.SubElement(link, "inertial"), body.inertia
-    ElementTree.SubElement(inertial, "origin", xyz=_text(body.lever))
-    ElementTree.SubElement(inertial, "mass", value=repr(float(body.mass)))
-    entries = {f"i{'xyz'[i]}{'xyz'[j]}": repr(float(moments[i, j])) for i in range(3) for j in range(i, 3)}
-    ElementTree.SubElement(inertial, "inertia", entries)
-
-
 def _add_joint(robot: Element, model: pin.Model, index: int, links: list[str]) -> None:
     """Add a joint, or the chain of simple joints that it is, between its links."""
     joint, name, place = model.joints[index], model.names[index], model.jointPlacements[index]
@@ -133,22 +139,20 @@ def _add_joint(robot: Element, model: pin.Model, index: int, links: list[str]) -
     if advice := REFUSED.get("Helical" if kind in HELICAL else kind.removesuffix("Unaligned")):
         raise ModelError(f"the joint '{name}' is a {joint.shortname()}, which is not taken over", hint=advice)
     if kind in WHOLE:
-        whole = _joint(robot, name, WHOLE[kind], parent, links[index])
-        _placed(whole, place)
-        ElementTree.SubElement(whole, "axis", xyz="0 0 1")
+        whole = add_joint(robot, name, WHOLE[kind], parent, links[index], place)
+        add_axis(whole, np.array([0.0, 0.0, 1.0]))
         _add_dynamics(whole, model, range(joint.idx_v, joint.idx_v + joint.nv), name)
         return
     axes = _axes(model, joint)
     names = [f"{name}.{ending}" for ending in CHAINS[kind]] if kind in CHAINS else [name]
-    ends = [*(f"{each}/link" for each in names[:-1]), links[index]]
-    for k, (each, (turns, axis), child) in enumerate(zip(names, axes, ends, strict=True)):
+    ends = [*(f"{part}/link" for part in names[:-1]), links[index]]
+    for k, (part, (turns, axis), child) in enumerate(zip(names, axes, ends, strict=True)):
         if child != links[index]:
-            _add_link(robot, child, None)
-        own = _joint(robot, each, _type(model, joint, kind, k, turns=turns), parent, child)
-        _placed(own, place)
-        ElementTree.SubElement(own, "axis", xyz=_text(axis))
-        _add_limits(own, model, joint, k, counted=kind in CHAINS or joint.nq == joint.nv)
-        _add_dynamics(own, model, range(joint.idx_v + k, joint.idx_v + k + 1), each)
+            add_link(robot, child)
+        simple = add_joint(robot, part, _type(model, joint, kind, k, turns=turns), parent, child, place)
+        add_axis(simple, axis)
+        _add_limits(simple, model, joint, k, counted=kind in CHAINS or joint.nq == joint.nv)
+        _add_dynamics(simple, model, range(joint.idx_v + k, joint.idx_v + k + 1), part)
         parent, place = child, pin.SE3.Identity()
 
 
@@ -187,11 +191,7 @@ def _add_limits(element: Element, model: pin.Model, joint: pin.JointModel, k: in
 
 
 def _add_dynamics(element: Element, model: pin.Model, places: range, name: str) -> None:
-    """Add damping, dry friction and armature, which are the same in all directions of a joint.
-
-    Raises:
-        ModelError: They are not.
-    """
+    """Add damping, dry friction and armature, which are the same in all directions of a joint."""
     values: dict[str, float] = {}
     for key, given in (("damping", model.damping), ("friction", model.upperDryFrictionLimit),
                        ("armature", model.armature)):  # fmt: skip
@@ -213,22 +213,6 @@ def _notes(model: pin.Model) -> Iterator[str]:
         yield "reference configurations of the pin.Model are not taken"
     if np.any(model.lowerDryFrictionLimit + model.upperDryFrictionLimit):
         yield "dry friction of the pin.Model is taken in both directions as its upper limit says"
-
-
-def _joint(robot: Element, name: str, kind: str, parent: str, child: str) -> Element:
-    joint = ElementTree.SubElement(robot, "joint", name=name, type=kind)
-    ElementTree.SubElement(joint, "parent", link=parent)
-    ElementTree.SubElement(joint, "child", link=child)
-    return joint
-
-
-def _placed(joint: Element, place: pin.SE3) -> None:
-    ElementTree.SubElement(joint, "origin", xyz=_text(place.translation), rpy=_text(_angles(place.rotation)))
-
-
-def _angles(rotation: Array) -> Array:
-    """Return roll, pitch and yaw of a rotation by way of its quaternion, which keeps all digits at any pitch."""
-    return roll_pitch_yaw(pin.Quaternion(rotation).normalized().coeffs())
 
 
 def _text(vector: Array) -> str:

@@ -1,7 +1,6 @@
 """SDF models: each feature against the same model in URDF, written by hand; and what is refused."""
 
 import math
-from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -10,7 +9,6 @@ import pytest
 import pinarm
 from pinarm.errors import ModelError
 from pinarm.mechanics.loading.pinocchio_model import build_model
-from pinarm.mechanics.loading.sdf.frames import Frames
 from pinarm.use.mechanism import Mechanism
 
 BODY = (
@@ -377,30 +375,6 @@ def test_what_stands_twice_is_refused(inside, owner):
 def test_names_that_the_format_keeps_for_itself_are_refused(name):
     with pytest.raises(ModelError, match=f"link '{name}': this name is reserved"):
         build_model(sdf(link(name), joint("j", "world", name)))
-
-
-def test_chains_take_time_in_proportion_to_their_length():
-    """Every link is placed in the one before it, as are the frames, and every joint follows the one before it."""
-    count = 600
-    parts = [link("l0"), joint("j0", "world", "l0")]
-    for k in range(1, count):
-        follow = f'<mimic joint="j{k - 1}"><multiplier>1</multiplier></mimic>'
-        parts += [link(f"l{k}", "0.1 0 0 0 0 0", attributes=f'relative_to="l{k - 1}"'),
-                  joint(f"j{k}", f"l{k - 1}", f"l{k}", inside=follow)]  # fmt: skip
-    steps = []
-
-    class Counted(dict):
-        def __getitem__(self, name):
-            steps.append(name)
-            return super().__getitem__(name)
-
-    frames = Frames.of(ElementTree.fromstring(sdf(*parts)).find("model"))
-    counted = Frames(Counted(frames.placed), frames.attached)
-    assert counted.placement(f"l{count - 1}", "here").translation == pytest.approx([0.1 * (count - 1), 0.0, 0.0])
-    for k in range(count):
-        counted.placement(f"l{k}", "here")
-    assert len(steps) == count
-    assert len(build_model(sdf(*parts)).mimics) == count - 1
 
 
 def test_poses_of_old_versions_say_their_frame_in_another_word():
