@@ -5,12 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import pinarm
-from pinarm.engine.dynamics import mass_matrix
-from pinarm.engine.kernel.library import absence
 from pinarm.engine.one_run import kept_in_a_run, one_run
 
 ROOT = Path(pinarm.__file__).parents[1]
@@ -38,28 +35,6 @@ def test_they_are_forgotten_where_a_run_fails():
         raise ArithmeticError
     kept(1)
     assert asked == [1, 1]
-
-
-def test_a_run_computes_the_mass_matrices_of_its_table_once(monkeypatch):
-    """Accelerations and checks ask for them; the next run does not know them. Python closes the states before that."""
-    scenario, counts, asked = pinarm.load(ROOT / "scenarios" / "andrews_squeezing.yaml"), [], []
-    compute = mass_matrix.mass_matrices
-    monkeypatch.setattr(mass_matrix, "mass_matrices", lambda model, q: asked.append(len(q)) or compute(model, q))
-    for _ in range(2):
-        asked.clear()
-        rows = len(scenario.run())
-        counts.append(asked.count(rows))
-    assert rows <= mass_matrix.KEPT
-    assert counts == 2 * [2 if absence() else 1]
-
-
-def test_matrices_that_are_shared_are_to_be_read_only_and_others_are_not():
-    model = pin.buildSampleModelManipulator()
-    q = np.random.default_rng(1).uniform(-1.0, 1.0, (3, model.nq))
-    shared = mass_matrix.shared_mass_matrices(model, q)
-    np.testing.assert_array_equal(shared, mass_matrix.mass_matrices(model, q))
-    assert not shared.flags.writeable
-    assert mass_matrix.mass_matrices(model, q).flags.writeable
 
 
 @pytest.mark.parametrize("name", ["servo_step", "servo_backlash", "olive_vibrator_shaking"])

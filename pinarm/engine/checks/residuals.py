@@ -12,15 +12,21 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.figures import relative
-from pinarm.engine.checks.free_masses import ConstrainedMasses, FreeMasses, MassMatrices, TreeMasses, TreeMassMatrices
 from pinarm.engine.checks.sample import SAMPLE, sampled
-from pinarm.engine.constraints.nullspace import MANY
+from pinarm.engine.dynamics.masses import MASSLESS, NOTHING
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.records import Record
 
 if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.motion.outcome import SolvedMotion
+
+NUMBERS, FEWEST = 8_000_000, 4
+"""Numbers of the matrices of all rows that are looked at together, and rows that are looked at in any case."""
+
+LARGEST = 2000
+"""Velocities up to which the masses of a mechanism are judged: the eigenvalues of larger ones take minutes."""
 
 
 def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: int = SAMPLE) -> dict[str, Any]:
@@ -48,41 +54,41 @@ def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: 
     """
     if run.no_efforts and not run.mechanism.closure.size:
         return {}
-    rows = sampled(len(run), most)
+    rows = sampled(len(run), _bounded(run.mechanism, most))
     if run.opened is not None:  # what is open is not to be closed
         rows = rows[~run.opened[rows]]
     if not len(rows):
         return {}
-    found = _Looked(run.looked_at(rows))
+    checked = _CheckedRows(run.looked_at(rows))
     figures: dict[str, Any] = {}
     if run.mechanism.closure.size:
-        gaps = zip(("closure", "closure rate", "closure acceleration"), found.gaps.max(axis=0), strict=True)
+        gaps = zip(("closure", "closure rate", "closure acceleration"), checked.gaps.max(axis=0), strict=True)
         figures.update(gaps)
         if run.unknown:  # rates that are NaN
             figures = {name: gap for name, gap in figures.items() if not np.isnan(gap).any()}
         from pinarm.engine.checks.singularity import nearest_singularity
 
-        values = run.mechanism.closure.values_of(found.own)
-        nearest = nearest_singularity(run, motion, rows, values)
-        figures |= {
-            "regularity": nearest.regularity, "least regular at": nearest.at, "relative regularity": nearest.relative,
-        }  # fmt: skip
-    if run.no_efforts:
+        nearest = nearest_singularity(run, motion, rows, run.mechanism.closure.values_of(checked.own))
+        figures["regularity"], figures["least regular at"] = nearest.regularity, nearest.at
+        figures["relative regularity"] = nearest.relative
+    if run.no_efforts or run.mechanism.model.nv > LARGEST:
         return figures
-    alike = found.of_one_freedom()
-    condition = np.max([measure.masses.condition for measure in alike], axis=0)
+    alike = checked.of_one_freedom()
+    condition = np.max([rows.condition for rows in alike], axis=0)
     if not np.isfinite(condition).all():
         return figures
-    error, size = (np.array(each) for each in zip(*(measure.return_trip() for measure in alike), strict=True))
+    error, size = (np.array(parts) for parts in zip(*(rows.return_trip() for rows in alike), strict=True))
     return figures | {"condition": condition, "return trip": relative(error, size)}
 
 
-class _Looked(Record, frozen=True):
-    """What is looked at in n rows, under m constraints and g drives along task coordinates.
+def _bounded(mechanism: Mechanism, most: int) -> int:
+    """Return how many rows are looked at: fewer of a mechanism whose matrices are large."""
+    nv, m = int(mechanism.model.nv), mechanism.closure.size
+    return max(FEWEST, min(most, NUMBERS // max(1, nv * max(nv, m))))
 
-    Attributes:
-        run: The rows.
-    """
+
+class _CheckedRows(Record, frozen=True):
+    """Matrices of n rows of a run, under m constraints and g drives along task coordinates."""
 
     run: Trajectory
 
@@ -91,7 +97,7 @@ class _Looked(Record, frozen=True):
         """Gaps of constraints and task coordinates, shape (n, m + g), and their rows of G, shape (n, m + g, nv)."""
         return self.run.closure.at(self.run.q)
 
-    @cached_property
+    @property
     def own(self) -> Array:
         """G of the constraints, shape (n, m, nv)."""
         return self._rows[1][..., : self.run.mechanism.closure.size, :]
@@ -103,7 +109,7 @@ class _Looked(Record, frozen=True):
 
     @property
     def gaps(self) -> Array:
-        """What is open of the loops, its rate and its acceleration, largest of each row, shape (n, 3)."""
+        """Gaps of the loops, their rates and accelerations, the largest of each row, shape (n, 3)."""
         run, m = self.run, self.run.mechanism.closure.size
         parts = self._rows[0][..., :m], np.matvec(self.own, run.v), np.matvec(self.own, run.a) + self.drift
         return np.stack([np.abs(part).max(axis=-1, initial=0.0) for part in parts], axis=1)
@@ -114,59 +120,100 @@ class _Looked(Record, frozen=True):
         along = self.run.lam.along
         if not along.size:
             return np.zeros_like(self.run.v)
-        others = np.zeros((*along.shape[:-1], self.run.mechanism.closure.size))
-        return np.asarray(np.vecmat(np.concatenate([others, along], axis=-1), self._rows[1]))
+        return np.asarray(np.vecmat(along, self._rows[1][..., self.run.mechanism.closure.size :, :]))
 
-    def of_one_freedom(self) -> list[_Alike]:
-        """Return those with as many free motions together: at singular positions there are more."""
+    def of_one_freedom(self) -> list[_FreeRows]:
+        """Return groups of rows with as many free motions: at singular positions there are more."""
         run, q, guided = self.run, self.run.q, self.guided
-        model, closure = run.mechanism.model, run.mechanism.closure
-        mass, found = None if model.nv > MANY else run.dynamics.mass_matrices(q), []
+        mass, closure = run.dynamics.mass_matrices(q), run.mechanism.closure
         if not closure.size:
-            whole = TreeMasses(model, q) if mass is None else TreeMassMatrices(mass)
-            return [_Alike(run, whole, np.zeros_like(run.v), guided)]
-        for some, split in closure.splits(q, self.own).parts:
-            here = (
-                ConstrainedMasses(model, q[some], split.free) if mass is None else MassMatrices(mass[some], split.free)
-            )
-            found.append(_Alike(run.looked_at(some), here, split.particular(-self.drift[some]), guided[some]))
-        return found
+            return [_FreeRows(run, mass, None, np.zeros_like(run.v), guided)]
+        return [
+            _FreeRows(run.looked_at(some), mass[some], split.free, split.particular(-self.drift[some]), guided[some])
+            for some, split in closure.splits(q, self.own).parts
+        ]
 
 
-class _Alike(Record, frozen=True):
+class _FreeRows(Record, frozen=True):
     """Rows with f free motions each.
 
     Attributes:
         run: The rows.
-        masses: Along their free motions.
+        mass: M, shape (n, .., nv, nv).
+        free: T, bases of the free motions, shape (n, .., nv, f); ``None`` for the identity.
         particular: The shortest accelerations that the constraints allow, shape (n, nv).
         guided: Loads of the drives along task coordinates, shape (n, nv).
     """
 
     run: Trajectory
-    masses: FreeMasses
+    mass: Array
+    free: Array | None
     particular: Array
     guided: Array
 
+    @property
+    def condition(self) -> Array:
+        """Largest condition number of ``T^T M T``, infinite if one is singular, shape (), or (k,) of variants."""
+        return condition_along(self.mass, self.free)
+
     def return_trip(self) -> tuple[Array, Array]:
         """Return the largest difference of accelerations, and the largest one that efforts and loads could give."""
-        run, masses = self.run, self.masses
+        run = self.run
         t, q, v, still = run.grid.t, run.q, run.v, np.zeros_like(run.a)
         resisting = run.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], still[part]))
         supplied = run.tau + run.friction_loads + self.guided
         pull = run.mechanism.gravity * np.sqrt(LinkTree.of(run.mechanism.model).mass)
-        levers = np.sqrt(np.maximum(masses.diagonal, 0.0))
-        left = supplied - resisting - masses.times(self.particular)
+        levers = np.sqrt(np.maximum(self.mass.diagonal(axis1=-2, axis2=-1), 0.0))
+        left = supplied - resisting - np.matvec(self.mass, self.particular)
         most = np.abs(supplied) + np.abs(resisting) + (pull + self._turning())[..., None] * levers
-        back, given = masses.responses(left, most)
-        return _largest(self.particular + back - run.a), np.maximum(_largest(run.a), _largest(given))
+        back, bound = self._responses(left, most)
+        return _largest(self.particular + back - run.a), np.maximum(_largest(run.a), _largest(bound))
+
+    def _responses(self, loads: Array, sizes: Array) -> tuple[Array, Array]:
+        """Return ``T (T^T M T)^-1 T^T`` times loads, and the same of ``|T|^T`` times sizes, shape (n, .., nv) each."""
+        if self.free is None:
+            both = np.asarray(np.linalg.solve(self.mass, np.stack([loads, sizes], axis=-1)), dtype=np.float64)
+            return both[..., 0], both[..., 1]
+        along = np.stack([np.vecmat(loads, self.free), np.vecmat(sizes, np.abs(self.free))], axis=-1)
+        both = self.free @ np.linalg.solve(self.free.swapaxes(-2, -1) @ self.mass @ self.free, along)
+        return both[..., 0], both[..., 1]
 
     def _turning(self) -> Array:
         """Return ``omega sqrt(2 T)``, shape (n, ..)."""
         v, (_, twists, _, _) = self.run.v, self.run.link_motion
         turning = twists[..., 3:]
         omega = np.sqrt((turning * turning).sum(axis=-1).max(axis=-1))
-        return np.asarray(omega * np.sqrt(np.maximum(np.vecdot(v, self.masses.times(v)), 0.0)))
+        return np.asarray(omega * np.sqrt(np.maximum(np.vecdot(v, np.matvec(self.mass, v)), 0.0)))
+
+
+def condition_along(mass: Array, free: Array | None = None) -> Array:
+    """Return the largest condition number of masses along free motions, infinite if one is singular, shape (..).
+
+    Coordinates are scaled so that M has a diagonal of ones, and T is a basis of right angles then: which basis is given
+    has no part in it. A motion may move no mass at some positions only, such as a light crank at the dead centre of its
+    slider.
+
+    Args:
+        mass: M, shape (n, .., nv, nv).
+        free: T, shape (n, .., nv, f); ``None`` for the identity.
+    """
+    square = np.maximum(mass.diagonal(axis1=-2, axis2=-1), 0.0)
+    idle = square <= NOTHING * square.max(axis=(0, -1), keepdims=True, initial=0.0)
+    size = np.sqrt(np.where(idle, 1.0, square))
+    along, massless = mass / (size[..., :, None] * size[..., None, :]), idle.any(axis=-1)
+    if free is not None:
+        ways = np.where(idle, 0.0, size)[..., None] * free
+        lengths = np.linalg.norm(ways, axis=-2, keepdims=True)  # units may lie many orders apart
+        basis, triangle = np.linalg.qr(ways / np.where(lengths > 0.0, lengths, 1.0))
+        pivots = np.abs(triangle.diagonal(axis1=-2, axis2=-1))
+        massless = (pivots**2 <= NOTHING).any(axis=-1)
+        along = basis.swapaxes(-2, -1) @ along @ basis
+    if not along.shape[-1]:
+        return np.ones(along.shape[1:-2])
+    values = np.asarray(np.linalg.eigvalsh(along))
+    least, most = values[..., 0], values[..., -1]
+    massless |= ~(least > MASSLESS)
+    return np.asarray(np.where(massless, np.inf, most / np.where(massless, 1.0, least)).max(axis=0))
 
 
 def _largest(x: Array) -> Array:

@@ -6,7 +6,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -15,22 +15,17 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, as_rows, same_rows
-from pinarm.engine.dynamics.parallel import Parallel
+from pinarm.engine.dynamics import parallel
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
-from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, VariantsDiffer
+from pinarm.mechanics.geometry.model_variants import Model, ModelVariants
 from pinarm.mechanics.geometry.pinocchio_data import new_data, require_depth_first
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
-    from pinarm.engine.dynamics.mass_matrix import Masses
-    from pinarm.engine.dynamics.side_by_side import SideBySide
     from pinarm.engine.integration.integrator import Acceleration, Accelerations, Manifold
 
 NO_FORCES: Mapping[str, ForceElement] = MappingProxyType({})
-
-ROW_ROUNDING = 1e-13
-"""As ``BATCH_ROUNDING``, of accelerations that are told: those of steps have the errors of these besides."""
 
 KEPT = 16
 """Number of intervals of time whose loads are kept, since each is asked for several times in a run."""
@@ -66,15 +61,6 @@ class Dynamics(Record, frozen=True):
         return cls(variants, dict(forces), None)
 
     @cached_property
-    def recursions(self) -> Parallel | SideBySide:
-        """Pinocchio's recursions for many states."""
-        if not isinstance(self.model, ModelVariants):
-            return Parallel(self.model)
-        from pinarm.engine.dynamics.side_by_side import SideBySide  # of sweeps only
-
-        return SideBySide(self.model)
-
-    @cached_property
     def manifold(self) -> Manifold:
         """Return the space of configurations."""
         from pinarm.engine.dynamics.configuration_space import ConfigurationSpace
@@ -83,24 +69,11 @@ class Dynamics(Record, frozen=True):
         nq, nv = self.model.nq, self.model.nv
         return Flat(nq, nv) if nq == nv else ConfigurationSpace(self.model, nq, nv)
 
-    @property
-    def _parallel(self) -> Parallel:
-        """The recursions for states of one model.
-
-        Raises:
-            VariantsDiffer: There are several.
-        """
-        if not isinstance(self.recursions, Parallel):
-            raise VariantsDiffer("forward dynamics")
-        return self.recursions
-
     def mass_matrices(self, q: Array) -> Array:
         """Return M at configurations, shape (n, .., nq), as an array of shape (n, .., nv, nv)."""
-        return self.recursions.mass_matrices(q)
+        return parallel.mass_matrices(self.model, q)
 
-    def masses(self, q: Array) -> Masses:
-        """Return M at configurations, shape (n, .., nq): as ``mass_matrices``, or of many joints its products."""
-        return self.recursions.masses(q)
+    masses = mass_matrices
 
     def loads(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the generalised loads of the force elements [N*m or N], shape (..., nv)."""
@@ -159,7 +132,7 @@ class Dynamics(Record, frozen=True):
         same_rows(q, v, a)
         if not len(q):
             return np.zeros((0, nv))
-        tau = self.recursions.rnea(q, v, a)
+        tau = parallel.rnea(self.model, q, v, a)
         return tau - self.loads(t, q, v) if self.forces else tau
 
     def forward(self, t: Array | float, q: Array, v: Array, tau: Array | None = None) -> Array:
@@ -184,19 +157,7 @@ class Dynamics(Record, frozen=True):
             efforts = as_rows(tau, self.model.nv, "tau")
             same_rows(q, efforts)
             total += efforts
-        if not len(q):
-            return total
-        return self._accelerated(q, v, total, {0, len(q) // 2, len(q) - 1, farthest(q)}, ROW_ROUNDING)
-
-    def _accelerated(self, q: Array, v: Array, tau: Array, checked: Iterable[int], rounding: float) -> Array:
-        """Return ``aba(q, v, tau)``, row by row where the recursion for many states at once errs in a checked row."""
-        a = self._parallel.aba(q, v, tau)
-        rows = list(checked)
-        exact = np.array([pin.aba(self.model, self.data, q[row], v[row], tau[row]) for row in rows])
-        apart = a[rows] - exact
-        if (np.vecdot(apart, apart) <= rounding**2 * np.vecdot(exact, exact)).all():  # not of NaN
-            return a
-        return np.array([pin.aba(self.model, self.data, *each) for each in zip(q, v, tau, strict=True)])
+        return parallel.aba(self.model, q, v, total)
 
     def acceleration(self) -> Acceleration:
         """Return the free motion's ``(t, q, v) -> a`` for one state at a time, with as few calls as there can be."""
@@ -208,19 +169,8 @@ class Dynamics(Record, frozen=True):
         return free
 
     def accelerations(self) -> Accelerations:
-        """Return the same of many states at once; the one farthest out stands for how well they are computed."""
-        from pinarm.engine.integration.integrator import BATCH_ROUNDING
-
-        steady, changing = self.steady, self.changing
-
-        def free(t: Array, q: Array, v: Array) -> Array:
-            tau = np.empty_like(v)
-            tau[:] = steady
-            for force in changing:
-                force.add_load(t, q, v, tau)
-            return self._accelerated(q, v, tau, (farthest(q),), BATCH_ROUNDING)
-
-        return free
+        """Return the free motion's ``(t, q, v) -> a`` for many states at a time."""
+        return lambda t, q, v: parallel.aba(self.model, q, v, self.loads(t, q, v))
 
     def load(self) -> Acceleration:
         """Return ``(t, q, v) -> tau``, the load in one state, to be read only; steady loads are summed once."""
@@ -310,11 +260,6 @@ class Dynamics(Record, frozen=True):
     def dissipated_power(self, t: Array, q: Array, v: Array) -> Array:
         """Return the power that leaves through force elements [W], shape (n,); negative where they drive."""
         return np.asarray(sum((force.dissipated_power(t, q, v) for force in self._energetic), np.zeros(len(q))))
-
-
-def farthest(q: Array) -> int:
-    """Return the row with the largest coordinate: a state of those that are farthest from the origin."""
-    return int(np.abs(q.T).argmax()) % len(q)
 
 
 def parts(dynamics: Dynamics, grid: Grid) -> list[tuple[slice, Dynamics]]:

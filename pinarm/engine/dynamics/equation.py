@@ -34,15 +34,17 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import RowDecompositions, SplitRows, solved_positive
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.mass_matrix import Masses
+
+NUMBERS = 20_000_000
+"""Numbers of the mass matrices that are computed together."""
 
 
-def solve(rows: SplitRows, mass: Masses, force: Array, right: Array) -> Array:
+def solve(rows: SplitRows, mass: Array, force: Array, right: Array) -> Array:
     """Return the a of (1) and (2): the one that minimises ``a^T M a / 2 - f . a`` while ``G a = b``, shape (.., nv).
 
     Args:
         rows: G, taken apart, at one or several configurations.
-        mass: M, shape (.., nv, nv), or of many joints its products.
+        mass: M, shape (.., nv, nv).
         force: f, shape (.., nv).
         right: b, shape (.., m).
     """
@@ -54,7 +56,7 @@ def solve(rows: SplitRows, mass: Masses, force: Array, right: Array) -> Array:
     return a
 
 
-def solve_each(rows: RowDecompositions, mass: Masses, force: Array, right: Array) -> Array:
+def solve_each(rows: RowDecompositions, mass: Array, force: Array, right: Array) -> Array:
     """Return what ``solve`` does at n configurations, whose ranks may differ, shape (n, nv)."""
     return rows.each(rows.shape[-1], solve, mass, force, right)
 
@@ -70,6 +72,11 @@ def accelerations(dynamics: Dynamics, closure: Closure, t: Array | float, q: Arr
         v: Velocities, shape (n, nv), that they allow.
         tau: Efforts [N*m or N], shape (n, nv).
     """
+    most = max(1, NUMBERS // max(1, q.shape[1] ** 2))
+    if len(q) > most:
+        t = np.broadcast_to(t, len(q))
+        parts = (slice(start, start + most) for start in range(0, len(q), most))
+        return np.concatenate([accelerations(dynamics, closure, t[k], q[k], v[k], tau[k]) for k in parts])
     rows = closure.splits(q)
     force = tau - dynamics.inverse(t, q, v, np.zeros_like(v))
-    return solve_each(rows, dynamics.masses(q), force, -closure.drifts(q, v))
+    return solve_each(rows, dynamics.mass_matrices(q), force, -closure.drifts(q, v))

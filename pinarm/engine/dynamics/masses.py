@@ -7,13 +7,16 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import MANY, SplitRows
+from pinarm.engine.constraints.nullspace import SplitRows
 from pinarm.engine.dynamics.mass_matrix import mass_matrices
 from pinarm.errors import DynamicsError, listed
 from pinarm.mechanics.ball_joints import coordinate_name
 
 MASSLESS = 1e-12
 """Eigenvalue of the mass matrix, scaled to a diagonal of ones, below which a direction has no mass."""
+
+LARGE = 100
+"""Velocities above which masses of bodies that all have one are not looked at as matrices."""
 
 EPSILON = float(np.finfo(float).eps)
 """Rounding of a number, relative to it."""
@@ -36,7 +39,7 @@ def require_masses(closure: Closure, q: Array, t: float) -> None:
     Raises:
         DynamicsError: Names the joints that move without mass, and the links beyond them.
     """
-    if closure.model.nv > MANY and massive(closure.model):
+    if closure.model.nv > LARGE and massive(closure.model):
         return  # M is definite in all directions; elsewhere it is looked at as a matrix
     mass = mass_matrices(closure.model, q)
     if closure.size:

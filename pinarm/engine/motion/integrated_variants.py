@@ -16,9 +16,9 @@ import numpy as np
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.side_by_side import SideBySide
+from pinarm.engine.dynamics.parallel import aba
 from pinarm.engine.integration.ensemble import Ensemble, integrate_variants
-from pinarm.engine.integration.integrator import BATCH_ROUNDING, Acceleration, Interval
+from pinarm.engine.integration.integrator import Acceleration, Interval
 from pinarm.engine.kernel.tree import AGREEMENT, TreeFlow
 from pinarm.engine.kernel.tree_variants import variant_flows
 from pinarm.engine.motion.integrated_motion import IntegratedMotion
@@ -135,7 +135,7 @@ class IntegratedVariants:
         nv, count = self.mechanism.model.nv, len(self.chosen)
         state = np.sin(1.0 + 1.3 * np.arange(nv)), np.cos(2.0 + 2.9 * np.arange(nv))
         q, v = (np.broadcast_to(x, (1, count, nv)) for x in state)
-        (expected,) = _recursions(self.dynamics).aba_one_by_one(q, v, self.dynamics.loads(0.0, q, v))
+        (expected,) = aba(self.dynamics.model, q, v, self.dynamics.loads(0.0, q, v))
         intervals = (self.ensemble.solution.intervals[k] for k in self.chosen)
         a = np.array([interval.acceleration(0.0, *state) for interval in intervals])
         return _close(a - expected, expected, (v * v).sum(axis=-1)[0], AGREEMENT)
@@ -188,31 +188,13 @@ def _acceleration(flow: Flow) -> Acceleration:
 
 
 def _accelerations(dynamics: Dynamics, q: Array, v: Array) -> Array:
-    """Return the accelerations of the equation of motion, shape (n, k, nv).
-
-    Those of variants in which the recursion for many states errs in one of four rows follow row by row; see
-    ``BATCH_ROUNDING``.
-    """
-    recursions, tau, count = _recursions(dynamics), dynamics.loads(0.0, q, v), len(q)
-    a, every = recursions.aba(q, v, tau), np.arange(q.shape[1])
-    farthest = np.abs(q).max(axis=-1).argmax(axis=0)
-    rows = np.stack([np.full_like(every, 0), np.full_like(every, count // 2), np.full_like(every, count - 1), farthest])
-    exact = recursions.aba_one_by_one(*(x[rows, every] for x in (q, v, tau)))
-    inexact = np.flatnonzero(~_close(a[rows, every] - exact, exact, 0.0, BATCH_ROUNDING).all(axis=0))
-    if len(inexact):
-        some = SideBySide(recursions.variants.some(inexact))
-        a[:, inexact] = some.aba_one_by_one(*(x[:, inexact] for x in (q, v, tau)))
-    return a
+    """Return the accelerations of the equation of motion, shape (n, k, nv)."""
+    return aba(dynamics.model, q, v, dynamics.loads(0.0, q, v))
 
 
 def _close(apart: Array, expected: Array, more: Array | float, accuracy: float) -> Flags:
     """Return which vectors, shape (.., nv), are as small as accuracy times the size of others, and more."""
     return np.asarray(np.linalg.norm(apart, axis=-1) <= accuracy * (np.linalg.norm(expected, axis=-1) + more))
-
-
-def _recursions(dynamics: Dynamics) -> SideBySide:
-    assert isinstance(dynamics.recursions, SideBySide)
-    return dynamics.recursions
 
 
 def grid_of_variants(grids: Sequence[Grid]) -> Grid:

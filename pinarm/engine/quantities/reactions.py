@@ -21,6 +21,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import GuidedCoordinate, joint_ties, one_sided
 from pinarm.engine.constraints.self_stresses import SelfStresses
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.parallel import transmitted
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.joint_axes import loop_axis, tree_axis
 from pinarm.mechanics.couplings.coupling import JointRelation
@@ -123,7 +124,7 @@ class Reactions:
 
     def _transmitted(self, dynamics: Dynamics, rows: Indices) -> Array:
         run, acting = self.run, self._acting(dynamics, rows)
-        return dynamics.recursions.transmitted(self.links(rows), run.q[rows], run.v[rows], run.a[rows], acting)
+        return transmitted(self.links(rows), run.q[rows], run.v[rows], run.a[rows], acting)
 
     def _acting(self, dynamics: Dynamics, rows: Indices) -> Array:
         """Return what loads and constraints do to the links at k rows, shape (k, njoints, 6).

@@ -10,7 +10,7 @@ import numpy as np
 from pinarm.arrays import Array, Indices
 from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, states_first, turned
 from pinarm.mechanics.geometry.model_variants import Model
-from pinarm.mechanics.geometry.vectors import cross, crossed, joined, rotated
+from pinarm.mechanics.geometry.vectors import cross, crossed, joined, moved, rotated
 from pinarm.records import Record
 
 
@@ -146,6 +146,28 @@ def speeding(model: Model, q: Array, v: Array) -> tuple[LinkPlacements, Array]:
     """Return the placements of links and their twists in link frames, shape (n, njoints, 6); see ``moving``."""
     turns, _, places, _, _, omega, _, u = _speeds(LinkTree.of(model), q, v)
     return LinkPlacements(model, states_first(turns, 3), states_first(places), q), _inwards(turns, u, omega)
+
+
+def summed_wrenches(links: LinkPlacements, q: Array, v: Array, a: Array, acting: Array) -> Array:
+    """Return the wrench of the parent on the child at every joint's origin, world axes, shape (n, .., njoints, 6).
+
+    It is the sum of what the motion of the link and of those beyond it demands, less what else acts on them.
+
+    Args:
+        links: Where the links are.
+        q: Configurations, shape (n, .., nq).
+        v: Velocities, shape (n, .., nv).
+        a: Accelerations, shape (n, .., nv).
+        acting: Wrenches [f; m] on the links about the world's origin, world axes, shape (n, .., njoints, 6).
+    """
+    _, twists, rates, _ = moving(links.model, q, v, a)
+    wrenches = links.outwards(links.demands(twists, rates).sum(axis=0)) - links.at_joints(acting)
+    parents = LinkTree.of(links.model).parents
+    arms = links.places - links.places[..., parents, :]
+    for link in range(len(parents) - 1, 0, -1):
+        wrenches[..., parents[link], :] += moved(wrenches[..., link, :], arms[..., link, :])
+    wrenches[..., 0, :] = 0.0  # of the world, not of a joint
+    return wrenches
 
 
 class _Speeds(NamedTuple):
