@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from pinarm.arrays import Array
-from pinarm.engine.quantities.joint_axes import loop_axis, tree_axis
+from pinarm.engine.quantities.reactions import loop_axis, tree_axis
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import normals
 from pinarm.use.mechanism import Mechanism

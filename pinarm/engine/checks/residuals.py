@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.checks.figures import relative
-from pinarm.engine.checks.sample import SAMPLE, sampled
+from pinarm.engine.checks.figures import SAMPLE, relative, sampled
 from pinarm.engine.dynamics.masses import MASSLESS, NOTHING
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_tree import LinkTree

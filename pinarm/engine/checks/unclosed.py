@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinarm.engine.checks.sample import sampled
+from pinarm.engine.checks.figures import sampled
 from pinarm.engine.constraints.nullspace import UNCLOSED
 from pinarm.engine.motion.trajectory import Trajectory
 

@@ -8,11 +8,8 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.checks.balance import STEPS, gauss_nodes, part_weights, unaccounted
-from pinarm.engine.checks.sample import sampled
+from pinarm.engine.checks.figures import sampled
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.mechanics.geometry.link_placements import speeding
-from pinarm.mechanics.geometry.link_tree import LinkTree, components_first
-from pinarm.mechanics.geometry.vectors import rotated
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.ensemble import Ensemble
@@ -68,7 +65,7 @@ def variant_energies(dynamics: Dynamics, ensemble: Ensemble, interpolated: Flags
     step, ends = np.vstack([parts.step, last]), np.vstack([parts.start, steps.until[last]])
     q, v = ensemble.states_in(step, ends)
     lost = _losses(exchanging, ensemble, parts) if exchanging else np.zeros_like(parts.h)
-    columns = *_energies(dynamics, q, v), np.concatenate([0.0 * lost[:1], np.cumsum(lost, axis=0)])
+    columns = *dynamics.energy(q, v), np.concatenate([0.0 * lost[:1], np.cumsum(lost, axis=0)])
     drift = np.sum([column - column[0] for column in columns], axis=0)
     return unaccounted(np.abs(drift).max(axis=0), np.array(columns))
 
@@ -79,20 +76,6 @@ def _divided(ensemble: Ensemble, looked: Flags) -> Flags:
     for first, count in zip(ensemble.firsts.tolist(), ensemble.counts.tolist(), strict=True):
         divided[first + sampled(count, STEPS)] = True
     return divided
-
-
-def _energies(dynamics: Dynamics, q: Array, v: Array) -> tuple[Array, Array]:
-    """Return kinetic and potential energy [J] of states, shape (n, k, nv), each of shape (n, k)."""
-    model = dynamics.model
-    tree, (links, twists) = LinkTree.of(model), speeding(model, q, v)
-    motions = components_first(twists)
-    (momenta,) = tree.momenta(motions[None])
-    kinetic = 0.5 * (np.einsum("aj...,aj...->...", motions, momenta) + v**2 @ model.armature)
-    centres = links.places + rotated(links.turns, tree.levers)
-    potential = -(tree.masses * (centres @ model.gravity.linear)).sum(axis=-1)
-    for force in dynamics.forces.values():
-        potential = potential + force.potential_energy(q)
-    return kinetic, potential
 
 
 def _losses(dynamics: Dynamics, ensemble: Ensemble, parts: VariantParts) -> Array:

@@ -17,6 +17,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, as_rows, same_rows
 from pinarm.engine.dynamics import parallel
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
+from pinarm.mechanics.geometry.link_placements import speeding
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants
 from pinarm.mechanics.geometry.pinocchio_data import new_data, require_depth_first
 from pinarm.mechanics.laws.motion_law import Grid
@@ -206,13 +207,10 @@ class Dynamics(Record, frozen=True):
         return tuple(force for force in self._acting if not force.steady)
 
     def energy(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return kinetic and potential energy [J], each of shape (n,); rotors and springs included."""
-        model, data, rows = self.model, self.data, []
-        for configuration, velocity in zip(q, v, strict=True):
-            pin.computeMechanicalEnergy(model, data, configuration, velocity)
-            rows.append((data.kinetic_energy, data.potential_energy))
-        kinetic, potential = np.array(rows).reshape(-1, 2).T
-        kinetic = kinetic + v**2 @ self._forgotten
+        """Return kinetic and potential energy [J], each of shape (n, ..); rotors and springs included."""
+        links, twists = speeding(self.model, q, v)
+        kinetic, potential = (energies.sum(axis=-1) for energies in links.energies(twists))
+        kinetic = kinetic + 0.5 * v**2 @ self.model.armature
         for force in self._storing:
             potential = potential + force.potential_energy(q)
         return kinetic, potential
@@ -229,18 +227,6 @@ class Dynamics(Record, frozen=True):
         from pinarm.mechanics.forces.joint_springs import energetic
 
         return energetic(self.forces.values())
-
-    @cached_property
-    def _forgotten(self) -> Array:
-        """Half the armatures that ``pin.computeKineticEnergy`` forgets (about skew axes, in pin 4.1), shape (nv,)."""
-        if not self.model.armature.any():
-            return np.zeros(self.model.nv)
-        rotors = pin.Model(self.model)
-        for joint in range(rotors.njoints):
-            rotors.inertias[joint] = pin.Inertia.Zero()
-        data, q = new_data(rotors), pin.neutral(rotors)
-        counted = [pin.computeKineticEnergy(rotors, data, q, unit) for unit in np.eye(rotors.nv)]
-        return np.asarray(0.5 * rotors.armature - counted)
 
     @cached_property
     def exchanging(self) -> Dynamics | None:

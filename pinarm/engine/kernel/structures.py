@@ -132,15 +132,6 @@ class ClosingStructure(ctypes.Structure):
     ]  # fmt: skip
 
 
-class BodiesStructure(ctypes.Structure):
-    """The bodies of a tree."""
-
-    _fields_ = [
-        ("links", SIZE), ("nv", SIZE), *((name, POINTER) for name in ("parent", "first", "count", "body")),
-        ("gravity", REAL * 3),
-    ]  # fmt: skip
-
-
 class PairStructure(ctypes.Structure):
     """The coefficients of an embedded Runge-Kutta pair."""
 
@@ -221,7 +212,6 @@ ARRAYS = (
 STRUCTURES = (
     TreeStructure, SkylineStructure, ConstraintsStructure, ClosingStructure, PairStructure, FlowStructure,
     HeldStructure, ControlStructure, CourseStructure, RadauStructure, NewtonStructure,
-    BodiesStructure,
 )  # fmt: skip
 SIZES = (*(one.itemsize for one in ARRAYS), *map(ctypes.sizeof, STRUCTURES))
 """Sizes [bytes], in the order of ``kernel_sizes`` in ``kernel.c``."""

@@ -17,8 +17,7 @@ from pinarm.engine.series import Series
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings.coupling import JointRelation
-from pinarm.mechanics.geometry.link_motion import motion_of
-from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.model_variants import ModelVariants
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace
@@ -131,8 +130,8 @@ class Trajectory(Record, frozen=True):
 
     @cached_property
     def link_motion(self) -> tuple[LinkPlacements, Array, Array, Array]:
-        """The motion of the links in all rows; see ``motion_of``."""
-        return motion_of(self.mechanism.model, self.q, self.v, self.a)
+        """The motion of the links in all rows; see ``moving``."""
+        return moving(self.mechanism.model, self.q, self.v, self.a)
 
     def __repr__(self) -> str:
         """Return its rows and its mechanism."""

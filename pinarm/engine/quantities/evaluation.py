@@ -1,4 +1,4 @@
-"""What quantities are computed from: a trajectory, its kinematics row by row, and the reactions of its joints."""
+"""Arrays over the rows of a trajectory that quantities are computed from, each when it is first asked for."""
 
 from __future__ import annotations
 
@@ -6,17 +6,23 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.geometry.vectors import crossed, moved
+from pinarm.mechanics.joints import frame_of
 from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.kinematics.mobility import Mobility
     from pinarm.engine.quantities.reactions import Reactions
-    from pinarm.engine.quantities.row_kinematics import RowKinematics
 
 
 class Evaluation(Record, frozen=True):
-    """A trajectory, and what is computed of it once, when a quantity first needs it.
+    """Coordinates, frames, energies, momenta and reactions of a trajectory.
 
     Attributes:
         run: The trajectory.
@@ -32,14 +38,14 @@ class Evaluation(Record, frozen=True):
 
     @cached_property
     def reactions(self) -> Reactions:
-        """What the joints transmit."""
+        """Wrenches of the joints."""
         from pinarm.engine.quantities.reactions import SAMPLE, Reactions
 
         return Reactions(self.run, SAMPLE if self.judged else 0)
 
     @cached_property
     def mobility(self) -> Mobility:
-        """How the mechanism can move where the run begins, and how it is tied."""
+        """Mobility of the mechanism where the run begins, and how it is tied."""
         from pinarm.engine.kinematics.mobility import mobility_of
 
         return mobility_of(self.run.mechanism, self.run.q[0])
@@ -58,9 +64,87 @@ class Evaluation(Record, frozen=True):
 
         return friction_doubts(self.run)
 
-    @cached_property
-    def kinematics(self) -> RowKinematics:
-        """Coordinates, frames, energies and momenta, row by row."""
-        from pinarm.engine.quantities.row_kinematics import RowKinematics
+    def rate(self, name: str, coordinate: Coordinate, order: int) -> Array:
+        """Return a coordinate, or its first or second derivative, shape (n, ..)."""
+        run = self.run
+        if isinstance(coordinate, LinearCoordinate):
+            return coordinate.rate((run.v, run.a)[order - 1]) if order else coordinate.at(run.q)
+        if name not in self._coordinates:
+            self._coordinates[name] = self._derivatives(coordinate)
+        return self._coordinates[name][:, order]
 
-        return RowKinematics(self.run)
+    @cached_property
+    def _coordinates(self) -> dict[str, Array]:
+        return {}
+
+    def _derivatives(self, coordinate: Coordinate) -> Array:
+        """Return a coordinate with its two derivatives, shape (n, 3)."""
+        run = self.run
+        rows = np.empty((len(run), 3))
+        for i in range(len(run)):
+            state = Kinematics.at(run.mechanism.model, run.q[i], run.v[i])
+            row, drift = coordinate.row(state), coordinate.drift(state)
+            rows[i] = coordinate.value(state), row @ run.v[i], row @ run.a[i] + drift
+        return rows
+
+    def frame(self, name: str) -> Array:
+        """Return a link's position, velocity, acceleration, angular velocity and acceleration, shape (n, .., 5, 3).
+
+        Of its origin, in world axes [m, m/s, m/s^2, rad/s, rad/s^2]. With the velocity u and the angular velocity
+        omega of the joint's origin, and the arm r from there: ``u + omega x r``, and
+        ``u' + omega x u + alpha x r + omega x (omega x r)`` with the derivative ``[u'; alpha]`` of the twist.
+        """
+        return self._frame(name)[0]
+
+    def turn(self, name: str) -> Array:
+        """Return a link's rotation matrices, columns its axes in the world's, shape (n, .., 3, 3)."""
+        return self._frame(name)[1]
+
+    @cached_property
+    def _frames(self) -> dict[str, tuple[Array, Array]]:
+        return {}
+
+    def _frame(self, name: str) -> tuple[Array, Array]:
+        if name in self._frames:
+            return self._frames[name]
+        model = self.run.mechanism.model
+        frame = frame_of(model, name)
+        joint = model.frames[frame].parentJoint
+        links, twists, rates, _ = self.run.link_motion
+        (turns, places), turned = links.frame(frame), links.turns[..., joint, :, :]
+        arms = places - links.places[..., joint, :]
+        parts = (part for x in (twists, rates) for part in (x[..., joint, :3], x[..., joint, 3:]))
+        u, omega, du, alpha = (np.matvec(turned, part) for part in parts)
+        swept = crossed(omega, arms)
+        rows = places, u + swept, du + crossed(omega, u) + crossed(alpha, arms) + crossed(omega, swept), omega, alpha
+        self._frames[name] = np.stack(np.broadcast_arrays(*rows), axis=-2), turns
+        return self._frames[name]
+
+    @cached_property
+    def energies(self) -> Array:
+        """Kinetic energy, potential energy and their sum [J], springs and rotors included, shape (3, n)."""
+        kinetic, potential = self.run.dynamics.energy(self.run.q, self.run.v)
+        return np.array([kinetic, potential, kinetic + potential])
+
+    @cached_property
+    def momenta(self) -> Array:
+        """Momentum of each link and its rate, shape (2, n, njoints, 6).
+
+        [linear; angular] about the world's origin, world axes [kg*m/s, kg*m^2/s] and [N, N*m].
+        """
+        links, twists, rates, _ = self.run.link_motion
+        growth, turning, _ = links.demands(twists, rates)
+        parts = links.momenta(twists), growth + turning
+        return np.array([moved(links.outwards(part), links.places) for part in parts])
+
+    @cached_property
+    def body_energies(self) -> tuple[Array, Array]:
+        """Kinetic energy, and potential energy of its weight [J], of each link, shape (n, njoints)."""
+        links, twists, _, _ = self.run.link_motion
+        return links.energies(twists)
+
+    @cached_property
+    def gravity_power(self) -> Array:
+        """Power of the weights [W], shape (n,)."""
+        links, twists, _, _ = self.run.link_motion
+        return links.gravity_power(twists)

@@ -11,7 +11,6 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.evaluation import Evaluation
-from pinarm.engine.quantities.joint_axes import ALONG_AXIS, split
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import Unit, unit
@@ -19,6 +18,9 @@ from pinarm.mechanics.joints import METRE
 from pinarm.records import AbstractRecord, ValueRecord
 
 AXES = ("x", "y", "z", "norm")
+ALONG_AXIS = ("axial", "radial")
+"""Components of a force or moment F by an axis u: ``F . u``, and ``|F - (F . u) u|``."""
+
 MOMENTS = ("moment", "angular")
 """Parts that depend on the point about which they are taken."""
 
@@ -137,7 +139,7 @@ class Family(AbstractRecord, frozen=True):
         if coordinate is None or rate not in RATES:
             raise asked.unknown
         order = RATES.index(rate)
-        values = self.evaluation.kinematics.rate(coordinate_name, coordinate, order)
+        values = self.evaluation.rate(coordinate_name, coordinate, order)
         return Series(asked.name, _rate_unit(coordinate.unit, order), values)
 
     def about(self, asked: Asked, otherwise: Array) -> Array:
@@ -145,7 +147,7 @@ class Family(AbstractRecord, frozen=True):
         words = asked.words
         if "about" not in words[2:-2]:
             return otherwise
-        return self.evaluation.kinematics.frame(words[words.index("about", 2) + 1])[..., 0, :]
+        return self.evaluation.frame(words[words.index("about", 2) + 1])[..., 0, :]
 
     def component(self, asked: Asked, vectors: Array) -> Array:
         """Return the component of vectors that the last word names, in the axes that ``along`` names, shape (n,).
@@ -162,13 +164,13 @@ class Family(AbstractRecord, frozen=True):
         if "about" in extra[::2] and asked.part not in MOMENTS:
             raise _about_a_point(asked)
         if axis in ALONG_AXIS and extra[::2] in ((), ("about",)):
-            return split(vectors, self.axes(asked), axis)
+            return _split(vectors, self.axes(asked), axis)
         if axis not in AXES or len(extra) % 2 or not set(extra[::2]) <= {"about", "along"}:
             raise asked.unknown
         if axis == "norm":
             return np.asarray(np.linalg.norm(vectors, axis=-1))
         if "along" in extra[::2]:
-            turns = self.evaluation.kinematics.turn(extra[extra.index("along") + 1])
+            turns = self.evaluation.turn(extra[extra.index("along") + 1])
             return np.asarray((turns[..., AXES.index(axis)] * vectors).sum(axis=-1))
         return vectors[..., AXES.index(axis)]
 
@@ -194,3 +196,9 @@ def _rate_unit(base: Unit, order: int) -> Unit:
     if base == METRE:
         return METRE / SECOND**order if order else METRE
     return ANGULAR[order]
+
+
+def _split(vectors: Array, axes: Array, part: str) -> Array:
+    """Return a component of ``ALONG_AXIS`` of vectors by unit vectors, both of shape (n, 3); shape (n,)."""
+    axial = np.asarray((vectors * axes).sum(axis=-1))
+    return axial if part == "axial" else np.asarray(np.linalg.norm(vectors - axial[..., None] * axes, axis=-1))

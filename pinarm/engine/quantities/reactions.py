@@ -13,21 +13,21 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array, Indices, in_one
-from pinarm.engine.checks.figures import relative
-from pinarm.engine.checks.sample import sampled
+from pinarm.engine.checks.figures import relative, sampled
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import GuidedCoordinate, joint_ties, one_sided
 from pinarm.engine.constraints.self_stresses import SelfStresses
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.parallel import transmitted
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.quantities.joint_axes import loop_axis, tree_axis
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import OpenReaction, left_open
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import states_first
+from pinarm.mechanics.geometry.screws import screw_of
 from pinarm.mechanics.geometry.vectors import moved
 from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
@@ -43,8 +43,24 @@ SAMPLE = 64
 APART = 1e-9
 """Gap, over ``1 + extent``, from which on a one-sided constraint holds nothing: one that is touched may share loads."""
 
+NO_AXIS = ("fixed", "spherical")
+"""Kinds of lower pairs without an axis."""
+
 BLOCK = 1024
 """Number of rows that are worked on at once."""
+
+
+def tree_axis(model: pin.Model, joint: int) -> Array | None:
+    """Return the axis of a joint of the tree, in the joint's frame, shape (3,); ``None`` where it has none."""
+    screw = screw_of(model.joints[joint])
+    return None if screw is None else screw[1]
+
+
+def loop_axis(loop: LoopJoint) -> Array | None:
+    """Return the axis of a loop joint, in the axes of frame 1, shape (3,); ``None`` where it has none."""
+    from pinarm.mechanics.loops.lower_pairs import LowerPair
+
+    return loop.pair.axis if isinstance(loop.pair, LowerPair) and loop.kind not in NO_AXIS else None
 
 
 class Reactions:

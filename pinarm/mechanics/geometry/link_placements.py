@@ -92,6 +92,27 @@ class LinkPlacements(Record, frozen=True):
         wrenches[1, :3], wrenches[1, 3:] = cross(omega, linear), cross(omega, wrenches[1, 3:]) + dragged
         return wrenches.transpose(0, *range(3, wrenches.ndim), 2, 1)
 
+    def momenta(self, twists: Array) -> Array:
+        """Return ``I V`` in link axes, about the origins of the links, shape (n, .., njoints, 6)."""
+        (momenta,) = LinkTree.of(self.model).momenta(components_first(twists)[None])
+        return states_first(momenta)
+
+    def energies(self, twists: Array) -> tuple[Array, Array]:
+        """Return the kinetic and the potential energy of every link [J], shape (n, .., njoints), without rotors.
+
+        Args:
+            twists: V, in the links' own frames, shape (n, .., njoints, 6).
+        """
+        tree = LinkTree.of(self.model)
+        kinetic = 0.5 * np.vecdot(twists, self.momenta(twists))
+        centres = self.places + rotated(self.turns, tree.levers)
+        return np.asarray(kinetic), np.asarray(-tree.masses * (centres @ self.model.gravity.linear))
+
+    def gravity_power(self, twists: Array) -> Array:
+        """Return the power of the weights of all links [W], shape (n, ..), from V in the links' own frames."""
+        momenta = rotated(self.turns, self.momenta(twists)[..., :3])
+        return np.asarray(momenta.sum(axis=-2) @ self.model.gravity.linear)
+
 
 def opposed(model: Model, first: int, second: int, wrench: Array) -> dict[int, Array]:
     """Return what two frames do to one another's links: a wrench on that of the second, the opposite on the first's.

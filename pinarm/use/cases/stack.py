@@ -17,8 +17,8 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.checks.balance import power_balance
+from pinarm.engine.checks.figures import sampled
 from pinarm.engine.checks.residuals import residual_figures
-from pinarm.engine.checks.sample import sampled
 from pinarm.engine.mechanism_variants import (
     alike_variants,
     mechanism_variants,

@@ -4,8 +4,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.engine.checks.virtual_powers import in_arrays
-from pinarm.mechanics.geometry.link_motion import motion_of
+from pinarm.engine.checks.balance import demanded_powers
+from pinarm.mechanics.geometry.link_placements import moving
 from pinarm.mechanics.geometry.vectors import lengths
 
 COUNT, SHARP = 4, 1e-12
@@ -36,10 +36,10 @@ def moved():
 
 def test_powers_are_the_sum_over_all_links_of_their_wrenches_along_their_jacobians(moved):
     model, q, v, a, wrenches = moved
-    motion = motion_of(model, q, v, a)
+    motion = moving(model, q, v, a)
     links, twists, rates, _ = motion
     demands = links.demands(twists, rates)
-    asked, terms, most = in_arrays(motion, demands, wrenches, lengths(wrenches))
+    asked, terms, most = demanded_powers(motion, demands, wrenches, lengths(wrenches))
     data = model.createData()
     for row in range(COUNT):
         pin.computeJointJacobians(model, data, q[row])

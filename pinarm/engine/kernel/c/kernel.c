@@ -1,4 +1,3 @@
-#include "bodies.h"
 #include "closing.h"
 #include "radau.h"
 #include "runge_kutta.h"
@@ -7,8 +6,8 @@
 extern const int kernel_sizes[];
 
 const int kernel_sizes[] = {
-    24, sizeof(screw), sizeof(body), sizeof(link), sizeof(degree), sizeof(rotation_spring), sizeof(point_spring),
+    23, sizeof(screw), sizeof(body), sizeof(link), sizeof(degree), sizeof(rotation_spring), sizeof(point_spring),
     sizeof(law), sizeof(link_state), sizeof(degree_state), sizeof(loop), sizeof(loop_state), sizeof(force),
     sizeof(tree), sizeof(skyline), sizeof(constraints), sizeof(closing), sizeof(pair), sizeof(flow), sizeof(held),
-    sizeof(control), sizeof(course), sizeof(radau), sizeof(newton), sizeof(bodies),
+    sizeof(control), sizeof(course), sizeof(radau), sizeof(newton),
 };

@@ -8,18 +8,18 @@ from pinarm.engine.quantities.evaluation import Evaluation
 from pinarm.engine.quantities.family import Family
 
 FAMILIES = {
-    "joint": ("joint", "JointQuantities"),
-    "loop": ("loop", "LoopQuantities"),
-    "coupling": ("coupling", "CouplingQuantities"),
-    "coordinate": ("coordinate", "CoordinateQuantities"),
-    "point": ("link", "PointQuantities"),
-    "body": ("link", "BodyQuantities"),
-    "drive": ("drive", "DriveQuantities"),
-    "energy": ("energy", "EnergyQuantities"),
-    "momentum": ("momentum", "MomentumQuantities"),
-    "dynamic": ("momentum", "DynamicQuantities"),
-    "power": ("power", "PowerQuantities"),
-    "force": ("force", "ForceQuantities"),
+    "joint": ("joints", "JointQuantities"),
+    "loop": ("loops", "LoopQuantities"),
+    "coupling": ("loops", "CouplingQuantities"),
+    "coordinate": ("joints", "CoordinateQuantities"),
+    "point": ("bodies", "PointQuantities"),
+    "body": ("bodies", "BodyQuantities"),
+    "drive": ("joints", "DriveQuantities"),
+    "energy": ("bodies", "EnergyQuantities"),
+    "momentum": ("bodies", "MomentumQuantities"),
+    "dynamic": ("bodies", "DynamicQuantities"),
+    "power": ("forces", "PowerQuantities"),
+    "force": ("forces", "ForceQuantities"),
 }
 """First word of the names, and the module and class of the family. A new one is a class and an entry here."""
 
@@ -27,5 +27,5 @@ FAMILIES = {
 def family(word: str, evaluation: Evaluation) -> Family:
     """Return the family of a word of ``FAMILIES``, of one trajectory."""
     module, name = FAMILIES[word]
-    made: Family = getattr(import_module(f"{__name__}.{module}"), name)(evaluation)
-    return made
+    kind: type[Family] = getattr(import_module(f"{__name__}.{module}"), name)
+    return kind(evaluation)

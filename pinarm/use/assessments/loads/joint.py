@@ -9,8 +9,8 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.quantities.joint_axes import loop_axis, tree_axis
 from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.quantities.reactions import loop_axis, tree_axis
 from pinarm.errors import InputError, choices, within
 from pinarm.mechanics.joints import METRE, RADIAN, moved_links
 from pinarm.mechanics.loops.loop_joints import LoopJoint

@@ -17,7 +17,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.quantities.joint_axes import tree_axis
+from pinarm.engine.quantities.reactions import tree_axis
 from pinarm.errors import InputError, choices, within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Lead, ServiceSpeed

@@ -107,7 +107,7 @@ def test_all_rows_are_checked_when_asked_to(chaos):
     """The fixed sample of a large table stays below 200 rows, and passes over what happens between them."""
     from pinarm.engine.checks import balance
     from pinarm.engine.checks import residuals as stamp
-    from pinarm.engine.checks.sample import SAMPLE
+    from pinarm.engine.checks.figures import SAMPLE
 
     assert SAMPLE <= 200
     short = chaos.varied({"problem.time": {"end": "1 s", "samples": 1001}})

@@ -1,4 +1,4 @@
-"""What force elements tell of themselves: lengths, tensions, displacements, forces."""
+"""Force elements: lengths, tensions, displacements and forces; powers of forces, of weights and of friction."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.quantities.family import AXES, Asked, Family, Offered
+from pinarm.engine.quantities.family import AXES, WATT, Asked, Family, Offered
 from pinarm.engine.series import Series
-from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
+from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement, power
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import Joint
 
 
-def measures_of(element: ForceElement, joints: Mapping[str, Joint]) -> Mapping[str, ElementQuantity]:
+def _measures_of(element: ForceElement, joints: Mapping[str, Joint]) -> Mapping[str, ElementQuantity]:
     """Return what can be asked of an element: its own measures, of one that acts at a single joint the effort there.
 
     Args:
@@ -54,19 +54,51 @@ class ForceQuantities(Family, frozen=True):
     def entries(self) -> Iterator[Offered]:
         """Yield the measures of the force elements."""
         for name, force in self.run.dynamics.forces.items():
-            for part, measure in measures_of(force, self.run.mechanism.joints).items():
+            for part, measure in _measures_of(force, self.run.mechanism.joints).items():
                 yield Offered(name, part, AXES if measure.vector else ())
 
     def series(self, asked: Asked) -> Series:
         """Return a quantity; see ``Family.series``."""
         run, force = self.run, self.run.dynamics.forces.get(asked.of)
-        measure = measures_of(force, run.mechanism.joints).get(asked.part) if force else None
+        measure = _measures_of(force, run.mechanism.joints).get(asked.part) if force else None
         if measure is None or (len(asked.words) > 2) != measure.vector or "about" in asked.words[2:]:
             raise asked.unknown
 
         def values(dynamics: Dynamics, rows: slice) -> Array:
-            here = measures_of(dynamics.forces[asked.of], run.mechanism.joints)[asked.part]
+            here = _measures_of(dynamics.forces[asked.of], run.mechanism.joints)[asked.part]
             return here.values(run.grid.t[rows], run.q[rows], run.v[rows])
 
         measured = run.gather(values)
         return Series(asked.name, measure.unit, self.component(asked, measured) if measure.vector else measured)
+
+
+class PowerQuantities(Family, frozen=True):
+    """``power.gravity``, ``power.friction``, and ``power.F`` of force element F."""
+
+    element: ClassVar[str] = ""
+    meanings: ClassVar[Mapping[str, str]] = {
+        "gravity": "power of the weights", "friction": "power of all friction that sticks",
+        "": "power of the force element on the mechanism",
+    }  # fmt: skip
+
+    def entries(self) -> Iterator[Offered]:
+        """Yield the powers."""
+        yield Offered("", "gravity")
+        if self.run.mechanism.frictions:
+            yield Offered("", "friction")
+        yield from (Offered(name, "") for name in self.run.dynamics.forces)
+
+    def series(self, asked: Asked) -> Series:
+        """Return a quantity; see ``Family.series``."""
+        run, wanted = self.run, ".".join(asked.words)
+        if wanted == "gravity":
+            return Series(asked.name, WATT, self.evaluation.gravity_power)
+        if wanted == "friction" and run.mechanism.frictions:
+            self.require_efforts(asked)
+            return Series(asked.name, WATT, (run.friction_loads * run.v).sum(axis=1))
+        if wanted not in run.dynamics.forces:
+            raise asked.unknown
+        values = run.gather(
+            lambda dynamics, rows: power(dynamics.forces[wanted], run.grid.t[rows], run.q[rows], run.v[rows])
+        )
+        return Series(asked.name, WATT, values)
