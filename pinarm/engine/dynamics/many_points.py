@@ -25,10 +25,6 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import RANK
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.mechanics.geometry.link_tree import LinkTree, states_first
-from pinarm.mechanics.geometry.model_cache import cached_by_model
-from pinarm.mechanics.geometry.vectors import crossed
-from pinarm.records import Record
 from pinarm.engine.dynamics.pinocchio_constraints import (
     BESIDE,
     ITERATIONS,
@@ -43,6 +39,10 @@ from pinarm.engine.dynamics.pinocchio_constraints import (
     tied_points,
 )
 from pinarm.mechanics.geometry.buffers import give_back, take
+from pinarm.mechanics.geometry.link_tree import LinkTree, states_first
+from pinarm.mechanics.geometry.model_cache import cached_by_model
+from pinarm.mechanics.geometry.vectors import crossed
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.dynamics.coordinate_partition import Targets
