@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array, Indices, distinct
+from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.nullspace import RANK
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import PinarmError
@@ -21,18 +20,12 @@ if TYPE_CHECKING:
 NEAR = 0.1
 """Regularity at the rows from which on it is looked for between them."""
 
-ROUNDS, EVENLY = 10, np.linspace(0.0, 1.0, 10)[1:-1]
-"""How often instants between rows are looked at; places of the first ones on either side, as rows may be far apart."""
+ROUNDS, PLACES = 4, 10
+"""Times that the interval about the least regularity is divided, and places on either side: 1e-4 of it are resolved."""
 
 SAME = 1e-9
 """Difference of regularities, relative to them, that is rounding: of positions that a motion takes twice the first
 counts, whatever the processor."""
-
-FLAT = 0.05
-"""Part of the regularity by which it changes from one instant to the next where it is not looked for any closer."""
-
-SIDES = np.array([[1.0, -1.0, -1.0], [1.0, 1.0, -1.0]])
-"""Signs of a quantity at three instants that goes through 0 before the middle one, or behind it."""
 
 
 class NearestSingularity(Record, frozen=True):
@@ -102,56 +95,20 @@ def _least(t: Array, regular: Array, at: Callable[[Array], Array] | None) -> tup
         regular: The regularity there, shape (n,).
         at: The regularity at other values of the parameter, shape (n,); ``None`` where nothing is between them.
     """
-    least = int(_first_least(regular))
-    best = float(regular[least]), float(t[least])
-    if at is None or not 0 < least < len(t) - 1 or not RANK < best[0] < NEAR:
-        return best
-    t, here = t[least - 1 : least + 2], regular[least - 1 : least + 2]
-    if t[0] > t[2]:
-        t, here = t[::-1], here[::-1]
-    for round_ in range(ROUNDS):
-        between = _lowest(t, here) if round_ else _evenly(t)
-        if not len(between):
+    k = int(_first_least(regular))
+    best = float(regular[k]), float(t[k])
+    for _ in range(ROUNDS if at else 0):
+        if not 0 < k < len(t) - 1 or not RANK < best[0] < NEAR:
             break
+        t = np.concatenate([np.linspace(t[k - 1], t[k], PLACES + 1), np.linspace(t[k], t[k + 1], PLACES + 1)[1:]])
         try:
-            found = at(between)
+            assert at
+            regular = at(t)
         except PinarmError:  # singular: nothing closer can be looked at
             break
-        best = min(best, *zip(found.tolist(), between.tolist(), strict=True))
-        order = np.argsort(t := np.concatenate([t, between]))
-        t, here = t[order], np.concatenate([here, found])[order]
-        k = int(here.argmin())
-        if not 0 < k < len(t) - 1:
-            break
-        t, here = t[k - 1 : k + 2], here[k - 1 : k + 2]
-        if best[0] <= RANK or np.ptp(here) < FLAT * best[0]:
-            break
+        k = int(_first_least(regular))
+        best = min(best, (float(regular[k]), float(t[k])))
     return best
-
-
-def _evenly(t: Array) -> Array:
-    """Return instants between three, as many before the middle one as behind it."""
-    return np.concatenate([start + EVENLY * (end - start) for start, end in pairwise(t.tolist())])
-
-
-def _lowest(t: Array, values: Array) -> Array:
-    """Return instants at which a size may be smallest, between three of which the middle one is the smallest so far.
-
-    Where the signed quantity goes through 0 on the one side or on the other, by inverse quadratic interpolation where
-    that stays on its side, and where a parabola through the squares, which are smooth in any case, is lowest.
-    """
-    crossing, gaps = (t[:-1] * values[1:] + t[1:] * values[:-1]) / (values[:-1] + values[1:]), t[1:] - t[:-1]
-    signed, squares = values * SIDES, values * values
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slopes = gaps / (signed[:, 1:] - signed[:, :-1])
-        bend = (slopes[:, 1] - slopes[:, 0]) / (signed[:, 2] - signed[:, 0])
-        bent = crossing + bend * -values[:-1] * values[1:]
-    crossing = np.where((t[:-1] < bent) & (bent < t[1:]), bent, crossing)
-    (left, right), (falling, rising) = gaps, (squares[1:] - squares[:-1]) / gaps
-    vertex = t[1] - 0.5 * (falling * right + rising * left) / (rising - falling) if rising > falling else t[1]
-    inside = np.array([*crossing, vertex])
-    apart = 1e-9 * (t[2] - t[0])
-    return distinct(inside[np.abs(inside[:, None] - t).min(axis=1) > apart])
 
 
 def _between(run: Trajectory, motion: SolvedMotion, rank: int, largest: float, t: Array) -> Array:

@@ -31,62 +31,52 @@ PARTS, TURN = 8, 2.0 * np.pi
 """Parts of a step that are looked at: within one a motion that steps resolve turns by much less than a quarter."""
 
 
-class Leap(NamedTuple):
-    """Why an angle leaps, and what to do.
-
-    Attributes:
-        why: In words.
-        hint: What to write instead, of ``{angle}``.
-    """
-
-    why: str
-    hint: str
-
-
-POLE = Leap(
-    "roll and yaw leap by half a turn where the pitch passes 90 deg", "three revolute joints in place of the ball joint"
+POLE = (
+    "roll and yaw leap by half a turn where the pitch passes 90 deg",
+    "three revolute joints in place of the ball joint",
 )
-VECTOR = Leap("a rotation vector leaps where it passes half a turn", "a revolute joint, or a reference that is turned")
-UNCOUNTED = Leap(
+VECTOR = "a rotation vector leaps where it passes half a turn", "a revolute joint, or a reference that is turned"
+UNCOUNTED = (
     "it is told from -180 to 180 deg and leaps by a turn there",
     "in the mechanism file: turns: [{angle}], which counts them",
 )
-BUSHING = Leap(
+BUSHING = (
     "there its frames are half a turn apart, and a bushing acts up to 170 deg",
     "a joint_spring, or a coordinate_spring along an angle whose turns are counted",
 )
+"""Why an angle leaps, and what to write instead."""
 
 
 class Acting(NamedTuple):
-    """Something that acts along an angle which is told up to half a turn.
+    """A force, drive or controller along an angle that is known up to half a turn only.
 
     Attributes:
-        user: What it is, in words.
+        user: Its name for messages.
         angle: The angle.
         name: Name of the angle, where it is known.
         counted: Whether whole turns do not matter: a joint counts them.
-        vector: Why it leaps where it is part of a rotation vector.
+        vector: Why it leaps where it is part of a rotation vector, and what to write instead.
     """
 
     user: str
     angle: Coordinate
     name: str = "NAME"
     counted: bool = False
-    vector: Leap = VECTOR
+    vector: tuple[str, str] = VECTOR
 
-    def leap(self, one: Kinematics, other: Kinematics) -> Leap | None:
-        """Return why the angle does not go on from one state to the next; ``None`` where it does."""
+    def leap(self, before: Kinematics, after: Kinematics) -> tuple[str, str] | None:
+        """Return why the angle leaps between two states, and what to write instead; ``None`` where it does not."""
         angle = self.angle
         if isinstance(angle, BallAngle):
-            before, after = (roll_pitch_yaw(angle.ball.quaternion(state.q)) for state in (one, other))
-            turned = (after - before)[[0, 2]] / TURN
+            ends = [roll_pitch_yaw(angle.ball.quaternion(state.q))[[0, 2]] for state in (before, after)]
+            turned = (ends[1] - ends[0]) / TURN
             if np.abs(turned - np.round(turned)).max() > 0.25:
                 return POLE
         if isinstance(angle, BallCoordinate | RotationCoordinate):
             parts = [replace(angle, component=k) for k in range(3)]
-            way = np.linalg.norm([part.value(other) - part.value(one) for part in parts])
+            way = np.linalg.norm([part.value(after) - part.value(before) for part in parts])
             return self.vector if way > np.pi else None
-        return None if self.counted or abs(angle.value(other) - angle.value(one)) < np.pi else UNCOUNTED
+        return None if self.counted or abs(angle.value(after) - angle.value(before)) < np.pi else UNCOUNTED
 
 
 def acting_on_angles(
@@ -151,9 +141,11 @@ def require_turns(
             if (leap := one.leap(before, after)) is not None:
                 raise DynamicsError(
                     f"{one.user} acts along an angle that does not go on at {parameter} = {to:.6g} {measured}: "
-                    f"{leap.why}",
-                    expected="an angle that goes on without a leap", hint=leap.hint.format(angle=one.name), t=to,
-                )  # fmt: skip
+                    f"{leap[0]}",
+                    expected="an angle that goes on without a leap",
+                    hint=leap[1].format(angle=one.name),
+                    t=to,
+                )
 
 
 def between(t: Array) -> Array:

@@ -12,11 +12,10 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, distinct
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.constraints.nullspace import MANY
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.rests import rests_between
 from pinarm.engine.kinematics.abscissa import running
-from pinarm.engine.kinematics.joint_motion import DeterminedMotion, JointMotion, JointTrajectory
+from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory
 from pinarm.engine.motion.outcome import Outcome, positions_by_interval
 from pinarm.engine.motion.standstill import STANDSTILL, at_rest, directions, law_size, lossy, pace_of, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
@@ -28,7 +27,7 @@ from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
-    from pinarm.engine.motion.passed_positions import PassedPositions
+    from pinarm.engine.motion.singular_passage import SingularPassage
     from pinarm.engine.statics.actuation import Actuation
 
 PER_TURN, LOOKS = 8.0, (257, 16385)
@@ -84,9 +83,14 @@ class Prescription(Record, frozen=True):
             rows = known.rows_of(states)
             pace = known._pace(rows)
             rows = known.solved(rows, pace)
-            passed, regular = np.zeros(len(rows), dtype=bool), known._regularity(rows)
-            if (passing := known._passing(rows, regular, pace)) is not None:
-                rows, passed = passing.through(rows, grid, kept, regular)
+            passed, regular, passing = np.zeros(len(rows), dtype=bool), np.ones(len(rows)), None
+            if self.mechanism.closure.size:
+                from pinarm.engine.motion.singular_passage import SingularPassage, regularity
+
+                regular = regularity(known, rows.q)
+                if passing := SingularPassage.of(known, rows, regular, pace):
+                    rows, passed = passing.through(rows, grid, kept, regular)
+                    regular = regularity(known, rows.q) if passed.any() else regular
             if len(rows) < len(grid.t):
                 self.motion.follow(grid, assembly.q)  # which says what is singular
             notes = known._notes(rows, pace, passed, regular)
@@ -115,44 +119,21 @@ class Prescription(Record, frozen=True):
         """Return the motion at the rows of a grid, but for those at singular positions, and which these are."""
         if not self.mechanism.closure.size:
             return self.motion.follow(grid, start), np.ones(len(grid.t), dtype=bool)
-        from pinarm.engine.motion.passed_positions import followed  # which open chains do not need
+        from pinarm.engine.motion.singular_passage import followed  # which open chains do not need
 
         return followed(self.motion, grid, start)
 
-    def _regularity(self, rows: Trajectory) -> Array:
-        """Return the least singular value of J over the largest in all rows, shape (n,); 1 where nobody looks at it."""
-        many = self.mechanism.model.nv > MANY
-        if many or not self.mechanism.closure.size or not isinstance(self.motion, DeterminedMotion):
-            return np.ones(len(rows))
-        from pinarm.engine.motion.passed_positions import regularity
-
-        return regularity(self, rows.q)
-
-    def _passing(self, rows: Trajectory, regular: Array, pace: Array | None) -> PassedPositions | None:
-        """Return how singular positions are passed, of which some rows are clear; ``None`` where they are not."""
-        if not self.mechanism.closure.size:
-            return None
-        from pinarm.engine.motion.passed_positions import PassedPositions
-
-        return PassedPositions.of(self, rows, regular, pace)
-
     def _notes(self, rows: Trajectory, pace: Array | None, passed: Flags, regular: Array) -> list[str]:
-        """Return what is to be said of rows next to singular positions, of joints that friction holds, and of rest."""
-        if passed.any():
-            from pinarm.engine.motion.passed_positions import unbounded_notes
+        """Return the notes on rows next to singular positions, on joints that friction holds, and on rest."""
+        if not self.mechanism.closure.size:
+            return self._standstills(rows, pace)
+        from pinarm.engine.motion.singular_passage import lost_digits, unbounded_notes
 
-            others = rows.some(np.flatnonzero(~passed))
-            unbounded = unbounded_notes(rows.some(np.flatnonzero(passed))) if self.drives else []
-            return [*self._rounding(others, self._regularity(others), pace), *unbounded]  # no friction holds its joints
-        return [*self._rounding(rows, regular, pace), *self._standstills(rows, pace)]
-
-    def _rounding(self, rows: Trajectory, regular: Array, pace: Array | None) -> list[str]:
-        """Return what is to be said of rows next to singular positions."""
-        if not self.mechanism.closure.size or not len(rows):
-            return []
-        from pinarm.engine.motion.rounded_positions import rounding_notes  # which open chains do not need
-
-        return rounding_notes(self, rows, regular, pace)
+        solved = np.flatnonzero(~passed)
+        notes = lost_digits(rows.some(solved), regular[solved])
+        if passed.any() and self.drives:
+            notes += unbounded_notes(rows.some(np.flatnonzero(passed)))
+        return [*notes, *self._standstills(rows, pace)]
 
     def _standstills(self, rows: Trajectory, pace: Array | None) -> list[str]:
         """Return what is to be said of joints that friction holds, and of rows at which joints stand still."""
@@ -280,7 +261,7 @@ class PrescribedMotion(Record, frozen=True):
     q: Array
     start: Array
     pace: Array | None
-    passing: PassedPositions | None = None
+    passing: SingularPassage | None = None
 
     def at(self, grid: Grid) -> Trajectory:
         """Return the states at other values of the parameter, on the branch of the nearest solved row."""

@@ -10,8 +10,6 @@ from motions import free, freely
 from scipy.integrate import solve_ivp
 
 from pinarm.engine.checks.residuals import residual_figures
-from pinarm.engine.integration.solution import Solution
-from pinarm.engine.motion import bifurcation
 from pinarm.errors import IntegrationError, NumericsError
 from pinarm.problems.events import EndStop
 
@@ -107,47 +105,6 @@ def test_at_rest_in_line_there_is_no_motion_to_follow(tmp_path):
 def test_without_weight_it_stays_at_rest_in_line(tmp_path):
     still = free(two_cranks(np.pi / 2).build(tmp_path, ["B"], gravity="none"), 1.0)
     assert still.q == pytest.approx(0.0, abs=1e-14)
-
-
-@pytest.fixture
-def looked(monkeypatch):
-    """The configurations at slow instants whose regularity has been asked for."""
-    asked, of = [], bifurcation._Usual.of
-
-    def counted(closure, segments, q):
-        asked.extend(q)
-        return of(closure, segments, q)
-
-    monkeypatch.setattr(bifurcation._Usual, "of", counted)
-    return asked
-
-
-@pytest.mark.parametrize("tolerance", [1e-6, 1e-10])
-def test_slow_steps_far_from_singular_positions_are_not_looked_into(tolerance, tmp_path, looked, monkeypatch):
-    """A swing that begins at rest and comes back to rest, at most 0.3 rad from where the bars are upright."""
-    swing = lambda: free(two_cranks(np.pi - 0.3).build(tmp_path, ["B"]), 2.0, 101, tolerance=tolerance)  # noqa: E731
-    turned = swing().q[:, 0]
-    assert turned.max() - turned.min() > 0.5
-    assert not looked
-    monkeypatch.setattr(Solution, "outlook", lambda *_: (False, 0))
-    swing()
-    assert looked
-
-
-@CUTS
-@pytest.mark.parametrize("start", [0.1, 0.5])
-@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-8])
-def test_steps_that_are_not_looked_into_are_regular(tolerance, start, cut, tmp_path):
-    """By far: the constraints themselves tell it, at a hundred places within each step."""
-    mechanism = two_cranks(np.pi / 2 - start).build(tmp_path, [cut])
-    solution = freely(mechanism, 2.0, 3, tolerance=tolerance).motion.motion.segments[0].solution
-    clear = [k for k in range(len(solution.steps)) if solution.outlook(k)[0]]
-    assert clear
-    places = np.linspace(solution.steps.t[clear], solution.steps.until[clear], 100).ravel()
-    values = mechanism.closure.values(solution.states(places)[0])
-    rank = mechanism.closure.rank(values)
-    assert {solution.outlook(k)[1] for k in clear} == {rank}
-    assert values[:, rank - 1].min() > 20.0 * bifurcation.REGULAR * values[:, rank - 1].max()
 
 
 KICKED = {"kick": {"kind": "joint_effort", "joint": "O", "effort": {"law": "constant", "value": "4 N*m"}}}

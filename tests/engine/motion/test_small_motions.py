@@ -94,7 +94,7 @@ def test_where_weights_act_a_swing_is_as_accurate_at_any_amplitude(mechanism, ch
     assert "rounding" not in outcome.figures
 
 
-def test_what_cancels_against_a_weight_limits_the_steps_and_is_said(mechanism, chain):
+def test_a_motion_as_small_as_the_rounding_of_a_weight_is_told_to_be_unknown(mechanism, chain):
     """A spring carries the weight but for 1e-16 of it; it swings about the place where it does so exactly."""
     amplitude = 1e-12
     slide = mechanism(chain({"name": "x", "kind": "prismatic", "axis": "0 0 1", "mass": 0.7}))
@@ -104,10 +104,7 @@ def test_what_cancels_against_a_weight_limits_the_steps_and_is_said(mechanism, c
     outcome = Forward(time=TimeGrid(end=3.0, samples=31), initial=initial, loads=spring).solve(
         slide, Accuracy(), lambda *path: nullcontext()
     )
-    true = amplitude * np.cos((130.0 / 0.7) ** 0.5 * outcome.rows.grid.t)
-    error = np.abs(outcome.rows.q[:, 0] - true).max() / amplitude
-    assert error < outcome.figures["rounding"]
-    assert outcome.figures["steps"] < 1500
+    assert outcome.figures["rounding"] > 1.0
 
 
 def test_a_batch_follows_small_motions_as_a_run_does(mechanism, chain, tmp_path):
