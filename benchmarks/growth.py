@@ -1,6 +1,6 @@
 """Time and memory of a run as mechanisms grow: four-bars side by side, scissors, chains.
 
-``python -m benchmarks.growth`` runs each in a process of its own and prints the table of ``docs/many_bodies.md``; with
+``python -m benchmarks.growth`` runs each in a process of its own and prints the table of ``docs/speed.md``; with
 ``--quick`` a few small ones. ``python -m benchmarks.growth FAMILY COUNT`` runs a single one.
 """
 

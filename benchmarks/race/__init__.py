@@ -1,1 +1,1 @@
-"""The benchmark of pinarm against other engines: see ``docs/race.md``."""
+"""The benchmark of pinarm against other engines: see ``benchmarks/results/race.md``."""

@@ -32,7 +32,7 @@ def main() -> None:
             (kept / f"{name}.json").unlink(missing_ok=True)
     if not arguments.page:
         run([problems()[name] for name in names], QUICK if arguments.quick else FULL, kept)
-    results, folder = report.load(kept), kept if arguments.quick else ROOT / "docs"
+    results, folder = report.load(kept), kept if arguments.quick else ROOT / "benchmarks" / "results"
     command = f"python -m benchmarks.race{' --quick' if arguments.quick else ''}"
     page = report.page(results, command, plot.save(results, folder))
     (folder / "race.md").write_text(page + variants.section(kept))

@@ -16,7 +16,7 @@ sys.path.append(str(Path(__file__).parents[1] / "loops"))  # as pytest does
 from cases import CASES
 from extreme import Case, Outcome
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "extremes.md"
+DOCUMENT = Path(__file__).parents[2] / "benchmarks" / "results" / "extremes.md"
 
 HEAD = """# What holds at the extremes
 

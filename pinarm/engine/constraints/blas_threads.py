@@ -22,7 +22,7 @@ _limited = ContextVar("limited", default=False)
 def one_blas_thread(nv: int) -> AbstractContextManager[Any]:
     """Let linear algebra use one thread in a ``with`` block, if it would use more for a mechanism of nv velocities.
 
-    Two threads take longer for all matrices up to 256 rows (``docs/distribution.md``). What the process used before is
+    Two threads take longer for all matrices up to 256 rows (``docs/speed.md``). What the process used before is
     in force again after the block; environment variables stay as they are. Of blocks in several threads at once, that
     which was the first decides, as the limit is the whole process's.
     """
