@@ -58,7 +58,7 @@ def holds(case: Case, folder: Path) -> None:
         listed = without_digits(DOCUMENT.read_text())
         stale = "|" not in PERMITTED[case.name] and f"| {without_digits(outcome.refusal)} |" not in listed
         assert not stale, (
-            f"benchmarks/results/extremes.md has another message: python tests/extremes/table.py --quick\n{outcome.refusal}"
+            f"{DOCUMENT.name} has another message: python tests/extremes/table.py --quick\n{outcome.refusal}"
         )
     else:
         assert not outcome.refusal
