@@ -306,7 +306,6 @@ def _sweep(options: argparse.Namespace) -> int:
     from pinarm.use.output.destination import destination
     from pinarm.use.scenario.scenario import load
     from pinarm.use.study.sweep.sweep import sweep
-    from pinarm.use.study.sweep.sweep_files import summary
     from pinarm.use.study.sweep.sweep_text import progress_bar, report
 
     scenario = load(options.scenario, options.values)
@@ -321,7 +320,7 @@ def _sweep(options: argparse.Namespace) -> int:
         )  # fmt: skip
         swept.save(target.folder, plots=options.plots, dpi=options.dpi, parquet=options.parquet)
     if options.json:
-        _print_json({**summary(swept), "folder": str(target.folder)})
+        _print_json({**swept.summary(), "folder": str(target.folder)})
     else:
         print(printable(report(swept)))
         print(target)

@@ -239,9 +239,9 @@ def test_a_job_that_kills_its_workers_is_the_only_one_that_fails(
         "            os._exit(9)\n"
         "        return super().together(jobs)\n"
     )
-    from pinarm.use.study.sweep import case_solver
+    from pinarm.use.study.sweep import solving
 
-    monkeypatch.setattr(case_solver, "CaseSolver", hostile.Hostile)
+    monkeypatch.setattr(solving, "CaseSolver", hostile.Hostile)
     dask = start(PYTHONPATH=os.pathsep.join((ROOT, str(tmp_path))), DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
     dask.start("worker", dask.address, "--nthreads", "1", "--nworkers", "1", "--local-directory", str(dask.folder))
     wait_for(dask.present)

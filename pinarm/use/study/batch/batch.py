@@ -1,31 +1,34 @@
-"""One scenario from many initial states: solved block by block, so that memory does not grow with their number."""
+"""Motions of one scenario from many initial states, solved block by block: memory does not grow with their number."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import closing
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
+from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.motion.segmented.ensembles import is_batchable
+from pinarm.engine.one_run import one_at_a_time
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, NumericsError, require_name
+from pinarm.errors import InputError, NumericsError, PinarmError, require_name
 from pinarm.input.yaml.values import Values
 from pinarm.records import replace
 from pinarm.use.result.result import Result
-from pinarm.use.scenario.scenario import Given, load
-from pinarm.use.study.batch.block import Block, Question, answered
-from pinarm.use.study.batch.initial_states import Starts
-from pinarm.use.study.batch.reduced_table import ReducedTable
+from pinarm.use.scenario.scenario import Given, ScenarioSource, load
+from pinarm.use.store.line_table import LineTable
+from pinarm.use.study.batch.block import Block, Question, Starts
 from pinarm.use.study.batch.reductions import ColumnReduction, numbered, reduced
+from pinarm.use.workers.dispatch import Dispatch
 from pinarm.use.workers.executors import chosen_workers
-from pinarm.use.workers.runners import check_number
+from pinarm.use.workers.runners import LostJob, check_number
 
 AnswerT = TypeVar("AnswerT")
 
@@ -139,7 +142,7 @@ class Batch:
             q[part], v[part] = states
         return q, v
 
-    def reduced(self, asked: Mapping[str, str | float | Sequence[str | float]]) -> ReducedTable:
+    def reduced(self, asked: Mapping[str, str | float | Sequence[str | float]]) -> LineTable:
         """Return a few numbers of every motion: ``reduced({"A_y": ["max", 95], "joint.B.velocity": "rms"})``.
 
         They are taken over the instants of the table that a motion reached, means over time by the trapezoidal rule.
@@ -153,14 +156,15 @@ class Batch:
             InputError: There is no such quantity, or no such measure.
         """
         wanted = ColumnReduction.read(asked)
-        known = self._require([one.quantity for one in wanted])
+        known = self._require([reduction.quantity for reduction in wanted])
         numbers = np.empty((len(self), len(wanted)))
-        for part, found in self._answers(partial(reduced, reductions=wanted)):
-            numbers[part] = found
-        columns = [Series(one.label, one.unit(known), x) for one, x in zip(wanted, numbers.T, strict=True)]
+        for part, rows in self._answers(partial(reduced, reductions=wanted)):
+            numbers[part] = rows
+        pairs = zip(wanted, numbers.T, strict=True)
+        columns = [Series(item.label, known[item.quantity].unit, column) for item, column in pairs]
         return self._table(columns, self.failures)
 
-    def numbers(self, *texts: str) -> ReducedTable:
+    def numbers(self, *texts: str) -> LineTable:
         """Return numbers of every motion as its own run tells them: ``numbers("C_B @ rms", "limits.least_margin")``.
 
         Figures of a curve are integrated between the rows, and every section of the scenario has its numbers, which
@@ -198,28 +202,28 @@ class Batch:
             InputError: The folder cannot be written, or holds something else.
         """
         from pinarm.use.output.folder import whole_folder
-        from pinarm.use.study.batch.batch_files import headings, saved, write_table
+        from pinarm.use.store.files import json_text, write
+        from pinarm.use.study.batch.reductions import saved, saved_columns
 
         outputs = list(dict.fromkeys(self.question.scenario.content.outputs))
         known, home = self._require(outputs), Path(folder)
-        columns = headings([known[name] for name in outputs])
-        numbers, errors = np.empty((len(self), len(columns))), dict[int, str]()
+        lines, errors = list[list[float]](), dict[int, str]()
         with whole_folder(home, "batch") as draft:
             (draft / "motions").mkdir()
             for part, motions in self._answers(saved):
-                numbers[part] = [motion.line for motion in motions]
-                errors |= {part.start + k: motion.error for k, motion in enumerate(motions) if motion.error}
-                for k, motion in enumerate(motions):
-                    motion.write(draft / "motions" / f"{part.start + k:06d}")
-            filled = [replace(series, values=x) for series, x in zip(columns, numbers.T, strict=True)]
-            known_columns = [series for series in filled if not np.isnan(series.values).all()]
-            write_table(self._table(known_columns, errors), draft)
+                for number, motion in enumerate(motions, part.start):
+                    lines.append(motion.line)
+                    errors |= {number: motion.error} if motion.error else {}
+                    motion.write(draft / "motions" / f"{number:06d}")
+            table = self._table(saved_columns([known[name] for name in outputs], np.array(lines)), errors)
+            table.write(draft, "motions")
+            write(draft / "summary.json", json_text(table.summary()) + "\n")
         return home
 
-    def _table(self, numbers: Sequence[Series], errors: Mapping[int, str]) -> ReducedTable:
-        starts = self.starts.columns(self.question.scenario.quantities())
+    def _table(self, numbers: Sequence[Series], errors: Mapping[int, str]) -> LineTable:
         scenario = self.question.scenario
-        return ReducedTable(scenario.name, [*starts, *numbers], errors, len(self), scenario.content.presentation)
+        starts = self.starts.columns(scenario.quantities())
+        return LineTable(scenario.name, [*starts, *numbers], errors, scenario.content.presentation)
 
     def _require(self, names: Sequence[str]) -> dict[str, Series]:
         """Return quantities, of no motion yet.
@@ -232,26 +236,38 @@ class Batch:
             return {name: quantities[name] for name in names}
 
     def _answers(self, answer: Callable[[Block], AnswerT]) -> Iterator[tuple[slice, AnswerT]]:
-        """Yield what every block answers, and which motions it holds; ``answer`` can be imported by its name."""
-        parts = [slice(begin, min(begin + self._size, len(self))) for begin in self._begins()]
-        for part, found, failures in self._block_answers(parts, answer):
+        """Yield what every block answers, in order, and which motions it holds; ``answer`` is importable by its name.
+
+        Raises:
+            PinarmError: A block has no answer.
+            NumericsError: Workers died with a block.
+        """
+        here = self.executor is None and self.workers in (None, 1)
+        for part, answered, failures in (self._answers_here if here else self._answers_of_workers)(answer):
             self._failures.update({part.start + number: why for number, why in failures.items()})
             self._looked.add(part.start)
-            yield part, found
+            yield part, answered
 
-    def _block_answers(
-        self, parts: Sequence[slice], answer: Callable[[Block], AnswerT]
+    def _answers_here(self, answer: Callable[[Block], AnswerT]) -> Iterator[tuple[slice, AnswerT, dict[int, str]]]:
+        for begin in self._begins():
+            block = self._block(begin, begin + self._size)
+            yield slice(begin, begin + len(block)), *answered(answer, block)
+
+    def _answers_of_workers(
+        self, answer: Callable[[Block], AnswerT]
     ) -> Iterator[tuple[slice, AnswerT, dict[int, str]]]:
-        """Yield the answers of blocks, with the failures in them, of this process or as those of others come."""
-        if self.executor is None and self.workers in (None, 1):
-            yield from ((part, *answered(answer, self._block(part.start, part.stop))) for part in parts)
-            return
-        from pinarm.use.study.batch.worker_blocks import answers
-
-        workers = chosen_workers(self.workers and min(self.workers, len(parts)), self.executor)
+        parts = [slice(begin, min(begin + self._size, len(self))) for begin in self._begins()]
         jobs = [(part.start, self.q[part], self.v[part], self.given[part]) for part in parts]
-        for (first, q, *_), found, failures in answers(self.question.scenario, self.starts, jobs, answer, workers):
-            yield slice(first, first + len(q)), found, failures
+        source, joints = self.question.scenario.source, (tuple(self.starts.position), tuple(self.starts.velocity))
+        workers = chosen_workers(self.workers and min(self.workers, len(parts)), self.executor)
+        with closing(Dispatch(RemoteAnswer(source, answer, *joints), workers)) as dispatch:
+            for part, reply in zip(parts, dispatch.in_order(jobs), strict=True):
+                if isinstance(reply, LostJob):
+                    said = f"the motions {part.start} to {part.stop - 1} have no answer: {reply.reason}"
+                    raise NumericsError(said)
+                if isinstance(reply, PinarmError):
+                    raise reply
+                yield part, *reply
 
     def _block(self, begin: int, end: int) -> Block:
         """Return some of the motions; those of a small batch stay solved."""
@@ -273,8 +289,49 @@ class Batch:
 
     @property
     def _size(self) -> int:
-        """Return the number of motions in a block."""
+        """Number of motions in a block."""
         return min(TOGETHER, max(1, ROWS // len(self.t))) if is_batchable(self.question.hybrid) else ALONE
+
+
+Job = tuple[int, Array, Array, Array]
+"""Number of the first motion of a block, the initial states of all, and the velocities that were given."""
+
+
+def answered(answer: Callable[[Block], AnswerT], block: Block) -> tuple[AnswerT, dict[int, str]]:
+    """Return what a block answers, and why motions of it failed."""
+    with one_at_a_time(), one_blas_thread(block.question.scenario.mechanism.model.nv):
+        return answer(block), block.failures
+
+
+@dataclass(frozen=True, eq=False)
+class RemoteAnswer(Generic[AnswerT]):
+    """A function of blocks in another process, which reads the scenario once.
+
+    Attributes:
+        source: What the scenario is read from.
+        answer: What is asked; importable by its name.
+        position: Joints whose coordinates at the start are given.
+        velocity: Joints whose velocities there are given.
+    """
+
+    source: ScenarioSource
+    answer: Callable[[Block], AnswerT]
+    position: tuple[str, ...]
+    velocity: tuple[str, ...]
+
+    @cached_property
+    def question(self) -> Question:
+        """The question of the scenario."""
+        return Question.of(self.source.scenario()).giving(self.position, self.velocity)
+
+    def __call__(self, job: Job) -> tuple[AnswerT, dict[int, str]] | PinarmError:
+        """Return the answer of a block and why motions of it failed, or why it has none."""
+        first, q, v, given = job
+        try:
+            return answered(self.answer, Block(self.question, q, v, given, first))
+        except PinarmError as error:
+            error.__dict__.pop("partial", None)  # which stays in this process
+            return error
 
 
 def batch(

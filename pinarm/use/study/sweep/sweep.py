@@ -1,41 +1,35 @@
-"""A sweep: what is varied, the cases solved in processes, and the table of what came out."""
+"""Sweep: a scenario solved for many values of its numbers, and the table of the results."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, Interrupted, PinarmError, as_names, choices, require_map, require_name
+from pinarm.errors import InputError, Interrupted, PinarmError, as_names, require_map, require_name
 from pinarm.input.roots import noting_files
 from pinarm.input.units import DIMENSIONLESS
 from pinarm.input.yaml.values import Values, require_apart
 from pinarm.use.cases.case import WORTH, Taken, Task, Wanted, WhereReached
-from pinarm.use.result.presentation import Presentation
 from pinarm.use.result.run_number import RunNumber
 from pinarm.use.result.section_number import SectionNumber
 from pinarm.use.scenario.scenario import Given, Scenario, load
+from pinarm.use.store.line_table import LineTable
 from pinarm.use.study.sweep.axes import MOST, Axis, Cases, Distribution, Sampling, draw
-from pinarm.use.study.sweep.case_solver import Solving
-from pinarm.use.study.sweep.parquet_parts import require_parquet
+from pinarm.use.study.sweep.solving import Solving
+from pinarm.use.study.sweep.sweep_files import require_parquet
 from pinarm.use.study.sweep.value_syntax import read_axis, read_cases
 from pinarm.use.workers.executors import chosen_workers
 from pinarm.use.workers.runners import check_number
 
 if TYPE_CHECKING:
-    from pandas import DataFrame
-
     from pinarm.use.show.figure import Picture
-
-SHOWN = 12
-"""Most columns that its ``repr`` names."""
 
 TRIED = 9
 """Cases, spread over those of a sweep, that are checked until one is right: what all suffer from is the sweep's."""
@@ -44,42 +38,30 @@ ANCHORS = 5
 """Cases, spread over those of a sweep, from the first of which that can be solved loops of all others are closed."""
 
 
-@dataclass(frozen=True, eq=False)
-class Sweep:
-    """What came out of a sweep.
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Sweep(LineTable):
+    """Results of a sweep; ``columns`` are results and measures of accuracy, NaN where a case does not come to them.
 
     Attributes:
-        name: Name of the scenario.
-        title: Its title.
+        title: Title of the scenario.
         definition: What was asked, as plain data.
         cases: The values of every case.
-        columns: Results and measures of accuracy, one number per case; NaN where a case failed, or does not come to it.
-        errors: Case -> why it failed.
-        presentation: In which units, and by which labels, results are shown.
         notes: What to know of the results.
     """
 
-    name: str
     title: str
-    definition: Mapping[str, Any] = field(repr=False)
-    cases: Cases = field(repr=False)
-    columns: Sequence[Series] = field(repr=False)
-    errors: Mapping[int, str] = field(repr=False)
-    presentation: Presentation = field(default_factory=Presentation, repr=False)
+    definition: Mapping[str, Any]
+    cases: Cases
     notes: Sequence[str] = ()
+    of: ClassVar[str] = "case"
 
     def __len__(self) -> int:
         return len(self.cases)
 
-    def __repr__(self) -> str:
-        """Return its name, how many cases it has, and the first of its columns."""
-        failed = f", {len(self.errors)} failed" if self.errors else ""
-        return f"<Sweep of '{self.name}': {len(self)} cases{failed}; {', '.join(list(self.table)[:SHOWN])}>"
-
-    @cached_property
-    def table(self) -> dict[str, Series]:
-        """Return the columns by name: what was varied, in the units it was given in, then results in SI."""
-        return {series.name: series for series in (*self.cases.table(), *self.columns)}
+    @property
+    def given(self) -> list[Series]:
+        """The columns that were varied, in the units they were given in."""
+        return self.cases.table()
 
     def __getitem__(self, name: str) -> Series:
         """Return a column by name; that of a number as it may be asked for: ``C_B @ max(C_B)`` is ``C_B @ max``.
@@ -88,12 +70,7 @@ class Sweep:
             InputError: There is none of that name; the message lists those there are.
         """
         require_name(name)
-        if name not in self.table and "@" in name:
-            name = RunNumber.read(name).label
-        if name not in self.table:
-            expected, hint = choices(name, self.table)
-            raise InputError(f"the sweep has no column '{name}'", expected=expected, hint=hint)
-        return self.table[name]
+        return super().__getitem__(RunNumber.read(name).label if "@" in name and name not in self.table else name)
 
     def results(self) -> list[Series]:
         """Return the columns that were asked for, without the measures of accuracy."""
@@ -106,16 +83,11 @@ class Sweep:
         known = {name: [case for case in cases if case not in self.errors] for name, cases in empty.items()}
         return {name: cases for name, cases in known.items() if cases}
 
-    def written(self) -> list[Series]:
-        """Return the columns as tables for people have them: results in the units that the scenario chooses."""
-        return [*self.cases.table(), *map(self.presentation.written, self.columns)]
+    def summary(self) -> dict[str, Any]:
+        """Return statistics of every result, the worst measures of accuracy, cases without a result, and failures."""
+        from pinarm.use.study.sweep.sweep_files import summary
 
-    def to_dataframe(self) -> DataFrame:
-        """Return the table as a pandas table, one row per case, units in the headings, and why cases failed."""
-        from pinarm.use.result.dataframes import dataframe
-
-        columns: dict[str, Any] = {series.label: series.values for series in self.written()}
-        return dataframe({**columns, "error": [self.errors.get(case, "") for case in range(len(self))]})
+        return summary(self)
 
     def plot(self, name: str | None = None) -> Picture:
         """Return a plot of a column over what was varied: curves, a map, or how often which value came out.
@@ -214,19 +186,31 @@ def sweep(
     solving = Solving(_task(scenario, chosen, wanted), chosen, columns + worth, progress, parquet)
     solving.sources.check(tuple(map(str, files)))
     definition = {
-        "scenario": str(scenario.document.path or ""), "over": given, "cases": None if cases is None else str(cases),
+        "scenario": str(scenario.document.path or ""),
+        "over": given,
+        "cases": None if cases is None else str(cases),
         "units": {column.path: column.unit for column in chosen.columns() if column.unit},
-        "samples": samples, "seed": seed, "sampling": sampling, "results": [series.name for series in columns],
+        "samples": samples,
+        "seed": seed,
+        "sampling": sampling,
+        "results": [series.name for series in columns],
         "base": {key: value for key, value in scenario.document.data.items() if key != "expect"},
-    }  # fmt: skip
+    }
     interrupted = False
     try:
-        solving.run(chosen_workers(workers, executor), Path(folder) if folder is not None else None)
+        solving.run(chosen_workers(workers, executor), None if folder is None else Path(folder))
     except KeyboardInterrupt:
         interrupted = True
-    notes = _notes(scenario, chosen, wanted)
-    swept = Sweep(scenario.name, scenario.content.title, definition, chosen, solving.columns(), solving.failures(),
-                  scenario.content.presentation, notes)  # fmt: skip
+    swept = Sweep(
+        name=scenario.name,
+        title=scenario.content.title,
+        definition=definition,
+        cases=chosen,
+        columns=solving.columns(),
+        errors=solving.failures(),
+        presentation=scenario.content.presentation,
+        notes=_notes(scenario, chosen, wanted),
+    )
     if interrupted:
         said = f"interrupted with {solving.done} of {len(chosen)} cases solved"
         hint = "the same command again: it goes on from there" if folder is not None else ""
@@ -245,12 +229,10 @@ def _measured(scenario: Scenario, cases: Cases, results: Sequence[str]) -> tuple
     """Return what is taken from each case, checked at an end of the sweep, and the columns of it, still empty."""
     quantities, sections = _end(scenario, cases).quantities(), scenario.numbered
     measured = [Wanted.read(text, sections).measured(quantities, sections) for text in results]
-    return [_where_reached(wanted) for wanted, _ in measured], [column for _, columns in measured for column in columns]
-
-
-def _where_reached(wanted: Wanted) -> Taken:
-    """Return what is wanted; numbers of sections, which a run need not come to, where it does."""
-    return WhereReached(wanted) if isinstance(wanted.number, SectionNumber) else wanted
+    taken: list[Taken] = [
+        WhereReached(entry) if isinstance(entry.number, SectionNumber) else entry for entry, _ in measured
+    ]
+    return taken, [column for _, columns in measured for column in columns]
 
 
 def _task(scenario: Scenario, cases: Cases, wanted: Sequence[Taken]) -> Task:
@@ -275,9 +257,13 @@ def _notes(scenario: Scenario, cases: Cases, wanted: Sequence[Taken]) -> list[st
 
 
 def _axes(
-    scenario: Scenario, over: Mapping[str, object], cases: str | Path | None, samples: int | None, seed: int,
+    scenario: Scenario,
+    over: Mapping[str, object],
+    cases: str | Path | None,
+    samples: int | None,
+    seed: int,
     how: Sampling,
-) -> Iterator[Axis]:  # fmt: skip
+) -> Iterator[Axis]:
     """Yield the axes: the lines of a file, then what is drawn, then each list or grid.
 
     Raises:
@@ -287,7 +273,7 @@ def _axes(
     if cases is not None:
         yield read_cases(Path(cases), unit_of)
     read = [read_axis(path, given, unit_of) for path, given in over.items()]
-    drawn = [each for each in read if isinstance(each, Distribution)]
+    drawn = [values for values in read if isinstance(values, Distribution)]
     if drawn and (samples is None or not 1 <= samples <= MOST):
         raise InputError(
             f"'{drawn[0].path}' is to be drawn",
@@ -300,7 +286,7 @@ def _axes(
         raise InputError("there is nothing to draw samples of", expected="a distribution, such as normal(0.25, 0.01) m")
     if drawn and samples is not None:
         yield draw(drawn, samples, seed, how)
-    yield from (each for each in read if isinstance(each, Axis))
+    yield from (values for values in read if isinstance(values, Axis))
 
 
 def _end(scenario: Scenario, cases: Cases) -> Scenario:

@@ -1,4 +1,4 @@
-"""What a terminal shows of a sweep: how far it is, and what came out."""
+"""Progress, statistics and failures of a sweep, as text."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from typing import IO, TYPE_CHECKING
 
 from pinarm.use.result.measures import CLOSURES, RESIDUALS, singularity_words
 from pinarm.use.show.terminal import aligned
-from pinarm.use.store.case_columns import statistics_rows
-from pinarm.use.study.sweep.case_solver import Progress
-from pinarm.use.study.sweep.sweep_files import summary
+from pinarm.use.store.line_table import statistics_rows
+from pinarm.use.study.sweep.solving import Progress
 
 if TYPE_CHECKING:
     from pinarm.use.study.sweep.sweep import Sweep
@@ -55,7 +54,7 @@ def report(sweep: Sweep) -> str:
 def ranges(sweep: Sweep) -> list[list[str]]:
     """Return a heading and the statistics of every result, in the units and by the labels of the scenario."""
     how, entries = sweep.presentation, {}
-    for name, entry in summary(sweep)["results"].items():
+    for name, entry in sweep.summary()["results"].items():
         scale, unit = how.scale(sweep[name])
         numbers = {key: value * scale if value is not None and key in SCALED else value for key, value in entry.items()}
         entries[how.label(name)] = {**numbers, "unit": str(unit or "?")}
@@ -64,7 +63,7 @@ def ranges(sweep: Sweep) -> list[list[str]]:
 
 def remarks(sweep: Sweep) -> list[str]:
     """Return what is to be said beside the numbers, a line each: accuracy, notes, and why cases failed."""
-    found, lines = summary(sweep), []
+    found, lines = sweep.summary(), []
     for head, names in (
         ("accuracy: largest relative residuals", RESIDUALS),
         ("loops [m or rad, s]: largest", CLOSURES),

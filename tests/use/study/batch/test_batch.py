@@ -22,7 +22,6 @@ from pinarm.input.units import unit
 from pinarm.mechanics.forces.breakpoints import Pieces
 from pinarm.problems.forward import Forward
 from pinarm.use.study.batch import batch as motions
-from pinarm.use.study.batch import worker_blocks as remote
 from pinarm.use.study.batch.block import Block
 from pinarm.use.workers.runners import LostJob
 
@@ -238,7 +237,7 @@ class TestWorkers:
 
     def test_a_process_that_dies_is_told(self, scenario, monkeypatch):
         lost = LostJob("its process died")
-        monkeypatch.setattr(remote.Dispatch, "pairs", lambda self, jobs: ((job, lost) for job in jobs))
+        monkeypatch.setattr(motions.Dispatch, "in_order", lambda self, jobs: (lost for _ in jobs))
         batch = pinarm.batch(scenario(text=LOOP), velocity={"upright_0": [1.0, 2.0]}, workers=2)
         with pytest.raises(NumericsError, match="the motions 0 to 1 have no answer: its process died"):
             batch.states()

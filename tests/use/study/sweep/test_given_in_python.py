@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.use.study.sweep.given_in_python import identity
+from pinarm.use.study.sweep.journal import identity
 
 MODEL = Path(__file__).parents[4] / "models" / "gen411_arm" / "mechanism.yaml"
 DATA = {
@@ -85,7 +85,7 @@ def test_what_is_the_same_has_the_same_identity(controllers: Callable[[str], Any
 def test_a_mechanism_has_the_same_identity_in_every_process(name: str) -> None:
     """Whatever order sets have there."""
     said = (
-        "import pinarm; from pinarm.use.study.sweep.given_in_python import _of_mechanism; "
+        "import pinarm; from pinarm.use.study.sweep.journal import _of_mechanism; "
         f"print(_of_mechanism(pinarm.Mechanism.load({str(MODEL.parents[1] / name / 'mechanism.yaml')!r})))"
     )
     calls = [

@@ -9,7 +9,6 @@ import pytest
 from matplotlib.image import imread
 
 import pinarm
-from pinarm.use.study.sweep.sweep_files import csv
 from pinarm.use.study.sweep.sweep_text import ranges
 
 LONG = {"arguments.m": "1:3:9 kg", "arguments.l": "0.2:1:7 m"}
@@ -99,4 +98,4 @@ def test_results_have_the_units_and_labels_of_the_scenario(scenario: Callable[..
     assert axis.get_ylabel() == r"min $M_\alpha$ [kN·mm]"
     assert axis.get_lines()[0].get_ydata() == pytest.approx(swept[name].values)  # 1 kN*mm is 1 N*m
     assert [row[:2] for row in ranges(swept)[1:]] == [["min M_α", "kN*mm"], ["max M_α", "kN*mm"]]
-    assert csv(swept).startswith("case,problem.over.pivot.to [deg],min M [kN*mm],max M [kN*mm],")
+    assert swept.csv().startswith("case,problem.over.pivot.to [deg],min M [kN*mm],max M [kN*mm],")

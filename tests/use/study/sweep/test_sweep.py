@@ -21,7 +21,7 @@ from pinarm import PinarmError
 from pinarm.errors import Interrupted
 from pinarm.input.units import unit as read_unit
 from pinarm.use.cases.case import Row
-from pinarm.use.study.sweep import case_solver as solving
+from pinarm.use.study.sweep import solving
 from pinarm.use.study.sweep.journal import Journal
 from pinarm.use.study.sweep.sweep_text import report
 from pinarm.use.workers.dispatch import Dispatch
@@ -208,11 +208,10 @@ def test_failures_are_told_by_reason(held: pinarm.Scenario) -> None:
         0: "the mass is negative (-2 kg)", 1: "the mass is negative (-1 kg)"
     }  # fmt: skip
     assert np.isnan(sweep["M @ end"].values).tolist() == [True, True, False, False, False]
-    from pinarm.use.study.sweep.sweep_files import csv, summary
 
-    (failure,) = summary(sweep)["failures"]
+    (failure,) = sweep.summary()["failures"]
     assert (failure["cases"], failure["first"]) == (2, [0, 1])
-    lines = csv(sweep).splitlines()
+    lines = sweep.csv().splitlines()
     assert re.fullmatch(r"1,-1\.0,,,,.*: the mass is negative \(-1 kg\)", lines[2])
     assert re.fullmatch(r"4,2\.0,20\.0+\d*,.*,", lines[5])
 
@@ -273,7 +272,7 @@ def test_a_column_is_named_as_it_was_asked_for(held: pinarm.Scenario) -> None:
     swept = pinarm.sweep(held, {"arguments.m": [1.0, 2.0]}, results=["M @ max(M)", "M @  min"], workers=1)
     assert swept["M @ max(M)"].tolist() == swept["M @ max"].tolist()
     assert swept["M @  min"].tolist() == swept["M @ min"].tolist()
-    with pytest.raises(PinarmError, match="the sweep has no column 'M @ rms'"):
+    with pytest.raises(PinarmError, match="the table has no column 'M @ rms'"):
         swept["M @ rms"]
 
 

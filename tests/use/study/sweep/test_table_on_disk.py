@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.use.study.sweep.table_on_disk import BLOCK, table_on_disk
+from pinarm.use.study.sweep.solving import BLOCK, table_on_disk
 
 
 @pytest.mark.parametrize("rows", [1, BLOCK - 1, BLOCK + 3])

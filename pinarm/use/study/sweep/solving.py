@@ -1,11 +1,13 @@
-"""Solving the cases of a sweep: those that a journal knows are taken from it, the others go to processes."""
+"""Solution of the cases of a sweep: rows in the journal are taken from it, the other cases go to workers."""
 
 from __future__ import annotations
 
+import mmap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryFile
 
 import numpy as np
 
@@ -17,15 +19,18 @@ from pinarm.use.cases.case import WORTH, Row, Task
 from pinarm.use.cases.case_table import CaseTable, RowTable
 from pinarm.use.cases.together import CaseSolver
 from pinarm.use.output.folder import check_replaceable, reason, signals_waiting
+from pinarm.use.output.manifest import DRAFT
 from pinarm.use.study.sweep.axes import Cases
 from pinarm.use.study.sweep.journal import JOURNAL, Journal, Sources, task_digest
-from pinarm.use.study.sweep.parquet_parts import Parts
-from pinarm.use.study.sweep.table_on_disk import table_on_disk
+from pinarm.use.study.sweep.sweep_files import Parts
 from pinarm.use.workers.dispatch import Dispatch
 from pinarm.use.workers.executors import Workers
 from pinarm.use.workers.runners import LostJob
 
 UNSOLVED = "not solved"
+
+BLOCK = 1 << 17
+"""Numbers of a table that are written to the disk at once."""
 
 Progress = Callable[[int, int, int], None]
 """Called with how many cases are done, how many of them failed, and how many there are."""
@@ -77,7 +82,12 @@ class Solving:
             self.numbers = self.numbers.copy()
             self._solve(workers, None)
             return
-        with closing(open_journal(folder, self.task, len(self.named))) as journal:
+        check_replaceable(folder, "sweep", beside=(JOURNAL,))
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"the sweep cannot be written to {folder}: {reason(error)}") from None
+        with closing(Journal(folder / JOURNAL, task_digest(self.task), len(self.named))) as journal:
             self.numbers = table_on_disk(len(self.cases), len(self.named), folder)
             if self.streams:
                 self.parts = Parts(folder, self.cases, self._filled(), self.errors)
@@ -162,15 +172,22 @@ class Solving:
         return dict(sorted((self.errors | unsolved).items()))
 
 
-def open_journal(folder: Path, task: Task, width: int) -> Journal:
-    """Open the journal of a sweep's folder.
+def table_on_disk(rows: int, columns: int, folder: Path) -> Array:
+    """Return a table that can be written, all NaN at first, shape (rows, columns), one column after the other.
+
+    The system keeps as much of it in memory as there is room for. Its file has no name and goes with the table, however
+    the process ends; its bytes are taken from the disk at once, as a full one could not be told later.
 
     Raises:
-        InputError: The folder cannot be made, or holds something else.
+        InputError: There is no room for it, or its folder cannot be written.
     """
-    check_replaceable(folder, "sweep", beside=(JOURNAL,))
+    block, left = np.full(BLOCK, np.nan), rows * columns
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=folder, prefix=DRAFT) as file:
+            for begin in range(0, left, BLOCK):
+                file.write(block[: left - begin].tobytes())
+            file.flush()
+            mapped = mmap.mmap(file.fileno(), 8 * left)
     except OSError as error:
-        raise InputError(f"the sweep cannot be written to {folder}: {reason(error)}") from None
-    return Journal(folder / JOURNAL, task_digest(task), width)
+        raise InputError(f"a table of {rows} cases cannot be written in {folder}: {error.strerror}") from None
+    return np.frombuffer(mapped).reshape(columns, rows).T

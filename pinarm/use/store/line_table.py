@@ -1,19 +1,31 @@
-"""Tables with a line per case, or per motion, and why some of them have no numbers."""
+"""Table with a line per case of a sweep, or motion of a batch: CSV, arrays, pandas, statistics, failures."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pinarm.engine.series import Series
+from pinarm.errors import InputError, choices, require_name
 from pinarm.input.numbers import DECIMAL
-from pinarm.use.store.files import cell
+from pinarm.use.result.dataframes import dataframe
+from pinarm.use.result.presentation import Presentation
+from pinarm.use.store.files import cell, write_arrays, write_parts
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pandas import DataFrame
 
 _NUMBER = re.compile(DECIMAL)
+NAMED = 12
+"""Most columns that the ``repr`` of a table names."""
 BLOCK = 10_000
 """Lines whose texts are made at once."""
 TEXTS, SHORTEST = 25_000_000, 20
@@ -21,9 +33,94 @@ TEXTS, SHORTEST = 25_000_000, 20
 QUANTILES = {"5 %": 0.05, "median": 0.5, "95 %": 0.95}
 
 
-def csv(of: str, columns: Sequence[Series], errors: Mapping[int, str]) -> str:
-    """Return a table as CSV; see ``csv_lines``."""
-    return "".join(csv_lines(of, columns, errors))
+PLAIN = Presentation()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LineTable:
+    """Columns with one number, or word, per line.
+
+    Attributes:
+        name: Name of the scenario.
+        columns: Numbers in SI; NaN where a line failed.
+        errors: Line -> why it failed.
+        presentation: In which units tables for people are.
+        of: What a line is, for headings.
+    """
+
+    name: str
+    columns: Sequence[Series]
+    errors: Mapping[int, str]
+    presentation: Presentation = PLAIN
+    of: ClassVar[str] = "motion"
+
+    def __len__(self) -> int:
+        return len(self.columns[0].values)
+
+    @property
+    def given(self) -> list[Series]:
+        """Further columns, before the others, in the units that they were given in."""
+        return []
+
+    @cached_property
+    def table(self) -> dict[str, Series]:
+        """All columns by name."""
+        return {series.name: series for series in (*self.given, *self.columns)}
+
+    def __repr__(self) -> str:
+        """Return its name, how many lines it has, and the first of its columns."""
+        failed = f", {len(self.errors)} failed" if self.errors else ""
+        return f"<{len(self)} {self.of}s of '{self.name}'{failed}; {', '.join(list(self.table)[:NAMED])}>"
+
+    def __getitem__(self, name: str) -> Series:
+        """Return a column by name, such as ``max A_y``.
+
+        Raises:
+            InputError: There is none of that name; the message lists those there are.
+        """
+        require_name(name)
+        if name not in self.table:
+            expected, hint = choices(name, self.table)
+            raise InputError(f"the table has no column '{name}'", expected=expected, hint=hint)
+        return self.table[name]
+
+    def written(self) -> list[Series]:
+        """Return the columns as tables for people have them: in the units that the scenario chooses."""
+        return [*self.given, *map(self.presentation.written, self.columns)]
+
+    def to_dataframe(self) -> DataFrame:
+        """Return a pandas table, units in the headings, and why lines failed."""
+        columns: dict[str, Any] = {series.label: series.values for series in self.written()}
+        return dataframe({**columns, "error": [self.errors.get(line, "") for line in range(len(self))]})
+
+    def csv(self) -> str:
+        """Return the table as CSV: number of the line, columns, why it failed; what a line has not is empty."""
+        return "".join(csv_lines(self.of, self.written(), self.errors))
+
+    def write(self, folder: Path, name: str) -> None:
+        """Write the table as CSV and npz."""
+        lines = csv_lines(self.of, self.written(), self.errors)
+        write_parts(folder / f"{name}.csv", (line.encode() for line in lines))
+        write_arrays(folder / f"{name}.npz", arrays(list(self.table.values()), self.errors))
+
+    def summary(self) -> dict[str, Any]:
+        """Return statistics of every column over the lines, and why some failed."""
+        return {
+            "scenario": self.name,
+            f"{self.of}s": len(self),
+            "failed": len(self.errors),
+            "columns": {series.name: statistics(series) for series in self.columns},
+            "failures": failures(self.errors),
+        }
+
+    def _repr_html_(self) -> str:
+        """Return the statistics, for notebooks."""
+        from pinarm.use.show.notebook import blocks, heading, lines, table
+
+        summary = self.summary()
+        failed = [f"failed: {failure['reason']} ({failure['cases']})" for failure in summary["failures"]]
+        rows = statistics_rows(self.of, summary["columns"])
+        return blocks(heading(f"{self.name}, {len(self)} {self.of}s"), table(rows), lines(failed))
 
 
 def csv_lines(of: str, columns: Sequence[Series], errors: Mapping[int, str]) -> Iterator[str]:

@@ -9,7 +9,7 @@ import pytest
 
 import pinarm
 from pinarm.input.units import unit
-from pinarm.use.store.case_columns import arrays, csv, failures, statistics, statistics_rows
+from pinarm.use.store.line_table import LineTable, arrays, failures, statistics, statistics_rows
 
 ERRORS = {1: 'no solution at 3.2, "really"', 3: "no solution at 17.5", 4: "another reason"}
 
@@ -26,8 +26,8 @@ def columns(series):
 
 
 def test_every_digit_and_every_reason_is_read_back(columns):
-    rows = list(reader.reader(io.StringIO(csv("case", columns, ERRORS))))
-    assert rows[0] == ["case", "C_B [N*m]", "'=x [N*m]", "error"]
+    rows = list(reader.reader(io.StringIO(LineTable("s", columns, ERRORS).csv())))
+    assert rows[0] == ["motion", "C_B [N*m]", "'=x [N*m]", "error"]
     assert [row[0] for row in rows[1:]] == list("012345")
     assert [float(row[1]) if row[1] else None for row in rows[1:]] == [0.1 + 0.2, None, 1e-300, None, None, -7.0]
     assert {int(row[0]): row[3] for row in rows[1:] if row[3]} == ERRORS
@@ -51,7 +51,7 @@ def test_reasons_of_many_cases_take_bounded_memory(series):
 
 def test_long_tables_are_written_block_by_block(series):
     values = np.arange(25_001.0)
-    lines = csv("case", [series("x", values)], {20_000: "why"}).splitlines()
+    lines = LineTable("s", [series("x", values)], {20_000: "why"}).csv().splitlines()
     assert len(lines) == 25_002
     assert lines[20_001] == "20000,20000.0,why"
     assert lines[-1] == "25000,25000.0,"
