@@ -10,6 +10,8 @@ from layered_drawing import _spaced
 
 import pinarm
 
+pytestmark = pytest.mark.house
+
 ROOT = Path(__file__).parents[1]
 PAGES = ("README.md", "CONTRIBUTING.md", "docs/architecture.md")
 

@@ -13,6 +13,8 @@ import pytest
 
 import pinarm
 
+pytestmark = pytest.mark.house
+
 PACKAGE = Path(pinarm.__file__).parent
 
 FLOOR_PLAN = {

@@ -13,6 +13,8 @@ import pytest
 
 import pinarm
 
+pytestmark = pytest.mark.house
+
 
 def test_every_public_name_exists() -> None:
     for name in pinarm.__all__:

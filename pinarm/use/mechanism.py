@@ -32,11 +32,6 @@ class Mechanism(mechanism.Mechanism, frozen=True):
     """
 
     @classmethod
-    def of_parts(cls, parts: mechanism.Mechanism) -> Mechanism:
-        """Return a mechanism of the engine with the methods for users."""
-        return parts if isinstance(parts, cls) else cls(*(getattr(parts, name) for name in parts.__struct_fields__))
-
-    @classmethod
     def load(
         cls, path: str | Path, arguments: Mapping[str, float | str] | None = None, *, values: Values | None = None
     ) -> Mechanism:
@@ -56,7 +51,7 @@ class Mechanism(mechanism.Mechanism, frozen=True):
         """
         require_path(path, "a mechanism file or a model, or a robot's name")
         require_map(arguments or {}, "arguments", "{'m_A': '0.2 kg'}")
-        return cls.of_parts(load_mechanism(path, arguments, values))
+        return with_methods(load_mechanism(path, arguments, values))
 
     @classmethod
     def of(cls, model: pin.Model, **keys: Any) -> Mechanism:
@@ -77,7 +72,7 @@ class Mechanism(mechanism.Mechanism, frozen=True):
             InputError: A key has a mistake, or it is no ``pin.Model``.
             ModelError: The model has a joint that pinarm does not have, or two frames with the same name.
         """
-        return cls.of_parts(mechanism_of_model(model, keys))
+        return with_methods(mechanism_of_model(model, keys))
 
     def inverse(self, q: Array, v: Array, a: Array, *, drives: Sequence[str] = (), t: float = 0.0) -> Array:
         """Return the efforts that the drives must give, rotors included; the constraints carry the rest.
@@ -387,3 +382,10 @@ class Mechanism(mechanism.Mechanism, frozen=True):
         from pinarm.engine.quantities import states
 
         return states.to_pinocchio(self, q, v)
+
+
+def with_methods(parts: mechanism.Mechanism) -> Mechanism:
+    """Return a mechanism of the engine with the methods for users."""
+    if isinstance(parts, Mechanism):
+        return parts
+    return Mechanism(*(getattr(parts, name) for name in parts.__struct_fields__))

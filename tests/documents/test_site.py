@@ -27,6 +27,8 @@ from site_generator.solids import solids
 import pinarm
 from pinarm.use.show.replay.chromium import browser, chromium
 
+pytestmark = pytest.mark.house
+
 
 @pytest.fixture(scope="module")
 def kinds() -> list[tuple[Kinds, str]]:

@@ -21,6 +21,8 @@ from pinarm.problems.prescription.resolution import NearestPosture
 from pinarm.problems.states import Range, State
 from pinarm.problems.time_grid import TimeGrid
 
+pytestmark = pytest.mark.house
+
 MADE = {
     Level: 0.5, Rate: 0.5, SecondRate: 0.5, Range: Range(start=0.0, end=1.0), Event: Event(when="joint", reaches=1.0),
     EndStop: EndStop(lower=0.0),

@@ -40,7 +40,7 @@ from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
 from pinarm.problems.time_grid import require_memory
 from pinarm.records import Record, replace
-from pinarm.use.mechanism import Mechanism
+from pinarm.use.mechanism import Mechanism, with_methods
 from pinarm.use.result.failures import failures_in_words, overflow
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.file_kind import (
@@ -200,7 +200,7 @@ class Scenario(Record, frozen=True):
     def with_mechanism(self, mechanism: MechanismParts) -> Scenario:
         """Return the scenario with its mechanism as it has been loaded already."""
         other = replace(self)
-        vars(other)["mechanism"] = Mechanism.of_parts(mechanism)
+        vars(other)["mechanism"] = with_methods(mechanism)
         return other
 
     @property
@@ -237,7 +237,7 @@ class Scenario(Record, frozen=True):
     def _loaded(self) -> Mechanism:
         if self.given is not None:
             refuse_changes(self.document.data)
-            return Mechanism.of_parts(self.given if self.seed is None else self.given.perturbed(self.seed))
+            return with_methods(self.given if self.seed is None else self.given.perturbed(self.seed))
         wanted, gravity = self.content.mechanism, self.content.gravity
         with self.document.locating("mechanism"):
             source: str | Path = wanted
@@ -248,7 +248,7 @@ class Scenario(Record, frozen=True):
                 source, self.content.arguments, gravity=gravity, payloads=self.content.payloads, changes=changes,
                 locate=self.document.locating, acted=self.acted,
             )  # fmt: skip
-        return Mechanism.of_parts(loaded if self.seed is None else loaded.perturbed(self.seed))
+        return with_methods(loaded if self.seed is None else loaded.perturbed(self.seed))
 
     def _file_of(self, wanted: str) -> Path:
         """Return the file of the mechanism; of a saved scenario elsewhere, errors name the one saved beside it."""

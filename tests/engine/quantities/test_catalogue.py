@@ -13,6 +13,8 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.input.units import unit
 
+pytestmark = pytest.mark.house
+
 ROOT = Path(__file__).parents[3]
 ARM = ROOT / "scenarios" / "gen411_arm_static.yaml"
 MODELS = ["gen411_arm", "crank_rocker", "differential_screw"]

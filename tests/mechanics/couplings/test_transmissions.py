@@ -47,6 +47,7 @@ SAMPLES = {
 }  # fmt: skip
 
 
+@pytest.mark.house
 def test_every_kind_that_tells_its_forces_is_sampled():
     silent = {"sum"}  # says nothing of the parts between the joints
     kinds = {one.__struct_config__.tag for one in typing.get_args(CouplingDefinition)}

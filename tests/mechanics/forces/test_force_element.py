@@ -106,6 +106,7 @@ def made(force, model, joints):
     return bound(force, model, joints, coordinates_of(model, joints, ALONG)).on(0.1, 0.9)
 
 
+@pytest.mark.house
 def test_every_force_of_the_union_has_a_sample():
     assert set(SAMPLES) == set(MEMBERS)
     assert all(type(force) is member for member, samples in SAMPLES.items() for force in samples)

@@ -113,6 +113,7 @@ def inside(piece):
     return low + (high - low) * np.array([0.03, 0.2, 0.5, 0.71, 0.97])
 
 
+@pytest.mark.house
 def test_every_law_of_the_union_has_a_sample():
     assert set(SAMPLES) == set(MEMBERS)
     assert all(type(law) is member for member, samples in SAMPLES.items() for law in samples.values())

@@ -14,6 +14,8 @@ from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.schema import InputStruct, convert, reading_from
 from pinarm.use.scenario.json_schema import EXAMPLES, has_example
 
+pytestmark = pytest.mark.house
+
 
 def keys():
     """Every key of the files, with its schema."""

@@ -12,6 +12,7 @@ from pinarm.use.store.examples import example_files
 from pinarm.use.study.answers import selftest as module
 
 
+@pytest.mark.house
 def test_the_examples_of_every_kind_are_of_that_kind() -> None:
     for kind, entry in KINDS.items():
         examples = [pinarm.load(example_files() / "scenarios" / f"{name}.yaml") for name in entry.examples]
