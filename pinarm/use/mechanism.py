@@ -131,9 +131,9 @@ class Mechanism(mechanism.Mechanism, frozen=True):
         Raises:
             InputError: A joint does not exist, or the shapes differ.
         """
-        from pinarm.engine.quantities import states
+        from pinarm.engine.quantities import state_arrays
 
-        return states.configurations(self, positions)
+        return state_arrays.configurations(self, positions)
 
     def rates(self, values: Mapping[str, ArrayLike]) -> Array:
         """Return velocities, accelerations or efforts from those of joints by name.
@@ -149,9 +149,9 @@ class Mechanism(mechanism.Mechanism, frozen=True):
         Raises:
             InputError: A joint does not exist, or the shapes differ.
         """
-        from pinarm.engine.quantities import states
+        from pinarm.engine.quantities import state_arrays
 
-        return states.rates(self, values)
+        return state_arrays.rates(self, values)
 
     def at(
         self, q: Array, v: Array | None = None, a: Array | None = None, tau: Array | None = None, *,
@@ -365,9 +365,9 @@ class Mechanism(mechanism.Mechanism, frozen=True):
                 quaternion or (cos, sin) has not the length 1; or a planar joint has another axis than z, of which
                 Pinocchio's reader takes no notice.
         """
-        from pinarm.engine.quantities import states
+        from pinarm.engine.quantities import state_arrays
 
-        return states.from_pinocchio(self, q, v)
+        return state_arrays.from_pinocchio(self, q, v)
 
     def to_pinocchio(self, q: ArrayLike, v: ArrayLike | None = None) -> tuple[Array, Array]:
         """Return q and v of ``pin.buildModelFromUrdf`` from those of this mechanism; see ``from_pinocchio``.
@@ -379,9 +379,9 @@ class Mechanism(mechanism.Mechanism, frozen=True):
         Raises:
             InputError: As of ``from_pinocchio``.
         """
-        from pinarm.engine.quantities import states
+        from pinarm.engine.quantities import state_arrays
 
-        return states.to_pinocchio(self, q, v)
+        return state_arrays.to_pinocchio(self, q, v)
 
 
 def with_methods(parts: mechanism.Mechanism) -> Mechanism:

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from pinarm.arrays import Array
 from pinarm.engine.constraints.constraint_rows import rows_of
 from pinarm.engine.dynamics import mass_matrix
-from pinarm.engine.quantities.broadcasting import LeadingAxes, refuse_foreign
-from pinarm.engine.quantities.states import check_quaternions
+from pinarm.engine.quantities.state_arrays import LeadingAxes, states_of
 from pinarm.errors import InputError, choices, require_name
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import UNIVERSE, frame_of
@@ -73,11 +72,8 @@ def pinocchio_data(mechanism: Mechanism, q: ArrayLike, v: ArrayLike | None, a: A
     if np.ndim(q) != 1:
         raise InputError(f"q has the shape {np.shape(q)}", expected=f"one state, shape ({model.nq},)")
     still = np.zeros(model.nv)
-    given = {"q": (q, model.nq), "v": (still if v is None else v, model.nv), "a": (still if a is None else a, model.nv)}
-    refuse_foreign(mechanism, q, v=v, a=a)
-    leading, states = LeadingAxes.fold(**given)
-    check_quaternions(mechanism, leading, states[0])
-    configuration, velocity, acceleration = (rows[0] for rows in states)
+    _, rows = states_of(mechanism, q, v=still if v is None else v, a=still if a is None else a)
+    configuration, velocity, acceleration = (row[0] for row in rows.values())
     data = model.createData()
     pin.computeAllTerms(model, data, configuration, velocity)
     pin.rnea(model, data, configuration, velocity, acceleration)
@@ -88,10 +84,8 @@ def pinocchio_data(mechanism: Mechanism, q: ArrayLike, v: ArrayLike | None, a: A
 
 
 def _configurations(mechanism: Mechanism, q: ArrayLike) -> tuple[LeadingAxes, Array]:
-    refuse_foreign(mechanism, q)
-    leading, (rows,) = LeadingAxes.fold(q=(q, mechanism.model.nq))
-    check_quaternions(mechanism, leading, rows)
-    return leading, rows
+    leading, rows = states_of(mechanism, q)
+    return leading, rows["q"]
 
 
 def _is_coordinate(mechanism: Mechanism, name: str) -> bool:

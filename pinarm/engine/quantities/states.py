@@ -1,4 +1,4 @@
-"""States of their own, asked for by a library's user: arrays of q, v and a in, every named quantity out."""
+"""Quantities, efforts and accelerations of single states: arrays of q, v and a in, every named quantity out."""
 
 from __future__ import annotations
 
@@ -7,32 +7,26 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
-from pinarm.arrays import Array, Flags, real
+from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import one_sided
-from pinarm.engine.constraints.constraint_rows import BLOCK, EvaluatedRows
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
 from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.motion.standstill import directions, lossy, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.quantities.broadcasting import LeadingAxes, refuse_foreign
 from pinarm.engine.quantities.names import Quantities
-from pinarm.engine.series import Series, require_unit
+from pinarm.engine.quantities.state_arrays import LeadingAxes, instant, states_of
+from pinarm.engine.series import Series
 from pinarm.engine.statics.actuation import Actuation, actuation, everywhere
-from pinarm.errors import InputError, require_map
-from pinarm.input.units import Unit, unit
-from pinarm.mechanics.ball_joints import configuration, places_of, positions_of, unit_of, velocities_of
-from pinarm.mechanics.laws.motion_law import SECOND, Grid
-from pinarm.mechanics.loading.pinocchio_layout import UNIT
+from pinarm.errors import InputError
+from pinarm.input.units import unit
+from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import replace
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
     from pinarm.engine.mechanism import Mechanism
 
 CLOSED = 1e-8
@@ -77,104 +71,16 @@ class States:
         return self.rows.names()
 
 
-def configurations(mechanism: Mechanism, positions: Mapping[str, ArrayLike]) -> Array:
-    """Return configurations from joint coordinates by name.
-
-    Args:
-        mechanism: The mechanism.
-        positions: Joint -> values [rad or m], arrays of one shape (...) or single numbers; what is not named is 0. Ball
-            joints by their components, as in ``mechanics.balls.configuration``.
-
-    Returns:
-        q, shape (..., nq).
-
-    Raises:
-        InputError: A joint does not exist, or the shapes differ.
-    """
-    require_map(positions, "positions", "{'knee': 0.5}")
-    model, joints, balls = mechanism.model, mechanism.joints, mechanism.balls
-    shape, columns = columns_of(positions, {name: (of,) for name, of in positions_of(joints, balls).items()})
-    if all(name in joints for name in positions):
-        rows = np.tile(np.asarray(pin.neutral(model)), (*shape, 1))
-        for name, column in columns.items():
-            rows[..., joints[name].q] = column
-        return rows
-    named = [dict(zip(columns, row, strict=True)) for row in zip(*map(np.ravel, columns.values()), strict=True)]
-    found = np.array([configuration(model, joints, balls, values) for values in named])
-    return found.reshape(*shape, model.nq)
-
-
-def rates(mechanism: Mechanism, values: Mapping[str, ArrayLike]) -> Array:
-    """Return velocities, accelerations or efforts of joints by name, shape (..., nv); see ``configurations``.
-
-    Those of a ball joint J are ``J.angular_velocity.x`` and so on, in the axes of the link, whatever they are.
-    """
-    require_map(values, "values of joints", "{'knee': 0.5}")
-    known, places = velocities_of(mechanism.joints, mechanism.balls), places_of(mechanism.joints, mechanism.balls)
-    for name in values:
-        unit_of(name, known)
-    effort = {unit("m/s"): unit("N")}
-    measures = {name: (rate, rate / unit("s"), effort.get(rate, unit("N*m"))) for name, rate in known.items()}
-    shape, columns = columns_of(values, measures)
-    rows = np.zeros((*shape, mechanism.model.nv))
-    for name, column in columns.items():
-        rows[..., places[name]] = column
-    return rows
-
-
-def columns_of(
-    values: Mapping[str, ArrayLike], units: Mapping[str, Sequence[Unit]]
-) -> tuple[tuple[int, ...], dict[str, Array]]:
-    """Return the shape that values share, and each of them in it, in SI.
-
-    Args:
-        values: Values by name.
-        units: Name -> what it may be measured in; others are refused elsewhere.
-
-    Raises:
-        InputError: Their shapes do not go together, or they are no numbers.
-        UnitError: They measure something else.
-    """
-    for name, value in values.items():
-        if name in units:
-            require_unit(value, name, *units[name])
-    given = [real(value, name) for name, value in values.items()]
-    try:
-        columns = np.broadcast_arrays(*given)
-    except ValueError:
-        shapes = ", ".join(f"{name}: {np.shape(value)}" for name, value in values.items())
-        raise InputError(f"the arrays have the shapes {shapes}", expected="one shape, or single numbers") from None
-    return columns[0].shape if columns else (), dict(zip(values, columns, strict=True))
-
-
-def instant(t: float) -> float:
-    """Return an instant [s].
-
-    Raises:
-        InputError: It is no finite number.
-        UnitError: It has a unit that is none of time.
-    """
-    require_unit(t, "t", SECOND)
-    found = real(t, "t")
-    if found.ndim or not np.isfinite(found):
-        raise InputError("t is not an instant", expected="one finite number [s]")
-    return float(found)
-
-
 def quantities(
     mechanism: Mechanism, q: Array, v: Array | None, a: Array | None, tau: Array | None, drives: Sequence[str], t: float
 ) -> States:
     """Return the quantities of states; see ``Mechanism.at``."""
-    nq, nv, t = mechanism.model.nq, mechanism.model.nv, instant(t)
+    t = instant(t)
     if a is not None and tau is not None:
         raise InputError("accelerations and efforts are given", expected="one of them: the other one follows")
-    rates = {name: (x, nv) for name, x in (("v", v), ("a", a), ("tau", tau)) if x is not None}
-    refuse_foreign(mechanism, q, v=v, a=a, tau=tau)
-    leading, rows = LeadingAxes.fold(q=(q, nq), **rates)
-    check_quaternions(mechanism, leading, rows[0])
-    named = {name: x.copy() for name, x in zip(("q", *rates), rows, strict=True)}  # quantities are computed when asked
-    found = _quantities(mechanism, leading, named, drives, t)
-    return States(found, leading)
+    leading, rows = states_of(mechanism, q, v=v, a=a, tau=tau)
+    copies = {name: x.copy() for name, x in rows.items()}  # quantities are computed when asked
+    return States(_quantities(mechanism, leading, copies, drives, t), leading)
 
 
 def _quantities(
@@ -275,12 +181,14 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
     acting = actuation(mechanism, drives, drives) if drives else everywhere(mechanism)
     if acting is None:
         names = ", ".join(constraint.name for constraint in mechanism.constraints)
-        raise InputError(f"the joints of this mechanism are tied by {names}", expected="drives that carry the load",
-                         hint="inverse(q, v, a, drives=[...])")  # fmt: skip
-    nv, t = mechanism.model.nv, instant(t)
-    refuse_foreign(mechanism, q, v=v, a=a)
-    leading, (q, v, a) = LeadingAxes.fold(q=(q, mechanism.model.nq), v=(v, nv), a=(a, nv))
-    check_quaternions(mechanism, leading, q)
+        raise InputError(
+            f"the joints of this mechanism are tied by {names}",
+            expected="drives that carry the load",
+            hint="inverse(q, v, a, drives=[...])",
+        )
+    t = instant(t)
+    leading, rows = states_of(mechanism, q, v=v, a=a)
+    q, v, a = rows.values()
     dynamics = mechanism.dynamics.on(t, np.nextafter(t, np.inf))
     demand = dynamics.inverse(t, q, v, a)
     _check_closed(mechanism.closure, leading, q, v, a)
@@ -295,13 +203,11 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
 
 def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: float) -> Array:
     """Return the accelerations under efforts; see ``Mechanism.forward``."""
-    t, nv = instant(t), mechanism.model.nv
+    t = instant(t)
     dynamics = mechanism.dynamics.on(t, np.nextafter(t, np.inf))
-    given = {} if tau is None else {"tau": (tau, nv)}
-    refuse_foreign(mechanism, q, v=v, tau=tau)
-    leading, (q, v, *efforts) = LeadingAxes.fold(q=(q, mechanism.model.nq), v=(v, nv), **given)
-    check_quaternions(mechanism, leading, q)
-    tau = efforts[0] if efforts else np.zeros_like(v)
+    leading, rows = states_of(mechanism, q, v=v, tau=tau)
+    q, v = rows["q"], rows["v"]
+    tau = rows["tau"] if "tau" in rows else np.zeros_like(v)
     friction = _frictions(mechanism, dynamics, t, q, v, tau)[0]
     a = _forward(mechanism, dynamics, t, q, v, tau + _friction_loads(mechanism, q, friction))
     _check_found(mechanism.closure, leading, q, v, a)
@@ -310,19 +216,6 @@ def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: floa
         run = _under(replace(_rows(mechanism, t, q, v, a), tau=tau), demand - tau, friction, [])
         _check_sides(dynamics, leading, run, demand)
     return leading.unfold(a)
-
-
-def check_quaternions(mechanism: Mechanism, leading: LeadingAxes, q: Array) -> None:
-    """Raise where a quaternion has not the length 1.
-
-    Raises:
-        InputError: Says which.
-    """
-    for ball in mechanism.balls.values():
-        lengths = np.linalg.norm(ball.quaternion(q), axis=1)
-        for row in np.flatnonzero(np.abs(lengths - 1.0) > UNIT)[:1]:
-            said = f"{leading.place(int(row))}: the quaternion of '{ball.name}' has the length {lengths[row]:.6g}"
-            raise InputError(said, expected="(x, y, z, w) of length 1", hint="configurations({...}) makes them")
 
 
 def _forward(mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Array, tau: Array) -> Array:
@@ -419,58 +312,16 @@ def _check_found(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: 
 
 
 def _tears(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: Array) -> Iterator[_Tear]:
-    """Yield what tears a loop or a coupling, row by row: positions before rates."""
-    for i in _suspects(closure, q, v, a):
+    """Yield what tears a loop or a coupling, state by state: positions before rates."""
+    for i in range(len(q) if closure.size else 0):
         state = closure.state(q[i], v[i])
         rows, gap, drift = closure.rows(state), closure.gap(state), closure.drift(state)
         sizes = np.abs(rows)
-        for what, left, terms in (
-            ("positions", gap, np.zeros_like(gap)), ("velocities", rows @ v[i], sizes @ np.abs(v[i])),
-            ("accelerations", rows @ a[i] + drift, sizes @ np.abs(a[i]) + np.abs(drift)),
-        ):  # fmt: skip
-            excess = np.abs(left) - CLOSED * (1.0 + terms)
-            worst = int(excess.argmax())
-            if excess[worst] > 0.0:
-                constraint, row = closure.owners()[worst]
-                torn = f"tear '{constraint.name}' by {abs(left[worst]):.3g} {constraint.unit(row)}"
-                yield _Tear(what, f"{leading.place(i)}: the {what} {torn}{PER_TIME[what]}")
-
-
-def _suspects(closure: Closure, q: Array, v: Array, a: Array) -> Iterator[int]:
-    """Yield the rows that may tear a loop or a coupling: those beyond half of what typed digits explain."""
-    for start in range(0, len(q) if closure.size else 0, BLOCK):
-        part = slice(start, start + BLOCK)
-        yield from (start + np.flatnonzero(_torn(closure.constraint_rows.at(q[part]), v[part], a[part]))).tolist()
-
-
-def _torn(measured: EvaluatedRows, v: Array, a: Array) -> Flags:
-    """Return which configurations, velocities and accelerations, each of shape (n, nv), are suspect, shape (n,)."""
-    torn, drifts = (np.abs(measured.gaps) > 0.5 * CLOSED).any(axis=1), measured.drifts(v)
-    for rates, left in ((v, np.zeros_like(drifts)), (a, drifts)):
-        total, terms = measured.times(rates)
-        torn |= (np.abs(total + left) > 0.5 * CLOSED * (1.0 + terms + np.abs(left))).any(axis=1)
-    return np.asarray(torn)
-
-
-def from_pinocchio(mechanism: Mechanism, q: ArrayLike, v: ArrayLike | None) -> tuple[Array, Array]:
-    """Return q and v from those of ``pin.buildModelFromUrdf``; see ``Mechanism.from_pinocchio``."""
-    layout = mechanism.pinocchio_layout
-    leading, rows = _states(q, v, layout.p_nq, layout.p_nv)
-    positions, velocities = layout.take(*rows)
-    return leading.unfold(positions), leading.unfold(velocities)
-
-
-def to_pinocchio(mechanism: Mechanism, q: ArrayLike, v: ArrayLike | None) -> tuple[Array, Array]:
-    """Return q and v of ``pin.buildModelFromUrdf``; see ``Mechanism.to_pinocchio``."""
-    layout = mechanism.pinocchio_layout
-    leading, rows = _states(q, v, layout.nq, layout.nv)
-    positions, velocities = layout.give(*rows)
-    return leading.unfold(positions), leading.unfold(velocities)
-
-
-def _states(q: ArrayLike, v: ArrayLike | None, nq: int, nv: int) -> tuple[LeadingAxes, list[Array]]:
-    """Return the leading axes of q and v, and both as rows; velocities that are left out are 0."""
-    if v is None:
-        leading, (rows,) = LeadingAxes.fold(q=(q, nq))
-        return leading, [rows, np.zeros((len(rows), nv))]
-    return LeadingAxes.fold(q=(q, nq), v=(v, nv))
+        left = np.array([gap, rows @ v[i], rows @ a[i] + drift])
+        terms = np.array([0.0 * gap, sizes @ np.abs(v[i]), sizes @ np.abs(a[i]) + np.abs(drift)])
+        excess = np.abs(left) - CLOSED * (1.0 + terms)
+        for part in np.flatnonzero((excess > 0.0).any(axis=1)).tolist():
+            worst, what = int(excess[part].argmax()), [*PER_TIME][part]
+            constraint, row = closure.owners()[worst]
+            torn = f"tear '{constraint.name}' by {abs(left[part, worst]):.3g} {constraint.unit(row)}"
+            yield _Tear(what, f"{leading.place(i)}: the {what} {torn}{PER_TIME[what]}")

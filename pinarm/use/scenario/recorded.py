@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from pinarm.arrays import as_rows, real, same_rows
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.recorded_motion import RecordedRows
-from pinarm.engine.quantities.broadcasting import refuse_foreign
+from pinarm.engine.quantities.state_arrays import refuse_foreign
 from pinarm.engine.series import require_unit
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import SECOND
