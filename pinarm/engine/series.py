@@ -27,7 +27,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.errors import UnitError
 from pinarm.input.formulas.dimensions import Measure, Rule, power, pure, root, same
 from pinarm.input.units import ANGLES, DIMENSIONLESS, Unit, unit
-from pinarm.records import Record, replace
+from pinarm.records import AbstractRecord, replace
 
 ROUNDING = 1e-12
 """Size relative to that of its terms below which all of a quantity is their rounding."""
@@ -36,7 +36,7 @@ MOST = 60
 """Characters of the name of a result, which tells how it was computed."""
 
 
-class Series(NDArrayOperatorsMixin, Record, frozen=True):
+class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
     """A named array with its unit. It never changes: ``a += b`` makes another one.
 
     ``np.asarray(series)`` gives the values without copying them; ``series[3]`` of a single axis is a float, and slices

@@ -1,4 +1,4 @@
-"""Limits of joints: a run is not held to them, but what goes beyond them is told."""
+"""Limits of joints, cams, cables and belts that a run goes beyond: it is not held to them, but they are reported."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.constraint import OneSidedConstraint, one_sided
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
@@ -20,16 +20,18 @@ ROUNDING = 1e-9
 
 
 class Excess(ValueRecord, frozen=True):
-    """A limit of a joint that a run goes beyond.
+    """A limit that a run goes beyond.
 
     Attributes:
-        joint: Name of the joint.
-        of: ``position``, ``velocity`` or ``effort``.
+        joint: Name of the joint, the cam, the cable or the belt.
+        of: ``position``, ``velocity`` or ``effort``; ``contact`` of a cam or a cable that would have to act against its
+            sense, ``tension`` of a belt with a slack strand, ``outline`` of a cam that cannot be made.
         unit: Unit of the limit.
         limit: The limit; that of velocities and efforts holds both ways.
-        value: What is farthest beyond it, with its sign.
-        at: Parameter of the first row beyond it.
+        value: The value farthest beyond it, with its sign, for ``contact`` between the rows too.
+        at: Parameter of the first row beyond it; where no row is, of the largest value.
         rows: Number of rows beyond it.
+        sentence: What happens, with ``{where}`` and ``{count}`` in place of the parameter and the number of rows.
     """
 
     joint: str
@@ -39,71 +41,12 @@ class Excess(ValueRecord, frozen=True):
     value: float
     at: float
     rows: int
-
-    def words(self, run: Trajectory) -> str:
-        """Return it as a sentence."""
-        passes = "is below" if self.of == "position" and self.value < self.limit else "exceeds"
-        where = f"{run.parameter} = {self.at:.6g} {'' if str(run.unit) == '1' else run.unit}".rstrip()
-        return (f"joint {self.joint}: {self.of} {self.value:.6g} {self.unit} {passes} its limit {self.limit:.6g} "
-                f"{self.unit}, first at {where} ({self.rows} of {len(run)} rows)")  # fmt: skip
-
-
-class Opening(Excess, frozen=True):
-    """A cam or a cable that would have to pull, or push, where it cannot: ``joint`` is its name, the limit 0.
-
-    ``value`` is the largest pull between the rows, too; where no row pulls, ``at`` is where it does most.
-
-    Attributes:
-        kind: ``cam`` or ``cable``.
-        opens: What happens there in truth, in words.
-        whereabouts: Where it is there, in words; may be empty.
-    """
-
-    kind: str
-    opens: str
-    whereabouts: str
+    sentence: str
 
     def words(self, run: Trajectory) -> str:
         """Return it as a sentence."""
         where = f"{run.parameter} = {self.at:.6g} {'' if str(run.unit) == '1' else run.unit}".rstrip()
-        where += f", {self.whereabouts}" if self.whereabouts else ""
-        where = (
-            f"first at {where} ({self.rows} of {len(run)} rows)" if self.rows else f"between two rows, most at {where}"
-        )
-        act = f"would have to {'push' if self.kind == 'cable' else 'pull'} with {-self.value:.6g} {self.unit}"
-        return f"{self.kind} {self.joint} {act}: {self.opens}, {where}; from there on it moves otherwise"
-
-
-class Slackness(Excess, frozen=True):
-    """A belt that carries more than its pretension allows: ``joint`` is its name, ``value`` the tension it transmits.
-
-    The limit is twice the pretension, at which one strand has no tension left; the other one carries the rest alone.
-    """
-
-    def words(self, run: Trajectory) -> str:
-        """Return it as a sentence."""
-        where = f"{run.parameter} = {self.at:.6g} {'' if str(run.unit) == '1' else run.unit}".rstrip()
-        return (f"belt {self.joint}: a strand is slack, as the tensions differ by {self.value:.6g} {self.unit}, more "
-                f"than twice the pretension of {0.5 * self.limit:.6g} {self.unit}, first at {where} ({self.rows} of "
-                f"{len(run)} rows); the other strand carries all of it")  # fmt: skip
-
-
-class Flaw(Excess, frozen=True):
-    """A cam that cannot be made: ``joint`` is its name, ``value`` how many rows show it.
-
-    Attributes:
-        kind: ``cam``.
-        flaw: What is wrong, in words.
-        whereabouts: Where it is at the first row, in words.
-    """
-
-    kind: str
-    flaw: str
-    whereabouts: str
-
-    def words(self, run: Trajectory) -> str:
-        """Return it as a sentence."""
-        return f"{self.kind} {self.joint} {self.flaw}, first at {self.whereabouts} ({self.rows} of {len(run)} rows)"
+        return self.sentence.replace("{where}", where).replace("{count}", f"({self.rows} of {len(run)} rows)")
 
 
 Highest = Callable[[Callable[[Trajectory], Array]], Trajectory]
@@ -125,70 +68,87 @@ def excesses(run: Trajectory, highest: Highest | None = None) -> list[Excess]:
         run: The rows.
         highest: Finds what is largest between the rows too, for cams and cables; the rows alone where it is left out.
     """
-    found = [excess for joint in run.mechanism.joints.values() for excess in _of(run, joint)]
-    return [*found, *_openings(run, highest or partial(highest_row, run)), *_slackness(run), *_flaws(run)]
+    limits = [excess for joint in run.mechanism.joints.values() for excess in _of_joint(run, joint)]
+    return [*limits, *_openings(run, highest or partial(highest_row, run)), *_slack_belts(run), *_flaws(run)]
 
 
-def _flaws(run: Trajectory) -> Iterator[Flaw]:
-    for one in run.mechanism.relations:
-        rows = np.flatnonzero(one.flawed(run.q))
+def _of_joint(run: Trajectory, joint: Joint) -> Iterator[Excess]:
+    model, q, v = run.mechanism.model, run.q[:, joint.q], run.v[:, joint.v]
+    low, high = model.lowerPositionLimit[joint.q], model.upperPositionLimit[joint.q]
+    fastest, most = model.velocityLimit[joint.v], model.effortLimit[joint.v]
+    tau = run.effort(joint.v) if np.isfinite(most) else run.tau[:, joint.v]
+    rate = unit("rad/s") if joint.unit == RADIAN else joint.unit / unit("s")
+    for of, measure, limit, values, beyond in (
+        ("position", joint.unit, low, q, low - q),
+        ("position", joint.unit, high, q, q - high),
+        ("velocity", rate, fastest, v, np.abs(v) - fastest),
+        ("effort", effort_unit(joint), most, tau, np.abs(tau) - most),
+    ):
+        rows = np.flatnonzero(beyond > ROUNDING * max(abs(limit), 1e-3))  # infinite limits are not passed
         if len(rows):
-            first, count = rows[0], len(rows)
-            yield Flaw(one.name, "outline", DIMENSIONLESS, 0.0, float(count), float(run.grid.t[first]), count,
-                       one.kind, one.flaw, one.whereabouts(run.q[first]))  # fmt: skip
+            value = float(values[beyond.argmax()])
+            passes = "is below" if of == "position" and value < limit else "exceeds"
+            text = f"joint {joint.name}: {of} {value:.6g} {measure} {passes} its limit {limit:.6g} {measure}, first at "
+            yield Excess(joint.name, of, measure, float(limit), value, *_first(run, rows), text + "{where} {count}")
 
 
-def _openings(run: Trajectory, highest: Highest) -> Iterator[Opening]:
-    sided = one_sided(run.mechanism.constraints)
-    if not sided or run.no_efforts:
-        return
-    for one in sided:
-        pull = partial(_pull, one)
+def _first(run: Trajectory, rows: Indices) -> tuple[float, int]:
+    """Return the parameter of the first of some rows, and how many there are."""
+    return float(run.grid.t[rows[0]]), len(rows)
+
+
+def _openings(run: Trajectory, highest: Highest) -> Iterator[Excess]:
+    """Yield cams and cables that would have to pull, or push, where they cannot: the limit is 0."""
+    for tie in () if run.no_efforts else one_sided(run.mechanism.constraints):
+        pull = partial(_pull, tie)
         pulls, worst = pull(run), highest(pull)
         rows, most = np.flatnonzero(pulls > ROUNDING * np.abs(pulls).max()), float(pull(worst)[0])
-        if most > ROUNDING * max(most, float(np.abs(pulls).max())):
-            first = run.some(rows[:1]) if len(rows) else worst
-            yield Opening(
-                one.name, "contact", one.push_unit(), 0.0, -most, float(first.grid.t[0]), len(rows), one.kind,
-                one.opens, one.whereabouts(first.q[0]),
-            )  # fmt: skip
+        if most <= ROUNDING * max(most, float(np.abs(pulls).max())):
+            continue
+        first = run.some(rows[:1]) if len(rows) else worst
+        place = f", {text}" if (text := tie.whereabouts(first.q[0])) else ""
+        where = f"first at {{where}}{place} {{count}}" if len(rows) else f"between two rows, most at {{where}}{place}"
+        act = f"would have to {'push' if tie.kind == 'cable' else 'pull'} with {most:.6g} {tie.push_unit()}"
+        sentence = f"{tie.kind} {tie.name} {act}: {tie.opens}, {where}; from there on it moves otherwise"
+        at = float(first.grid.t[0])
+        yield Excess(tie.name, "contact", tie.push_unit(), 0.0, -most, at, len(rows), sentence)
 
 
-def _pull(one: OneSidedConstraint, run: Trajectory) -> Array:
+def _pull(tie: OneSidedConstraint, run: Trajectory) -> Array:
     """Return with what a one-sided constraint acts against its sense, shape (n,)."""
-    return -one.push(run.q, np.asarray(run.lam)[:, run.closure.slices[one.name].start])
+    return -tie.push(run.q, np.asarray(run.lam)[:, run.closure.slices[tie.name].start])
 
 
-def _slackness(run: Trajectory) -> Iterator[Slackness]:
-    """Yield the belts whose pretension a run uses up; chains, which have none, have a slack strand at all times."""
+def _slack_belts(run: Trajectory) -> Iterator[Excess]:
+    """Yield the belts whose pretension a run uses up; chains, which have none, have a slack strand at all times.
+
+    The limit is twice the pretension, at which one strand has no tension left; the other one carries the rest alone.
+    """
     if run.no_efforts or not run.mechanism.relations:
         return
     from pinarm.mechanics.couplings.coupling import Coupling
     from pinarm.mechanics.couplings.transmissions import Strands
 
-    for one in run.mechanism.relations:
-        known = one.transmission if isinstance(one, Coupling) else None
+    for tie in run.mechanism.relations:
+        known = tie.transmission if isinstance(tie, Coupling) else None
         if not isinstance(known, Strands):
             continue
-        apart = np.abs(known.difference * np.asarray(run.lam)[:, run.closure.slices[one.name].start])
-        rows = np.flatnonzero(apart > 2.0 * known.pretension * (1.0 + ROUNDING))
-        if len(rows) and known.pretension:
-            yield Slackness(one.name, "tension", unit("N"), 2.0 * known.pretension, float(apart.max()),
-                            float(run.grid.t[rows[0]]), len(rows))  # fmt: skip
+        apart = np.abs(known.difference * np.asarray(run.lam)[:, run.closure.slices[tie.name].start])
+        rows, limit = np.flatnonzero(apart > 2.0 * known.pretension * (1.0 + ROUNDING)), known.pretension
+        if len(rows) and limit:
+            most = float(apart.max())
+            sentence = (
+                f"belt {tie.name}: a strand is slack, as the tensions differ by {most:.6g} N, more than twice the "
+                f"pretension of {limit:.6g} N, first at {{where}} {{count}}; the other strand carries all of it"
+            )
+            yield Excess(tie.name, "tension", unit("N"), 2.0 * limit, most, *_first(run, rows), sentence)
 
 
-def _of(run: Trajectory, joint: Joint) -> Iterator[Excess]:
-    model, q = run.mechanism.model, run.q[:, joint.q]
-    v, most = run.v[:, joint.v], model.effortLimit[joint.v]
-    tau = run.effort(joint.v) if np.isfinite(most) else run.tau[:, joint.v]
-    rate = unit("rad/s") if joint.unit == RADIAN else joint.unit / unit("s")
-    for of, measured, limit, values, beyond in (
-        ("position", joint.unit, model.lowerPositionLimit[joint.q], q, model.lowerPositionLimit[joint.q] - q),
-        ("position", joint.unit, model.upperPositionLimit[joint.q], q, q - model.upperPositionLimit[joint.q]),
-        ("velocity", rate, model.velocityLimit[joint.v], v, np.abs(v) - model.velocityLimit[joint.v]),
-        ("effort", effort_unit(joint), most, tau, np.abs(tau) - most),
-    ):
-        rows = np.flatnonzero(beyond > ROUNDING * max(abs(limit), 1e-3))  # infinite limits are not passed
+def _flaws(run: Trajectory) -> Iterator[Excess]:
+    """Yield cams that cannot be made."""
+    for tie in run.mechanism.relations:
+        rows = np.flatnonzero(tie.flawed(run.q))
         if len(rows):
-            farthest = float(values[beyond.argmax()])
-            yield Excess(joint.name, of, measured, float(limit), farthest, float(run.grid.t[rows[0]]), len(rows))
+            sentence = f"{tie.kind} {tie.name} {tie.flaw}, first at {tie.whereabouts(run.q[rows[0]])} {{count}}"
+            count = float(len(rows))
+            yield Excess(tie.name, "outline", DIMENSIONLESS, 0.0, count, *_first(run, rows), sentence)

@@ -445,7 +445,10 @@ class Result(Record, frozen=True):
             "accuracy": self._accuracy(),
             "cost": {name: int(value) for name, value in self.figures.items() if name in COSTS},
             "findings": {name: x for name, x in self.figures.items() if name not in (*MEASURES, *COSTS)},
-            "limits": [{**asdict(excess), "unit": str(excess.unit)} for excess in self.excesses()],
+            "limits": [
+                {**asdict(excess), "unit": str(excess.unit), "sentence": excess.words(run)}
+                for excess in self.excesses()
+            ],
             "not solved for": [asdict(removal) for removal in self.removals],
             "notes": self.notes(),
             "versions": {"pinarm": pinarm.__version__, "pinocchio": pinocchio.__version__, "numpy": np.__version__},
