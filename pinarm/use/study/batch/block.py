@@ -19,7 +19,7 @@ from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 from pinarm.engine.motion.small_motions import is_offset, is_small
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
-from pinarm.engine.quantities.states import columns_of
+from pinarm.engine.quantities.state_arrays import columns_of
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, Interrupted, NumericsError, choices, require_map
 from pinarm.input.units import unit
