@@ -9,7 +9,7 @@ from pinarm.engine.constraints import closure
 from pinarm.engine.constraints.constraint_rows import BLOCK
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspace import split_rows
-from pinarm.engine.kinematics.continuation_batch import BatchContinuation
+from pinarm.engine.kinematics.continuation import Ahead
 from pinarm.engine.motion.systems import constrained
 from pinarm.errors import InputError
 from pinarm.mechanics.laws import Harmonic
@@ -31,7 +31,7 @@ def test_a_motion_and_its_efforts_are_those_found_row_by_row(name, tmp_path, mon
     mechanism = linkage().build(tmp_path, cut)
     motion = {drive: Harmonic(amplitude=0.3, pulsation=5.0 + k) for k, drive in enumerate(drives)}
     together = driven(mechanism, motion, samples=40, drives=drives)
-    monkeypatch.setattr(BatchContinuation, "of", lambda *_: None)
+    monkeypatch.setattr(Ahead, "of", lambda *_: None)
     monkeypatch.setattr(closure, "SEVERAL", 1_000_000)
     alone = driven(mechanism, motion, samples=40, drives=drives)
     for one, other in ((together.q, alone.q), (together.v, alone.v), (together.a, alone.a), (together.tau, alone.tau)):

@@ -370,6 +370,25 @@ def _solved(matrix: Array, right: Array) -> Array:
     return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
 
 
+def independent_rows(matrix: Array, rank: int, reach: Array | float = 1.0) -> list[int]:
+    """Return as many rows of a matrix, shape (m, c), as its rank, ascending, which all others follow from.
+
+    One after the other that row of length 1 of which most is left beside those before it: the Gram-Schmidt process with
+    pivots. Rows below ``VANISHED`` of their reach count as 0.
+    """
+    lengths = np.sqrt(np.vecdot(matrix, matrix))
+    counts = lengths > VANISHED * reach
+    left = matrix * (counts / np.where(counts, lengths, 1.0))[:, None]
+    chosen = list[int]()
+    for _ in range(rank):
+        sizes = np.vecdot(left, left)
+        chosen.append(row := int(sizes.argmax()))
+        direction = left[row] / np.sqrt(sizes[row])
+        left -= np.outer(left @ direction, direction)
+        left[row] = 0.0
+    return sorted(chosen)
+
+
 class SingularMasses(np.linalg.LinAlgError):
     """A mass matrix, reduced to free motions or not, that is singular."""
 

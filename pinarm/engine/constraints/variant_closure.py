@@ -17,8 +17,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.constraints.constraint_rows import ConstraintRows
 from pinarm.engine.constraints.loop_sizes import extents, unit_of_length
-from pinarm.engine.constraints.nullspace import VANISHED, RowDecompositions, of_one_rank, split_rows
-from pinarm.engine.constraints.orthogonal_rows import REGULAR, independent_rows
+from pinarm.engine.constraints.nullspace import RowDecompositions, of_one_rank
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.model_variants import ModelVariants, VariantsDiffer
 
@@ -107,16 +106,3 @@ class VariantClosure(Closure, frozen=True):
         states = rows.shape[:2]
         split = of_one_rank(rows.reshape(math.prod(states), *rows.shape[2:]), self.reach).shaped(states)
         return RowDecompositions([(np.arange(len(rows)), split)], rows.shape)
-
-    def independent(self, rows: Array) -> list[int]:
-        """Return rows of G that say what all do, given G of a state of the first variant, shape (m, nv).
-
-        Raises:
-            VariantsDiffer: G is too near to losing rank there.
-        """
-        if not (np.abs(rows) > VANISHED * self.reach[:, None]).any():
-            return []
-        split = split_rows(rows, self.reach)
-        if split.regularity < REGULAR:
-            raise VariantsDiffer("a motion that begins near a singular position")
-        return independent_rows(rows, split.rank, self.reach)

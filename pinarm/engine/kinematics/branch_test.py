@@ -20,10 +20,10 @@ def on_branch(turned: Array, correction: Array) -> Flags:
     With an error of the predicted position ``h^3 j / 6`` that of the velocity is three times as much, over h.
 
     Args:
-        turned: Errors of the predicted velocities, times h, shape (nv,) or (nv, n).
-        correction: Largest errors of the predicted coordinates, shape () or (n,).
+        turned: Errors of the predicted velocities, times h, shape (.., nv).
+        correction: Largest errors of the predicted coordinates, shape (..).
     """
-    return np.asarray(np.abs(turned).max(axis=0) <= 10.0 * correction + ENOUGH)
+    return np.asarray(np.abs(turned).max(axis=-1) <= 10.0 * correction + ENOUGH)
 
 
 def part_of_leap(rows: Array, there: Array) -> float:

@@ -1,6 +1,9 @@
-"""A branch of solutions through the rows of a table: many at once where that is sure, or one after the other.
+"""A branch of solutions through the rows of a table: many rows at once where that is sure, else row by row.
 
-The equations are those of ``engine.following``; ``engine.sweeps`` solves many rows, ``engine.assembly`` single ones.
+From a solved row, the rows ahead are predicted by its velocity and the last accelerations, and corrected together, as
+far ahead as this surely stays on the branch: the prediction is near, every correction is much smaller than the one
+before, the velocity is that of a smooth motion, and the determinant of J keeps its sign and a good part of its size.
+The next sweep begins where one ends. Rows that are singular or out of reach are left to the steps of ``NewtonSolver``.
 """
 
 from __future__ import annotations
@@ -11,9 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
+from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.kinematics.abscissa import instant
-from pinarm.engine.kinematics.continuation_batch import KNOWN, NOTHING, BatchContinuation
+from pinarm.engine.kinematics.batch_closing import BatchClosing, Rates
+from pinarm.engine.kinematics.branch_test import on_branch
 from pinarm.engine.kinematics.newton import NewtonSolver
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import InputError
@@ -23,11 +28,115 @@ if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
 
 
+SHORTEST = 4
+"""Smallest number of rows that is tried at once."""
+
+NEAR, WANTED = 0.1, 1e-2
+"""Largest correction of a prediction that is accepted, and the one that the length of sweeps aims at [rad or m]."""
+
+NOTHING: tuple[Array, ...] = (np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0)))
+"""No rows of q, v and a."""
+
+KNOWN = 3
+"""Accelerations that a prediction is made of: of the rows before, as many as there are since the laws last jumped."""
+
+ITERATIONS = 5
+"""Most corrections of predicted rows."""
+
+WORSE = 10.0
+"""Largest entry of J^-1, over that where rows of J were chosen, up to which they serve."""
+
+BLOCK = 2048
+"""Number of rows that are tried at once at most."""
+
+SIZES = (1e-4, 1e4)
+"""Lengths of mechanisms that are solved in metres [m]."""
+
+
+class Ahead:
+    """Sweeps over the rows of one table.
+
+    Args:
+        rows: The constraints, and the prescribed coordinates.
+        own: Number m of rows of the constraints.
+    """
+
+    def __init__(self, rows: Closure, own: int) -> None:
+        self.rows, self.own = rows, own
+        self._chosen: BatchClosing | None = None
+        self._length = BLOCK
+
+    @classmethod
+    def of(cls, closure: Closure, prescribed: PrescribedCoordinates) -> Ahead | None:
+        """Return the sweeps of a mechanism; ``None`` where configurations are not numbers, as of ball joints.
+
+        Nor for the very small or large, which only ``NewtonSolver`` measures in a unit of their own.
+        """
+        if not SIZES[0] < closure.extent < SIZES[1] or closure.model.nq > closure.model.nv:
+            return None
+        return cls(closure.with_guides(prescribed.names, prescribed.coordinates), closure.size)
+
+    def ahead(self, t: Array, w: Array, q: Array, v: Array, before: Array, a: Array) -> tuple[Array, ...]:
+        """Return q, v and a, shape (m, nv), at as many of the instants after the first as surely are on its branch.
+
+        Args:
+            t: Instants, of which the first is solved, shape (n,).
+            w: Prescribed coordinates and their two derivatives, shape (3, n, k).
+            q: Configuration at the first instant, shape (nv,).
+            v: Velocity there, shape (nv,).
+            before: The last instants up to the first one, at most ``KNOWN``, shape (p,).
+            a: Accelerations there, shape (p, nv).
+        """
+        h, wanted = t[: self._length] - t[0], w[:, : self._length]
+        if (chosen := self._chosen_at(q)) is None:
+            return NOTHING
+        with np.errstate(all="ignore"):  # beyond the branch anything may come out: it is not accepted
+            predicted, slope = _predicted(h[:, None], q, v, before, a)
+            solution = chosen.solve(predicted, wanted[0], ITERATIONS)
+            measured = chosen.at(solution.q)
+            rates = chosen.rates(measured, wanted[1], wanted[2])
+            good = solution.done & solution.steady & (solution.correction <= NEAR) & chosen.closed(measured, wanted[0])
+            good &= on_branch(h[:, None] * (rates.v - slope), solution.correction)
+            n = self._leading(chosen, rates, good)
+            self._length = _next_length(n, solution.correction, 2 + len(a))
+        return solution.q[1:n], rates.v[1:n], rates.a[1:n]
+
+    def rates(self, q: Array, dw: Array, ddw: Array) -> tuple[Array, ...]:
+        """Return v and a, shape (m, nv), at as many of the first configurations as surely are regular.
+
+        Args:
+            q: Closed configurations, shape (n, nv).
+            dw: Velocities of the prescribed coordinates, shape (k,).
+            ddw: Their accelerations, shape (k,).
+        """
+        if (chosen := self._chosen_at(q[0])) is None:
+            return NOTHING[1:]
+        block = q[:BLOCK]
+        with np.errstate(all="ignore"):
+            rates = chosen.rates(chosen.at(block), *(np.broadcast_to(x, (len(block), len(x))) for x in (dw, ddw)))
+            n = self._leading(chosen, rates, np.ones(len(block), dtype=bool))
+        return rates.v[:n], rates.a[:n]
+
+    def _chosen_at(self, q: Array) -> BatchClosing | None:
+        """Return the rows that determine the motion: the last ones, or else those of a regular configuration."""
+        if self._chosen is None:
+            self._chosen = BatchClosing.of(self.rows, self.own, self.rows.rows(self.rows.state(q)))
+        return self._chosen
+
+    def _leading(self, chosen: BatchClosing, rates: Rates, good: Flags) -> int:
+        """Return how many rows precede the first one that is not good; forget chosen rows that serve no longer."""
+        served = (rates.sense == chosen.sense) & (rates.size <= WORSE * chosen.size)
+        if not served.all():
+            self._chosen = None
+        good = good & served
+        return len(good) if good.all() else int(good.argmin())
+
+
 def follow_branch(
     mechanism: Mechanism, prescribed: PrescribedCoordinates, grid: Grid, start: Array
 ) -> tuple[Array, Array, Array]:
     """Continue the branch that begins near a configuration, shape (nq,): in sweeps, row by row where these cannot."""
-    solver, sweep = NewtonSolver(mechanism.closure, prescribed), BatchContinuation.of(mechanism.closure, prescribed)
+    solver, sweep = NewtonSolver(mechanism.closure, prescribed), Ahead.of(mechanism.closure, prescribed)
     t, w = grid.t, np.zeros((3, len(grid.t), len(prescribed.laws)))
     for k, law in enumerate(prescribed.laws):
         w[:, :, k] = grid.evaluate(law)
@@ -97,8 +206,8 @@ def _check_regular(mechanism: Mechanism, prescribed: PrescribedCoordinates, q: A
 def branch_rates(
     mechanism: Mechanism, prescribed: PrescribedCoordinates, q: Array, dw: Array, ddw: Array
 ) -> tuple[Array, Array]:
-    """Return velocities and accelerations at closed configurations; see ``following.joint_rates``."""
-    solver, sweep = NewtonSolver(mechanism.closure, prescribed), BatchContinuation.of(mechanism.closure, prescribed)
+    """Return velocities and accelerations at closed configurations; see ``joint_motion.joint_rates``."""
+    solver, sweep = NewtonSolver(mechanism.closure, prescribed), Ahead.of(mechanism.closure, prescribed)
     (v, a), row = np.empty((2, len(q), mechanism.model.nv)), 0
     while row < len(q):
         dq, ddq = sweep.rates(q[row:], dw, ddw) if sweep else NOTHING[1:]
@@ -107,3 +216,34 @@ def branch_rates(
         rows = slice(row, row + len(dq))
         v[rows], a[rows], row = dq, ddq, rows.stop
     return v, a
+
+
+def _predicted(h: Array, q: Array, v: Array, t: Array, a: Array) -> tuple[Array, Array]:
+    """Return configurations and velocities ahead, shape (n, nv), by the polynomial through the last accelerations.
+
+    Args:
+        h: Times from the last instant [s], shape (n, 1).
+        q: Configuration there, shape (nv,).
+        v: Velocity there, shape (nv,).
+        t: The last instants, ascending, at most three, shape (p,).
+        a: Accelerations there, shape (p, nv).
+    """
+    derivatives = [a[-1]]
+    if len(a) > 1:
+        slopes, steps = np.diff(a, axis=0) / np.diff(t)[:, None], np.diff(t)
+        derivatives.append(slopes[-1])
+        if len(a) > 2:
+            bend = (slopes[1] - slopes[0]) / (t[2] - t[0])
+            derivatives = [a[-1], slopes[1] + steps[1] * bend, 2.0 * bend]
+    position, velocity = np.zeros((2, len(h), len(q)))
+    for order, derivative in reversed([*enumerate(derivatives, 2)]):  # Horner's scheme, from the highest power down
+        position = h / order * (derivative + position)
+        velocity = h / (order - 1) * (derivative + velocity)
+    return q + h * (v + position), v + velocity
+
+
+def _next_length(n: int, correction: Array, order: int) -> int:
+    """Return how many rows to try next, n having been good; errors of predictions grow with a power of time."""
+    last = float(correction[n - 1]) if n else np.inf
+    growth = min(max((WANTED / max(last, 1e-300)) ** (1.0 / order), 0.5), 2.0)
+    return min(max(int(n * growth), SHORTEST), BLOCK)

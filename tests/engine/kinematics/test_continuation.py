@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pinarm.engine.kinematics.continuation_batch import KNOWN, _predicted
+from pinarm.engine.kinematics.continuation import KNOWN, _predicted
 
 
 @pytest.mark.parametrize("known", range(1, KNOWN + 1))
@@ -15,7 +15,7 @@ def test_a_polynomial_motion_is_predicted_exactly(known):
     for motions, within in ((exact, True), (beyond, False)):
         q, v = (np.array([motion.deriv(order)(t[-1]) for motion in motions]) for order in (0, 1))
         a = np.array([motion.deriv(2)(t) for motion in motions]).T
-        position, velocity = _predicted(h, q, v, t, a)
-        wanted, rate = (np.array([motion.deriv(order)(t[-1] + h) for motion in motions]) for order in (0, 1))
+        position, velocity = _predicted(h[:, None], q, v, t, a)
+        wanted, rate = (np.array([motion.deriv(order)(t[-1] + h) for motion in motions]).T for order in (0, 1))
         assert (np.abs(position - wanted).max() < 1e-12 * np.abs(wanted).max()) == within
         assert (np.abs(velocity - rate).max() < 1e-12 * np.abs(rate).max()) == within
