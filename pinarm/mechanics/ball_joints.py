@@ -94,11 +94,9 @@ class BallCoordinate(ValueRecord, frozen=True):
     unit: Unit = RADIAN
 
     def value(self, state: Kinematics) -> float:
-        """Return the component."""
         return float(pin.log3(pin.Quaternion(self.ball.quaternion(state.q)).matrix())[self.component])
 
     def row(self, state: Kinematics) -> Array:
-        """Return row k of B at the joint's own velocities, 0 elsewhere."""
         row = np.zeros(state.model.nv)
         row[self.ball.v : self.ball.v + 3] = b_of(pin.log3(self._turn(state)))[self.component]
         return row
@@ -139,15 +137,12 @@ class BallAngle(ValueRecord, frozen=True):
 
     @property
     def wraps(self) -> bool:
-        """Whether it goes round, as roll and yaw do; the pitch turns back at 90 deg."""
         return ANGLES[self.component] != "pitch"
 
     def value(self, state: Kinematics) -> float:
-        """Return the angle."""
         return float(roll_pitch_yaw(self.ball.quaternion(state.q))[self.component])
 
     def row(self, state: Kinematics) -> Array:
-        """Return the row that gives its rate."""
         (sine, cosine), (slope, secant) = self._functions(state)
         row = np.zeros(state.model.nv)
         row[self.ball.v : self.ball.v + 3] = (
@@ -156,7 +151,6 @@ class BallAngle(ValueRecord, frozen=True):
         return row
 
     def drift(self, state: Kinematics) -> float:
-        """Return its acceleration while the joint's own velocity is constant."""
         (sine, cosine), (slope, secant) = self._functions(state)
         x, y, z = self.ball.vectors(state.v)
         a, b = sine * y + cosine * z, cosine * y - sine * z

@@ -94,7 +94,6 @@ class LinearCoordinate(ValueRecord, frozen=True):
         return int(self.moved[0]) if len(self.moved) == 1 and self.weights[self.moved[0]] == 1.0 else None
 
     def at(self, q: Array) -> Array:
-        """Return its values at configurations, shape (n, .., nq)."""
         if self.joint is not None:
             return np.asarray(q[..., self.places[self.joint]])
         return np.asarray(q[..., self.places[self.moved]] @ self.weights[self.moved])
@@ -110,7 +109,6 @@ class LinearCoordinate(ValueRecord, frozen=True):
         return float(self.weights @ state.q[self.places])
 
     def row(self, state: Kinematics) -> Array:
-        """Return the weights."""
         return self.weights
 
     def drift(self, state: Kinematics) -> float:
@@ -151,7 +149,6 @@ class FrameCoordinate(ValueRecord, frozen=True):
         return float(self.axis @ acceleration.linear)
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        """Return the force along the axis at the link's origin."""
         return pull(links, self.frame, effort[:, None] * self.axis)
 
 
@@ -172,7 +169,6 @@ class DistanceCoordinate(ValueRecord, frozen=True):
     unit: Unit = METRE
 
     def value(self, state: Kinematics) -> float:
-        """Return the distance."""
         return float(np.linalg.norm(self._apart(state)))
 
     def row(self, state: Kinematics) -> Array:
@@ -193,7 +189,6 @@ class DistanceCoordinate(ValueRecord, frozen=True):
         return float(along @ (a2 - a1) + (rate @ rate - (along @ rate) ** 2) / length)
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        """Return the forces that push the two points apart."""
         place = links.frame(self.second)[1]
         force = (effort * direction((place - links.frame(self.first)[1]).T)).T
         return opposed(links.model, self.first, self.second, np.concatenate([force, crossed(place, force)], axis=1))
@@ -225,7 +220,6 @@ class RotationCoordinate(ValueRecord, frozen=True):
     unit: Unit = RADIAN
 
     def value(self, state: Kinematics) -> float:
-        """Return the component."""
         return float(pin.log3(self._turn(state))[self.component])
 
     def row(self, state: Kinematics) -> Array:
@@ -238,7 +232,6 @@ class RotationCoordinate(ValueRecord, frozen=True):
         return np.asarray(b_of(pin.log3(self._turn(state)))[self.component] @ turned)
 
     def drift(self, state: Kinematics) -> float:
-        """Return the drift."""
         world, frames, axes = pin.LOCAL_WORLD_ALIGNED, (self.frame, self.reference), self._axes(state)
         link, reference = (pin.getFrameVelocity(state.model, state.data, frame, world).angular for frame in frames)
         alpha, carried = (pin.getFrameAcceleration(state.model, state.data, frame, world).angular for frame in frames)
@@ -327,7 +320,6 @@ class AngleSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):
                     raise InputError(f"the weight of {name} cannot be {weight:g}", expected="a finite number but 0")
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
-        """Return the coordinate for a model."""
         with within("of"):
             coordinate = sum_of(model, joints, list(self.of))
             if isinstance(self.of, dict):
@@ -350,7 +342,6 @@ class PointCoordinate(InputStruct, frozen=True, tag_field="kind", tag="point"):
     along: Direction
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
-        """Return the coordinate for a model."""
         with within("along"):
             axis = unit_vector(self.along)
         with within("point"):
@@ -367,7 +358,6 @@ class Distance(InputStruct, frozen=True, tag_field="kind", tag="distance"):
     between: tuple[str, str]
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
-        """Return the coordinate for a model."""
         return DistanceCoordinate(*frames_of(model, self.between))
 
 

@@ -97,7 +97,6 @@ class Drive(InputStruct, frozen=True):
 
     @property
     def coordinate(self) -> str:
-        """Name of the coordinate that it drives, a joint's own among them."""
         return self.joint or self.along
 
     @property

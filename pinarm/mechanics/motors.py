@@ -126,7 +126,6 @@ class DcMotor(InputStruct, frozen=True, tag_field="kind", tag="dc"):
                 raise InputError("a motor of constant 0 has no torque", expected="k in N*m/A")
 
     def behind(self, ratio: float) -> Actuator:
-        """Return the motor with a gear."""
         return (InductiveWinding if self.inductance else Winding)(self, ratio)
 
     def inverse(self, ratio: float) -> CommandOfEffort | None:
@@ -168,11 +167,9 @@ class IdealMotor(InputStruct, frozen=True, tag_field="kind", tag="ideal"):
                                  hint="a last point at the speed beyond which the motor gives none")  # fmt: skip
 
     def behind(self, ratio: float) -> Actuator:
-        """Return the motor with a gear."""
         return TorqueSource(ratio, *(None if x is None else TorqueCurve.of(x) for x in (self.peak, self.continuous)))
 
     def inverse(self, ratio: float) -> CommandOfEffort | None:
-        """Return the torque of an effort in front of the gear."""
         return CommandOfEffort(1.0 / ratio, 0.0)
 
 
@@ -231,7 +228,6 @@ class Winding:
         return FREE
 
     def switches(self, mode: int) -> list[Switch[MotorInput]]:
-        """Return where the current reaches its limits."""
         if np.isinf(self.limit):
             return []
         return [
@@ -254,7 +250,6 @@ class InductiveWinding(Winding):
         return np.asarray(np.clip(given.state[..., 0], -self.limit, self.limit))
 
     def excess(self, given: MotorInput) -> Array:
-        """Return the voltage that is left where the current is held, else 0 [V]."""
         return np.where(np.equal(given.mode, FREE), 0.0, self.excess_if_held(given))
 
     def rates(self, given: MotorInput) -> Array:
@@ -263,7 +258,6 @@ class InductiveWinding(Winding):
         return np.asarray(np.where(np.equal(given.mode, FREE), left, 0.0) / self.motor.inductance)[..., None]
 
     def mode(self, given: MotorInput) -> int:
-        """Return whether the current is held, in one state."""
         left, limits = float(self.excess_if_held(given)), StateLimits(-self.limit, self.limit)
         assert isinstance(given.mode, int)
         scale = self.motor.resistance * abs(float(self.current(given)))
@@ -298,7 +292,6 @@ class TorqueCurve:
         return cls(speeds, torques)
 
     def at(self, speed: Array) -> Array:
-        """Return the torques at speeds of either direction [rad/s], in their shape."""
         return np.asarray(np.interp(np.abs(speed), self.speeds, self.torques))
 
 
@@ -325,7 +318,6 @@ class TorqueSource:
         return np.asarray(np.minimum(np.maximum(given.command, -most), most))
 
     def effort(self, given: MotorInput) -> Array:
-        """Return N times the torque."""
         return np.asarray(self.ratio * self.torque(given))
 
     def rates(self, given: MotorInput) -> Array:
@@ -342,7 +334,6 @@ class TorqueSource:
         return known
 
     def excess(self, given: MotorInput) -> Array:
-        """Return the commanded torque less the one that it gives [N*m]."""
         return np.asarray(given.command - self.torque(given))
 
     def mode(self, given: MotorInput) -> int:

@@ -63,15 +63,12 @@ class PathLength(ValueRecord, frozen=True):
         return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
     def value(self, state: Kinematics) -> float:
-        """Return the length."""
         return sum(part.value(state) for part in self.parts)
 
     def row(self, state: Kinematics) -> Array:
-        """Return the sum of the rows."""
         return np.asarray(sum((part.row(state) for part in self.parts), np.zeros(state.model.nv)))
 
     def drift(self, state: Kinematics) -> float:
-        """Return the sum of the drifts."""
         return sum(part.drift(state) for part in self.parts)
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
@@ -83,5 +80,4 @@ class PathLength(ValueRecord, frozen=True):
         return found
 
     def words(self, model: pin.Model) -> str:
-        """Return its points by name."""
         return ", ".join(model.frames[frame].name for frame in self.frames)

@@ -58,7 +58,6 @@ class GearedRotor:
         return self.coordinate.wraps
 
     def unit(self, row: int) -> Unit:
-        """Return the coordinate's unit."""
         return self.coordinate.unit
 
     def gap(self, state: Kinematics) -> Array:
@@ -73,7 +72,6 @@ class GearedRotor:
         return row[None]
 
     def drift(self, state: Kinematics) -> Array:
-        """Return minus the drift of the coordinate, shape (1,)."""
         return np.array([-self.coordinate.drift(state)])
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
@@ -140,7 +138,6 @@ class DriveTrain(NamedTuple):
         return cls(name, lossy and output, behind or not isinstance(coordinate, LinearCoordinate), behind)
 
     def joints(self, armature: float) -> dict[str, float]:
-        """Return the armatures of the joints by name, the rotor's first."""
         others = ((wheel_name(self.drive), self.wheel), (shaft_name(self.drive), self.shaft))
         return {rotor_name(self.drive): armature, **{name: 0.0 for name, exists in others if exists}}
 

@@ -47,7 +47,6 @@ class Declaration(ValueRecord, frozen=True):
 
     @property
     def prescribed(self) -> list[str]:
-        """Coordinates that the problem imposes."""
         return [*self.held, *self.moved, *self.laws]
 
     def differs_by_numbers(self, other: Declaration) -> bool:

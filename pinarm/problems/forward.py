@@ -123,7 +123,6 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         return replace(row, columns={**row.columns, **control_schema(controls, row.q, row.v)})
 
     def declaration(self) -> Declaration:
-        """Return what the problem says about coordinates."""
         return Declaration(
             self._without, laws=self.motion, span=(self.time.start, self.time.end),
             watched=[*(event.when for event in self.events.values()), *self._commanded()], loads=self.loads,
@@ -131,14 +130,12 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         )  # fmt: skip
 
     def _commanded(self) -> list[str]:
-        """Return the coordinates and drives that controllers name."""
         return [name for one in self.control for name in one.names]
 
     def _without(self, names: Collection[str]) -> Forward:
         return replace_fields(self, motion=others(self.motion, names), start=others(self.start, names), loads={})
 
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> HybridSystem:
-        """Check all names and units; return what is to be integrated."""
         mechanism = self._losing(mechanism)
         motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, place))

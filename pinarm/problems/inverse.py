@@ -106,7 +106,6 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
     def table(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
     ) -> PrescribedTable:
-        """Return what is prescribed at which instants."""
         motion, drives, forces = prepared or self.prepare(mechanism, accuracy, place)
         laws = [*motion.laws, *(law for force in forces.values() for law in force.laws())]
         grid = grid_of(mechanism, motion, self.time.instants(), laws)
@@ -117,7 +116,6 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
     ) -> Outcome:
-        """Return the motion of the joints and the efforts of the drives."""
         table = self.table(mechanism, accuracy, place, prepared)
         with place("motion"), locating_drives(place, "drives" if self.drives else "motion"):
             found = table.outcome()

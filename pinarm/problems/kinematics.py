@@ -66,7 +66,6 @@ class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematic
         return replace_fields(self, motion=others(self.motion, names), start=others(self.start, names))
 
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> JointMotion:
-        """Check all names and units; return how the joints follow the laws."""
         motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         check_levels(mechanism, self.start, place, "start")
         return joint_motion(mechanism, motion, self.resolve, place)
@@ -74,7 +73,6 @@ class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematic
     def table(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: JointMotion | None = None
     ) -> PrescribedTable:
-        """Return what is prescribed at which instants."""
         motion = prepared or self.prepare(mechanism, accuracy, place)
         laws = [*motion.laws, *(law for force in mechanism.forces.values() for law in force.laws())]
         grid = grid_of(mechanism, motion, self.time.instants(), laws)
@@ -85,7 +83,6 @@ class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematic
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: JointMotion | None = None
     ) -> Outcome:
-        """Return the motion of the joints."""
         table = self.table(mechanism, accuracy, place, prepared)
         with place("motion"):
             return table.outcome()

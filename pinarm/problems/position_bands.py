@@ -113,7 +113,6 @@ class FrictionHold:
         )
 
     def _mover(self, basis: Array) -> str:
-        """Return the joint that moves most."""
         return list(self.balance.mechanism.joints)[int(np.abs(basis[:, 0]).argmax())]
 
     def _end(self, q: Array, basis: Array, step: float) -> Array | str:

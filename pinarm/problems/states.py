@@ -115,7 +115,6 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
     def table(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PreparedStatics | None = None
     ) -> PrescribedTable:
-        """Return what is prescribed at which positions."""
         prescribed, drives, forces = prepared or self.prepare(mechanism, accuracy, place)
         rest = np.zeros(len(prescribed.names))
         return _table(self, mechanism, prescribed, drives, forces, (rest, rest), place)
@@ -123,7 +122,6 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PreparedStatics | None = None
     ) -> Outcome:
-        """Return the positions, at rest, and the efforts of the drives."""
         return _outcome(self, self.table(mechanism, accuracy, place, prepared), place)
 
 
@@ -198,14 +196,12 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
     def table(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PreparedState | None = None
     ) -> PrescribedTable:
-        """Return what is prescribed at which positions."""
         prescribed, drives, forces, rates = prepared or self.prepare(mechanism, accuracy, place)
         return _table(self, mechanism, prescribed, drives, forces, rates, place)
 
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PreparedState | None = None
     ) -> Outcome:
-        """Return the states and the efforts of the drives."""
         return _outcome(self, self.table(mechanism, accuracy, place, prepared), place)
 
 

@@ -53,7 +53,6 @@ class TimeGrid(InputStruct, frozen=True):
 
 @lru_cache(maxsize=1)
 def _even(start: float, end: float, samples: int) -> Array:
-    """Return evenly spaced numbers, which a run of few rows copies in a tenth of the time."""
     return np.linspace(start, end, samples)
 
 

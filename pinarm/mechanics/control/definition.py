@@ -43,12 +43,10 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
 
     @property
     def drives(self) -> list[str]:
-        """Names of the drives."""
         return [self.drive] if isinstance(self.drive, str) else self.drive
 
     @property
     def description(self) -> str:
-        """Its kind and when it acts, for people."""
         return f"{type(self).__struct_config__.tag}, {rhythm(self.period, self.delay)}"
 
     @property

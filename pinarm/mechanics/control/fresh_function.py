@@ -27,12 +27,10 @@ class FreshFunction:
         self.begun = False
 
     def begin(self) -> None:
-        """Begin an integration."""
         self.now = copied(self.kept, {}) if self.begun else self.own
         self.begun = True
 
     def __call__(self, *given: Any) -> Any:
-        """Return what the function returns."""
         return self.now(*given)
 
 

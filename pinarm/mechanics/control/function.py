@@ -76,7 +76,6 @@ class FunctionControl:
 
     @property
     def description(self) -> str:
-        """What it is and when it acts, for people."""
         return f"function, {rhythm(self.period, self.delay)}"
 
     @property
@@ -121,12 +120,10 @@ class FunctionController(Controller):
     readers: dict[str, Reader] = field(repr=False)
 
     def begin(self) -> None:
-        """Begin an integration, of which the function knows nothing."""
         if isinstance(self.function, FreshFunction):
             self.function.begin()
 
     def command(self, given: Given) -> Array:
-        """Return what the function returns, state by state."""
         if np.ndim(given.t) == 0:
             return self._call(float(given.t), given.q, given.v)
         states = zip(np.asarray(given.t).tolist(), given.q, given.v, strict=True)

@@ -50,7 +50,6 @@ class MotorController(Controller):
 
     @property
     def integrals(self) -> int:
-        """Number of integrals, the states of the motors included."""
         return self.own + sum(motor.states for motor in self.actuators)
 
     @cached_property
@@ -64,11 +63,9 @@ class MotorController(Controller):
         return [slice(*pair) for pair in pairwise(ends)]
 
     def _of_source(self, given: Given) -> Given:
-        """Return what the controller of the motors knows."""
         return given._replace(integral=given.integral[..., : self.own], mode=self._mode_of_source(given.mode))
 
     def _of_limited(self, given: Given) -> Given:
-        """Return what it knows, with what the motors withhold of its commands."""
         return self._of_source(given)._replace(excess=self.excess(given))
 
     def commands(self, given: Given) -> Array:
@@ -78,7 +75,6 @@ class MotorController(Controller):
         return self.source.limited(self.source.command(self._of_source(given)))
 
     def inputs(self, given: Given) -> list[MotorInput]:
-        """Return what every motor gets."""
         v, commands = given.v[..., self._velocities], self.commands(given)
         return [
             MotorInput(commands[..., k], given.integral[..., place], v[..., k], mode_of(given.mode, k))
@@ -93,7 +89,6 @@ class MotorController(Controller):
         return np.stack([motor.excess(own) for motor, own in self._pairs(given)], axis=-1)
 
     def command(self, given: Given) -> Array:
-        """Return the efforts at the joints, shape (..., k)."""
         return np.stack([motor.effort(own) for motor, own in self._pairs(given)], axis=-1)
 
     def parts(self, given: Given) -> dict[str, Array]:
@@ -116,7 +111,6 @@ class MotorController(Controller):
         return np.concatenate([own, *(motor.rates(each) for motor, each in self._pairs(given))], axis=-1)
 
     def mode(self, given: Given, before: int | None) -> int:
-        """Return the mode of the controller of the motors, and those of the motors."""
         given = given._replace(mode=before or 0)
         source = 0
         if not self.source.sampling:

@@ -125,7 +125,6 @@ class PidController(Controller):
 
     @property
     def integrals(self) -> int:
-        """One for each drive, where an integral has a gain."""
         return self._integrals
 
     @cached_property
@@ -146,7 +145,6 @@ class PidController(Controller):
         return error - given.excess / (self.ki * self.tracking_time) if given.excess.size else error
 
     def clamped(self, integral: Array) -> Array:
-        """Return integrals whose parts are within the limits."""
         return np.asarray(np.minimum(np.maximum(integral, self._ends[0]), self._ends[1]))
 
     @cached_property

@@ -58,7 +58,6 @@ class JointSignal:
         return cls(joint.name, joint.unit, joint.q, joint.v)
 
     def measure(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return coordinate and velocity."""
         return q[..., self.q], v[..., self.v]
 
 
@@ -79,7 +78,6 @@ class SumSignal:
     places: Indices
 
     def measure(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the sums."""
         return np.asarray(q[..., self.places] @ self.weights), np.asarray(v @ self.weights)
 
 
@@ -99,7 +97,6 @@ class CoordinateSignal:
 
     @property
     def unit(self) -> Unit:
-        """Unit of the coordinate."""
         return self.coordinate.unit
 
     def measure(self, q: Array, v: Array) -> tuple[Array, Array]:

@@ -77,7 +77,6 @@ class Relay(Controller):
     lead: float
 
     def command(self, given: Given) -> Array:
-        """Return the effort of the state that the relay is in."""
         efforts = np.where(np.equal(given.mode, HIGH), self.above, self.below)
         return np.broadcast_to(efforts, np.shape(given.t))[..., None]
 
@@ -96,7 +95,6 @@ class Relay(Controller):
         return LOW if s <= -self.hysteresis else before
 
     def switches(self, mode: int) -> list[Switch[Given]]:
-        """Return the crossing at which the relay leaves its state."""
         if mode == HIGH:
             return [Switch(lambda given: self.deviation(given) + self.hysteresis, -1, LOW, leaps=True)]
         return [Switch(lambda given: self.deviation(given) - self.hysteresis, 1, HIGH, leaps=True)]

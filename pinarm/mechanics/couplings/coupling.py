@@ -193,22 +193,18 @@ class Coupling(AbstractRecord, JointRelation, frozen=True):
 
     @property
     def joints(self) -> Indices:
-        """Indices in v of the joints with a weight."""
         return np.flatnonzero(self.coordinate.weights)
 
     @property
     def known(self) -> bool:
-        """Whether there is a transmission."""
         return self.transmission is not None
 
     @property
     def second(self) -> int:
-        """That of the transmission."""
         assert self.transmission is not None
         return self.transmission.second
 
     def unit(self, row: int) -> Unit:
-        """Return the unit of the gap."""
         return self.coordinate.unit
 
     def gaps_at(self, q: Array) -> Array:
@@ -216,7 +212,6 @@ class Coupling(AbstractRecord, JointRelation, frozen=True):
         return np.asarray(q[:, self.coordinate.places] @ self.coordinate.weights - self.constant)
 
     def rows_at(self, q: Array) -> Array:
-        """Return the weights at every configuration."""
         return np.broadcast_to(self.coordinate.weights, (len(q), len(self.coordinate.weights)))
 
     def drifts_at(self, q: Array, v: Array) -> Array:
@@ -231,7 +226,6 @@ class Coupling(AbstractRecord, JointRelation, frozen=True):
         return {body: outwards(links, known.carrier, wrench) for body, wrench in known.wrenches(lam[:, 0]).items()}
 
     def kinks(self, links: LinkPlacements) -> list[Kink]:
-        """Return those of the transmission."""
         known = self.transmission
         if known is None:
             return []
@@ -247,17 +241,14 @@ class Coupling(AbstractRecord, JointRelation, frozen=True):
         return point, np.concatenate([wrench[:, :3], wrench[:, 3:] - crossed(point, wrench[:, :3])], axis=1)
 
     def parts(self) -> dict[str, Unit]:
-        """Return the forces of the transmission."""
         return self.transmission.parts() if self.transmission else {}
 
     def part(self, name: str, q: Array, lam: Array) -> Array:
-        """Return a force of the transmission, which depends on the multiplier only."""
         assert self.transmission is not None
         return self.transmission.part(name, lam)
 
     @property
     def description(self) -> str:
-        """The transmission in words, or what is missing."""
         return str(self.transmission or f"its forces on bodies are not known: {self.missing}")
 
 

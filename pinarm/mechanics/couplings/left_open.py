@@ -34,7 +34,6 @@ class OpenReaction(Record, frozen=True):
     wrenches: Array
 
     def __str__(self) -> str:
-        """Return the reason in words."""
         named = (f"'{coupling.name}' ({coupling.kind}): {coupling.missing}" for coupling in self.couplings)
         return "couplings leave it open: " + "; ".join(named)
 

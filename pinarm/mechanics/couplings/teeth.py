@@ -239,12 +239,10 @@ def _link_in_carrier(model: pin.Model, pair: MemberPair, link: str, otherwise: s
 
 
 def _turns(member: Member) -> bool:
-    """Tell whether a member keeps its place along the axis of the other one."""
     return str(member.joint.unit) == "rad"
 
 
 def _across(axis: Array, vector: Array) -> Array:
-    """Return the part of a vector that is normal to an axis."""
     return np.asarray(vector - axis * (axis @ vector))
 
 

@@ -122,27 +122,22 @@ class ToothContact(Record, frozen=True):
     surfaces: PitchSurfaces
 
     def wrenches(self, lam: Array) -> dict[int, Array]:
-        """Return the opposite forces on the two members."""
         force = np.multiply.outer(lam, self.along) + np.multiply.outer(np.abs(lam), self.apart)
         wrench = _at_origin(self.point, force)
         return {self.second: wrench, self.first: -wrench}
 
     @property
     def kinks(self) -> list[tuple[float, Array]]:
-        """Where the flanks change."""
         return [(0.0, _at_origin(self.point, self.apart))]
 
     def parts(self) -> dict[str, Unit]:
-        """Return the names of its forces."""
         return dict.fromkeys(self.components, NEWTON)
 
     def part(self, name: str, lam: Array) -> Array:
-        """Return one of them [N], shape (n,)."""
         size, keeps = self.components[name]
         return np.asarray(size * (np.abs(lam) if keeps else lam))
 
     def __str__(self) -> str:
-        """Return the kind of mesh, with its radii and angles."""
         return self.words
 
 
@@ -168,7 +163,6 @@ class ThreadContact(Record, frozen=True):
     pitch: float
 
     def wrenches(self, lam: Array) -> dict[int, Array]:
-        """Return the opposite wrenches on the two members."""
         unit_wrench = _at_origin(self.point, self.along)
         unit_wrench[3:] += self.about
         wrench = np.multiply.outer(lam, unit_wrench)
@@ -180,7 +174,6 @@ class ThreadContact(Record, frozen=True):
         return []
 
     def parts(self) -> dict[str, Unit]:
-        """Return the axial force, and the moment of the thread."""
         return {"axial": NEWTON, "torque": NEWTON_METRE}
 
     def part(self, name: str, lam: Array) -> Array:
@@ -188,7 +181,6 @@ class ThreadContact(Record, frozen=True):
         return np.asarray(lam if name == "axial" else self.pitch * lam)
 
     def __str__(self) -> str:
-        """Return its kind and lead."""
         return f"thread, lead {2e3 * np.pi * self.pitch:.6g} mm"
 
 
@@ -224,7 +216,6 @@ class Strands(Record, frozen=True):
         return np.stack([one, one - apart], axis=-1)
 
     def wrenches(self, lam: Array) -> dict[int, Array]:
-        """Return the opposite wrenches on the two wheels."""
         wrench = self.tensions(lam) @ self.pulls
         return {self.second: wrench, self.first: -wrench}
 
@@ -235,16 +226,13 @@ class Strands(Record, frozen=True):
         return [(sign * slack, share * self.pulls.sum(axis=0)) for sign in (1.0, -1.0)]
 
     def parts(self) -> dict[str, Unit]:
-        """Return the larger tension and the smaller one."""
         return {"tight": NEWTON, "slack": NEWTON}
 
     def part(self, name: str, lam: Array) -> Array:
-        """Return one of them [N], shape (n,)."""
         tensions = self.tensions(lam)
         return np.asarray(tensions.max(axis=1) if name == "tight" else tensions.min(axis=1))
 
     def __str__(self) -> str:
-        """Return its pretension."""
         return f"two strands, pretension {self.pretension:.6g} N"
 
 
@@ -268,7 +256,6 @@ class PureMoments(Record, frozen=True):
     planets: int
 
     def wrenches(self, lam: Array) -> dict[int, Array]:
-        """Return the moments on the two members and on the carrier."""
         bodies, couples = (self.second, self.first, self.carrier), np.zeros((3, 6))
         couples[:, 3:] = self.moments
         return {body: np.multiply.outer(lam, couple) for body, couple in zip(bodies, couples, strict=True)}
@@ -287,5 +274,4 @@ class PureMoments(Record, frozen=True):
         raise KeyError(name)
 
     def __str__(self) -> str:
-        """Return how many planets share it."""
         return f"moments only, shared by {self.planets} evenly spaced planets"

@@ -56,11 +56,9 @@ class AlongCoordinate(AbstractRecord, ForceElement, frozen=True):
         return {joint: wrench[0] for joint, wrench in acting.items()}
 
     def measures(self) -> Mapping[str, ElementQuantity]:
-        """Return its effort along the coordinate."""
         return {"effort": ElementQuantity(effort_along(self.coordinate), self.efforts)}
 
     def efforts(self, t: Array, q: Array, v: Array) -> Array:
-        """Return the efforts in n states [N*m or N], shape (n,)."""
         w, rows = self._evaluated(q, v)
         return np.broadcast_to(self.effort(t, w, (rows * v).sum(axis=-1)), w.shape)
 
@@ -98,21 +96,17 @@ class SpringAlong(AlongCoordinate, frozen=True):
     rest: float
 
     def effort(self, t: Array | float, w: Array, rate: Array) -> Array:
-        """Return the effort."""
         return np.asarray(-self.stiffness * (w - self.rest) - self.damping * rate)
 
     def potential_energy(self, q: Array) -> Array:
-        """Return the energy of the spring."""
         w, _ = self._evaluated(q, np.zeros((*q.shape[:-1], self.model.nv)))
         return np.asarray(0.5 * self.stiffness * (w - self.rest) ** 2)
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
-        """Return the power of the damper."""
         return np.asarray(self.damping * (self._evaluated(q, v)[1] * v).sum(axis=-1) ** 2)
 
     @property
     def conservative(self) -> bool:
-        """Whether there is no damper."""
         return not self.damping
 
 
@@ -128,27 +122,22 @@ class EffortAlong(AlongCoordinate, frozen=True):
     function: Callable[[Array], Values] | None = None
 
     def effort(self, t: Array | float, w: Array, rate: Array) -> Array:
-        """Return the effort."""
         if self.function is None:
             raise ValueError("a law is evaluated on an interval of time: take the element's on(start, end)")
         return self.function(np.asarray(t, float))[0]
 
     def potential_energy(self, q: Array) -> Array:
-        """Return 0."""
         return np.zeros(q.shape[:-1])
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
-        """Return the power supplied, with a minus."""
         w, rows = self._evaluated(q, v)
         rate = (rows * v).sum(axis=-1)
         return np.asarray(-self.effort(t, w, rate) * rate)
 
     def laws(self) -> list[MotionLaw]:
-        """Return the law."""
         return [self.law]
 
     def on(self, start: float, end: float) -> EffortAlong:
-        """Return the element with the piece of its law on the interval."""
         return replace(self, function=self.law.on(start, end))
 
 
@@ -168,7 +157,6 @@ class CoordinateSpring(InputStruct, frozen=True, tag_field="kind", tag="coordina
     rest: AnyQuantity = 0.0
 
     def bind(self, model: pin.Model, coordinates: Mapping[str, Coordinate]) -> ForceElement:
-        """Return the element of one model."""
         with within("coordinate"):
             along = coordinate_of(model, coordinates, self.coordinate)
         effort = effort_along(along)
@@ -192,7 +180,6 @@ class CoordinateEffort(InputStruct, frozen=True, tag_field="kind", tag="coordina
     effort: Law
 
     def bind(self, model: pin.Model, coordinates: Mapping[str, Coordinate]) -> ForceElement:
-        """Return the element of one model."""
         with within("coordinate"):
             along = coordinate_of(model, coordinates, self.coordinate)
         with within("effort"):

@@ -97,12 +97,10 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
         tau[:, self.frame_pair.velocities[:, 0]] += motion.efforts(force[:, None], moment[:, None])[:, 0].T
 
     def potential_energy(self, q: Array) -> Array:
-        """Return the energy of the spring."""
         x = np.array([self._deflection(state) for state in _rows(q)]).reshape(-1, 6)
         return np.asarray(0.5 * (x @ self.stiffness * x).sum(axis=1)).reshape(q.shape[:-1])
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
-        """Return the power of the damper."""
         if not self._damped:
             return np.zeros(q.shape[:-1])
         x = np.array([self._rate(*state) for state in zip(_rows(q), _rows(v), strict=True)]).reshape(-1, 6)
@@ -110,16 +108,13 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
 
     @property
     def conservative(self) -> bool:
-        """Whether there is no damper."""
         return not self._damped
 
     @property
     def points(self) -> tuple[int, ...]:
-        """Indices of both frames."""
         return self.frames
 
     def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
-        """Return what acts on both links, moved to the world's origin."""
         placement, jacobian = self._relative(q)
         wrench = self._wrench(placement, jacobian, v)
         wrench[3:] += np.cross(placement.translation, wrench[:3])
@@ -164,7 +159,6 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
 
     @property
     def description(self) -> str:
-        """What it is and between which links."""
         return f"bushing between {self.between}"
 
     @property
@@ -231,7 +225,6 @@ def _rate(apart: Deflection[float], placement: pin.SE3, jacobian: Array, v: Arra
 
 
 def _rows(values: Array) -> Array:
-    """Return states as rows, a view."""
     return values.reshape(-1, values.shape[-1])
 
 

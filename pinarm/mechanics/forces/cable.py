@@ -65,7 +65,6 @@ class TautSpring(AlongCoordinate, frozen=True):
     rest: float
 
     def effort(self, t: Array | float, w: Array, rate: Array) -> Array:
-        """Return the effort [N], which shortens the path."""
         return -self._tension(w, rate)
 
     def _tension(self, w: Array, rate: Array) -> Array:
@@ -75,7 +74,6 @@ class TautSpring(AlongCoordinate, frozen=True):
         return np.asarray(w > self.rest - TOUCHING * (1.0 + self.rest))
 
     def _pull(self, w: Array, rate: Array) -> Array:
-        """Return the tension of a cable that could push."""
         return np.asarray(self.stiffness * (w - self.rest) + self.damping * rate)
 
     def potential_energy(self, q: Array) -> Array:
@@ -90,7 +88,6 @@ class TautSpring(AlongCoordinate, frozen=True):
 
     @property
     def conservative(self) -> bool:
-        """Whether there is no damper."""
         return not self.damping
 
     def edges(self) -> list[Edge]:
@@ -103,11 +100,9 @@ class TautSpring(AlongCoordinate, frozen=True):
 
     @property
     def points(self) -> tuple[int, ...]:
-        """Indices of the frames on its path."""
         return self.path.frames
 
     def measures(self) -> Mapping[str, ElementQuantity]:
-        """Return the length of its path, and its tension."""
         return {
             "length": ElementQuantity(METRE, lambda t, q, v: self._length(q)),
             "tension": ElementQuantity(unit("N"), lambda t, q, v: -self.efforts(t, q, v)),
@@ -115,5 +110,4 @@ class TautSpring(AlongCoordinate, frozen=True):
 
     @property
     def description(self) -> str:
-        """What it is and through which links."""
         return f"cable through {self.path.words(self.model)}"

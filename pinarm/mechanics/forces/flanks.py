@@ -57,13 +57,11 @@ class Flanks(AlongCoordinate, frozen=True):
     half: float
 
     def effort(self, t: Array | float, w: Array, rate: Array) -> Array:
-        """Return the effort [N*m or N]."""
         side = np.sign(np.real(w))
         push = np.maximum(self._push(side, w, rate), 0.0)
         return np.asarray(np.where(self._touches(side, w), -side * push, 0.0))
 
     def _push(self, side: Array | float, w: Array, rate: Array) -> Array:
-        """Return what the flank on a side, 1 or -1, would push while it touches."""
         return np.asarray(self.spring.stiffness * (side * w - self.half) + self.spring.damping * side * rate)
 
     def potential_energy(self, q: Array) -> Array:
@@ -79,7 +77,6 @@ class Flanks(AlongCoordinate, frozen=True):
 
     @property
     def conservative(self) -> bool:
-        """Whether there is no damper."""
         return not self.spring.damping
 
     def edges(self) -> list[Edge]:
@@ -101,7 +98,6 @@ class Flanks(AlongCoordinate, frozen=True):
         return True
 
     def passed(self, q: Array, v: Array) -> bool:
-        """Return whether the deflection passes the whole backlash."""
         return self._pieces.passed(self._deflection(q))
 
     @cached_property

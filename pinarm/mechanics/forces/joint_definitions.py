@@ -45,7 +45,6 @@ class JointSpring(InputStruct, frozen=True, tag_field="kind", tag="joint_spring"
     rest: AnyQuantity = 0.0
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
-        """Return the element of one model."""
         from pinarm.mechanics.forces.joint_springs import SpringDamper
 
         joint = _joint(joints, self.joint)
@@ -72,7 +71,6 @@ class RegularisedFriction(InputStruct, frozen=True, tag_field="kind", tag="regul
     creep: Positive = CREEP
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
-        """Return the element of one model."""
         from pinarm.mechanics.forces.joint_springs import DryFriction
 
         joint = _joint(joints, self.joint)
@@ -104,7 +102,6 @@ class JointEffort(InputStruct, frozen=True, tag_field="kind", tag="joint_effort"
                 raise InputError("a law over time has no period", expected="over: the joint whose turns are meant")
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
-        """Return the element of one model."""
         from pinarm.mechanics.forces.joint_efforts import AppliedEffort, ProfiledEffort
 
         joint = _joint(joints, self.joint)
@@ -141,7 +138,6 @@ class TorqueSpeed(InputStruct, frozen=True, tag_field="kind", tag="torque_speed"
             raise InputError("the velocities of the curve do not ascend", expected="two points or more, ascending")
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
-        """Return the element of one model."""
         from pinarm.mechanics.forces.joint_efforts import MotorCurve
 
         joint = _joint(joints, self.joint)

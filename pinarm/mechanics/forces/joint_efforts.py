@@ -36,24 +36,19 @@ class AppliedEffort(AbstractRecord, ForceElement, frozen=True):
         tau[..., self.v] += self._effort(t)
 
     def potential_energy(self, q: Array) -> Array:
-        """Return 0."""
         return np.zeros(q.shape[:-1])
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
-        """Return the power supplied, with a minus."""
         return np.asarray(-self._effort(t) * v[..., self.v])
 
     @property
     def steady(self) -> bool:
-        """Whether the effort is constant."""
         return self.constant is not None
 
     def laws(self) -> list[MotionLaw]:
-        """Return the law."""
         return [self.law]
 
     def on(self, start: float, end: float) -> AppliedEffort:
-        """Return the element with the piece of its law on the interval."""
         constant = float(self.law.value) if isinstance(self.law, Constant) else None
         return replace(self, function=self.law.on(start, end), constant=constant)
 
@@ -89,11 +84,9 @@ class ProfiledEffort(AbstractRecord, ForceElement, frozen=True):
         tau[..., self.v] += continued(lambda w: self.profile(w)[:2], q[..., self.q])
 
     def potential_energy(self, q: Array) -> Array:
-        """Return 0."""
         return np.zeros(q.shape[:-1])
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
-        """Return the power supplied, with a minus."""
         return np.asarray(-self.profile(q[..., self.q])[0] * v[..., self.v])
 
     @property
@@ -102,7 +95,6 @@ class ProfiledEffort(AbstractRecord, ForceElement, frozen=True):
         return True
 
     def passed(self, q: Array, v: Array) -> bool:
-        """Return whether the coordinate passes a whole piece of the profile."""
         return self._pieces.passed(q[..., self.q])
 
     def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
@@ -133,11 +125,9 @@ class MotorCurve(AbstractRecord, ForceElement, frozen=True):
         tau[..., self.v] += continued(self._curve, v[..., self.v])
 
     def potential_energy(self, q: Array) -> Array:
-        """Return 0."""
         return np.zeros(q.shape[:-1])
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
-        """Return the power supplied, with a minus."""
         rate = v[..., self.v]
         return np.asarray(-np.interp(rate, self.speeds, self.efforts) * rate)
 

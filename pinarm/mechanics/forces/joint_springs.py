@@ -75,18 +75,15 @@ class SpringDamper(AbstractRecord, ForceElement, frozen=True):
         return _following(self.q), _following(self.v)
 
     def potential_energy(self, q: Array) -> Array:
-        """Return the energy of the springs."""
         moved = q[..., self._places[0]] - self.rest
         return np.asarray(0.5 * np.vecdot(self.stiffness * moved, moved))
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
-        """Return the power of the dampers."""
         rates = v[..., self._places[1]]
         return np.asarray(np.vecdot(self.damping * rates, rates))
 
     @property
     def conservative(self) -> bool:
-        """Whether there are no dampers."""
         return not self.damping.any()
 
 
@@ -110,11 +107,9 @@ class BallSpring(AbstractRecord, ForceElement, frozen=True):
         tau[..., self.v : self.v + 3] -= self.stiffness * self._rotation(q)
 
     def potential_energy(self, q: Array) -> Array:
-        """Return the energy of the spring."""
         return np.asarray(0.5 * self.stiffness * (self._rotation(q) ** 2).sum(axis=-1))
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
-        """Return 0."""
         return np.zeros(v.shape[:-1])
 
     @property
@@ -151,11 +146,9 @@ class DryFriction(AbstractRecord, ForceElement, frozen=True):
         tau[..., self.v] -= self.friction * np.tanh(v[..., self.v] / self.creep)
 
     def potential_energy(self, q: Array) -> Array:
-        """Return 0."""
         return np.zeros(q.shape[:-1])
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
-        """Return the heat."""
         rates = v[..., self.v]
         return np.asarray((self.friction * np.tanh(rates / self.creep) * rates).sum(axis=-1))
 

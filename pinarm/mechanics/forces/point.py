@@ -85,30 +85,24 @@ class AppliedWrench(AbstractRecord, ForceElement, frozen=True):
         tau[:, point.pairs.velocities[:, 0]] += (self._factor(t) * point.efforts(force, moment)[:, 0]).T
 
     def potential_energy(self, q: Array) -> Array:
-        """Return 0."""
         return np.zeros(q.shape[:-1])
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
-        """Return the power supplied, with a minus."""
         tau = np.zeros_like(v)
         self.add_load(t, q, v, tau)
         return np.asarray(-(tau * v).sum(axis=-1))
 
     def laws(self) -> list[MotionLaw]:
-        """Return the law."""
         return [self.law]
 
     def on(self, start: float, end: float) -> AppliedWrench:
-        """Return the element with the piece of its law on the interval."""
         return replace(self, function=self.law.on(start, end))
 
     @property
     def points(self) -> tuple[int, ...]:
-        """Index of the frame of the point."""
         return (self.frame,)
 
     def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
-        """Return the wrench on the link, moved to the world's origin."""
         pin.framesForwardKinematics(self.model, self.data, q)
         wrench = self._in_world(t)
         point = self.data.oMf[self.frame].translation
@@ -116,7 +110,6 @@ class AppliedWrench(AbstractRecord, ForceElement, frozen=True):
         return {self.model.frames[self.frame].parentJoint: np.concatenate([wrench[:3], moment])}
 
     def wrenches_at(self, links: LinkPlacements, t: Array, q: Array, v: Array) -> dict[int, Array]:
-        """Return the wrench on the link, moved to the world's origin."""
         turns, points = links.frame(self.axes)[0], links.frame(self.frame)[1]
         force, moment = (np.matvec(turns, part) for part in (self.wrench[:3], self.wrench[3:]))
         whole = self._factor(t)[..., None] * joined(force, moment + crossed(points, force))
@@ -171,28 +164,23 @@ class TwoPointSpring(AbstractRecord, ForceElement, frozen=True):
         tau -= self._tension(size, float(slope.dot(v))) * slope
 
     def potential_energy(self, q: Array) -> Array:
-        """Return the energy of the spring and of the constant pull."""
         stretched = self._lines(q)[0] - self.free_length
         return np.asarray(0.5 * self.stiffness * stretched**2 + self.force * stretched)
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
-        """Return the power of the damper."""
         if not self.damping:
             return np.zeros(q.shape[:-1])
         return np.asarray(self.damping * (self._lines(q)[1] * v).sum(axis=-1) ** 2)
 
     @property
     def conservative(self) -> bool:
-        """Whether there is no damper."""
         return not self.damping
 
     @property
     def points(self) -> tuple[int, ...]:
-        """Indices of the frames of both ends."""
         return self.frames
 
     def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
-        """Return the pull on both links, moved to the world's origin."""
         length, direction, row = self._line(q)
         pull = self._tension(length, float(row @ v)) * direction
         found: dict[int, Array] = {}
@@ -202,7 +190,6 @@ class TwoPointSpring(AbstractRecord, ForceElement, frozen=True):
         return found
 
     def measures(self) -> Mapping[str, ElementQuantity]:
-        """Return its length, and its tension, positive where it pulls."""
         return {
             "length": ElementQuantity(METRE, lambda t, q, v: self._lines(q)[0]),
             "tension": ElementQuantity(unit("N"), self._tensions),
@@ -210,7 +197,6 @@ class TwoPointSpring(AbstractRecord, ForceElement, frozen=True):
 
     @property
     def description(self) -> str:
-        """What it is and between which links."""
         return f"point_spring between {self._named}"
 
     @property
@@ -321,7 +307,6 @@ class Wrench(InputStruct, frozen=True, tag_field="kind", tag="wrench"):
     factor: Law = msgspec.field(default_factory=lambda: Constant(value=1.0))
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
-        """Return the element of one model."""
         with within("axes"):
             axes = 0 if self.axes == "world" else frame_of(model, self.axes)
         with within("point"):
@@ -354,7 +339,6 @@ class PointSpring(InputStruct, frozen=True, tag_field="kind", tag="point_spring"
     force: Force = 0.0
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
-        """Return the element of one model."""
         frames = frames_of(model, self.between)
         return TwoPointSpring(
             model, frames, self.stiffness, self.damping, self.free_length, self.force, new_data(model)
@@ -362,7 +346,6 @@ class PointSpring(InputStruct, frozen=True, tag_field="kind", tag="point_spring"
 
 
 def _loads(tau: Array) -> Array:
-    """Return tau as rows, a view into it."""
     return tau.reshape(-1, tau.shape[-1])
 
 

@@ -37,14 +37,12 @@ class BeltFriction(ConstantSlip):
     radius: float
 
     def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
-        """Return what the strands do to the two wheels, their pretension included."""
         known = self.coupling.transmission
         assert isinstance(known, Strands)
         lam = self.radius * f
         return {body: outwards(links, known.carrier, wrench) for body, wrench in known.wrenches(lam).items()}
 
     def kinks(self, links: LinkPlacements) -> list[Kink]:
-        """Return those of the strands, per difference of the tensions."""
         return [Kink(kink.at / self.radius, {joint: self.radius * wrench for joint, wrench in kink.wrenches.items()})
                 for kink in self.coupling.kinks(links)]  # fmt: skip
 

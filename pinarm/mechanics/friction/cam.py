@@ -61,14 +61,12 @@ class CamFriction(CouplingContact):
         return float(touch.slip_rate[0] * rate**2 + follower)
 
     def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
-        """Return the opposite forces along the tangent on follower and cam."""
         touch, plane = self.contact.touch(self.coupling.values(links.q)), self.contact.plane
         point, force = plane.origin + plane.vectors(touch.point), plane.vectors(f * touch.tangent)
         wrench = outwards(links, plane.pair.carrier, np.concatenate([force, crossed(point, force)], axis=1))
         return {plane.pair.second.body: wrench, plane.pair.first.body: -wrench}
 
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
-        """Return the normal force as the first component of a wrench, shape (n, 6)."""
         found, touch = np.zeros((len(joints), 6)), self.contact.touch(self.coupling.values(links.q))
         found[:, 0] = self.contact.force(touch, lam[self.coupling.name][:, 0])
         return found

@@ -126,11 +126,9 @@ class JointContact:
 
     @property
     def row_is_constant(self) -> bool:
-        """Return True."""
         return True
 
     def row(self, state: Kinematics) -> Array:
-        """Return the unit vector of the joint, shape (nv,)."""
         unit = np.zeros(state.model.nv)
         unit[self.v] = 1.0
         return unit
@@ -144,11 +142,9 @@ class JointContact:
         return {}
 
     def kinks(self, links: LinkPlacements) -> list[Kink]:
-        """Return nothing."""
         return []
 
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
-        """Return the wrench of the parent on the child, in the child's axes."""
         turn = links.turns[:, self.index]
         wrench = joints[:, self.index]
         return np.concatenate([np.vecmat(wrench[:, :3], turn), np.vecmat(wrench[:, 3:], turn)], axis=1)
@@ -186,19 +182,15 @@ class LoopContact:
 
     @property
     def row_is_constant(self) -> bool:
-        """Return False."""
         return False
 
     def row(self, state: Kinematics) -> Array:
-        """Return J, shape (nv,)."""
         return np.asarray(self.slip.rows(state)[0])
 
     def drift(self, state: Kinematics) -> float:
-        """Return J' v."""
         return float(self.slip.drift(state)[0])
 
     def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
-        """Return what it does to the two links."""
         return self.slip.wrenches(links, f[:, None])
 
     def kinks(self, links: LinkPlacements) -> list[Kink]:

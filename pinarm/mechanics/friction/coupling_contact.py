@@ -92,11 +92,9 @@ class ConstantSlip(CouplingContact):
 
     @property
     def row_is_constant(self) -> bool:
-        """Return True."""
         return True
 
     def row(self, state: Kinematics) -> Array:
-        """Return J, shape (nv,)."""
         return self.slip
 
     def drift(self, state: Kinematics) -> float:
@@ -104,7 +102,6 @@ class ConstantSlip(CouplingContact):
         return 0.0
 
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
-        """Return the multiplier as the first component of a wrench, shape (n, 6)."""
         return self.carried(lam)
 
     def carried(self, lam: dict[str, Array]) -> Array:

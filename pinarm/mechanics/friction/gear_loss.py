@@ -61,22 +61,18 @@ class GearLoss:
 
     @property
     def effort(self) -> Unit:
-        """Unit of the friction."""
         return unit("N" if self.gear.coordinate.unit == METRE else "N*m")
 
     @property
     def row_is_constant(self) -> bool:
-        """Return False."""
         return False
 
     def row(self, state: Kinematics) -> Array:
-        """Return the row of the mean velocity of both sides, shape (nv,)."""
         row = 0.5 * np.asarray(self.gear.coordinate.row(state), dtype=np.float64)
         row[self.gear.rotor.v] += 0.5
         return row
 
     def drift(self, state: Kinematics) -> float:
-        """Return half the drift of what is driven."""
         return 0.5 * self.gear.coordinate.drift(state)
 
     def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
@@ -88,7 +84,6 @@ class GearLoss:
         return []
 
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
-        """Return the multiplier as the first component of a wrench, shape (n, 6)."""
         found = np.zeros((len(joints), 6))
         found[:, 0] = lam[self.gear.name][:, 0]
         return found

@@ -51,7 +51,6 @@ class FrictionLaw:
         return mu, constant + self.viscous * speed
 
     def words(self, effort: Unit) -> str:
-        """Return it in words, in the unit of F, N*m or N."""
         speed = RADIAN if effort == unit("N*m") else METRE
         parts = [f"{name}{slipping:g}{measure}" + (f" ({resting:g}{measure} at rest)" if resting != slipping else "")
                  for name, slipping, resting, measure in (

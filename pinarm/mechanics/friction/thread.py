@@ -48,7 +48,6 @@ class ThreadGeometry:
 
     @property
     def along(self) -> tuple[float, float]:
-        """Slip along the thread per angle [m/rad], and per way."""
         return self.radius * cos(self.lead_angle), sin(self.lead_angle)
 
     @property

@@ -144,7 +144,6 @@ class ToothFriction(ConstantSlip):
         return replace(super().coordinate, unit=RADIAN)
 
     def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
-        """Return the opposite moments on the two members."""
         known = self.coupling.transmission
         assert isinstance(known, ToothContact)
         wrench = outwards(links, known.carrier, np.multiply.outer(f, np.concatenate([np.zeros(3), self.couple])))

@@ -67,7 +67,6 @@ class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rena
         self.pieces()
 
     def pieces(self) -> Sequence[Piece]:
-        """Return the pieces of all laws, shifted in time and value."""
         t, v, now = float(self.begin), 0.0, np.array([0.0])
         first = self.segments[0].motion.smooth_pieces
         s = float(piece_after(first, 0.0)(now)[0][0]) if self.start is None else float(self.start)
@@ -120,7 +119,6 @@ def piece_after(pieces: Sequence[Piece], t: float) -> Callable[[Array], Values]:
 
 
 def _piece_until(pieces: Sequence[Piece], t: float) -> Callable[[Array], Values]:
-    """Return the function of the piece that is valid just before t."""
     return next(piece.function for piece in pieces if t <= piece.end)
 
 

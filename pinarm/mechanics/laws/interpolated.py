@@ -50,7 +50,6 @@ class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", r
         check_points(self.points, along, of / along)
 
     def pieces(self) -> Sequence[Piece]:
-        """Return constant speed, a parabola between each two points, constant speed."""
         (t, v), s = self.points[0], float(self.start)
         pieces = [Piece(-math.inf, t, polynomial(t, s, v))]
         for (t0, v0), (t1, v1) in pairwise(self.points):
@@ -80,7 +79,6 @@ class Steps(MotionLaw, frozen=True, tag_field="law", tag="steps"):
         check_points(self.points, along, of)
 
     def pieces(self) -> Sequence[Piece]:
-        """Return a constant for each point."""
         bounds = [-math.inf, *(float(t) for t, _ in self.points[1:]), math.inf]
         levels = [polynomial(0.0, float(value)) for _, value in self.points]
         return [Piece(start, end, level) for (start, end), level in zip(pairwise(bounds), levels, strict=True)]
@@ -162,7 +160,6 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
                 )  # fmt: skip
 
     def pieces(self) -> Sequence[Piece]:
-        """Return constant speed, the spline, constant speed."""
         times, values = cached_table(self.file, self.column).columns
         return spline_pieces(np.array(times), np.array(values), self.speeds)
 

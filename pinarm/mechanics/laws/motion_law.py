@@ -86,7 +86,6 @@ class PowerSeries(Record, frozen=True):
     coefficients: tuple[float, ...]
 
     def __call__(self, t: Array) -> Values:
-        """Return s, s' and s'' at instants, shape (n,)."""
         x, (c, dc, ddc) = np.asarray(t, float) - self.origin, self._derivatives
         return _horner(c, x), _horner(dc, x), _horner(ddc, x)
 
@@ -115,7 +114,6 @@ class Stretched(Record, frozen=True):
     duration: float
 
     def __call__(self, t: Array) -> Values:
-        """Return s, s' and s'' at instants, shape (n,)."""
         s, ds, dds = self.shape((t - self.begin) / self.duration)
         rate = self.size / self.duration
         return self.start + self.size * s, rate * ds, rate / self.duration * dds
@@ -141,7 +139,6 @@ class Wave(Record, frozen=True):
     begin: float
 
     def __call__(self, t: Array) -> Values:
-        """Return s, s' and s'' at instants, shape (n,)."""
         x = self.rate * (t - self.begin)
         s, c = self.size * np.sin(x + self.phase), self.size * np.cos(x + self.phase)
         rise = self.size * self.slope
@@ -335,7 +332,6 @@ class Grid(ValueRecord, frozen=True):
         return np.repeat(self.cuts[:-1], counts), np.repeat(self.cuts[1:], counts)
 
     def part(self, first: int, last: int) -> Grid:
-        """Return the intervals from the first to the last of the given indices."""
         low, high = self.rows[first], self.rows[last + 1]
         rows = tuple(row - low for row in self.rows[first : last + 2])
         return Grid(self.t[low:high], self.cuts[first : last + 2], rows)

@@ -222,7 +222,6 @@ class Driven(MotionLaw, frozen=True):
     parts: tuple[Any, ...]
 
     def pieces(self) -> Sequence[Piece]:
-        """Return the pieces."""
         return self.parts
 
 

@@ -85,7 +85,6 @@ class Polynomial(MotionLaw, frozen=True, tag_field="law", tag="polynomial", rena
     }
 
     def pieces(self) -> Sequence[Piece]:
-        """Return rest, motion, rest."""
         shape, stop = polynomial(0.0, *self._SHAPES[self.degree]), self.begin + self.duration
         function = Stretched(shape, self.start, self.end - self.start, self.begin, self.duration)
         move = Piece(self.begin, stop, function)
@@ -110,7 +109,6 @@ class Cycloidal(MotionLaw, frozen=True, tag_field="law", tag="cycloidal", rename
     begin: Abscissa = 0.0
 
     def pieces(self) -> Sequence[Piece]:
-        """Return rest, motion, rest."""
         wave, stop = (self.start - self.end) / (2 * math.pi), self.begin + self.duration
         function = Wave(self.start, wave, -1.0, 2 * math.pi / self.duration, 0.0, self.begin)
         return _rest_move_rest(self.begin, stop, self.start, self.end, Piece(self.begin, stop, function))
@@ -144,7 +142,6 @@ class SCurve(MotionLaw, frozen=True, tag_field="law", tag="s_curve", rename=FILE
             raise InputError("an s_curve that goes somewhere needs limits other than 0")
 
     def pieces(self) -> Sequence[Piece]:
-        """Return rest, the intervals of constant jerk that take any time, rest."""
         distance = self.end - self.start
         if distance == 0.0:
             return [Piece(-math.inf, math.inf, polynomial(0.0, self.start))]

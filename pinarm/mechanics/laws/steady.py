@@ -19,7 +19,6 @@ class Constant(MotionLaw, frozen=True, tag_field="law", tag="constant", rename=F
     value: Level
 
     def pieces(self) -> Sequence[Piece]:
-        """Return the one piece."""
         return [Piece(-math.inf, math.inf, polynomial(0.0, self.value))]
 
 
@@ -37,7 +36,6 @@ class ConstantSpeed(MotionLaw, frozen=True, tag_field="law", tag="constant_speed
     begin: Abscissa = 0.0
 
     def pieces(self) -> Sequence[Piece]:
-        """Return the one piece."""
         return [Piece(-math.inf, math.inf, polynomial(self.begin, self.start, self.speed))]
 
 
@@ -57,7 +55,6 @@ class ConstantAcceleration(MotionLaw, frozen=True, tag_field="law", tag="constan
     begin: Abscissa = 0.0
 
     def pieces(self) -> Sequence[Piece]:
-        """Return the one piece."""
         function = polynomial(self.begin, self.start, self.speed, self.acceleration / 2)
         return [Piece(-math.inf, math.inf, function)]
 
@@ -80,6 +77,5 @@ class Harmonic(MotionLaw, frozen=True, tag_field="law", tag="harmonic", rename=F
     begin: Abscissa = 0.0
 
     def pieces(self) -> Sequence[Piece]:
-        """Return the one piece."""
         function = Wave(self.mean, self.amplitude, 0.0, self.pulsation, self.phase, self.begin)
         return [Piece(-math.inf, math.inf, function)]

@@ -73,19 +73,15 @@ class CableLoop(Record, frozen=True):
     side: float = -1.0
 
     def unit(self, row: int) -> Unit:
-        """Return metre."""
         return METRE
 
     def gap(self, state: Kinematics) -> Array:
-        """Return by how much the path is longer than the cable [m], shape (1,)."""
         return np.array([self.path.value(state) - self.length])
 
     def rows(self, state: Kinematics) -> Array:
-        """Return G, shape (1, nv)."""
         return self.path.row(state)[None]
 
     def drift(self, state: Kinematics) -> Array:
-        """Return G' v, shape (1,)."""
         return np.array([self.path.drift(state)])
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
@@ -93,16 +89,13 @@ class CableLoop(Record, frozen=True):
         return self.path.wrenches(links, lam[:, 0])
 
     def push(self, q: Array, lam: Array) -> Array:
-        """Return the tension [N], negative where it would have to push, shape (n,)."""
         return -lam
 
     def push_unit(self) -> Unit:
-        """Return N."""
         return unit("N")
 
     @property
     def opens(self) -> str:
-        """What happens where it would have to push."""
         return "it goes slack"
 
     def whereabouts(self, q: Array) -> str:

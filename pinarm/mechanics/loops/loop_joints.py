@@ -53,7 +53,6 @@ class LoopJoint(Record, frozen=True):
 
     @property
     def size(self) -> int:
-        """Number m of rows."""
         return len(self.pair.along)
 
     def unit(self, row: int) -> Unit:
@@ -65,7 +64,6 @@ class LoopJoint(Record, frozen=True):
         return self.pair.along[row] and self.pair.about[row]
 
     def gap(self, state: Kinematics) -> Array:
-        """Return what is not closed [m or rad], shape (m,)."""
         between = state.data.oMf[self.first].actInv(state.data.oMf[self.second])
         return np.array(self.pair.gap(between.translation, np.asarray(between.rotation.T)))
 
@@ -87,7 +85,6 @@ class LoopJoint(Record, frozen=True):
         return np.asarray(e @ (relative[:3] - pin.skew(p) @ relative[3:]) + w @ relative[3:])
 
     def drift(self, state: Kinematics) -> Array:
-        """Return G' v, shape (m,)."""
         model, data = state.model, state.data
         one, two = self.first, self.second
         between = data.oMf[one].actInv(data.oMf[two])
@@ -182,7 +179,6 @@ class LoopDefinition(InputStruct, frozen=True):
     between: tuple[str, str]
 
     def pair(self) -> Pair:
-        """Return what the joint holds."""
         raise NotImplementedError
 
     def bind(self, model: pin.Model, name: str) -> LoopJoint:

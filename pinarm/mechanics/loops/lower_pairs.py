@@ -49,17 +49,14 @@ class LowerPair(Record, frozen=True):
 
     @cached_property
     def along(self) -> list[bool]:
-        """Which rows have a direction of translation."""
         return [bool(row.any()) for row in self.e]
 
     @cached_property
     def about(self) -> list[bool]:
-        """Which rows have a direction of rotation."""
         return [bool(row.any()) for row in self.w]
 
     @property
     def constant(self) -> tuple[Array, Array]:
-        """The directions."""
         return self.e, self.w
 
     @cached_property
@@ -71,17 +68,14 @@ class LowerPair(Record, frozen=True):
         return self.w[self.about]
 
     def gap(self, p: Array, axes: Axes) -> list[Array]:
-        """Return the open distances and angles."""
         if self.rotation is None:
             return list(self._held @ p)
         return [*(self._held @ p), *(self._aligned @ self.rotation(p, axes))]
 
     def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
-        """Return the constant directions."""
         return self.e, self.w
 
     def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> Array:
-        """Return zeros."""
         return np.zeros((len(self.e), 1)[: p.ndim])
 
 
@@ -104,7 +98,6 @@ class Tilt(Record, frozen=True):
     normal: Array
 
     def __call__(self, p: Array, axes: Axes) -> Array:
-        """Return it."""
         other = self._turned @ combined(axes, self.axis)
         normal, cosine = other[:3], other[3]
         sine = np.sqrt(dot(normal, normal))
@@ -147,7 +140,6 @@ class LowerDefinition(LoopDefinition, frozen=True):
     """A lower pair, as files give it; ``around`` says what the kind holds about a unit vector."""
 
     def pair(self) -> LowerPair:
-        """Return it about z, where the kind has no axis."""
         return self.around(ALL[2])
 
     @staticmethod
@@ -166,7 +158,6 @@ class AxisDefinition(LowerDefinition, frozen=True):
     axis: Direction = "z"
 
     def pair(self) -> LowerPair:
-        """Return it about the axis."""
         return self.around(unit_vector(self.axis))
 
 

@@ -44,7 +44,6 @@ class SlidOut(Record, frozen=True):
     unit: Unit = METRE
 
     def value(self, state: Kinematics) -> float:
-        """Return z."""
         return float(self.way.gap(state)[0])
 
     def row(self, state: Kinematics) -> Array:
@@ -56,7 +55,6 @@ class SlidOut(Record, frozen=True):
         return float(self.way.drift(state)[0])
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        """Return the forces along the axis, of the first link on the second and back."""
         return self.way.wrenches(links, effort[:, None])
 
 
@@ -84,11 +82,9 @@ class TurnedAbout(Record, frozen=True):
 
     @property
     def wraps(self) -> bool:
-        """Whether nothing counts the turns."""
         return self.turns is None and self.thread is None
 
     def value(self, state: Kinematics) -> float:
-        """Return the angle."""
         between = state.data.oMf[self.way.first].actInv(state.data.oMf[self.way.second])
         u, v = normals(_axis(self.way))
         ru, rv = between.rotation @ u, between.rotation @ v

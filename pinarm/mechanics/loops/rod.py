@@ -24,7 +24,6 @@ class Rod(LoopDefinition, frozen=True, tag_field="kind", tag="rod", kw_only=True
     length: Span
 
     def pair(self) -> Tie:
-        """Return what it holds."""
         return Tie(float(self.length))
 
 
@@ -42,11 +41,9 @@ class Tie(Record, frozen=True):
     constant: tuple[Array, Array] | None = None
 
     def gap(self, p: Array, axes: Axes) -> list[Array]:
-        """Return by how much the distance differs from the length."""
         return [np.sqrt(dot(p, p)) - self.length]
 
     def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
-        """Return the direction of the rod."""
         return direction(p)[None], UNTURNED
 
     def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> Array:

@@ -24,7 +24,6 @@ class Universal(LoopDefinition, frozen=True, tag_field="kind", tag="universal"):
     axes: tuple[Direction, Direction] = ("x", "y")
 
     def pair(self) -> Cross:
-        """Return what it holds."""
         return Cross(unit_vector(self.axes[0]), unit_vector(self.axes[1]))
 
 
@@ -44,18 +43,15 @@ class Cross(Record, frozen=True):
     constant: tuple[Array, Array] | None = None
 
     def gap(self, p: Array, axes: Axes) -> list[Array]:
-        """Return the distance, and the angle by which the axes miss a right one."""
         return [*p, np.arcsin(np.clip(self.first @ combined(axes, self.second), -1.0, 1.0))]
 
     def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
-        """Return the directions; rotation is held about the normal of both axes."""
         normal = cross(combined(axes, self.second), self.first)
         w = np.zeros((4, *normal.shape), normal.dtype)
         w[3] = normal
         return ORIGINS, w
 
     def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> Array:
-        """Return what the turning of the second axis does."""
         turning = dot(cross(cross(omega, combined(axes, self.second)), self.first), omega)
         bend = np.zeros((4, *turning.shape), turning.dtype)
         bend[3] = turning

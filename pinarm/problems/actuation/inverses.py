@@ -39,7 +39,6 @@ class InverseOfTree:
     order: Array
 
     def __call__(self, t: Array | float, q: Array, v: Array, a: Array) -> Array:
-        """Return the efforts of the drives, shape (..., k)."""
         whole = np.empty_like(v)
         whole[..., self.order] = a
         if q.ndim > 1:

@@ -81,7 +81,6 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
             msgspec.structs.force_setattr(self, "file", str(path))
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
-        """Return one row near the start, with what is known of the motion."""
         rows, _ = self._read(mechanism, most=1)
         drives = None if rows.tau is not None else self._drives(mechanism, nowhere)
         start = {name: float(rows.q[0, joint.q]) for name, joint in mechanism.joints.items()}
@@ -116,7 +115,6 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
     ) -> Outcome:
-        """Return the rows with all that is known of them."""
         recording, rows, unread = prepared or self.prepare(mechanism, accuracy, place)
         rows = deepcopy(rows)  # what is prepared serves further runs
         with place("file" if self.file else "columns"):

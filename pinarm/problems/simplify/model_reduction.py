@@ -54,7 +54,6 @@ class ReducedMechanism:
 
     @cached_property
     def joints(self) -> dict[int, int]:
-        """Places in v and q of the joints with one coordinate."""
         return {joint.v: joint.q for joint in self.whole.joints.values()}
 
     @cached_property
@@ -77,7 +76,6 @@ class ReducedMechanism:
 
     @cached_property
     def mechanism(self) -> Mechanism:
-        """The part as a mechanism; forces that look beyond its joints know the whole."""
         whole = self.whole
         model = self._model()
         joints, balls = joints_of(model), balls_of(model)
@@ -277,7 +275,6 @@ class RestoredMotion:
     cuts: Sequence[float]
 
     def at(self, grid: Grid) -> Trajectory:
-        """Return the states of the whole at other values of the parameter."""
         return self.part.restored_rows(self.motion.at(grid))
 
     def positions(self, t: Array) -> Array:
@@ -324,7 +321,6 @@ class Carried(ForceElement):
     carriers: tuple[int, ...]
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
-        """Add the loads of all elements."""
         whole_q, whole_v = self._whole(q, v)
         loads = np.zeros_like(whole_v)
         for force in self.forces:
@@ -332,32 +328,26 @@ class Carried(ForceElement):
         tau += loads[..., self.kept_v]
 
     def potential_energy(self, q: Array) -> Array:
-        """Return the sum of the elements' energies."""
         whole_q, _ = self._whole(q, np.zeros((*q.shape[:-1], len(self.kept_v))))
         return np.asarray(sum((force.potential_energy(whole_q) for force in self.forces), np.zeros(q.shape[:-1])))
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
-        """Return the sum of the elements' powers."""
         whole_q, whole_v = self._whole(q, v)
         powers = (force.dissipated_power(t, whole_q, whole_v) for force in self.forces)
         return np.asarray(sum(powers, np.zeros(q.shape[:-1])))
 
     @property
     def conservative(self) -> bool:
-        """Whether all elements are, and nothing that is dropped moves."""
         return not self.timetable and all(force.conservative for force in self.forces)
 
     def laws(self) -> list[MotionLaw]:
-        """Return the laws of all elements, and those of the joints that are dropped."""
         return [*(law for force in self.forces for law in force.laws()), *self.timetable]
 
     def on(self, start: float, end: float) -> Carried:
-        """Return the elements as they are on an interval."""
         return replace(self, forces=tuple(force.on(start, end) for force in self.forces))
 
     @property
     def in_pieces(self) -> bool:
-        """Whether the load of an element is made of pieces."""
         return any(force.in_pieces for force in self.forces)
 
     def passed(self, q: Array, v: Array) -> bool:
@@ -371,7 +361,6 @@ class Carried(ForceElement):
         return [t for force in self.forces for t in force.marked(whole, start, end)]
 
     def edges(self) -> list[Edge]:
-        """Return where the loads of elements stop being smooth."""
         return [self._edge(edge) for force in self.forces for edge in force.edges()]
 
     def _edge(self, edge: Edge) -> Edge:
@@ -388,7 +377,6 @@ class Carried(ForceElement):
         return next((said for force in self.forces if (said := force.refusal(whole))), "")
 
     def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
-        """Return what acts on the links of the part."""
         total: dict[int, Array] = {}
         for force in self.forces:
             for joint, wrench in force.wrenches(t, *self._whole(q, v)).items():

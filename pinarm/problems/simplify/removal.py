@@ -60,7 +60,6 @@ class Removed(Record, frozen=True):
 
     @property
     def laws(self) -> dict[int, MotionLaw]:
-        """Return the laws of all joints that are removed."""
         return {**self.locked, **self.dropped}
 
 
@@ -116,7 +115,6 @@ class KnownMotion(Record, frozen=True):
 
     @cached_property
     def prescribed(self) -> dict[str, Coordinate]:
-        """Coordinates that the question makes follow laws, or go through a range."""
         return {name: self.mechanism.coordinates[name] for name in self.declared.prescribed}
 
     @cached_property

@@ -64,7 +64,6 @@ class Simplification(Record, frozen=True):
 
     @classmethod
     def whole(cls, problem: Problem, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Simplification:
-        """Return the simplification that removes nothing."""
         return cls(problem, mechanism, accuracy, place, problem)
 
     @classmethod
@@ -156,12 +155,10 @@ class Simplification(Record, frozen=True):
 
     @cached_property
     def _prepared(self) -> Any:
-        """What the question begins with, in every run."""
         return self.question.prepare(self.mechanism, self.accuracy, self.place)
 
     @cached_property
     def _prepared_part(self) -> Any:
-        """What the problem on the part begins with, in every run."""
         return self.problem.prepare(self.solved, self.accuracy, self.place)
 
     @property

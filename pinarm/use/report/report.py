@@ -52,7 +52,6 @@ class Report:
         return path
 
     def _repr_html_(self) -> str:
-        """Return the page in a frame, for notebooks; saved ones keep it."""
         return frame(self.html, height=800)
 
 
@@ -145,7 +144,6 @@ def _version() -> str:
 
 
 def _css_text(text: str) -> str:
-    """Return text for a string of CSS, every character by its number, so that none can end the string."""
     return "".join(f"\\{ord(character):06x}" for character in printable(text))
 
 

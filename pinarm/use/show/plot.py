@@ -143,7 +143,6 @@ def answer_key(result: Result, along: str) -> list[Printed]:
 
 
 def _over_run(at: str | dict[str, str | int | float]) -> bool:
-    """Tell whether an entry is about the whole run."""
     return isinstance(at, str) and (at == "all" or is_figure(at))
 
 

@@ -66,7 +66,6 @@ class Scene(ValueRecord, frozen=True):
         return float(np.clip(LINKS * typical / self.framing.size, THINNEST, 1.0))
 
     def flat(self, place: Array, at: BodyPoint) -> Array:
-        """Return the place of a body's point in the picture, shape (2,)."""
         return self.view.flat(at.path(place[None]))[:, 0]
 
 

@@ -84,7 +84,6 @@ def _finest(result: Result, series: Series) -> float:
 
 
 def _cleared(number: float, finest: float) -> float:
-    """Return 0 in place of rounding, and of -0."""
     return 0.0 if abs(number) < finest else number + 0.0
 
 

@@ -40,7 +40,6 @@ class SlidingPoint(Record, frozen=True):
     sense: float = 0.0
 
     def at(self, y: Array) -> tuple[Complex, Complex, Complex]:
-        """Return P and its first and second derivative by y, shape (n,)."""
         way = np.full(y.shape, self.way, dtype=np.complex128)
         return self.start + way * y, way, np.zeros_like(way)
 
@@ -59,7 +58,6 @@ class TurningPoint(Record, frozen=True):
     sense: float
 
     def at(self, y: Array) -> tuple[Complex, Complex, Complex]:
-        """Return P and its first and second derivative by y, shape (n,)."""
         arm: Complex = (self.start - self.pivot) * np.exp(1j * self.sense * y)
         return self.pivot + arm, 1j * self.sense * arm, -arm
 
@@ -169,7 +167,6 @@ class Roller(ValueRecord, frozen=True):
     flat: bool = False
 
     def touch(self, motion: FollowerMotion) -> Touch:
-        """Return how the cam touches it."""
         size = np.abs(motion.u)
         with np.errstate(divide="ignore", invalid="ignore"):  # a cusp of the pitch curve has no tangent
             tangent = motion.u / size
@@ -184,7 +181,6 @@ class Roller(ValueRecord, frozen=True):
 
     @property
     def words(self) -> str:
-        """Its radius."""
         return f"roller of radius {1e3 * self.radius:.6g} mm" if self.radius else "knife edge"
 
     def undercut(self, radius: Array) -> Flags:
@@ -203,7 +199,6 @@ class Face(ValueRecord, frozen=True):
     flat: bool = True
 
     def touch(self, motion: FollowerMotion) -> Touch:
-        """Return how the cam touches it."""
         n, turn, rest = self.normal * np.exp(1j * motion.angle), motion.turn, 1.0 - motion.turn
         gap, slip = along(n, motion.u), -along(1j * n, motion.u)
         gap_rate = turn * -slip + along(n, motion.du)
@@ -217,7 +212,6 @@ class Face(ValueRecord, frozen=True):
 
     @property
     def words(self) -> str:
-        """That it is flat."""
         return "flat face"
 
     def undercut(self, radius: Array) -> Flags:

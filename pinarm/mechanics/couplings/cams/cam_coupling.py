@@ -57,7 +57,6 @@ class CamPlane(Record, frozen=True):
         return np.asarray(self.axes[2])
 
     def coordinates(self, point: Array) -> complex:
-        """Return a point, shape (3,), from the axis of the cam [m]."""
         return self.direction(point - self.origin)
 
     def direction(self, vector: Array) -> complex:
@@ -130,22 +129,18 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
 
     @property
     def joints(self) -> Indices:
-        """Indices in v of both joints."""
         return np.array(sorted((self.cam_joint.v, self.follower_joint.v)), dtype=np.intp)
 
     @property
     def known(self) -> bool:
-        """Whether the contact is known."""
         return self.contact is not None
 
     @property
     def second(self) -> int:
-        """That of the follower."""
         assert self.contact is not None
         return self.contact.plane.pair.second.body
 
     def unit(self, row: int) -> Unit:
-        """Return the unit of the follower's joint."""
         return self.follower_joint.unit
 
     def values(self, q: Array, v: Array | None = None) -> Values:
@@ -196,14 +191,12 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
         return plane.origin + plane.vectors(touch.point), plane.vectors(force * touch.normal)
 
     def parts(self) -> dict[str, Unit]:
-        """Return the contact force and the measures of the contact."""
         if self.contact is None:
             return {}
         parts = {"normal": unit("N"), "pressure_angle": RADIAN, "curvature_radius": METRE}
         return {**parts, **({"eccentricity": METRE} if self.contact.surface.flat else {})}
 
     def part(self, name: str, q: Array, lam: Array) -> Array:
-        """Return one of them."""
         assert self.contact is not None
         touch = self.contact.touch(self.values(q))
         if name == "normal":
@@ -233,11 +226,9 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
 
     @property
     def opens(self) -> str:
-        """What happens where the cam would have to pull."""
         return "the follower lifts off"
 
     def whereabouts(self, q: Array) -> str:
-        """Return the angle of the cam, within one period where it repeats."""
         place, joint = float(q[self.cam_joint.q]), self.cam_joint
         place -= 0.0 if self.profile.period == np.inf else self.profile.period * np.floor(place / self.profile.period)
         return f"{joint.name} = {place:.6g} m" if joint.unit == METRE else f"{joint.name} = {np.rad2deg(place):.6g} deg"
@@ -257,20 +248,17 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
         return plane.origin + plane.vectors(points)
 
     def flawed(self, q: Array) -> Flags:
-        """Return where the outline of the cam is undercut."""
         if self.contact is None:
             return super().flawed(q)
         return self.contact.surface.undercut(self.contact.touch(self.values(q)).radius)
 
     @property
     def flaw(self) -> str:
-        """What undercutting means."""
         assert self.contact is not None
         return f"is undercut: no cam has this profile with its {self.contact.surface.words}"
 
     @property
     def in_pieces(self) -> bool:
-        """Whether the profile has breakpoints or knots."""
         return bool(len(self._pieces.bounds))
 
     @cached_property
@@ -278,7 +266,6 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
         return Pieces(self.profile.marks, self.profile.period)
 
     def edges(self) -> list[Edge]:
-        """Return the passages of the cam through the breakpoints of the profile."""
         return [Edge(partial(self._beside, place)) for place in self.profile.starts]
 
     def _beside(self, place: float, t: Array, q: Array, v: Array) -> Array:
@@ -309,7 +296,6 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
 
     @property
     def description(self) -> str:
-        """The follower, and the size of the cam that follows, or what is missing."""
         if self.contact is None:
             return f"its forces on bodies are not known: {self.missing}"
         touch = self.outline

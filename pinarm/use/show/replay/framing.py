@@ -92,7 +92,6 @@ class Framing(ValueRecord, frozen=True):
 
     @property
     def size(self) -> float:
-        """Diagonal of the box [m]."""
         return float(np.linalg.norm(self.high - self.low)) or 1.0
 
     def view(self) -> View:

@@ -194,7 +194,6 @@ class _File(Struct, eq=False, dict=True, weakref=True):
         self.surfaces: dict[int, tuple[Array, Triangles]] = {}
 
     def parts(self) -> Iterator[Part]:
-        """Yield the triangles of the scene."""
         unit = self.root.find("asset/unit")
         scale = float(unit.get("meter", "1")) if unit is not None else 1.0
         scene = self._named(self.root.find("scene/instance_visual_scene"))

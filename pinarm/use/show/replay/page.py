@@ -210,7 +210,6 @@ def _families(acting: Sequence[overlays.Arrow], largest: Mapping[tuple[str, bool
 
 
 def _marks(joined: Sequence[overlays.Connection]) -> list[Plain]:
-    """Return the legend of the marks."""
     return [{"loop": True, "text": "loop joint"}] if any(pair.kind in ("loop", "slot") for pair in joined) else []
 
 
