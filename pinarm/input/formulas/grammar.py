@@ -152,18 +152,26 @@ def read_tree(text: str, grammar: Grammar) -> ast.expr:
 _OF_THE_LANGUAGE = ("and", "else", "if", "not", "or")
 _BEFORE_NAME = re.compile(rf"(?:^|[-+*/%<>=(,]|\b(?:{'|'.join(_OF_THE_LANGUAGE)}))\s*$")
 _KEYWORD = re.compile(rf"(?<!\w)(?:{'|'.join(keyword.kwlist)})(?!\w)")
+_CHAIN, _NUMBER_WORD = re.compile(r"(?<![\w.])[^\W\d]\w*(?:\.\w+)+"), re.compile(r"(?<=\.)[0-9]+(?!\w)")
+"""A name with dots, and a number in it."""
 
 
 def _replaced(text: str, measured: Sequence[tuple[int, MeasuredNumber]]) -> tuple[str, dict[int, str | MeasuredNumber]]:
     """Return the text as Python can read it, and what was replaced in it by place in bytes; columns stay.
 
-    Numbers with units become ``0`` and blanks, Python's keywords in names other letters. A keyword beside a dot is part
-    of a name. Alone it is a name where a name may stand, unless formulas use the word.
+    Numbers with units become ``0`` and blanks, Python's keywords and numbers in names other letters. A keyword beside a
+    dot is part of a name. Alone it is a name where a name may stand, unless formulas use the word. Words of a name
+    behind its first may be whole numbers: ``mode.1.frequency``.
     """
     replaced = dict[int, str | MeasuredNumber]()
     for start, number in measured:
         replaced[len(text[:start].encode())] = number
         text = f"{text[:start]}{'0'.ljust(len(number.text))}{text[start + len(number.text) :]}"
+    for chain in _CHAIN.finditer(text):
+        for digits in _NUMBER_WORD.finditer(chain[0]):
+            start, end = (chain.start() + place for place in digits.span())
+            replaced[len(text[:start].encode())] = digits[0]
+            text = f"{text[:start]}{'x' * len(digits[0])}{text[end:]}"
     for match in _KEYWORD.finditer(text):
         word, (start, end) = match[0], match.span()
         dotted = text[start - 1 : start] == "." or text[end : end + 1] == "."

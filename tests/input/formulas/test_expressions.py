@@ -103,6 +103,16 @@ def test_keywords_of_python_are_words_of_names(word: str) -> None:
     assert expression.evaluate({"é": 1.0, name: 5.0, f"{word}.{word}": 6.0}) == 1.0 + 10.0 - 2.0
 
 
+def test_numbers_are_words_of_names() -> None:
+    expression = Expression.parse("é*2.5*mode.1.frequency + .5*a.12/mode.22.if - 1.e1*1e-1*b")
+    assert expression.names == {"é", "mode.1.frequency", "a.12", "mode.22.if", "b"}
+    values = {"é": 1.0, "mode.1.frequency": 2.0, "a.12": 6.0, "mode.22.if": 3.0, "b": 4.0}
+    assert expression.evaluate(values) == 5.0 + 1.0 - 4.0
+    for wrong in ("1.mode", "2.5.x", "mode.1.", "mode..1"):
+        with pytest.raises(ExpressionError):
+            Expression.parse(wrong)
+
+
 @pytest.mark.parametrize("word", ["in", "is", "lambda", "for", "yield"])
 def test_keywords_that_formulas_do_not_use_are_names(word: str) -> None:
     assert Expression.parse(f"-{word}*sin(3*{word}) if not {word} < 0 else {word}").names == {word}
