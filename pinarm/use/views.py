@@ -73,6 +73,8 @@ def html(result: Result) -> str:
     outputs = list(dict.fromkeys(result.content.outputs))
     parts = [heading(result.content.title or result.name), table(ranges(result)), lines(remarks(result))]
     parts += [section_html(section, result.presentation) for section in result.shown_sections.values()]
+    for name, array in result.arrays.items():
+        parts += [heading(name), table(array.cells())]
     if len(result) > 1:
         parts.append(side_by_side(picture(result.plot(*outputs[:MOST_PLOTS])), picture(result.sketch())))
     try:

@@ -9,6 +9,7 @@ import numpy as np
 from msgspec import field
 
 from pinarm.arrays import Array, distinct
+from pinarm.engine.labelled_array import LabelledArray
 from pinarm.engine.motion.decision import Decision
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.mechanics.laws.motion_law import Grid
@@ -63,6 +64,7 @@ class Outcome(Record, frozen=True):
         events: Events and impacts, in order of time.
         notes: What to know of the solution, such as that its integrator was a poor choice.
         decisions: For everything that happens or not, the decision that is the least certain.
+        arrays: Results that are no columns over the rows, such as mode shapes, by name.
     """
 
     rows: Trajectory
@@ -71,6 +73,7 @@ class Outcome(Record, frozen=True):
     events: Sequence[EventRecord] = ()
     notes: tuple[str, ...] = ()
     decisions: tuple[Decision, ...] = ()
+    arrays: Mapping[str, LabelledArray] = field(default_factory=dict)
 
 
 def on_interval(motion: SolvedMotion, cuts: Sequence[float], interval: int, t: Array) -> Trajectory:

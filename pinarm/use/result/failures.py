@@ -56,6 +56,12 @@ def too_large(run: Trajectory, row: int) -> str:
     return ""
 
 
+def is_too_large(outcome: Outcome) -> bool:
+    """Tell whether squares of coordinates, velocities, accelerations or efforts of a run overflow."""
+    run = outcome.rows
+    return any(bool((np.abs(x) >= CHECKABLE).any()) for x in (run.q, run.v, run.a, run.tau))
+
+
 def overflow(outcome: Outcome) -> DynamicsError:
     """Return the error of a run whose numbers are too large to be checked: says from where on."""
     run = outcome.rows

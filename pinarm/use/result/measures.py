@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
 
 from pinarm.engine.checks.balance import LOST
 
@@ -45,6 +46,37 @@ MEASURES = {
     "condition": "condition number of the mass matrix of the free motions, scaled to a diagonal of ones",
 }
 """Figures that tell the accuracy of a run, and what they mean."""
+
+
+class Figures(Mapping[str, float]):
+    """The figures of a run, of which measures of accuracy are computed when they are first asked for.
+
+    Args:
+        known: Figures that the solution brings along, such as the steps of its integrator.
+        measure: Computes the measures of accuracy.
+    """
+
+    def __init__(self, known: Mapping[str, float], measure: Callable[[], Mapping[str, float]]) -> None:
+        self._known, self._measure = known, measure
+
+    @cached_property
+    def _all(self) -> Mapping[str, float]:
+        return {**self._known, **self._measure()}
+
+    def __getitem__(self, name: str) -> float:
+        """Return a figure."""
+        return self._known[name] if name in COSTS else self._all[name]
+
+    def __contains__(self, name: object) -> bool:
+        """Tell whether there is a figure of a name; costs are known without measuring."""
+        return name in self._known or (name not in COSTS and name in self._all)
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over all names."""
+        return iter(self._all)
+
+    def __len__(self) -> int:
+        return len(self._all)
 
 
 def unexplained(figures: Mapping[str, float]) -> dict[str, float]:

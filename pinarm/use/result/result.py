@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     import meshcat
     from pandas import DataFrame
 
+    from pinarm.engine.labelled_array import LabelledArray
     from pinarm.engine.motion.outcome import Outcome
     from pinarm.input.units import Unit
     from pinarm.use.result.presentation import Presentation
@@ -56,7 +57,7 @@ class Result(Record, frozen=True):
         scenario: The question, as it was solved.
         outcome: What came out of the problem, for the whole mechanism.
         quantities: Everything that can be asked of the run, by name.
-        figures: Measured accuracy and cost, by name.
+        figures: Measured accuracy and cost, by name; accuracy is measured when it is first looked at.
         errors: Bound of the global error of each output, relative to its scale (see ``output_scales``), that holds in
             99 of 100 cases; empty where none was asked for.
         number_errors: Bounds of the errors of its numbers [SI], those of sections among them, by name; likewise.
@@ -140,6 +141,11 @@ class Result(Record, frozen=True):
     def events(self) -> Sequence[EventRecord]:
         """Events and impacts, in order of time."""
         return self.outcome.events
+
+    @property
+    def arrays(self) -> Mapping[str, LabelledArray]:
+        """Results that are no columns over the rows, such as mode shapes, by name."""
+        return self.outcome.arrays
 
     def __getitem__(self, name: str) -> Series:
         """Return a quantity by name, symbol or formula, as an array with its unit.
@@ -353,9 +359,9 @@ class Result(Record, frozen=True):
         rows, figures = self.trajectory, dict(self.outcome.figures)
         outcome = {
             "figures": figures, "events": tuple(self.outcome.events), "notes": self.outcome.notes,
-            "decisions": self.outcome.decisions,
+            "decisions": self.outcome.decisions, "arrays": dict(self.outcome.arrays),
         }  # fmt: skip
-        measured = {name: getattr(self, name) for name in MEASURED}
+        measured = {name: getattr(self, name) for name in MEASURED} | {"figures": dict(self.figures)}
         return self.scenario.result_of_rows, (rows.mechanism, states(rows), outcome, measured)
 
     def _repr_html_(self) -> str:
@@ -516,7 +522,7 @@ class Result(Record, frozen=True):
         """Return whether the numbers of the scenario are taken over whole periods."""
         if not self.content.numbers:
             return []
-        from pinarm.use.result.figures.whole_periods import whole_period_notes
+        from pinarm.use.result.curve_figures import whole_period_notes
         from pinarm.use.result.section_number import read_number
 
         return whole_period_notes(self.scenario, [read_number(text) for text in self.content.numbers])

@@ -41,7 +41,8 @@ from pinarm.problems.simplify.simplification import Simplification
 from pinarm.problems.time_grid import require_memory
 from pinarm.records import Record, replace
 from pinarm.use.mechanism import Mechanism, with_methods
-from pinarm.use.result.failures import failures_in_words, overflow
+from pinarm.use.result.failures import failures_in_words, is_too_large, overflow
+from pinarm.use.result.measures import Figures
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.file_kind import (
     GIVEN,
@@ -467,19 +468,32 @@ class Scenario(Record, frozen=True):
             NumericsError: It is not finite.
         """
         self._require_turns(whole)
-        measured = {**solved.figures, **power_balance(solved.rows), **residual_figures(solved.rows, solved.motion)}
+        known = plain(solved.figures)
         if solved.rows.mechanism.frictions:
             from pinarm.engine.quantities.friction_law import friction_figures
 
-            measured |= friction_figures(solved.rows)
+            known |= friction_figures(solved.rows)
         removals = self.simplification.removals if solved is not whole else ()
         noted = replace(whole, notes=(*whole.notes, *unclosed(whole.rows), *self.method_notes(self.content.accuracy)))
-        result = replace(self.result(noted), figures=plain(measured), removals=removals)
+        result = self.result(noted)
         self.document.with_each("outputs", self.content.outputs, result.require_finite)
-        result = replace(result, figures={**result.figures, **plain(result.quantities.figures())})
-        if not all(math.isfinite(figure) for figure in result.figures.values()):
+        if is_too_large(whole):
             raise overflow(whole)
-        return result
+        measure = partial(self._accuracy, solved, whole, result.quantities)
+        return replace(result, figures=Figures(known, measure), removals=removals)
+
+    def _accuracy(self, solved: Outcome, whole: Outcome, quantities: Quantities) -> dict[str, float]:
+        """Return the measures of accuracy of a run.
+
+        Raises:
+            DynamicsError: The numbers of the run are too large.
+        """
+        with failures_in_words(), one_run(), one_blas_thread(self.mechanism.model.nv):
+            balances = {**power_balance(solved.rows), **residual_figures(solved.rows, solved.motion)}
+            measures = plain({**balances, **quantities.figures()})
+        if not all(math.isfinite(measure) for measure in measures.values()):
+            raise overflow(whole)
+        return measures
 
     def _require_turns(self, outcome: Outcome) -> None:
         """Raise where an angle along which something acts leaps between rows; forward runs look into their steps.

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinarm.arrays import Array
+from pinarm.engine.labelled_array import labelled_arrays
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.mechanism_loading import read_mechanism
 from pinarm.engine.motion.outcome import Outcome
@@ -38,12 +39,14 @@ if TYPE_CHECKING:
     from pinarm.use.show.replay.page import Replay
 
 FURTHER = re.compile(
-    r"state\.(directions|other\.[0-9]{1,4}\.(?:tau|lam|further|endless)|event\.(?:names|t|q|v|before|impact))\.npy"
+    r"state\.(directions|other\.[0-9]{1,4}\.(?:tau|lam|further|endless)|event\.(?:names|t|q|v|before|impact)|"
+    r"array\.(?:names|[0-9]{1,4}\.(?:values|rows|columns|row_units|column_units)))\.npy"
 )
-"""Files that only some results have: directions of drives with losses, other frictions that hold the motion, events."""
+"""Files that only some results have: directions of drives with losses, other frictions that hold the motion, events,
+tables."""
 
-TEXTS = {"guides", "event.names"}
-"""Arrays of names."""
+TEXTS = re.compile(r"guides|event\.names|array\.(?:names|[0-9]+\.(?:rows|columns|row_units|column_units))")
+"""Arrays of names and units."""
 
 NEEDED = ("scenario.yaml", "mechanism.yaml", "trajectory.npz", "summary.json", "manifest.json")
 """Files without which a folder is no result."""
@@ -79,7 +82,7 @@ def restore(folder: str | Path) -> Result:
     scenario = scenario.with_mechanism(mechanism)
     rows = trajectory_of(scenario, mechanism, arrays)
     motion = None if rows.isolated else SolvedAnew(scenario, mechanism, rows)
-    outcome = Outcome(rows, motion, events=events_of(arrays, mechanism.model))
+    outcome = Outcome(rows, motion, events=events_of(arrays, mechanism.model), arrays=labelled_arrays(arrays))
     measured = {key: summary[key] for key in ("figures", "errors", "number_errors", "setting", "no_bound", "removals")}
     return replace(scenario.result(outcome), name=str(summary["scenario"]), known=known, source=source, **measured)
 
@@ -159,12 +162,17 @@ def _arrays(path: Path) -> dict[str, Array]:
         with zipfile.ZipFile(path) as archive:
             further = [match[1] for name in archive.namelist() if (match := FURTHER.fullmatch(name))]
             found = {name: _array(archive, f"state.{name}") for name in (*STATE, "further", "guides", *further)}
-        found = {name: array.astype(str if name in TEXTS else float) for name, array in found.items()}
+        texts = {name for name in found if TEXTS.fullmatch(name)}
+        tables = {name for name in found if name.startswith("array.")} - texts
+        found = {name: array if name in tables else array.astype(str if name in texts else float)
+                 for name, array in found.items()}  # fmt: skip
     except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, SyntaxError) as error:
         raise InputError(f"{path} does not hold the states of a run ({error})", hint=AGAIN) from None
     unknown = {name for name in ("v", "a") if np.isnan(found[name]).all()}  # of recorded motions
     told = {name for name in further if name.rpartition(".")[2] == "further"}  # NaN of an event that takes no place
-    if not all(np.isfinite(found[name]).all() for name in {*STATE, *further} & found.keys() - unknown - TEXTS - told):
+    if not all(
+        np.isfinite(found[name]).all() for name in {*STATE, *further} & found.keys() - unknown - texts - tables - told
+    ):
         raise InputError(f"the states in {path} are not finite")
     return found
 
@@ -197,7 +205,7 @@ def _array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
 MOST_SUMMARY = 20_000_000
 """Bytes of a summary: a thousand times those of the longest here."""
 
-NUMBERS_AND_TEXT = "fiuU"
+NUMBERS_AND_TEXT = "cfiuU"
 """Kinds of numpy's types that the arrays of a result have."""
 
 

@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.labelled_array import plain_arrays
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import Source
 from pinarm.engine.series import Series
@@ -117,7 +118,7 @@ def arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
         InputError: An output has the name of one of these.
     """
     units = np.array([[series.name, str(series.unit or "?")] for series in columns])
-    stored = {**states(result.trajectory), **event_arrays(result.events), "units": units}
+    stored = {**states(result.trajectory), **event_arrays(result.events), **plain_arrays(result.arrays), "units": units}
     behind = {f"state.{name}": array for name, array in stored.items()}
     if taken := [series.name for series in columns if series.name in behind]:
         raise InputError(f"the output '{taken[0]}' has the name of an array of every result's trajectory.npz",

@@ -1,0 +1,102 @@
+"""Tables of real or complex numbers whose rows and columns have names and units, such as mode shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pinarm.arrays import Array, Complex
+from pinarm.errors import InputError
+from pinarm.input.units import Unit, unit
+from pinarm.records import Record
+
+PARTS = ("values", "rows", "columns", "row_units", "column_units")
+"""Names of the plain arrays that a table is stored as."""
+
+UNKNOWN = "?"
+
+
+class LabelledArray(Record, frozen=True):
+    """A table of numbers.
+
+    Attributes:
+        values: The numbers [SI], real or complex, NaN where there is no value, shape (n, m).
+        rows: Names of the rows.
+        columns: Names of the columns.
+        row_units: Units of the rows; ``None`` where one is not known.
+        column_units: Units of the columns: an entry is in the product of the units of its row and column.
+    """
+
+    unshown = ("values",)
+
+    values: Array | Complex
+    rows: Sequence[str]
+    columns: Sequence[str]
+    row_units: Sequence[Unit | None]
+    column_units: Sequence[Unit | None]
+
+    def unit(self, row: int, column: int) -> Unit | None:
+        """Return the unit of an entry; ``None`` where it is not known."""
+        of_row, of_column = self.row_units[row], self.column_units[column]
+        return None if of_row is None or of_column is None else of_row * of_column
+
+    def entry(self, row: str, column: str) -> complex:
+        """Return an entry [SI] by the names of its row and column.
+
+        Raises:
+            InputError: There is no such row or column.
+        """
+        for name, names in ((row, self.rows), (column, self.columns)):
+            if name not in names:
+                raise InputError(f"the table has no '{name}'", expected=f"one of {', '.join(names)}")
+        return complex(self.values[list(self.rows).index(row), list(self.columns).index(column)])
+
+    def cells(self) -> list[list[str]]:
+        """Return the table as texts: headings, and a line for each row, with the unit of the row."""
+        heads = [f"{name} [{own}]" if own is not None and str(own) != "1" else name
+                 for name, own in zip(self.columns, self.column_units, strict=True)]  # fmt: skip
+        lines = [[name, str(own or UNKNOWN), *(_text(x) for x in line)]
+                 for name, own, line in zip(self.rows, self.row_units, self.values.tolist(), strict=True)]  # fmt: skip
+        return [["", "unit", *heads], *lines]
+
+
+def _text(x: complex) -> str:
+    """Return a number as tables show it; nothing where there is no value."""
+    if np.isnan(x):
+        return ""
+    if isinstance(x, complex) and x.imag:
+        return f"{x.real:.6g}{x.imag:+.6g}j"
+    return f"{x.real:.6g}"
+
+
+def plain_arrays(tables: Mapping[str, LabelledArray]) -> dict[str, Any]:
+    """Return tables as arrays of numbers and texts, from which ``labelled_arrays`` makes them again."""
+    found: dict[str, Any] = {"array.names": np.array([*tables], str)} if tables else {}
+    for k, table in enumerate(tables.values()):
+        units = [np.array([str(x) if x else UNKNOWN for x in own]) for own in (table.row_units, table.column_units)]
+        parts = (table.values, np.array([*table.rows], str), np.array([*table.columns], str), *units)
+        found |= {f"array.{k}.{name}": part for name, part in zip(PARTS, parts, strict=True)}
+    return found
+
+
+def labelled_arrays(arrays: Mapping[str, Any]) -> dict[str, LabelledArray]:
+    """Return the tables among stored arrays; see ``plain_arrays``.
+
+    Raises:
+        InputError: They do not belong together.
+    """
+    found = dict[str, LabelledArray]()
+    for k, name in enumerate(arrays["array.names"].tolist() if "array.names" in arrays else ()):
+        parts = [arrays.get(f"array.{k}.{part}", np.zeros(0)) for part in PARTS]
+        values, rows, columns, row_units, column_units = parts
+        if (
+            values.ndim != 2
+            or values.shape != (len(rows), len(columns))
+            or [len(x) for x in parts[3:]] != [*values.shape]
+        ):
+            raise InputError(f"the table '{name}' has not the rows and columns that it names")
+        units = [[None if text == UNKNOWN else unit(str(text)) for text in own] for own in (row_units, column_units)]
+        found[str(name)] = LabelledArray(values, rows.tolist(), columns.tolist(), *units)
+    return found
