@@ -322,7 +322,11 @@ class Expander:
 
 
 class _Copies(ValueRecord, frozen=True):
-    """Counts the copies of elements and gives them the locations of these."""
+    """Counts the copies of elements and gives them the locations of these.
+
+    Attributes:
+        spend: Counts steps.
+    """
 
     spend: Callable[[int], None]
 

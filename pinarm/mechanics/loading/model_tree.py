@@ -167,9 +167,8 @@ def depth_first(root: str, joints: Sequence[TreeJoint]) -> tuple[TreeJoint, ...]
         ordered.append(joint := waiting.pop())
         waiting += beyond.get(joint.child, [])
     if lost := sorted({joint.name for joint in joints} - {joint.name for joint in ordered}):
-        raise ModelError(
-            f"the {listed('joint', lost)} hang{'' if len(lost) > 1 else 's'} in a circle", expected="a tree"
-        )
+        raise ModelError(f"the {listed('joint', lost)} hang{'' if len(lost) > 1 else 's'} in a circle",
+                         expected="a tree")  # fmt: skip
     return tuple(ordered)
 
 

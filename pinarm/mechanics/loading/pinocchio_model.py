@@ -116,7 +116,8 @@ def build_model(
         *_said(tree, creep),
     ]  # fmt: skip
     sticking = {} if creep else {part.name: part.friction for part in _rubbing(tree) if part.kind != "ball"}
-    return RobotModel(model, xml, forces, sticking, tree.mimics, tree.loops, tree.couplings, tree.gravity, tuple(notes))
+    return RobotModel(model, xml, forces, sticking, tree.mimics, tree.loops, tree.couplings, tree.gravity,
+                      tuple(notes))  # fmt: skip
 
 
 def _read(xml: str) -> tuple[str, Tree]:
@@ -178,9 +179,8 @@ def _tree(root: ElementTree.Element) -> Tree:
 
         return sdf_tree(root)
     if root.tag != "robot":
-        raise ModelError(
-            f"the model begins with <{root.tag}>", expected="<robot> (URDF, xacro), <mujoco> (MJCF) or <sdf>"
-        )
+        raise ModelError(f"the model begins with <{root.tag}>",
+                         expected="<robot> (URDF, xacro), <mujoco> (MJCF) or <sdf>")  # fmt: skip
     return urdf_tree(root)
 
 
@@ -318,9 +318,8 @@ def _parts(joint: TreeJoint) -> Iterator[TreeJoint]:
     if joint.kind == "floating":
         yield replace(last, kind="ball", placement=drawn, offset=joint.offset)
     else:
-        yield replace(
-            last, kind="revolute", name=f"{joint.name}.angle", placement=place, axis=Z, offset=drawn * joint.offset
-        )
+        yield replace(last, kind="revolute", name=f"{joint.name}.angle", placement=place, axis=Z,
+                      offset=drawn * joint.offset)  # fmt: skip
 
 
 def _rubbing(tree: Tree) -> list[TreeJoint]:

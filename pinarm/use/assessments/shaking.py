@@ -25,7 +25,7 @@ from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import InputStruct
 from pinarm.records import replace
-from pinarm.use.result.figures.curve_figures import CurveFigure, figure, integrals, rms_values
+from pinarm.use.result.curve_figures import CurveFigure, figure, integrals, rms_values
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable
 

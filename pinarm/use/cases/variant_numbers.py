@@ -26,7 +26,7 @@ from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import replace
 from pinarm.use.cases.case import Taken
-from pinarm.use.result.figures.peak_search import Spots
+from pinarm.use.result.curve import Spots
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.run_number import RunNumber
 

@@ -12,7 +12,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, choices, within
 from pinarm.input.units import read_quantity
 from pinarm.input.yaml.schema import InputStruct, in_si
-from pinarm.use.result.instant import located
+from pinarm.use.result.row_lookup import located
 
 if TYPE_CHECKING:
     from pinarm.engine.series import Series
@@ -111,7 +111,7 @@ class Expectation(InputStruct, frozen=True):
     def _check_place(self) -> None:
         if isinstance(self.at, dict) or self.at in PLACES:
             return
-        from pinarm.use.result.figures.curve_figures import FIGURES, is_figure
+        from pinarm.use.result.curve_figures import FIGURES, is_figure
 
         if not is_figure(self.at):
             expected, hint = choices(self.at, [*PLACES, *FIGURES])

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -14,38 +14,29 @@ from pinarm.arrays import Array, Flags, distinct
 from pinarm.engine.motion.outcome import SolvedMotion, on_interval
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import OPERATORS, Quantities
-from pinarm.errors import InputError, PinarmError
+from pinarm.errors import InputError, Key, PinarmError, within
 from pinarm.input.yaml.schema import in_si
 from pinarm.records import Record, replace
-from pinarm.use.result.figures.bracket_fit import BracketFit
-from pinarm.use.result.figures.crossings import crossings, crossings_of_angle
-from pinarm.use.result.figures.peak_search import (
-    MOST_PIECES,
-    CurvePart,
-    Endless,
-    Peak,
-    PeakSearch,
-    Spots,
-    bounded_below,
-)
-from pinarm.use.result.figures.quadrature import NODES
-from pinarm.use.result.formula_switches import MISPLACED, switches
-from pinarm.use.result.instant import instant, located
+from pinarm.use.result.curve import Curve, Endless, Peak, Span, Spots
 from pinarm.use.result.output_scales import ZERO, natural_sizes
+from pinarm.use.result.pieces import DEGREE, NODES, Pieces
 
 if TYPE_CHECKING:
     from pinarm.input.units import Unit
     from pinarm.use.result.expectation import Expectation
 
-_HEIGHTS: dict[str, Callable[[Array], Array]] = {
-    "max": lambda x: x,
-    "min": lambda x: -x,
-    "largest": lambda x: np.abs(x),
-}
-"""Name of an extreme -> what is largest there."""
+Place = str | Mapping[str, str | int | float]
+"""A word such as ``max``, or an instant: ``{phi: 30 deg, side: left}``."""
 
-_EXTREMES = {"max": "largest value", "min": "smallest value", "largest": "largest size"}
-"""Name of an extreme -> what it is, in words."""
+Function = Callable[[Quantities], Array]
+"""Quantities of n rows -> values of k functions there, shape (n, k), or (n,) of one function."""
+
+_EXTREMES: dict[str, tuple[str, tuple[float, ...], Callable[[Array], Array]]] = {
+    "max": ("largest value", (1.0,), lambda x: x),
+    "min": ("smallest value", (-1.0,), lambda x: -x),
+    "largest": ("largest size", (1.0, -1.0), lambda x: np.abs(x)),
+}
+"""Name of an extreme -> what it is, in words; the signs with which values are searched; and what is largest there."""
 
 PLATEAU = 1e-12
 """Relative difference to an extreme below which a row of the table is the extreme: the first of them is."""
@@ -60,17 +51,13 @@ DECIDED = 1e-6
 SAME = 1e-9
 """Relative difference between two sides of an instant below which there is no jump to be asked about."""
 
-MOST_RIVALS = 20
-"""Rows beside the highest one that are refined at most: those that may rise most."""
-
 PARTS = 4
-"""In how many parts, of 17 states each, an interval is looked into, however many rows it has: a peak of a law's motion
-that is narrower than the largest distance of such states, a 40th of the interval, and at no point of a law, may be
-missed."""
+"""Pieces, of 17 states each, of an interval at first, however many rows it has: a peak of a law's motion that is
+narrower than the largest distance of such states, a 40th of the interval, and at no point of a law, may be missed."""
 
-STEPS_IN_PIECE = 16
+STEPS_IN_PIECE, MOST_PIECES = 16, 64
 """Steps of an integrator, which are short where the motion changes quickly, from one cut of an interval to the next:
-there is about a state for each of them, where the integrator took ten."""
+there is about a state for each of them, where the integrator took ten; and such pieces of an interval at most."""
 
 SHORT = 0.025
 """Part of a piece below which a step of the integrator may lie between the points at which the piece is looked into."""
@@ -82,20 +69,20 @@ MOST_JUMPS, BESIDE = 10_000, 1e-8
 """Jumps of loads up to which quantities are looked at on both sides of each, and how far before it, as a part of the
 time since the one before."""
 
-KEPT = 20
-"""Sets of points whose states are kept: the integrals of several quantities begin with the same points."""
-
-TOGETHER = 100_000
-"""Velocities of states that are solved together at most, and five times of those that are kept."""
+KEPT, TOGETHER = 20, 100_000
+"""Sets of points whose states are kept: several quantities begin with the same points. Velocities of states that are
+solved together at most, and five times of those that are kept."""
 
 MOST_STATES = 20_000_000
 """Velocities of the states that are looked at between the points of laws at most, those for one integral."""
 
-FITS = 1000
-"""Curves between two places whose polynomials are kept: several numbers of one quantity look into the same ones."""
-
 BAND_ENDS = (".effort.lower", ".effort.upper")
 """Last words of the ends of a band of efforts."""
+
+MOST_SWITCHES, NESTED, MISPLACED, BESIDE_SWITCH = 100, 4, 4e-15, 1e-14
+"""Places of a run at which formulas switch at most: of more, as of a sawtooth, each tooth is seen as it is. How deep
+functions that switch are looked into. Part of an instant by which such a place may be off, and how far its
+sides are from it."""
 
 Spot = tuple[int, float]
 """An interval of the run and a value of its parameter within it."""
@@ -103,6 +90,32 @@ Spot = tuple[int, float]
 
 class NotReached(InputError):
     """A place that a run does not come to."""
+
+
+def instant(at: Place) -> dict[str, str | int | float]:
+    """Return the coordinate of an instant, and its value; empty for words."""
+    given = {} if isinstance(at, str) else at
+    return {key: value for key, value in given.items() if key not in ("side", "occurrence")}
+
+
+def located(at: Mapping[str, str | int | float], quantities: Quantities) -> tuple[str, float]:
+    """Return the coordinate of an instant, and its value [SI].
+
+    Args:
+        at: The instant.
+        quantities: Those of a run; nothing has to be solved.
+
+    Raises:
+        InputError: It names no coordinate, or several; there is none of that name; or the value has another dimension.
+    """
+    named = instant(at)
+    if len(named) != 1:
+        raise InputError("an instant names one coordinate", expected="such as {t: 1.5 s, side: left}")
+    ((along, text),) = named.items()
+    with within(Key(along)):
+        measured = quantities[along].unit
+    with within(along):
+        return along, in_si(text, measured)
 
 
 def unreached(quantities: Quantities, key: Sequence[Expectation]) -> list[str]:
@@ -136,7 +149,7 @@ class Lookup(Record, frozen=True):
     quantities: Quantities
     motion: SolvedMotion | None
     _kept: dict[tuple[int, bytes], Quantities] = {}
-    _fits: dict[tuple[float, float, bytes], BracketFit] = {}
+    _curves: dict[str, Curve] = {}
     _switches: dict[str, list[Array]] = {}
 
     @property
@@ -144,12 +157,17 @@ class Lookup(Record, frozen=True):
         """The rows."""
         return self.quantities.trajectory
 
-    @property
+    @cached_property
     def intervals(self) -> list[tuple[float, float, slice]]:
         """Start, end and rows of the intervals."""
         if self.motion:
             return self.run.grid.intervals()
         return [(t, t, slice(k, k + 1)) for k, t in enumerate(self.run.grid.t.tolist())]
+
+    @property
+    def length(self) -> float:
+        """Of all intervals together."""
+        return sum(abs(end - start) for start, end, _ in self.intervals)
 
     @cached_property
     def steps(self) -> list[Array]:
@@ -171,43 +189,35 @@ class Lookup(Record, frozen=True):
         """Return the instants that are within each interval."""
         return [t[(t > min(start, end)) & (t < max(start, end))] for start, end, _ in self.intervals]
 
-    def cuts(self, interval: int) -> list[float]:
-        """Return where an interval is cut into pieces that are looked into: ends of steps, as many in each piece."""
-        ends = self.steps[interval]
-        pieces = min(-(-len(ends) // STEPS_IN_PIECE), MOST_PIECES)
-        return ends[np.arange(1, pieces) * len(ends) // pieces].tolist() if pieces > 1 else []
+    @cached_property
+    def _wide(self) -> list[int]:
+        """Numbers of the intervals that have a length."""
+        return [k for k, (start, end, _) in enumerate(self.intervals) if start != end]
 
-    def bounds(self, interval: int) -> list[float]:
-        """Return where an interval is cut so that quantities are smooth between the cuts, and do not change much.
+    @property
+    def parts_of_each(self) -> int:
+        """Number of pieces of an interval at least."""
+        return PARTS if len(self._wide) <= MOST_INTERVALS else 1
+
+    def _bounds(self, interval: int) -> Array:
+        """Return where an interval is cut into its first pieces: evenly, and at ends of steps."""
+        (start, end, _), ends = self.intervals[interval], self.steps[interval]
+        pieces = min(-(-len(ends) // STEPS_IN_PIECE), MOST_PIECES)
+        cuts = ends[np.arange(1, pieces) * len(ends) // pieces] if pieces > 1 else ends[:0]
+        return distinct(np.concatenate([np.linspace(min(start, end), max(start, end), self.parts_of_each + 1), cuts]))
+
+    def require_few_points(self) -> None:
+        """Raise where laws have more points than can be looked between.
 
         Raises:
-            InputError: Laws have more points than can be looked between.
+            InputError: They have.
         """
-        points, most = sum(map(len, self.knots)), MOST_STATES // (len(NODES) * self._width)
+        points, most = sum(map(len, self.knots)), MOST_STATES // ((DEGREE + 1) * self._width)
         if points > most:
             raise InputError(f"laws and profiles have {points} points in this run: it cannot be looked between all",
                              expected=f"at most {most}, as in a shorter run")  # fmt: skip
-        found: list[float] = distinct(
-            np.concatenate([self.cuts(interval), self.jumps[interval], self.knots[interval]])
-        ).tolist()
-        return found
 
-    def switches(self, name: str) -> list[Array]:
-        """Return where formulas behind a name go from one smooth part to another, interval by interval, ascending."""
-        if name not in self._switches:
-            self._switches[name] = switches(self, name)
-        return self._switches[name]
-
-    def short_steps(self, interval: int, bounds: Sequence[float] | Array) -> Array:
-        """Return where steps end that the points of a piece may lie beside, such as those through a short blow.
-
-        Args:
-            interval: The interval.
-            bounds: Where it is cut into pieces, ends included, ascending.
-        """
-        ends, edges = self.steps[interval], np.asarray(bounds)
-        piece = np.clip(np.searchsorted(edges, ends), 1, len(edges) - 1) - 1
-        return ends[np.diff(ends, prepend=edges[0]) < SHORT * np.diff(edges)[piece]]
+    # States and functions of them
 
     def quantities_at(self, interval: int, t: Array) -> Quantities:
         """Return the quantities at values of the parameter in one interval, shape (n,); the last ones are kept."""
@@ -227,14 +237,142 @@ class Lookup(Record, frozen=True):
         while self._kept and (len(self._kept) >= KEPT or sum(len(t) // 8 for _, t in self._kept) > room):
             del self._kept[next(iter(self._kept))]
 
-    def announce(self, places: Spots) -> None:
-        """Note intervals and values of the parameter, shape (n,), at each of which states are about to be asked for."""
-
     def _rows_at(self, interval: int, t: Array) -> Trajectory:
         if self.motion is None:
             return self.run.some(np.full(len(t), interval))
         return on_interval(self.motion, self.run.grid.cuts, interval, t)
 
+    def heights(self, function: Function, spots: Spots) -> list[Array]:
+        """Return functions of the quantities at places of intervals; states of one interval are solved together.
+
+        Args:
+            function: The functions.
+            spots: Numbers of intervals, and places in each, shape (n,).
+        """
+        found, numbers = [np.empty(0)] * len(spots), dict[int, list[int]]()
+        for k, (interval, _) in enumerate(spots):
+            numbers.setdefault(interval, []).append(k)
+        for interval, own in numbers.items():
+            t, back = np.unique(np.concatenate([spots[k][1] for k in own]), return_inverse=True)
+            blocks = np.array_split(t, 1 + len(t) * self._width // TOGETHER)
+            values = np.concatenate([function(self.quantities_at(interval, block)) for block in blocks])[back]
+            ends = np.cumsum([len(spots[k][1]) for k in own])
+            for k, part in zip(own, np.split(values, ends[:-1]), strict=True):
+                found[k] = part
+        return found
+
+    def curve_of(self, name: str) -> Curve:
+        """Return a quantity as a curve, which is kept."""
+        if name not in self._curves:
+            self._curves[name] = self.curve(lambda rows: rows[name].values, [name])
+        return self._curves[name]
+
+    def curve(self, function: Function, of: Sequence[str] = ()) -> Curve:
+        """Return functions of the quantities as a curve.
+
+        Args:
+            function: The functions.
+            of: The quantities of which they are functions, where these may be formulas.
+        """
+        rows, points = function(self.quantities), [spot for spot in self._points if len(spot[1])]
+        known = dict[int, list[tuple[Array, Array]]]()
+        for (interval, t), f in zip(points, self.heights(function, points), strict=True):
+            known.setdefault(interval, []).append((t, f))
+        switches, spans = [self.switches(name) for name in of], list[Span]()
+        for k in self._wide:
+            own = self.intervals[k][2]
+            t, f = (
+                np.concatenate(parts)
+                for parts in zip((self.run.grid.t[own], rows[own]), *known.get(k, ()), strict=True)
+            )
+            f = f[:, None] if f.ndim == 1 else f
+            t, first = np.unique(np.where(np.isfinite(f).all(axis=1), t, np.nan), return_index=True)
+            ends = np.abs(self.intervals[k][:2]).max()
+            here = distinct(np.concatenate([np.empty(0), *(each[k] for each in switches)]))
+            bounds, points_of = distinct(np.append(self._bounds(k), here)), np.append(self.knots[k], self.jumps[k])
+            sides = np.concatenate([here - BESIDE_SWITCH * ends, here + BESIDE_SWITCH * ends])
+            jumps = distinct(np.append(self.jumps[k], here))
+            finite = np.isfinite(t)
+            spans.append(Span(k, bounds, distinct(points_of), self.steps[k], jumps, sides, t[finite], f[first][finite]))
+        return Curve(lambda spots: self.heights(function, spots), spans)
+
+    @cached_property
+    def _points(self) -> list[tuple[int, Array]]:
+        """Points of laws, ends of short steps, and both sides of jumps of loads, in the wide intervals."""
+        found = list[tuple[int, Array]]()
+        for k in self._wide:
+            edges, ends, jumps = self._bounds(k), self.steps[k], self.jumps[k]
+            piece = np.clip(np.searchsorted(edges, ends), 1, len(edges) - 1) - 1
+            short = ends[np.diff(ends, prepend=edges[0]) < SHORT * np.diff(edges)[piece]]
+            before = jumps - BESIDE * np.diff(jumps, prepend=edges[0])
+            found.append((k, distinct(np.concatenate([self.knots[k], short, jumps, before]))))
+        return found
+
+    def switches(self, name: str) -> list[Array]:
+        """Return where formulas behind a name go from one smooth part to another, interval by interval, ascending.
+
+        They do as ``abs``, ``min``, ``%`` and comparisons do; what lies between two such places may be narrow. The
+        arguments on which they hang are smooth, and tell where it is; those that switch themselves, as in
+        ``min(abs(x), y)``, are smooth between the places where these do. None are returned where there are too many,
+        and none of functions that are not smooth between others' places.
+        """
+        if name not in self._switches:
+            self._switches[name] = self._found_switches(name)
+        return self._switches[name]
+
+    def _found_switches(self, name: str) -> list[Array]:
+        none = [np.empty(0)] * len(self.intervals)
+        try:
+            count = len(self.quantities.switches(name)) if self.motion is not None else 0
+        except InputError:  # a name from a model, with marks of formulas in it
+            return none
+        if not count:
+            return none
+        known, function = list[_Switch](), lambda rows: np.stack(rows.switches(name), axis=1)
+        for _ in range(NESTED):
+            brackets = [*self._brackets(function, known)]
+            if len(brackets) + len(known) > MOST_SWITCHES:
+                return none
+            found = [*self._crossed(function, brackets)]
+            if not found:
+                break
+            known += found
+        return [distinct([switch.t for switch in known if switch.interval == k]) if known else none[k]
+                for k in range(len(self.intervals))]  # fmt: skip
+
+    def _brackets(self, function: Function, known: Sequence[_Switch]) -> Iterator[tuple[_Switch, float]]:
+        """Yield where functions change their signs between neighbouring places: from a place to the next one."""
+        for k in self._wide:
+            bounds, own = self._bounds(k), self.intervals[k][2]
+            nodes = [0.5 * (low + high) + 0.5 * (high - low) * NODES[0] for low, high in pairwise(bounds.tolist())]
+            places = [self.run.grid.t[own], *nodes, np.array([switch.t for switch in known if switch.interval == k])]
+            t = distinct(np.concatenate(places))
+            (values,) = self.heights(function, [(k, t)])
+            signs = np.sign(values)
+            for switch in known:
+                signs[t == switch.t, switch.function] *= switch.interval != k
+            for row, of in np.argwhere(signs[:-1] * signs[1:] < 0.0).tolist():
+                yield _Switch(k, of, float(t[row])), float(t[row + 1])
+
+    def _crossed(self, function: Function, brackets: Sequence[tuple[_Switch, float]]) -> Iterator[_Switch]:
+        """Yield the zeros of functions in brackets in which they are smooth, corrected by Newton's method."""
+        spots = [(at.interval, 0.5 * (at.t + high) + 0.5 * (high - at.t) * NODES[0]) for at, high in brackets]
+        zeros = list[tuple[Pieces, _Switch]]()
+        for (at, high), f in zip(brackets, self.heights(function, spots), strict=True):
+            nothing = np.zeros((1, 1))
+            ends = np.array([at.interval]), np.array([at.t]), np.array([high])
+            fit = Pieces(
+                *ends, np.zeros(1, np.intp), f[None, :, at.function : at.function + 1], nothing, nothing, nothing
+            )
+            if fit.resolved[0, 0] and len(places := fit.zeros(0)):
+                zeros.append((fit, replace(at, t=float(places[0]))))
+        gaps = self.heights(function, [(at.interval, np.array([at.t])) for _, at in zeros])
+        for (fit, at), gap in zip(zeros, gaps, strict=True):
+            slope = fit.slope(0, at.t)
+            moved = at.t - float(gap[0, at.function]) / slope if slope else at.t
+            yield replace(at, t=min(max(moved, float(fit.low[0])), float(fit.high[0])))
+
+    # Places
     def at(self, where: str | dict[str, str | int | float], name: str) -> Quantities:
         """Return the quantities of one row: the place that ``where`` names.
 
@@ -294,38 +432,18 @@ class Lookup(Record, frozen=True):
         return spots
 
     def _crossings(self, along: str, value: float) -> list[Spot]:
-        """Return where a quantity takes a value, in order; intervals are looked into between the rows."""
-        wide, spots = set(self._wide), list[Spot]()
-        find = crossings_of_angle if self._is_told_to_half_a_turn(along, value) else crossings
-        for interval, (start, end, rows) in enumerate(self.intervals):
-            t = self.run.grid.t[rows]
-            t = np.concatenate(
-                [t[:0] if len(t) and t[0] == start else [start], t, [] if len(t) and t[-1] == end else [end]]
-            )
-            if len(changes := self.switches(along)[interval]):
-                t = distinct(np.append(t, changes))[:: 1 if start <= end else -1]
-            difference = partial(self._difference, along, value, interval)
-            found = find(difference, t, self.parts_of_each if interval in wide else 0)
-            spots += [(interval, t) for t in found]
+        """Return where a quantity has a value, in order; intervals are looked into between the rows."""
+        curve, spots = self.curve_of(along), list[Spot]()
+        zeros = curve.zeros_of_angle if self._is_told_to_half_a_turn(along, value) else curve.zeros
+        for k, (start, end, rows) in enumerate(self.intervals):
+            places = distinct(np.concatenate([self.run.grid.t[rows], [start, end], self.switches(along)[k]]))
+            spots += [(k, t) for t in zeros(k, places, value)[:: 1 if start <= end else -1]]
         return spots
 
     def _is_told_to_half_a_turn(self, along: str, value: float) -> bool:
         """Tell whether a value may be that of an angle that jumps from 180 to -180 deg."""
         unit = self.quantities[along].unit
         return unit is not None and unit.text == "rad" and abs(value) <= np.pi
-
-    def _difference(self, along: str, value: float, interval: int, t: Array) -> Array:
-        return np.asarray(self.quantities_at(interval, t)[along].values - value)
-
-    @cached_property
-    def _wide(self) -> list[int]:
-        """Numbers of the intervals that have a length."""
-        return [k for k, (start, end, _) in enumerate(self.intervals) if start != end]
-
-    @property
-    def parts_of_each(self) -> int:
-        """In how many parts an interval is looked into at least."""
-        return PARTS if len(self._wide) <= MOST_INTERVALS else 1
 
     def _choose(self, spots: list[Spot], where: dict[str, str | int | float], name: str, text: str) -> Spot:
         """Return the place that is meant among those found: by occurrence, then by side."""
@@ -380,13 +498,110 @@ class Lookup(Record, frozen=True):
         Raises:
             InputError: See ``extreme``.
         """
-        peak, row = self._extreme(which, of)
+        (peak, row), height = self._extreme(which, of), _EXTREMES[which][2]
         value = float(row[name].values[0])
 
         def lower(states: Quantities) -> Flags:
-            return np.asarray(_HEIGHTS[which](states[of].values) < peak.height - 2.0 * peak.error)
+            return np.asarray(height(states[of].values) < peak.height - 2.0 * peak.error)
 
         return value, self._differs((peak.interval, peak.place), name, value, lower)
+
+    def highest(self, function: Function, name: str, slack: float = 0.0) -> tuple[Quantities, float]:
+        """Return the row at which a function of the quantities is largest, and by how much it may be more elsewhere.
+
+        Args:
+            function: Quantities of n rows -> values, shape (n,).
+            name: What it is, for the message.
+            slack: Difference of heights that is rounding: the first row is it that is not passed by more.
+
+        Raises:
+            InputError: It has no largest value, as it passes through infinity.
+        """
+        values, lacks = function(self.quantities), f"{name} has no largest value"
+        peak = self._highest(self.curve(function), values, (1.0,), [], lacks, slack)
+        return self._row(peak.interval, peak.place), peak.error
+
+    def _extreme(self, which: str, name: str, slack: float = 0.0) -> tuple[Peak, Quantities]:
+        """Return an extreme, and its row; see ``extreme``."""
+        told, signs, height = _EXTREMES[which]
+        lacks, series = f"{name} has no {told}", self.quantities[name]
+        slack = max(slack, PLATEAU * float(np.max(series.terms, initial=0.0)))
+        places = self._rests if self._has_bands and not _plain(name) else []
+        peak = self._highest(self.curve_of(name), height(series.values), signs, places, lacks, slack)
+        peak = self._with_error_of_switch(peak, name, height)
+        row = self._row(peak.interval, peak.place)
+        self._require_reproduced(peak, float(height(row[name].values)[0]), row[name].unit, lacks)
+        return peak, row
+
+    def _highest(
+        self, curve: Curve, values: Array, signs: Sequence[float], places: Spots, lacks: str, slack: float
+    ) -> Peak:
+        """Return the largest height of a curve.
+
+        Args:
+            curve: The curve.
+            values: Heights at the rows, shape (n,).
+            signs: Signs of its values, of which heights are the larger ones.
+            places: Where it may jump besides, for an instant only.
+            lacks: That there is no largest value, in words.
+            slack: Difference of heights that is rounding, where it is more than that of the largest.
+        """
+        try:
+            finite = values[np.isfinite(values)]
+            if (endless := ~np.isfinite(values) & (values != -np.inf)).any() or not len(finite):
+                raise Endless(float(self.run.grid.t[endless.argmax()]))
+            slack = max(slack, PLATEAU * float(np.abs(finite).max()))
+            best = int((values >= finite.max() - slack).argmax())
+            row = top = Peak(float(values[best]), self._interval_of(best), float(self.run.grid.t[best]))
+            for sign in signs:
+                top = curve.highest(sign, curve.higher(sign, top, places), slack)
+        except Endless as pole:
+            run = self.run
+            raise InputError(
+                f"{lacks}: it passes through infinity at {run.parameter} = {pole.place:.9g} {run.unit}, "
+                "or through a peak there that is narrower than 1e-9 of the run",
+                expected="a quantity that is finite everywhere, or its value at a place, or a percentage such as @ p95",
+            ) from None
+        below = max(top.height - row.height, 0.0)
+        if below <= slack:
+            return replace(row, error=max(below + slack, top.error))
+        return replace(top, error=max(top.error, slack, PLATEAU * abs(top.height)))
+
+    def _with_error_of_switch(self, peak: Peak, name: str, height: Callable[[Array], Array]) -> Peak:
+        """Return a peak with what its height changes by within rounding of its place, where formulas switch there."""
+        low, high = sorted(self.intervals[peak.interval][:2])
+        slack = MISPLACED * max(abs(low), abs(high))
+        if not (np.abs(self.switches(name)[peak.interval] - peak.place) <= 5.0 * slack).any():
+            return peak
+        beside = np.clip(peak.place + slack * np.array([-1.0, 1.0]), low, high)
+        (values,) = self.heights(lambda rows: rows[name].values, [(peak.interval, beside)])
+        return replace(peak, error=max(peak.error, float(np.abs(height(values) - peak.height).max())))
+
+    def _require_reproduced(self, peak: Peak, alone: float, unit: Unit | None, lacks: str) -> None:
+        """Raise where the state of an extreme has another value when it is solved without others beside it.
+
+        Next to singular positions rounding decides what accelerations and forces are.
+        """
+        off = abs(peak.height - alone) - DECIDED * max(abs(peak.height), abs(alone))
+        if off > 0.0 and off > ZERO * natural_sizes(self.run)(unit):
+            raise InputError(
+                f"{lacks} that is known: rounding decides what it is at {self.run.parameter} = {peak.place:.9g} "
+                f"{self.run.unit}, as next to a singular position",
+                expected="its value at a place, or a percentage such as @ p95",
+            )
+
+    @property
+    def _has_bands(self) -> bool:
+        """Whether friction gives efforts a band where joints are at rest, for an instant too."""
+        return any(name.endswith(BAND_ENDS) for name in self.run.columns)
+
+    @cached_property
+    def _rests(self) -> list[tuple[int, Array]]:
+        """Intervals, and where in them joints with friction are at rest for an instant."""
+        return [*enumerate(self.motion.rests())] if self.motion else []
+
+    def _interval_of(self, row: int) -> int:
+        return next(k for k, (_, _, rows) in enumerate(self.intervals) if rows.start <= row < rows.stop)
 
     def _differs(self, spot: Spot, name: str, value: float, elsewhere: Callable[[Quantities], Flags]) -> float:
         """Return by how much a quantity differs beside a place as far as that cannot be told from it.
@@ -412,232 +627,15 @@ class Lookup(Record, frozen=True):
                 break
         return apart
 
-    def _extreme(self, which: str, name: str, slack: float = 0.0) -> tuple[Peak, Quantities]:
-        """Return an extreme, and its row; see ``extreme``."""
-        places = self._rests if self._has_bands and not _plain(name) else []
-        what = f"{name} has no {_EXTREMES[which]}"
-        slack = max(slack, PLATEAU * float(np.max(self.quantities[name].terms, initial=0.0)))
 
-        def height(rows: Quantities) -> Array:
-            return _HEIGHTS[which](rows[name].values)
+class _Switch(Record, frozen=True):
+    """Where a function changes its sign."""
 
-        cuts = self.switches(name)
-        peak = self._with_error_of_cut(self._highest(height, places, what, slack, cuts), height, cuts)
-        row = self._row(peak.interval, peak.place)
-        self._require_reproduced(peak, float(_HEIGHTS[which](row[name].values)[0]), row[name].unit, what)
-        return peak, row
-
-    def _with_error_of_cut(self, peak: Peak, height: Callable[[Quantities], Array], cuts: Sequence[Array]) -> Peak:
-        """Return a peak with what its height changes by within rounding of its place, where it is at a cut."""
-        if peak.place not in cuts[peak.interval]:
-            return peak
-        low, high = sorted(self.intervals[peak.interval][:2])
-        beside = np.clip(peak.place + MISPLACED * max(abs(low), abs(high)) * np.array([-1.0, 1.0]), low, high)
-        (heights,) = self.heights(height, [(peak.interval, beside)])
-        return replace(peak, error=max(peak.error, float(np.abs(heights - peak.height).max())))
-
-    def _require_reproduced(self, peak: Peak, alone: float, unit: Unit | None, lacks: str) -> None:
-        """Raise where the state of an extreme has another value when it is solved without others beside it.
-
-        Next to singular positions rounding decides what accelerations and forces are.
-        """
-        off = abs(peak.height - alone) - DECIDED * max(abs(peak.height), abs(alone))
-        if off > 0.0 and off > ZERO * natural_sizes(self.run)(unit):
-            raise InputError(
-                f"{lacks} that is known: rounding decides what it is at {self.run.parameter} = {peak.place:.9g} "
-                f"{self.run.unit}, as next to a singular position",
-                expected="its value at a place, or a percentage such as @ p95",
-            )
-
-    @property
-    def _has_bands(self) -> bool:
-        """Whether friction gives efforts a band where joints are at rest, for an instant too."""
-        return any(name.endswith(BAND_ENDS) for name in self.run.columns)
-
-    @cached_property
-    def _rests(self) -> list[tuple[int, Array]]:
-        """Intervals, and where in them joints with friction are at rest for an instant."""
-        return [*enumerate(self.motion.rests())] if self.motion else []
-
-    def highest(self, height: Callable[[Quantities], Array], name: str, slack: float = 0.0) -> tuple[Quantities, float]:
-        """Return the row at which a function of the quantities is largest, and by how much it may be more elsewhere.
-
-        Args:
-            height: Quantities of n rows -> values, shape (n,).
-            name: What it is, for the message.
-            slack: Difference of heights that is rounding: the first row is it that is not passed by more.
-
-        Raises:
-            InputError: It has no largest value, as it passes through infinity.
-        """
-        peak = self._highest(height, [], f"{name} has no largest value", slack)
-        return self._row(peak.interval, peak.place), peak.error
-
-    def _highest(
-        self, height: Callable[[Quantities], Array], places: Spots, lacks: str, slack: float = 0.0,
-        cuts: Sequence[Array] = (),
-    ) -> Peak:  # fmt: skip
-        """Return the largest value of a function of the quantities.
-
-        Args:
-            height: As in ``highest``.
-            places: Intervals and values of the parameter there at which it may jump, for an instant only.
-            lacks: That there is none, in words.
-            slack: Difference of heights that is rounding, where it is more than that of the largest.
-            cuts: Where it goes from one smooth part to another, interval by interval.
-        """
-        try:
-            return self._peak(height, [*places, *self._beside_jumps], slack, self._parts_between(cuts))
-        except Endless as pole:
-            run = self.run
-            raise InputError(
-                f"{lacks}: it passes through infinity at {run.parameter} = {pole.place:.9g} {run.unit}, "
-                "or through a peak there that is narrower than 1e-9 of the run",
-                expected="a quantity that is finite everywhere, or its value at a place, or a percentage such as @ p95",
-            ) from None
-
-    def _peak(self, height: Callable[[Quantities], Array], places: Spots, slack: float, parts: list[CurvePart]) -> Peak:
-        """Return the largest value of a function of the quantities, which is looked for in parts; see ``highest``."""
-        t = self.run.grid.t
-        values = bounded_below(height(self.quantities), t)
-        slack = max(slack, PLATEAU * float(np.abs(values).max()))
-        best = int((values >= values.max() - slack).argmax())
-        row = Peak(float(values[best]), self._interval_of(best), float(t[best]))
-        self.announce([*places, *(part.places for part in parts)])
-        search = PeakSearch(partial(self.heights, height), self._fit, slack)
-        top = search.highest(search.at(row, places), parts)
-        rivals = [
-            rival for rival in _rivals(values, top.height + slack)
-            if not search.knows(self._interval_of(rival), t[rival], values[rival]) and not self._is_beside(rival, top)
-        ]  # fmt: skip
-        top = search.highest(top, [piece for rival in rivals for piece in self._beside(rival)])
-        top = search.highest(top, self._beside_knots(height, top.height + slack))
-        below = max(top.height - row.height, 0.0)
-        if below <= slack:
-            return replace(row, error=below + slack)
-        return replace(top, error=max(top.error, slack, PLATEAU * abs(top.height)))
-
-    def _beside_knots(self, height: Callable[[Quantities], Array], top: float) -> list[CurvePart]:
-        """Return the pieces between knots of laws, and ends of short steps, where heights may pass a top."""
-        spots = [(interval, t) for interval, t in enumerate(self._points) if len(t)]
-        pieces = []
-        for (interval, t), heights in zip(spots, self.heights(height, spots), strict=True):
-            low, high = (min(self.intervals[interval][:2]), max(self.intervals[interval][:2]))
-            around = np.concatenate([[low], t, [high]])
-            rivals = _rivals(bounded_below(heights, t), top)
-            pieces += [CurvePart(interval, (float(around[k]), float(around[k + 2]))) for k in rivals]
-        return pieces
-
-    def heights(self, height: Callable[[Quantities], Array], spots: Spots) -> list[Array]:
-        """Return a function of the quantities at places of intervals; states of one interval are solved together.
-
-        Args:
-            height: Quantities of n rows -> values, shape (n,).
-            spots: Numbers of intervals, and places in each, shape (n,).
-        """
-        found = [np.empty(0)] * len(spots)
-        numbers = dict[int, list[int]]()
-        for k, (interval, _) in enumerate(spots):
-            numbers.setdefault(interval, []).append(k)
-        for interval, own in numbers.items():
-            t, back = np.unique(np.concatenate([spots[k][1] for k in own]), return_inverse=True)
-            values = np.concatenate([height(self.quantities_at(interval, block)) for block in self.blocks(t)])[back]
-            ends = np.cumsum([len(spots[k][1]) for k in own])
-            for k, part in zip(own, np.split(values, ends[:-1]), strict=True):
-                found[k] = part
-        return found
-
-    def blocks(self, t: Array) -> list[Array]:
-        """Return places, shape (n,), in blocks of which states are solved together."""
-        return np.array_split(t, 1 + len(t) * self._width // TOGETHER)
-
-    def _interval_of(self, row: int) -> int:
-        return next(k for k, (_, _, rows) in enumerate(self.intervals) if rows.start <= row < rows.stop)
-
-    def _beside(self, row: int) -> list[CurvePart]:
-        """Return the pieces of intervals between the rows before and after one."""
-        t = self.run.grid.t
-        low, high = sorted((float(t[max(row - 1, 0)]), float(t[min(row + 1, len(t) - 1)])))
-        pieces = []
-        for interval, (start, end, _) in enumerate(self.intervals):
-            bracket = max(low, min(start, end)), min(high, max(start, end))
-            if bracket[0] <= bracket[1]:
-                pieces.append(CurvePart(interval, bracket))
-        return pieces
-
-    def _is_beside(self, row: int, top: Peak) -> bool:
-        """Tell whether a peak is between the rows before and after one, and has been looked for there."""
-        return top.place != self.run.grid.t[row] and any(
-            piece.interval == top.interval and piece.bracket[0] <= top.place <= piece.bracket[1]
-            for piece in self._beside(row)
-        )
-
-    @cached_property
-    def _beside_jumps(self) -> list[tuple[int, Array]]:
-        """Intervals, and instants in them at which loads jump, and just before."""
-        found = [(interval, t) for interval, t in enumerate(self.jumps) if len(t)]
-        return [
-            (interval, np.sort(np.concatenate([t, t - BESIDE * np.diff(t, prepend=self.intervals[interval][0])])))
-            for interval, t in found
-        ]
-
-    @cached_property
-    def _points(self) -> list[Array]:
-        """Points of the curves of laws, and ends of steps between those of pieces, interval by interval, ascending."""
-        found = list[Array]()
-        for interval, (start, end, _) in enumerate(self.intervals):
-            even = np.linspace(min(start, end), max(start, end), self.parts_of_each + 1)
-            short = self.short_steps(interval, distinct(np.append(even, self.cuts(interval))))
-            found.append(distinct(np.append(self.knots[interval], short)))
-        return found
-
-    @cached_property
-    def parts(self) -> list[CurvePart]:
-        """The pieces in which extremes are looked for beside those near rows."""
-        pieces = []
-        for interval in self._wide:
-            start, end, _ = self.intervals[interval]
-            cuts = distinct(np.concatenate([np.linspace(start, end, self.parts_of_each + 1), self.cuts(interval)]))
-            pieces += [CurvePart(interval, (min(pair), max(pair))) for pair in pairwise(cuts.tolist())]
-        return pieces
-
-    def _parts_between(self, cuts: Sequence[Array]) -> list[CurvePart]:
-        """Return the same, cut besides at places of each interval."""
-        pieces = []
-        for part in self.parts:
-            (low, high), at = part.bracket, cuts[part.interval] if len(cuts) else ()
-            within = [low, *(t for t in at if low < t < high), high]
-            pieces += [CurvePart(part.interval, pair) for pair in pairwise(within)]
-        return pieces
-
-    def _fit(self, bracket: tuple[float, float], heights: Array) -> BracketFit:
-        """Return the polynomial through heights at the nodes of a bracket; the last ones are kept."""
-        curve = *bracket, heights.tobytes()
-        if curve not in self._fits:
-            if len(self._fits) >= FITS:
-                self._fits.clear()
-            self._fits[curve] = BracketFit(*bracket, heights)
-        return self._fits[curve]
+    interval: int
+    function: int
+    t: float
 
 
 def _plain(name: str) -> bool:
     """Tell whether a name is that of a quantity with words, no symbol, formula or end of a band."""
     return "." in name and not set(name) & OPERATORS and not name.endswith(BAND_ENDS)
-
-
-def _rivals(values: Array, top: float) -> list[int]:
-    """Return the rows near which heights between the rows may be above a top, the most promising first.
-
-    Between samples of a parabola its top is above them by an eighth of their second difference at most; half of it is
-    allowed for.
-    """
-    if len(values) < 3:
-        return [*range(len(values))]
-    bend = np.abs(2.0 * values[1:-1] - values[:-2] - values[2:])
-    reach = values + 0.5 * np.pad(bend, 1, mode="edge")
-    around = np.pad(values, 1, constant_values=-np.inf)
-    near = (values >= around[:-2]) & (values >= around[2:]) & (reach > top)
-    rows = np.flatnonzero(near)
-    order = rows[np.argsort(-reach[rows], kind="stable")]
-    rivals: list[int] = order.tolist()
-    return rivals[:MOST_RIVALS]

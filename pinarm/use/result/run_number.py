@@ -13,8 +13,8 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.numbers import is_whole
 from pinarm.records import ValueRecord, replace
-from pinarm.use.result.figures.curve_figures import FIGURES, figure, figure_unit, is_figure, stands_alone
-from pinarm.use.result.instant import located
+from pinarm.use.result.curve_figures import FIGURES, figure, figure_unit, is_figure, stands_alone
+from pinarm.use.result.row_lookup import located
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result

@@ -15,8 +15,8 @@ from pinarm.engine.motion.trajectory import ROW
 from pinarm.errors import InputError, choices
 from pinarm.input.yaml.schema import in_si
 from pinarm.records import ValueRecord, replace
+from pinarm.use.result.curve_figures import is_figure
 from pinarm.use.result.expectation import ERRATA
-from pinarm.use.result.figures.curve_figures import is_figure
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.result.row_lookup import NotReached
 from pinarm.use.show.chart import COLOURS, HEAD, HEIGHT, WIDTH, Chart, Line, Panel, Style

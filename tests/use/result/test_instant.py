@@ -8,7 +8,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError, PinarmError
-from pinarm.use.result.instant import instant, located
+from pinarm.use.result.row_lookup import instant, located
 
 
 def test_a_coordinate_and_its_value(scenario: Callable[..., Any]) -> None:

@@ -29,7 +29,7 @@ from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import Coefficient, InputStruct, LoadRating, Span
 from pinarm.use.assessments.loads.joint import LoadedJoint
 from pinarm.use.assessments.loads.number import LoadNumber, peak, rounding
-from pinarm.use.result.figures.curve_figures import integrals
+from pinarm.use.result.curve_figures import integrals
 from pinarm.use.result.row_lookup import Lookup
 
 SECOND, SPIN, SPEED = unit("s"), unit("rad/s"), unit("m/s")

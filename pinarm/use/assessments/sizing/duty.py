@@ -28,7 +28,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.use.assessments.sizing.load_inertia import load_inertia
 from pinarm.use.assessments.sizing.samples import left_of_trapezia, rise_between
-from pinarm.use.result.figures.curve_figures import ROUNDING, integrals
+from pinarm.use.result.curve_figures import ROUNDING, integrals
 from pinarm.use.result.row_lookup import PLATEAU, Lookup
 
 SAMPLES = 2000

@@ -20,7 +20,7 @@ from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import Efficiency, InputStruct, Pause, current_folder, number
 from pinarm.use.assessments.sizing.catalogue import GREATEST, SMALLEST, Motor, read_catalogue
 from pinarm.use.assessments.sizing.duty import Course, Duty, Known, duty_of
-from pinarm.use.result.figures.curve_figures import made_a_motion
+from pinarm.use.result.curve_figures import made_a_motion
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable
 
 if TYPE_CHECKING:

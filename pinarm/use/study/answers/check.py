@@ -24,8 +24,8 @@ from pinarm.input.units import Unit, half_last_digit
 from pinarm.input.yaml.schema import in_si
 from pinarm.input.yaml.values import Values
 from pinarm.records import replace
+from pinarm.use.result.curve_figures import is_figure
 from pinarm.use.result.expectation import Expectation
-from pinarm.use.result.figures.curve_figures import is_figure
 from pinarm.use.result.output_scales import ZERO, natural_sizes
 from pinarm.use.result.result import Result
 from pinarm.use.result.row_lookup import NotReached

@@ -250,7 +250,7 @@ def _notes(scenario: Scenario, cases: Cases, wanted: Sequence[Taken]) -> list[st
             varied = scenario.varied(cases.values(case))
             notes += [f"case {case}: {note}" for note in varied.method_notes(varied.content.accuracy)]
             if numbers:
-                from pinarm.use.result.figures.whole_periods import whole_period_notes
+                from pinarm.use.result.curve_figures import whole_period_notes
 
                 notes += [f"case {case}: {note}" for note in whole_period_notes(varied, numbers)]
     return list(dict.fromkeys(notes))

@@ -1,0 +1,272 @@
+"""Figures of a quantity x(s) over a whole run of length L, each with the error of its quadrature.
+
+    mean      1/L ∫ x ds
+    rms       (1/L ∫ x² ds)^(1/2)
+    integral  ∫ x ds, with ds < 0 where s falls
+    peak      largest |x|
+    p95       the value below which x is for 95 % of L; any percentage from p0 to p100
+
+s is the parameter of the run: the time, or the coordinate that is swept. Integrals are taken of the motion itself, not
+of the rows of the table.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.names import Quantities
+from pinarm.errors import InputError, nowhere
+from pinarm.input.units import Unit
+from pinarm.mechanics.laws import Over
+from pinarm.mechanics.laws.motion_law import MotionLaw
+from pinarm.problems.prescription.prescribed_laws import laws_of
+from pinarm.records import ValueRecord
+from pinarm.use.result.row_lookup import MISPLACED, Lookup
+
+if TYPE_CHECKING:
+    from pinarm.use.result.section_number import AnyNumber
+    from pinarm.use.scenario.scenario import Scenario
+
+PIECES, PER_STEP, ROWS = 600, 2, 4
+"""Pieces of 17 states that the integrals of a run may take in halving, those for each of its intervals and each step of
+its integrator, and how many rows bring a further one: a kink takes 70, and between two steps a motion is a polynomial.
+The error that is left is told."""
+
+ROUNDING = 4e-16
+"""Of a sum of a few hundred terms, relative to their sum."""
+
+_PERCENTILE = re.compile(r"p([0-9]{1,3}(?:\.[0-9]{1,3})?)")
+
+
+class CurveFigure(ValueRecord, frozen=True):
+    """A figure of a curve.
+
+    Attributes:
+        value: The figure [SI].
+        error: Estimate of what the quadrature leaves of it [SI]; the error of the motion itself is not in it.
+        unit: Its unit; ``None`` where it is not known.
+    """
+
+    value: float
+    error: float
+    unit: Unit | None
+
+
+def is_figure(name: str) -> bool:
+    """Tell whether a name is that of a figure: one of ``FIGURES``, or a percentage such as ``p95``."""
+    return name in FIGURES or _percentage(name) is not None
+
+
+def figure(run: Lookup, quantity: str, name: str) -> CurveFigure:
+    """Return a figure of a quantity over a run.
+
+    Args:
+        run: The run.
+        quantity: A quantity, a symbol or a formula.
+        name: A name of ``FIGURES``, or a percentage such as ``p95``.
+
+    Raises:
+        InputError: The rows are not states of one motion, or the quantity is not finite everywhere.
+    """
+    if run.motion is None and name != "peak":
+        raise stands_alone(run.run, quantity, name)
+    share, values = _percentage(name), run.quantities[quantity].values
+    if np.isnan(values).any() or (share is not None and np.isinf(values).any()):
+        raise InputError(f"{quantity} is not finite everywhere: it has no {name}")
+    value, error = FIGURES[name](run, quantity) if share is None else _percentile(run, quantity, share)
+    if not np.isfinite(error):
+        raise _without_end(run, quantity, name)
+    return CurveFigure(float(value), float(error), figure_unit(run.quantities, quantity, name))
+
+
+def _without_end(run: Lookup, quantity: str, name: str) -> InputError:
+    """Return that the integral of a quantity, or of its square, is infinite, and where."""
+    try:
+        run.extreme("largest", quantity)
+    except InputError as why:
+        return InputError(f"{quantity} has no {name}, as its integral has no end: {why.message}", expected=why.expected)
+    return InputError(f"{quantity} has no {name}, as its integral has no end", expected="a quantity that is finite")
+
+
+def stands_alone(rows: Trajectory, quantity: str, name: str) -> InputError:
+    """Return that a figure of a quantity is asked of rows that are states of no motion."""
+    return InputError(
+        f"{quantity} @ {name} is taken over a motion, and these rows stand alone",
+        expected="@ peak (the largest amount), @ max, @ min, or a place such as @ row=1",
+        hint=made_a_motion(rows),
+    )
+
+
+def made_a_motion(rows: Trajectory) -> str:
+    """Return what makes recorded rows a motion, as a hint; empty of others."""
+    return f'{rows.remedy} (in Python derivatives="spline"), with the positions alone' if rows.remedy else ""
+
+
+def figure_unit(quantities: Quantities, quantity: str, name: str) -> Unit | None:
+    """Return the unit of a figure: that of the quantity, times that of the parameter for ``integral``."""
+    unit = quantities[quantity].unit
+    return unit * quantities.trajectory.unit if unit is not None and name == "integral" else unit
+
+
+def _percentage(name: str) -> float | None:
+    matched = _PERCENTILE.fullmatch(name)
+    share = float(matched[1]) if matched else None
+    return share if share is not None and share <= 100.0 else None
+
+
+def integrals(
+    run: Lookup, integrand: Callable[[Quantities], Array], least: float = 1.0, of: Sequence[str] = ()
+) -> tuple[Array, Array]:
+    """Return the integrals of several functions over a run, and their errors, both of shape (k,).
+
+    Args:
+        run: The run; its rows are states of one motion.
+        integrand: Quantities of n rows -> values of the functions there, of the size of 1 or less, shape (n, k).
+        least: Size of functions that are not to be told from 0.
+        of: The quantities of which they are functions, where these may be formulas.
+    """
+    run.require_few_points()
+    most = PIECES + PER_STEP * (len(run.intervals) + sum(map(len, run.steps))) + len(run.run) // ROWS
+    total, error = run.curve(integrand, of).integrals(least, most)
+    rows = integrand(run.quantities)
+    sizes = np.max(np.abs(rows), axis=0, where=np.isfinite(rows), initial=0.0)
+    misplaced = MISPLACED * sum(float(np.abs(t).sum()) for name in of for t in run.switches(name))
+    return total, error + ROUNDING * np.abs(total) + misplaced * sizes
+
+
+def _moments(run: Lookup, quantity: str) -> tuple[Array, Array, float]:
+    """Return the integrals of x/c and (x/c)², their errors, both of shape (2,), and c, the largest |x| of the rows.
+
+    That may be one beside a pole, and all else small.
+    """
+    rows = np.abs(run.quantities[quantity].values)
+    scale = float(rows[np.isfinite(rows)].max(initial=0.0)) or 1.0
+
+    def powers(rows: Quantities) -> Array:
+        x = rows[quantity].values / scale
+        return np.stack([x, x * x], axis=1)
+
+    return *(integrals(run, powers, least=0.0, of=[quantity]) if run.length else np.zeros((2, 2))), scale
+
+
+def _mean(run: Lookup, quantity: str) -> tuple[float, float]:
+    (first, _), (error, _), scale = _moments(run, quantity)
+    return (scale * first / run.length, scale * error / run.length) if run.length else _single(run, quantity)
+
+
+def _rms(run: Lookup, quantity: str) -> tuple[float, float]:
+    (_, second), (_, error), scale = _moments(run, quantity)
+    if not run.length:
+        return abs(_single(run, quantity)[0]), 0.0
+    root, left = (second / run.length) ** 0.5, error / run.length
+    return scale * root, scale * (0.5 * left / root if root else left**0.5)
+
+
+def rms_values(run: Lookup, quantities: Sequence[str], scales: Array) -> tuple[Array, Array]:
+    """Return the rms values of several quantities by one quadrature, and their errors, both of shape (k,).
+
+    Args:
+        run: The run; its rows are states of one motion.
+        quantities: Names, k of them.
+        scales: What matters in each [SI], shape (k,): components of a vector have its size, beside which one that is
+            only rounding is 0, and needs no more points.
+    """
+    scales = np.where(scales > 0.0, scales, 1.0)
+
+    def squares(rows: Quantities) -> Array:
+        return np.stack([(rows[name].values / scale) ** 2 for name, scale in zip(quantities, scales, strict=True)], 1)
+
+    total, error = (part / run.length for part in integrals(run, squares, of=quantities))
+    root = np.sqrt(np.maximum(total, 0.0))
+    return scales * root, scales * np.where(root**2 > error, 0.5 * error / np.maximum(root, 1e-300), np.sqrt(error))
+
+
+def _integral(run: Lookup, quantity: str) -> tuple[float, float]:
+    (first, _), (error, _), scale = _moments(run, quantity)
+    t = run.run.grid.t
+    return scale * first * float(np.sign(t[-1] - t[0])), scale * error
+
+
+def _peak(run: Lookup, quantity: str) -> tuple[float, float]:
+    row, error = run.extreme("largest", quantity)
+    return abs(float(row[quantity].values[0])), error
+
+
+def _single(run: Lookup, quantity: str) -> tuple[float, float]:
+    return float(run.quantities[quantity].values[0]), 0.0
+
+
+def _percentile(run: Lookup, quantity: str, share: float) -> tuple[float, float]:
+    """Return the value below which x is for a share of the run [%], and its error."""
+    if not run.length:
+        return _single(run, quantity)
+    run.require_few_points()
+    value, error = run.curve_of(quantity).percentile(share / 100.0)
+    return value, error + ROUNDING * abs(value)
+
+
+FIGURES: dict[str, Callable[[Lookup, str], tuple[float, float]]] = {
+    "mean": _mean,
+    "rms": _rms,
+    "integral": _integral,
+    "peak": _peak,
+}
+"""Name -> function that returns the figure and the error of its quadrature [SI]. Percentages are figures too."""
+
+WHOLE = 1e-6
+"""Part of a period by which a motion may miss a whole one: values in degrees have no more digits."""
+
+INDIFFERENT = ("peak", "p0", "p100")
+"""Figures that are the same over one period and a half."""
+
+
+def whole_period_notes(scenario: Scenario, numbers: Sequence[AnyNumber]) -> list[str]:
+    """Return a note on each period of which a run makes no whole number, where figures are taken over the run.
+
+    Args:
+        scenario: The scenario; nothing of it has to be solved.
+        numbers: Those that are asked for.
+    """
+    asked = [number.label for number in numbers if is_figure(number.figure) and number.figure not in INDIFFERENT]
+    if not asked:
+        return []
+    laws = _laws(scenario)
+    notes = []
+    for name, of, period in _periodic(scenario):
+        if of in laws and (count := abs(_way(scenario, laws[of])) / period) and abs(count - round(count)) > WHOLE:
+            notes.append(
+                f"'{name}' repeats with a period of '{of}', which passes {count:.6g} of them in this run: "
+                f"{', '.join(asked)} hold for that part only; a time that is a whole number of periods gives those of "
+                "the cycle"
+            )
+    return notes
+
+
+def _periodic(scenario: Scenario) -> Iterator[tuple[str, str, float]]:
+    """Yield what repeats along a coordinate: its name, that coordinate, and the period [rad or m]."""
+    problem = scenario.problem
+    for name, law in getattr(problem, "motion", {}).items():
+        if isinstance(law, Over) and law.period is not None:
+            yield name, law.of, float(law.period)
+    for name, force in {**scenario.mechanism.description.forces, **getattr(problem, "loads", {})}.items():
+        if (along := getattr(force, "over", None)) is not None and force.period is not None:
+            yield name, along, float(force.period)
+
+
+def _laws(scenario: Scenario) -> Mapping[str, MotionLaw]:
+    """Return the laws over time of a motion in time; none of other problems."""
+    motion, time = getattr(scenario.problem, "motion", {}), getattr(scenario.problem, "time", None)
+    return laws_of(scenario.mechanism, motion, nowhere, (time.start, time.end)) if motion and time else {}
+
+
+def _way(scenario: Scenario, law: MotionLaw) -> float:
+    """Return how far a coordinate goes from start to end of a run [rad or m]."""
+    time = scenario.problem.time  # type: ignore[attr-defined]  # of a problem that has laws
+    start, end = (float(law.on(time.start, time.end)(np.array([t]))[0][0]) for t in (time.start, time.end))
+    return end - start

@@ -1,1 +1,0 @@
-"""Figures of curves: integrals, extremes, crossings, percentiles, with their errors."""
