@@ -20,7 +20,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.integration.events import Watch
-from pinarm.engine.integration.integrator import Interval, Method
+from pinarm.engine.integration.integrator import Interval
 from pinarm.engine.kinematics.abscissa import running
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
 from pinarm.engine.motion.segmented.end_stops import REST, Bound, Contacts, Held
@@ -36,6 +36,7 @@ from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.control.controls import Controls
+    from pinarm.engine.integration.methods import Method
     from pinarm.engine.motion.segmented.stick_slip import StickSlip
     from pinarm.engine.motion.systems.system import CompletedStates
     from pinarm.mechanics.friction.contact import FrictionContact
