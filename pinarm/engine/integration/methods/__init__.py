@@ -18,23 +18,23 @@ if TYPE_CHECKING:
 
     MethodName = str
 
-    Method: TypeAlias = Adaptive | FixedStep | Radau
-    """An integration method with its settings.
+Method: TypeAlias = "Adaptive | FixedStep | Radau"
+"""An integration method with its settings.
 
-    Attributes:
-        name: Name for messages.
-        order: Order of the step.
-        tolerance: Local error per step, relative to ``size + |y|``, see ``Interval.size``; 0 where steps have one
-            length.
-        subdivisions: Parts of a step for the location of events; the dense output has a degree of at most twice their
-            number.
-        tangent: Whether the dense output leaves the start of a step with the slopes of the state there.
-        remedy: What to try where the method fails, for error messages.
-        pair: The method itself where it is an embedded pair, with which many motions can be integrated at once.
-    """
+Attributes:
+    name: Name for messages.
+    order: Order of the step.
+    tolerance: Local error per step, relative to ``size + |y|``, see ``Interval.size``; 0 where steps have one
+        length.
+    subdivisions: Parts of a step for the location of events; the dense output has a degree of at most twice their
+        number.
+    tangent: Whether the dense output leaves the start of a step with the slopes of the state there.
+    remedy: What to try where the method fails, for error messages.
+    pair: The method itself where it is an embedded pair, with which many motions can be integrated at once.
+"""
 
-    Stepper: TypeAlias = AdaptiveStepper | FixedStepper | RadauStepper
-    """A method during the integration of one motion: the present state, and its buffers."""
+Stepper: TypeAlias = "AdaptiveStepper | FixedStepper | RadauStepper"
+"""A method during the integration of one motion: the present state, and its buffers."""
 
 Setting = Literal["tolerance", "step"]
 """The key of ``accuracy`` that decides the error of a method."""
