@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pinarm.engine.friction.carried_loads import CarriedLoads
+from pinarm.engine.friction.slipping import CarriedLoads
 from pinarm.mechanics.friction.bearing import Bearing
 
 

@@ -5,9 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pinarm.engine.friction.carried_loads import CarriedLoads
-from pinarm.engine.friction.locking import locks
-from pinarm.engine.friction.slipping import Slipping
+from pinarm.engine.friction.slipping import CarriedLoads, Slipping
 from pinarm.mechanics.friction.bearing import Bearing
 
 
@@ -32,17 +30,17 @@ def flanks(first, response, mu, constant=None):
     ],
 )
 def test_one_joint(first, response, held):
-    assert locks(flanks(first, response, [0.3]), np.ones(1), 1.0) == held
+    assert flanks(first, response, [0.3]).locks(np.ones(1), 1.0) == held
 
 
 def test_a_load_that_friction_without_a_load_of_its_own_takes_over():
     """``x <= 0.3 |2 - 3 - 4 x|``: with 3 N the second joint turns the load of 2 N round."""
     response = [[4.0, 1.0], [0.0, 0.0]]
-    assert not locks(flanks([2.0, 0.0], response, [0.3, 0.0], [0.0, 1.0]), np.ones(2), 1.0)
-    assert locks(flanks([2.0, 0.0], response, [0.3, 0.0], [0.0, 3.0]), np.ones(2), 1.0)
+    assert not flanks([2.0, 0.0], response, [0.3, 0.0], [0.0, 1.0]).locks(np.ones(2), 1.0)
+    assert flanks([2.0, 0.0], response, [0.3, 0.0], [0.0, 3.0]).locks(np.ones(2), 1.0)
 
 
 def test_two_joints_lock_together_that_would_give_way_alone():
     """Each raises its own load 0.6 times, and that of the other one as often."""
-    assert locks(flanks([0.0, 0.0], [[2.0, 2.0], [2.0, 2.0]], [0.3, 0.3]), np.ones(2), 1.0)
-    assert not locks(flanks([0.0, 0.0], [[2.0, -2.0], [2.0, 2.0]], [0.3, 0.3]), np.ones(2), 1.0)
+    assert flanks([0.0, 0.0], [[2.0, 2.0], [2.0, 2.0]], [0.3, 0.3]).locks(np.ones(2), 1.0)
+    assert not flanks([0.0, 0.0], [[2.0, -2.0], [2.0, 2.0]], [0.3, 0.3]).locks(np.ones(2), 1.0)

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from pinarm.engine.friction.carried_loads import CarriedLoads
-from pinarm.engine.friction.slipping import Slipping
+from pinarm.engine.friction.slipping import CarriedLoads, Slipping
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.bearing import Bearing
 
