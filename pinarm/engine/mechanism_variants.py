@@ -100,7 +100,7 @@ def _numbers(text: str | Sequence[str] | Array) -> float | Array:
     Raises:
         VariantsDiffer: It is a word in some of them.
     """
-    if isinstance(text, np.ndarray):
+    if isinstance(text, np.ndarray) and text.dtype == np.float64:
         return text
     texts = [text] if isinstance(text, str) else text
     try:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from pinarm.errors import InputError, Location
+from pinarm.errors import InputError, Location, PinarmError
 from pinarm.input.roots import similar_file
 
 MAX_BYTES = 50_000_000
 """Largest size of a table: about 1.5 million rows, read in 4 s."""
 
-
 SEPARATORS = {";": "semicolons", "\t": "tabs"}
-"""What stands between cells in tables of others, and what it is called."""
+"""Separators of cells in other programs' tables, and their names."""
 
 Row = tuple[int, list[str]]
 """The number of a line, and its cells."""
@@ -27,35 +26,37 @@ def table(path: Path, source: str) -> tuple[list[str], Iterator[Row]]:
         InputError: The cells are separated by something else than commas, a comment stands above them, or a row has
             more cells than the heading, as where numbers have decimal commas; located at the line.
     """
-    found = rows(path, source)
-    line, heads = next(found, (1, []))
+    lines = rows(path, source)
+    line, heads = next(lines, (1, []))
     if heads and heads[0].lstrip().startswith("#") and "[" not in "".join(heads):
-        raise InputError("the first line is a comment, which tables do not have", expected="a heading",
-                         hint="remove the line").at(Location(source, line, 1, ",".join(heads)))  # fmt: skip
+        raise in_line(
+            source, line, heads, "the first line is a comment, which tables do not have", "a heading", "remove the line"
+        )
     for mark, name in SEPARATORS.items():
         if len(heads) == 1 and mark in heads[0]:
-            raise InputError(f"the cells of this table are separated by {name}",
-                             expected="commas between cells, decimal points in numbers").at(
-                Location(source, line, 1, heads[0])
-            )  # fmt: skip
-    return heads, _fitting(found, len(heads), source)
+            raise in_line(source, line, heads, f"the cells of this table are separated by {name}",
+                          "commas between cells, decimal points in numbers")  # fmt: skip
+    return heads, _fitting(lines, len(heads), source)
 
 
-def _fitting(found: Iterator[Row], width: int, source: str) -> Iterator[Row]:
-    for line, row in found:
+def _fitting(lines: Iterator[Row], width: int, source: str) -> Iterator[Row]:
+    for line, row in lines:
         if any(cell.strip() for cell in row[width:]):
-            raise InputError(
-                f"the row has {len(row)} cells, the heading {width}", expected="numbers with a decimal point"
-            ).at(Location(source, line, 1, ",".join(row)))
+            raise in_line(
+                source, line, row, f"the row has {len(row)} cells, the heading {width}", "numbers with a decimal point"
+            )
         yield line, row
 
 
-def rows(path: Path, source: str) -> Iterator[Row]:
-    """Yield the rows of a CSV file that are not empty, with the numbers of their lines.
+def in_line(
+    source: str, line: int, row: Sequence[str], message: str, expected: str = "", hint: str = ""
+) -> PinarmError:
+    """Return an error at a line of a table, with the cells of that line."""
+    return InputError(message, expected=expected, hint=hint).at(Location(source, line, 1, ",".join(row)))
 
-    Args:
-        path: The file.
-        source: Its name in messages.
+
+def rows(path: Path, source: str) -> Iterator[Row]:
+    """Yield the rows of a CSV file that are not empty, with the numbers of their lines; messages call it ``source``.
 
     Raises:
         InputError: It is no regular file, too large, not UTF-8, a quote is not closed, or a cell goes over several
@@ -76,8 +77,10 @@ def rows(path: Path, source: str) -> Iterator[Row]:
                 if len(row) > 1 or (row and row[0].strip()):
                     yield last, row
     except csv.Error as error:
-        raise (
-            _unclosed(source, last + 1) if "unexpected end" in str(error) else _malformed(source, last + 1, error)
+        if "unexpected end" in str(error):
+            raise _unclosed(source, last + 1) from None
+        raise in_line(
+            source, last + 1, (), f"this is not CSV ({error})", "cells separated by commas, a row a line"
         ) from None
     except FileNotFoundError:
         problem = InputError(f"there is no file {path}", hint=similar_file(path))
@@ -87,19 +90,10 @@ def rows(path: Path, source: str) -> Iterator[Row]:
         raise InputError(f"the table cannot be read as UTF-8 text ({reason})").at(Location(source)) from None
 
 
-def _unclosed(source: str, line: int) -> InputError:
-    problem = InputError(
-        "a quote is not closed in this line: the rows below it would be part of the cell",
-        expected='a row a line; a quote within a quoted cell is written twice: "5"" pipe"',
-    )
-    problem.at(Location(source, line, 1))
-    return problem
-
-
-def _malformed(source: str, line: int, error: csv.Error) -> InputError:
-    problem = InputError(f"this is not CSV ({error})", expected="cells separated by commas, a row a line")
-    problem.at(Location(source, line, 1))
-    return problem
+def _unclosed(source: str, line: int) -> PinarmError:
+    message = "a quote is not closed in this line: the rows below it would be part of the cell"
+    expected = 'a row a line; a quote within a quoted cell is written twice: "5"" pipe"'
+    return in_line(source, line, (), message, expected)
 
 
 def split_heading(cell: str) -> tuple[str, str | None] | None:

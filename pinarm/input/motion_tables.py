@@ -9,8 +9,8 @@ from itertools import islice
 from pathlib import Path
 from typing import TypeAlias
 
-from pinarm.errors import InputError, Location, choices
-from pinarm.input.csv_rows import split_heading, table
+from pinarm.errors import InputError, choices
+from pinarm.input.csv_rows import in_line, split_heading, table
 from pinarm.input.numbers import decimal
 from pinarm.input.roots import Stamp
 from pinarm.input.units import Unit, unit
@@ -40,26 +40,24 @@ def read_table(name: str, column: str | None, stamp: Stamp) -> MotionTable:
 
     Args:
         name: The file, as an absolute path that may be read.
-        column: Name in the heading of that one; ``None`` for the second, which no other must have a unit beside.
+        column: Name in the heading of the other column; ``None`` for the second, if it alone has a unit.
         stamp: Of the file; part of the cache key, so that a changed file is read again.
 
     Raises:
         InputError: The file cannot be read, has no heading, a cell is not a finite number or lies beyond the heading,
-            the first column does not increase, or it is not clear which one is meant; located at the line.
+            the first column does not increase, or it is not clear which column is meant; located at the line.
     """
     file = Path(name).name
     heads, below = table(Path(name), file)
     if len(heads) < 2:
         raise _too_short(file)
     place = _place(heads, column, file)
-    along, measured = (_unit(heads[k], file) for k in (0, place))
+    along, measured = (_unit(heads, k, file) for k in (0, place))
     first, second = array("d"), array("d")  # a quarter of the memory of lists
     for line, row in below:
         t, value = (_number(row, k, heads[k], file, line) for k in (0, place))
         if first and not t * along.factor > first[-1]:
-            raise InputError("the first column does not increase", expected="each larger than the one before").at(
-                Location(file, line, 1, ",".join(row))
-            )
+            raise in_line(file, line, row, "the first column does not increase", "each larger than the one before")
         first.append(t * along.factor)
         second.append(value * measured.factor)
     if len(first) < 2:
@@ -71,7 +69,8 @@ def _place(heads: list[str], column: str | None, file: str) -> int:
     """Return where the column with a name stands, or the one with a unit beside the first."""
     names = {place: _name(head) for place, head in enumerate(heads) if place}
     if column is None:
-        fitting = [1, *(place for place in names if place > 1 and _measured(heads[place]))]
+        measured = {place for place in names if (split_heading(heads[place]) or ("", None))[1] is not None}
+        fitting = [1, *sorted(measured - {1})]
         said = f"the table {file} has several columns"
     else:
         fitting = [place for place, name in names.items() if name == column]
@@ -79,7 +78,7 @@ def _place(heads: list[str], column: str | None, file: str) -> int:
     if len(fitting) == 1:
         return fitting[0]
     expected, hint = choices(column or "", [name for name in names.values() if name])
-    raise InputError(said, expected=f"column: {expected}", hint=hint).at(Location(file, 1, 1, ",".join(heads)))
+    raise in_line(file, 1, heads, said, f"column: {expected}", hint)
 
 
 def _name(head: str) -> str:
@@ -87,20 +86,8 @@ def _name(head: str) -> str:
     return heading[0] if heading else head.strip()
 
 
-def _measured(head: str) -> bool:
-    heading = split_heading(head)
-    return bool(heading and heading[1] is not None)
-
-
 def read_headings(name: str) -> list[str]:
-    """Return the headings of a CSV file as they are written; its rows are not read.
-
-    Args:
-        name: The file, as an absolute path that may be read.
-
-    Raises:
-        InputError: The file cannot be read, or has no heading.
-    """
+    """Return the headings of a CSV file as they are written; its rows are not read."""
     return [head.strip() for head in table(Path(name), Path(name).name)[0]]
 
 
@@ -125,11 +112,8 @@ def read_columns(
     heads = [head.strip() for head in heads]
     places = [place for place, head in enumerate(heads) if _name(head) in names]
     read = [heads[place] for place in places]
-    if len(set(read)) < len(read):
-        twice = next(head for head in read if read.count(head) > 1)
-        raise InputError(f"two columns have the heading '{twice}'", expected="a heading of its own for each").at(
-            Location(file, 1, 1, ",".join(heads))
-        )
+    if twice := [head for head in read if read.count(head) > 1]:
+        raise in_line(file, 1, heads, f"two columns have the heading '{twice[0]}'", "a heading of its own for each")
     numbers = [array("d") for _ in places]
     for line, row in islice(below, most):
         for column, place in zip(numbers, places, strict=True):
@@ -146,12 +130,12 @@ def _too_short(file: str) -> InputError:
     )
 
 
-def _unit(cell: str, file: str) -> Unit:
-    heading = split_heading(cell)
+def _unit(heads: list[str], place: int, file: str) -> Unit:
+    heading = split_heading(heads[place])
     if heading and heading[1] is not None:
         return unit(heading[1])
-    raise InputError(f"the heading '{cell}' has no unit", expected="such as t [s] and theta [deg]").at(
-        Location(file, 1, 1, cell)
+    raise in_line(
+        file, 1, heads[place : place + 1], f"the heading '{heads[place]}' has no unit", "such as t [s] and theta [deg]"
     )
 
 
@@ -162,7 +146,6 @@ def _number(row: list[str], column: int, heading: str, file: str, line: int) -> 
         number = math.nan
     if abs(number) <= LARGEST:
         return number
-    place = Location(file, line, 1, ",".join(row))
     if not math.isfinite(number):
-        raise InputError("a finite number is missing", expected=f"one in the column {heading.strip()}").at(place)
-    raise InputError(f"{number:g} is out of bounds", expected=f"a size of at most {LARGEST:g}").at(place)
+        raise in_line(file, line, row, "a finite number is missing", f"one in the column {heading.strip()}")
+    raise in_line(file, line, row, f"{number:g} is out of bounds", f"a size of at most {LARGEST:g}")

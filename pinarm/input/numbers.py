@@ -1,4 +1,4 @@
-"""Numbers in text: decimal, in ASCII digits, and read in time linear in the length of the text.
+"""Decimal numbers in text, in ASCII digits, read in time linear in the length of the text.
 
 Python's own ``float`` takes Arabic and full-width digits too, and ``1_0`` for 10: in a table or a model these are
 mistakes.
@@ -27,11 +27,7 @@ def decimal(text: str) -> float:
 
 
 def decimals(texts: Sequence[str]) -> list[float]:
-    """Return the numbers that texts are; see ``decimal``.
-
-    Raises:
-        ValueError: One is none.
-    """
+    """Return the numbers that texts are, all checked at once; see ``decimal``."""
     whole = "".join(texts)
     return [*map(float, texts)] if whole.isascii() and "_" not in whole else [*map(decimal, texts)]
 
@@ -47,12 +43,11 @@ def is_decimal(text: str | None) -> bool:
 
 def is_whole(text: str) -> bool:
     """Return whether a text is a whole number: ASCII digits, with a sign or without."""
-    digits = text[1:] if text[:1] in ("+", "-") else text
-    return digits.isascii() and digits.isdigit()
+    return re.fullmatch("[+-]?[0-9]+", text) is not None
 
 
 def leading_number(text: str) -> tuple[str, str] | None:
     """Return the number that a text begins with and the rest, without blanks around; ``None`` where there is none."""
     text = text.strip()
-    found = _LEADING.match(text)
-    return (found[0], text[found.end() :].lstrip()) if found else None
+    match = _LEADING.match(text)
+    return (match[0], text[match.end() :].lstrip()) if match else None

@@ -1,4 +1,4 @@
-"""Which files a file may refer to: those under its root, and those of the packages it was given.
+"""Which files a file may refer to: those under its root, and those of packages.
 
 A root is the nearest folder above that holds ``pyproject.toml`` or ``.pinarm-root``, or the one that ``file_root``
 gives. Symbolic links are followed before a path is compared with it, and nothing is opened here.
@@ -23,13 +23,13 @@ NO_PACKAGES: Mapping[str, Path] = MappingProxyType({})
 Stamp = tuple[int, int, int, int]
 """Times of the last changes of a file's content and of its entry [ns], its size [bytes], and its number."""
 
+_given: ContextVar[Path | None] = ContextVar("given", default=None)
+_noted: ContextVar[set[Path] | None] = ContextVar("noted", default=None)
+
 
 def stamp_of(state: os.stat_result) -> Stamp:
     """Return what tells whether a file has changed: programs that copy keep the time of its content."""
     return state.st_mtime_ns, state.st_ctime_ns, state.st_size, state.st_ino
-
-
-_given: ContextVar[Path | None] = ContextVar("given", default=None)
 
 
 @contextmanager
@@ -56,9 +56,6 @@ def given_root() -> Path | None:
     return _given.get()
 
 
-_noted: ContextVar[set[Path] | None] = ContextVar("noted", default=None)
-
-
 @contextmanager
 def noting_files() -> Iterator[set[Path]]:
     """Collect the files that are referred to in the block, missing ones included; a block around it has them too."""
@@ -78,32 +75,20 @@ def note_files(files: Iterable[Path]) -> None:
 
 
 def root_of(path: Path) -> Path:
-    """Return the root of a file or folder: the folder given, or the nearest one above with a marker file.
-
-    Without a marker it is the folder itself, or that of the file.
-    """
+    """Return the root of a file or folder; without a marker it is the folder itself, or that of the file."""
     if (given := _given.get()) is not None:
         return given
     resolved = os.path.realpath(path)
-    folder = own = resolved if os.path.isdir(resolved) else os.path.dirname(resolved)
+    folder = nearest = resolved if os.path.isdir(resolved) else os.path.dirname(resolved)
     while not any(os.path.isfile(os.path.join(folder, marker)) for marker in MARKERS):
         folder, below = os.path.dirname(folder), folder
         if folder == below:
-            return Path(own)
+            return Path(nearest)
     return Path(folder)
 
 
 def contained_file(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKAGES) -> Path:
-    """Return the regular file of a path, which must lie under the root or a package.
-
-    Args:
-        path: Absolute, relative to ``root``, ``file://...`` or ``package://NAME/...``.
-        root: Folder under which files are allowed.
-        packages: Package name -> folder under which files are allowed too.
-
-    Raises:
-        InputError: The path leads outside of these folders, or is not a regular file.
-    """
+    """Return the regular file of a path, which must lie under the root or a package; see ``contained_path``."""
     resolved = contained_path(path, root, packages)
     if not resolved.is_file():
         if resolved.exists():
@@ -112,18 +97,13 @@ def contained_file(path: str | Path, root: Path, packages: Mapping[str, Path] = 
     return resolved
 
 
-def similar_file(path: Path) -> str:
-    """Return the existing file in the same folder with the most similar name; empty where none is similar."""
-    try:
-        names = [entry.name for entry in path.parent.iterdir()]
-    except OSError:
-        return ""
-    close = choices(path.name, names)[1]
-    return str(path.parent / close) if close else ""
-
-
 def contained_path(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKAGES) -> Path:
-    """Return the resolved path, which need not exist; see ``contained_file``.
+    """Return the resolved path, which need not exist.
+
+    Args:
+        path: Absolute, relative to ``root``, ``file://...`` or ``package://NAME/...``.
+        root: Folder under which files are allowed.
+        packages: Package name -> folder under which files are allowed too.
 
     Raises:
         InputError: It leads outside of the root and the packages, or is not a path.
@@ -146,10 +126,18 @@ def contained_path(path: str | Path, root: Path, packages: Mapping[str, Path] = 
             hint="copy the file there, put an empty .pinarm-root in a folder above both, or say --root DIR; in Python: "
             "with pinarm.file_root(DIR)",
         )
-    file = Path(resolved)
-    if (noted := _noted.get()) is not None:
-        noted.add(file)
+    note_files([file := Path(resolved)])
     return file
+
+
+def similar_file(path: Path) -> str:
+    """Return the existing file in the same folder with the most similar name; empty where none is similar."""
+    try:
+        names = [entry.name for entry in path.parent.iterdir()]
+    except OSError:
+        return ""
+    close = choices(path.name, names)[1]
+    return str(path.parent / close) if close else ""
 
 
 def _local(text: str, packages: Mapping[str, Path]) -> Path:
@@ -165,16 +153,11 @@ def _local(text: str, packages: Mapping[str, Path]) -> Path:
         )
     name, _, inner = rest.partition("/")
     if name not in packages:
-        raise unknown_package(name, packages)
+        expected, hint = choices(name, packages)
+        if not packages:
+            expected, hint = "a path: no package is looked for", "the path of the file from the one that names it"
+        raise InputError(f"unknown package {_short(name)}", expected=expected, hint=hint)
     return packages[name] / inner.lstrip("/")
-
-
-def unknown_package(name: str, packages: Mapping[str, Path]) -> InputError:
-    """Return the error that there is no package of a name; where there is none at all, it says what to do."""
-    expected, hint = choices(name, packages)
-    if not packages:
-        expected, hint = "a path: no package is looked for", "the path of the file from the one that names it"
-    return InputError(f"unknown package {_short(name)}", expected=expected, hint=hint)
 
 
 def _short(path: str | Path) -> str:

@@ -322,11 +322,7 @@ class Expander:
 
 
 class _Copies(ValueRecord, frozen=True):
-    """Counts the copies of elements and gives them the locations of these.
-
-    Attributes:
-        spend: Counts steps.
-    """
+    """Counts the copies of elements and gives them the locations of these."""
 
     spend: Callable[[int], None]
 

@@ -24,15 +24,14 @@ from pinarm.input.xacro.expression_tape import (
     OPEN,
     UNRECORDABLE,
     AnyColumn,
-    ArgumentColumn,
     Number,
     Tape,
     Traced,
     column,
+    holds_floats,
     is_column,
     joined,
     marks,
-    rows_of,
 )
 from pinarm.input.xml_text import MAX_BYTES, MAX_TEXT, Survey, bound, read
 from pinarm.records import ValueRecord
@@ -139,9 +138,9 @@ def _argument(name: str, value: float | str) -> Number | str:
 
 def _column(name: str, values: Sequence[float] | Array) -> AnyColumn:
     numbers = column(values)
-    if isinstance(numbers, np.ndarray) and np.isfinite(numbers).all():
+    if holds_floats(numbers) and np.isfinite(numbers).all():
         return numbers
-    return column(_argument(name, value) for value in rows_of(numbers))
+    return column(_argument(name, value) for value in numbers.tolist())
 
 
 class _Request(ValueRecord, frozen=True):
@@ -255,10 +254,10 @@ def _text_column(text: Text, values: Sequence[Any]) -> str | AnyColumn:
     if not any(map(is_column, filled)):
         return joined(texts, *filled)
     if texts == ("", ""):
-        return filled[0] if isinstance(filled[0], np.ndarray) else ArgumentColumn(map(str, filled[0]))
+        return filled[0] if holds_floats(filled[0]) else column(map(str, filled[0].tolist()))
     count = next(len(value) for value in filled if is_column(value))
-    spread = (rows_of(value) if is_column(value) else [value] * count for value in filled)
-    return ArgumentColumn(joined(texts, *row) for row in zip(*spread, strict=True))
+    spread = (value.tolist() if is_column(value) else [value] * count for value in filled)
+    return column(joined(texts, *row) for row in zip(*spread, strict=True))
 
 
 def _comments(xml: str) -> Iterator[str]:

@@ -33,30 +33,30 @@ Number = int | float
 Literal = Callable[[Any], Any]
 
 
-class ArgumentColumn(list[Any]):
-    """Values of an argument, or what follows from it, in the rows of a table, where these are not all floats."""
-
-
-AnyColumn = ArgumentColumn | Array
-"""Values in the rows of a table; of floats, an array, and of truth values, one of flags."""
+AnyColumn = Array
+"""Values in the rows of a table: floats, truth values, or objects where some are others."""
 
 
 def column(values: Iterable[Any]) -> AnyColumn:
     """Return values in the rows of a table."""
     if isinstance(values, np.ndarray) and values.dtype == np.float64:
         return values
-    found = ArgumentColumn(values)
-    return np.array(found) if set(map(type, found)) == {float} else found
+    rows = list(values)
+    if {*map(type, rows)} == {float}:
+        return np.array(rows)
+    column = np.empty(len(rows), dtype=object)
+    column[:] = rows
+    return column
 
 
 def is_column(value: Any) -> TypeGuard[AnyColumn]:
-    """Tell whether a value is a column."""
-    return isinstance(value, ArgumentColumn | np.ndarray)
+    """Return whether a value is a column."""
+    return isinstance(value, np.ndarray)
 
 
-def rows_of(values: AnyColumn) -> list[Any]:
-    """Return the values of a column as those of Python."""
-    return values.tolist() if isinstance(values, np.ndarray) else values
+def holds_floats(value: Any) -> bool:
+    """Return whether a value is a column of floats."""
+    return is_column(value) and value.dtype == np.float64
 
 
 class Traced(Record, frozen=True):
@@ -174,13 +174,12 @@ class Tape(Struct):
             elif (whole := getattr(function, "of_columns", _unsure)(*operands)) is not None:
                 values.append(whole)
             else:
-                spread = (rows_of(operand) if is_column(operand) else repeat(operand, count) for operand in operands)
+                spread = (operand.tolist() if is_column(operand) else repeat(operand, count) for operand in operands)
                 values.append(column(map(function, *spread)))
         holds = np.ones(count, dtype=bool)
         for register, outcome in self.guards:
             value = values[register]
-            truths = value if isinstance(value, np.ndarray) else [*map(bool, value if is_column(value) else [value])]
-            holds &= np.asarray(truths, dtype=bool) == outcome
+            holds &= (value.astype(bool) if is_column(value) else bool(value)) == outcome
         return values, holds
 
 
@@ -189,12 +188,7 @@ def _unsure(*operands: Any) -> None:
 
 
 class _Binary(ValueRecord, frozen=True):
-    """An arithmetic operator between two values.
-
-    Attributes:
-        plain: The algebra of numbers.
-        symbol: The operator.
-    """
+    """An arithmetic operator between two values."""
 
     plain: Scalars
     symbol: str
@@ -218,11 +212,7 @@ class _Binary(ValueRecord, frozen=True):
 
 
 class _Read(ValueRecord, frozen=True):
-    """What text is read as that says one value and nothing else.
-
-    Attributes:
-        plain: Turns text into the number that it is, as xacro does.
-    """
+    """What text is read as that says one value and nothing else."""
 
     plain: Literal
 
@@ -231,7 +221,7 @@ class _Read(ValueRecord, frozen=True):
 
     def of_columns(self, values: AnyColumn) -> Array | None:
         """Return the same column where it holds floats, which Python writes so that they are read as themselves."""
-        return values if isinstance(values, np.ndarray) else None
+        return values if holds_floats(values) else None
 
 
 _EXACT = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide}
@@ -239,7 +229,7 @@ _EXACT = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide}
 
 def _are_floats(values: Any) -> bool:
     """Tell whether a column holds floats only, or a constant is a number: with floats Python takes integers as such."""
-    return (isinstance(values, np.ndarray) and values.dtype == np.float64) or type(values) in (float, int)
+    return holds_floats(values) or type(values) in (float, int)
 
 
 class _Recorder(ValueRecord, frozen=True):
@@ -313,4 +303,4 @@ class _IsText(ValueRecord, frozen=True):
 
     def of_columns(self, values: AnyColumn) -> Flags | None:
         """Return that floats are none."""
-        return np.zeros(len(values), dtype=bool) if isinstance(values, np.ndarray) else None
+        return np.zeros(len(values), dtype=bool) if holds_floats(values) else None

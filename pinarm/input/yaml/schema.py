@@ -241,8 +241,9 @@ class _Fraction(PureNumber):
         try:
             return super().read(float(given[1]) / float(given[2]) if given else value)
         except UnitError:
-            raise InputError(f"'{str(value)[:40]}' is no ratio",
-                             expected="a number, or a fraction of two such as 17/43") from None  # fmt: skip
+            raise InputError(
+                f"'{str(value)[:40]}' is no ratio", expected="a number, or a fraction of two such as 17/43"
+            ) from None
 
 
 Ratio: Any = _Fraction

@@ -88,13 +88,7 @@ def explain(
 
 
 def _as_neighbours(hint: str, data: Any, path: Keys) -> str:
-    """Return the value that a hint suggests in the unit that the values nearest to it in the file have: mm, not m.
-
-    Args:
-        hint: The value as it stands, and a unit of SI; other hints stay.
-        data: The content of the file.
-        path: Where the value is.
-    """
+    """Return the value that a hint suggests in the unit that the values nearest to it in the file have: mm, not m."""
     parts = leading_number(hint)
     if not parts or not parts[1]:
         return hint

@@ -167,8 +167,9 @@ def depth_first(root: str, joints: Sequence[TreeJoint]) -> tuple[TreeJoint, ...]
         ordered.append(joint := waiting.pop())
         waiting += beyond.get(joint.child, [])
     if lost := sorted({joint.name for joint in joints} - {joint.name for joint in ordered}):
-        raise ModelError(f"the {listed('joint', lost)} hang{'' if len(lost) > 1 else 's'} in a circle",
-                         expected="a tree")  # fmt: skip
+        raise ModelError(
+            f"the {listed('joint', lost)} hang{'' if len(lost) > 1 else 's'} in a circle", expected="a tree"
+        )
     return tuple(ordered)
 
 

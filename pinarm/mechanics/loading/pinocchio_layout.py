@@ -220,9 +220,9 @@ class PinocchioLayout(Record, frozen=True):
         conventions = {
             "continuous": "q has the angle, turns counted (Pinocchio: cos, sin)",
             "planar": "q has x, y and the angle, v the velocity in the axes of the parent (Pinocchio: x, y, cos, sin, "
-                      "and the axes of what moves)",
+            "and the axes of what moves)",
             "floating": FLOATING,
-        }  # fmt: skip
+        }
         named = {way: [part.name for part in self.parts if part.way == way] for way in conventions}
         return "; ".join(f"of {several(names, LISTED)} {conventions[way]}" for way, names in named.items() if names)
 

@@ -116,8 +116,7 @@ def build_model(
         *_said(tree, creep),
     ]  # fmt: skip
     sticking = {} if creep else {part.name: part.friction for part in _rubbing(tree) if part.kind != "ball"}
-    return RobotModel(model, xml, forces, sticking, tree.mimics, tree.loops, tree.couplings, tree.gravity,
-                      tuple(notes))  # fmt: skip
+    return RobotModel(model, xml, forces, sticking, tree.mimics, tree.loops, tree.couplings, tree.gravity, tuple(notes))
 
 
 def _read(xml: str) -> tuple[str, Tree]:
@@ -179,8 +178,9 @@ def _tree(root: ElementTree.Element) -> Tree:
 
         return sdf_tree(root)
     if root.tag != "robot":
-        raise ModelError(f"the model begins with <{root.tag}>",
-                         expected="<robot> (URDF, xacro), <mujoco> (MJCF) or <sdf>")  # fmt: skip
+        raise ModelError(
+            f"the model begins with <{root.tag}>", expected="<robot> (URDF, xacro), <mujoco> (MJCF) or <sdf>"
+        )
     return urdf_tree(root)
 
 
@@ -318,8 +318,9 @@ def _parts(joint: TreeJoint) -> Iterator[TreeJoint]:
     if joint.kind == "floating":
         yield replace(last, kind="ball", placement=drawn, offset=joint.offset)
     else:
-        yield replace(last, kind="revolute", name=f"{joint.name}.angle", placement=place, axis=Z,
-                      offset=drawn * joint.offset)  # fmt: skip
+        yield replace(
+            last, kind="revolute", name=f"{joint.name}.angle", placement=place, axis=Z, offset=drawn * joint.offset
+        )
 
 
 def _rubbing(tree: Tree) -> list[TreeJoint]:

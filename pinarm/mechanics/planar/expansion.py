@@ -139,8 +139,9 @@ def _check_single(drawing: PlanarDrawing) -> None:
             with within("links", second if second != GROUND else first):
                 raise InputError(
                     f"{first} and {second} are joined twice, by {before} and {name}: they are one body",
-                    expected="one pin or slide between two bodies", hint="one link in place of both",
-                )  # fmt: skip
+                    expected="one pin or slide between two bodies",
+                    hint="one link in place of both",
+                )
 
 
 def _tree(slides: Sequence[DrawnJoint], pins: Sequence[DrawnJoint]) -> list[DrawnJoint]:
@@ -206,8 +207,9 @@ def _body(drawing: PlanarDrawing, name: str, origin: Array) -> pin.Inertia | Non
         return None
     ends = [_place(drawing, point) for point in link.points]
     if link.centre is None and len(ends) > 2 and link.mass:
-        raise InputError(f"the link has a mass and {len(ends)} points, but no centre of mass",
-                         expected="centre: the name of a point")  # fmt: skip
+        raise InputError(
+            f"the link has a mass and {len(ends)} points, but no centre of mass", expected="centre: the name of a point"
+        )
     centre = np.mean(ends, axis=0) if link.centre is None else _place(drawing, link.centre)
     if link.inertia is not None:
         moment = float(link.inertia)

@@ -90,12 +90,14 @@ class Equalities:
                              expected="one equality for each 'joint1'")  # fmt: skip
         if leader is None:
             if self.joints[known(follower, self.joints, "joint", where)].kind not in ("revolute", "prismatic"):
-                raise ModelError(f"{where}: '{follower}' is held, and is no hinge or slide",
-                                 expected="a joint with one coordinate")  # fmt: skip
+                raise ModelError(
+                    f"{where}: '{follower}' is held, and is no hinge or slide", expected="a joint with one coordinate"
+                )
             self.held[follower] = float(drawn[follower] + curve[0])
         elif curve[2:].any():
-            raise ModelError(f"{where}: it couples by a curve, which is not read",
-                             expected="polycoef with at most two numbers")  # fmt: skip
+            raise ModelError(
+                f"{where}: it couples by a curve, which is not read", expected="polycoef with at most two numbers"
+            )
         else:
             ends = [drawn.get(joint, 0.0) for joint in (follower, leader)]
             offset = float(curve[0] + ends[0] - curve[1] * ends[1])
@@ -149,8 +151,9 @@ class Equalities:
                 between, (x, y, z) = (ends[0].child, ends[1].child), axes[0].tolist()
             else:
                 between, (x, y, z) = (f"{name}_hinge_1", f"{name}_hinge_2"), (0.0, 0.0, 1.0)
-                turned = [frame.placement * pin.SE3(from_z(axis), np.zeros(3))
-                          for frame, axis in zip(ends, axes, strict=True)]  # fmt: skip
+                turned = [
+                    frame.placement * pin.SE3(from_z(axis), np.zeros(3)) for frame, axis in zip(ends, axes, strict=True)
+                ]
                 self.frames += [fixed_frame(end, frame.parent, place, name)
                                 for end, frame, place in zip(between, ends, turned, strict=True)]  # fmt: skip
             del self.loops[other]
@@ -167,14 +170,7 @@ def _active(settings: Settings, model: Element) -> Iterable[tuple[Element, Attri
 
 
 def _hinge_axes(a: TreeJoint, b: TreeJoint, c: TreeJoint, d: TreeJoint) -> tuple[Array, Array] | None:
-    """Return the direction from a to c in the axes of a, and from b to d in those of b; ``None`` for no hinge.
-
-    Args:
-        a: A point of the first body.
-        b: The point of the second body that is tied to a.
-        c: Another point, of the first body or the second.
-        d: The point of the other body that is tied to c.
-    """
+    """Return the direction from a to c in the axes of a, and from b to d in those of b; ``None`` for no hinge."""
     if (a.parent, b.parent) == (d.parent, c.parent):
         c, d = d, c
     if (a.parent, b.parent) != (c.parent, d.parent):

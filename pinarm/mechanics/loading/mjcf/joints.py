@@ -122,8 +122,9 @@ def with_actuators(
             continue
         joint = completed[known(name, joints, "joint", where)]
         squared = number_in({"gear": (given.get("gear", "").split() or ["1"])[0]}, "gear", where) ** 2
-        completed[name] = replace(joint, armature=joint.armature + squared * armature,
-                                  damping=joint.damping + squared * damping)  # fmt: skip
+        completed[name] = replace(
+            joint, armature=joint.armature + squared * armature, damping=joint.damping + squared * damping
+        )
     return completed
 
 

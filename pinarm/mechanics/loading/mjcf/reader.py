@@ -95,18 +95,7 @@ def _refuse_generated(model: Element) -> None:
 
 @dataclass
 class _Reader:
-    """What has been read while walking through the bodies.
-
-    Attributes:
-        settings: Conventions of the model.
-        links: Inertia of every body.
-        joints: Joints by name, depth-first.
-        nameless: Number of bodies without a name by their parent.
-        sites: Named points, as joints that hold them.
-        places: Placement of every body in the world in the pose of the file.
-        defects: As in ``Tree``.
-        notes: What is not modelled -> names.
-    """
+    """What has been read while walking through the bodies."""
 
     settings: Settings
     links: dict[str, pin.Inertia] = field(default_factory=lambda: {WORLD: pin.Inertia.Zero()})

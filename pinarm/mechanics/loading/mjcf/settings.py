@@ -88,8 +88,9 @@ class Settings:
             return word(compiler.get(key), words, f"<compiler>: {key}")
 
         first, last = numbers_in(compiler, "inertiagrouprange", "<compiler>", 2, (0.0, 5.0))
-        least_mass, least_inertia, total = (number_in(compiler, key, "<compiler>", 0.0)
-                                            for key in ("boundmass", "boundinertia", "settotalmass"))  # fmt: skip
+        least_mass, least_inertia, total = (
+            number_in(compiler, key, "<compiler>", 0.0) for key in ("boundmass", "boundinertia", "settotalmass")
+        )
         return cls(
             angle=math.pi / 180.0 if chosen("angle", ("degree", "radian")) == "degree" else 1.0, sequence=sequence,
             limits_by_range=chosen("autolimits", YES) == "true", source=chosen("inertiafromgeom", ("auto", *YES)),

@@ -90,8 +90,9 @@ class Frames:
         chain = {name: None}
         while (base := self._links.get(name) or self._known(self.attached, name, where)) != name:
             if base in chain or base == MODEL:
-                raise ModelError(f"{where}: the frame '{next(iter(chain))}' is attached to no link",
-                                 expected="attached_to: a link")  # fmt: skip
+                raise ModelError(
+                    f"{where}: the frame '{next(iter(chain))}' is attached to no link", expected="attached_to: a link"
+                )
             chain[base], name = None, base
         self._links.update(dict.fromkeys(chain, name))
         return name

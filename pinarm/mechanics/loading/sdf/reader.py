@@ -87,8 +87,9 @@ def _gravity(root: Element, version: tuple[int, int], notes: list[str]) -> Array
     given = text_of(world, "gravity")
     if not given and version < (1, 6):
         if len(engines) > 1:
-            raise ModelError(f"the <physics> of the world have several gravities: {'; '.join(sorted(engines))}",
-                             expected="one")  # fmt: skip
+            raise ModelError(
+                f"the <physics> of the world have several gravities: {'; '.join(sorted(engines))}", expected="one"
+            )
         given = next(iter(engines), "")
     if not given:
         notes.append(f"the world has no <gravity>, and by the format {GRAVITY} m/s^2")
@@ -101,8 +102,9 @@ def _gears(
     """Return the gears that the gearboxes of a model are, by name."""
     hinges = [
         Hinge(joint.name, joint.parent, joint.child, joint.place.rotation @ joint.steps[0].axis)
-        for joint in hung if joint.kind in ("revolute", "continuous")
-    ]  # fmt: skip
+        for joint in hung
+        if joint.kind in ("revolute", "continuous")
+    ]
     boxes = [element for element in elements if element.get("type") == GEARBOX]
     return {str(box.get("name")): gear_of(box, frames, version, hinges) for box in boxes}
 
@@ -156,8 +158,9 @@ def _inertia(link: Element, defects: list[str], notes: list[str]) -> pin.Inertia
     if inertial is None:
         notes.append(f"{where}: it has no <inertial>, and by the format 1 kg and moments of 1 kg*m^2")
     elif is_true(inertial.get("auto"), f"{where}: auto"):
-        raise ModelError(f"{where}: its inertia is to be computed from its collision shapes",
-                         expected="<mass> and <inertia>")  # fmt: skip
+        raise ModelError(
+            f"{where}: its inertia is to be computed from its collision shapes", expected="<mass> and <inertia>"
+        )
     elif missing := [tag for tag in ("mass", *(f"inertia/{key}" for key in MOMENTS)) if not inertial.findtext(tag)]:
         given = "1 kg" if missing == ["mass"] else "1 kg*m^2" if "mass" not in missing else "1 kg and 1 kg*m^2"
         notes.append(f"{where}: its <inertial> has no {', '.join(missing)}, and by the format {given}")

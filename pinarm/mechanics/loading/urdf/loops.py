@@ -78,13 +78,7 @@ def with_loops(tree: Tree, robot: Element) -> Tree:
 
 @dataclass
 class _Closed:
-    """Loops and couplings of a tree while they are read.
-
-    Attributes:
-        frames: Frames that are tied, as joints that fix them to links.
-        idle: Joints whose limits, damping, friction and springs are not modelled.
-        foreign: Joints of Gazebo between links that the model does not have.
-    """
+    """Loops and couplings of a tree while they are read."""
 
     tree: Tree
     frames: list[TreeJoint] = field(default_factory=list)
@@ -103,8 +97,9 @@ class _Closed:
         if given not in KINDS:
             expected, hint = choices(given, KINDS)
             raise ModelError(f"{where}: its type is '{given}'", expected=expected, hint=hint)
-        places = [(self._known(link, where), placement_of(origin, f"{where}: origin in '{link}'"))
-                  for link, origin in ends]  # fmt: skip
+        places = [
+            (self._known(link, where), placement_of(origin, f"{where}: origin in '{link}'")) for link, origin in ends
+        ]
         frames, between = tied_frames(name, places)
         self.frames += frames
         kind = LOWER_KINDS[KINDS[given]]

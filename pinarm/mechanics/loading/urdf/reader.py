@@ -172,8 +172,9 @@ def _end(joint: Element, end: str, where: str, links: Mapping[str, Any]) -> str:
 def _bounds(joint: Element, where: str, notes: list[str]) -> Bounds:
     """Return the limits; an effort, velocity or range of 0 means unknown: exporters write it so."""
     limit = joint.find("limit")
-    effort, velocity = (not_negative(text_in(limit, key), f"{where}: its limit of {key}") or np.inf
-                        for key in ("effort", "velocity"))  # fmt: skip
+    effort, velocity = (
+        not_negative(text_in(limit, key), f"{where}: its limit of {key}") or np.inf for key in ("effort", "velocity")
+    )
     if joint.get("type") not in ("revolute", "prismatic"):
         return Bounds(effort=effort, velocity=velocity)
     lower, upper = (number(text_in(limit, key), f"{where}: {key} limit", 0.0) for key in ("lower", "upper"))
@@ -227,8 +228,9 @@ def _mimics(elements: Mapping[str, Element]) -> Iterator[Mimic]:
         if mimic is None or _is_fixed(joint):  # a joint that exporters lock often keeps its <mimic>
             continue
         if joint.get("type") not in ("revolute", "continuous", "prismatic"):
-            raise ModelError(f"joint '{name}' mimics another, but is {joint.get('type')}",
-                             expected="a joint with one coordinate")  # fmt: skip
+            raise ModelError(
+                f"joint '{name}' mimics another, but is {joint.get('type')}", expected="a joint with one coordinate"
+            )
         multiplier = number(mimic.get("multiplier"), f"{where}: multiplier", 1.0)
         offset = number(mimic.get("offset"), f"{where}: offset", 0.0)
         yield Mimic(name, mimic.get("joint", ""), multiplier, offset)

@@ -11,13 +11,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Flags
 from pinarm.input.numbers import decimal
+from pinarm.input.xml_text import tree_of
 from pinarm.input.yaml.schema import FARTHEST, HEAVIEST, LARGEST
 from pinarm.mechanics.geometry.model_variants import (
     PARAMETERS,
@@ -42,7 +43,6 @@ ROUNDING = 1e-13
 KEPT = 4
 """Texts that are kept as they have been read: the variants of one model come in many chunks."""
 
-Element = ElementTree.Element
 Columns = Mapping[str, Sequence[Any] | Array]
 """A word that stands in an attribute -> the numbers that variants have in its place, or texts of several numbers."""
 
@@ -99,13 +99,13 @@ def model_variants(model: pin.Model, xml: str, marked: str, columns: Columns) ->
 
 @lru_cache(KEPT)
 def _tree_of(xml: str) -> Tree:
-    return urdf_tree(ElementTree.fromstring(xml))
+    return urdf_tree(tree_of(xml))
 
 
 @lru_cache(KEPT)
 def _marked(text: str, columns: Sequence[str]) -> Element:
     """Return a text with words where numbers vary."""
-    robot = ElementTree.fromstring(text)
+    robot = tree_of(text)
     _check_places(robot, columns)
     return robot
 
@@ -129,8 +129,9 @@ def _elements(part: Element) -> Iterator[tuple[Element, bool]]:
             yield child, False
             yield from ((inner, inner.tag in READ["link"]) for inner in child)
         elif child.tag not in DRAWN or part.tag != "link":
-            yield from ((inner, inner is child and part.tag == "joint" and child.tag in READ["joint"])
-                        for inner in child.iter())  # fmt: skip
+            yield from (
+                (inner, inner is child and part.tag == "joint" and child.tag in READ["joint"]) for inner in child.iter()
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,9 +259,9 @@ class _Reader:
 
 def _read(column: Sequence[Any] | Array) -> Array:
     """Return the numbers of a column, shape (k, 1), or of a column of texts, shape (k, numbers)."""
-    if isinstance(column, np.ndarray):
+    if isinstance(column, np.ndarray) and column.dtype == np.float64:
         return column[:, None]
-    rows = [[*map(decimal, each.split())] if isinstance(each, str) else [float(each)] for each in column]
+    rows = [[*map(decimal, value.split())] if isinstance(value, str) else [float(value)] for value in column]
     return np.array(rows, dtype=np.float64)
 
 
