@@ -1,1 +1,1 @@
-"""Layer 0: what comes in from files: documents, units, formulas, model texts."""
+"""Layer 0: readers of files: documents, units, formulas, model texts."""

@@ -1,4 +1,4 @@
-"""CSV files read strictly: a row a line, and a quote that is not closed is an error instead of the end of the table."""
+"""Strict reader of CSV files: one row a line; a quote that is not closed is an error, not the end of the table."""
 
 from __future__ import annotations
 

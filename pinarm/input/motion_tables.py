@@ -66,7 +66,7 @@ def read_table(name: str, column: str | None, stamp: Stamp) -> MotionTable:
 
 
 def _place(heads: list[str], column: str | None, file: str) -> int:
-    """Return where the column with a name stands, or the one with a unit beside the first."""
+    """Return the place of the column with a name, or of the only one with a unit beside the first."""
     names = {place: _name(head) for place, head in enumerate(heads) if place}
     if column is None:
         measured = {place for place in names if (split_heading(heads[place]) or ("", None))[1] is not None}

@@ -44,11 +44,11 @@ def robots() -> dict[str, Path]:
     """
     folder = example_robot_data() / "robots"
     files: dict[str, Path] = {}
-    found = sorted(Path(place) for place in _in_folders_below(folder))
-    for file in (file for file in found if file.suffix == ".urdf"):
+    places = sorted(Path(place) for place in _in_folders_below(folder))
+    for file in (file for file in places if file.suffix == ".urdf"):
         files.setdefault(file.stem, file)
         files.setdefault(file.stem.removesuffix("_robot"), file)
-    for file in (file for file in found if file.suffix == ".sdf"):
+    for file in (file for file in places if file.suffix == ".sdf"):
         files.setdefault(file.stem, file)
     files.update({name: files[stem] for name, stem in NAMES.items() if stem in files})
     if (other := folder / "anymal_c_simple_description" / "urdf" / "anymal.urdf").is_file():

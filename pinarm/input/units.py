@@ -120,7 +120,7 @@ _PER_SPEED = {(2, 1, -1, 0), (2, 1, -2, -1)}
 _ANGULAR: dict[Dimension, str] = {(0, 0, 0, 0): "rad", (0, 0, -1, 0): "rad/s", (0, 0, -2, 0): "rad/s^2"}
 
 ANGLES = ("deg", "°", "rev", "rpm", "rad")
-"""What is in the text of a unit in which something turns."""
+"""Words in units of angles and speeds of rotation."""
 
 MAX_LENGTH = 100
 """Of a unit; nothing in mechanics needs half as much."""
@@ -160,7 +160,7 @@ def unit(text: str) -> Unit:
 
 
 def _counts_turns(read: Unit) -> bool:
-    """Tell whether it takes a speed per minute or hour, as catalogues do, with no word of what is counted."""
+    """Return whether it takes a speed per minute or hour, as catalogues do, with no word of what is counted."""
     m, kg, time, ampere = read.dimension
     rate = time < 0 and (m, kg, ampere) == (0, 0, 0)
     per_speed = not _PER_SPEED.isdisjoint((read.dimension, (-m, -kg, -time, -ampere)))
@@ -202,7 +202,7 @@ def _apart(name: str) -> str:
 
 
 def read_quantity(text: str) -> tuple[float, Unit | None]:
-    """Split ``"30 deg"`` into its SI value and its unit; the unit is ``None`` where only a number stands.
+    """Split ``"30 deg"`` into its SI value and its unit; the unit is ``None`` for a bare number.
 
     Raises:
         UnitError: There is no number, or the unit is unknown.

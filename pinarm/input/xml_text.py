@@ -1,4 +1,4 @@
-"""XML text of models: bounded before a tree is built from it; includes of MJCF are resolved."""
+"""XML text of models: bounds on its size, the tree of its elements, and includes of MJCF."""
 
 from __future__ import annotations
 

@@ -79,10 +79,10 @@ class Expression(Record, frozen=True):
         Returns:
             Those that vary, in the order in which they are met, of the shape of the names.
         """
-        found = _Switches(names)
+        switches = _Switches(names)
         with np.errstate(all="ignore"):
-            interpret(self.tree, found, self.text)
-        return [np.asarray(values, float) for values in found.met if np.ndim(values)]
+            interpret(self.tree, switches, self.text)
+        return [np.asarray(values, float) for values in switches.met if np.ndim(values)]
 
     def dimension(self, names: Mapping[str, Unit | None]) -> Unit | None:
         """Return the SI unit of the value; ``None`` where it cannot be known.

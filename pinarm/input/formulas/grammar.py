@@ -40,7 +40,7 @@ _SYMBOLS: Mapping[type[ast.AST], str] = {
 
 
 class Algebra(Protocol[T]):
-    """What numbers, names and operations mean. Operations are named by their symbols."""
+    """Meaning of numbers, names and operations; operations are named by their symbols."""
 
     def constant(self, value: Any, /) -> T:
         """Return what a literal means."""
@@ -68,7 +68,7 @@ class Algebra(Protocol[T]):
 
 
 class Grammar(Record, frozen=True):
-    """What a language allows beyond operators.
+    """Literals and functions of a language.
 
     Attributes:
         literals: Types of its literals.

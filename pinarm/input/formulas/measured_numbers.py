@@ -46,16 +46,16 @@ def find_measured(text: str) -> list[tuple[int, MeasuredNumber]]:
     Raises:
         ExpressionError: One stands beside ``*``, ``/`` or ``**``, or has no unit that is known.
     """
-    found = []
+    numbers = []
     for match in re.finditer(_MEASURED, text):
         if match[1] in _KEYWORDS:
             continue
         try:
-            found.append((match.start(), _read(match, text)))
+            numbers.append((match.start(), _read(match, text)))
         except ExpressionError as error:
             place = Location("", 1, len(text[: match.start()].encode()) + 1, width=len(match[0]))
             raise error.at(place) from None
-    return found
+    return numbers
 
 
 def _read(match: re.Match[str], text: str) -> MeasuredNumber:
@@ -73,7 +73,7 @@ def _read(match: re.Match[str], text: str) -> MeasuredNumber:
 
 
 def _ends_term(before: str) -> bool:
-    """Tell whether a term of a sum can begin after a text."""
+    """Return whether a term of a sum can begin after a text."""
     bare = before.rstrip()
     signless = bare.rstrip("+- ")
     if signless != bare:
@@ -82,6 +82,6 @@ def _ends_term(before: str) -> bool:
 
 
 def _begins_term(after: str) -> bool:
-    """Tell whether a term of a sum can end before a text."""
+    """Return whether a term of a sum can end before a text."""
     bare = after.lstrip()
     return bare[:1] in ("", *"),+-<>=!") or bare.split(None, 1)[0] in _KEYWORDS

@@ -44,7 +44,7 @@ _TOKEN = re.compile(r"\$(\$+[{(])|\$\{([^}]*)\}|\$\(([^)]*)\)|([^$]+|\$[^{($]+|\
 _MACRO_PARAMETER = re.compile(
     r"^\s*([^\s:=]+?)\s*:?=\s*(\^\|?)?(\$\{.*?\}|\$\(.*?\)|(?:'.*?'|\".*?\"|[^\s'\"]++)++|)(?:\s+|$)(.*)"
 )
-"""xacro's own, with possessive repetitions: as it stands there, an unbalanced quote takes exponential time."""
+"""Pattern of xacro, with possessive repetitions: in xacro an unbalanced quote takes exponential time."""
 _DISARMED = ("open", "eval", "compile", "os", "glob", "load_yaml", "safe_eval", "eval_extension", "process_file")
 """Names of xacro that are set to ``None``: the replacements do not need them, and any other use fails."""
 OURS = (
@@ -283,7 +283,7 @@ class Expander:
             position = match.end()
 
     def _substitute(self, text: str) -> str:
-        """Return what ``$(arg NAME)`` stands for, or ``$(find PACKAGE)``: the URI of the package."""
+        """Return the value of ``$(arg NAME)``, or for ``$(find PACKAGE)`` the URI of the package."""
         command, _, name = text.strip().partition(" ")
         name = name.strip()
         if command == "find" and name:  # no package is looked for, and only includes would read a file of it
@@ -309,7 +309,7 @@ class Expander:
         yield path
 
     def is_valid_name(self, name: str) -> bool:
-        """Tell whether a property may have this name, without parsing it."""
+        """Return whether a property may have this name, without parsing it."""
         return name.isidentifier() and not keyword.iskeyword(name)
 
     def warning(self, *texts: Any, **_: Any) -> None:

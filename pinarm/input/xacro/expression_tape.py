@@ -138,7 +138,7 @@ class Tape(Struct):
         return evaluate(_MARK.sub(self._name_of, text), _Recorder(self, Scalars(names)))
 
     def _name_of(self, mark: re.Match[str]) -> str:
-        """Return a name that stands for a number as its digits would; a sign would bind otherwise."""
+        """Return a name in place of the digits of a number without a sign, which would bind otherwise."""
         place = Traced(self, int(mark[1]))
         if isinstance(place.value, str | bool) or not self.record(_is_unsigned, place):
             raise ModelError(UNRECORDABLE)
@@ -204,15 +204,15 @@ class _Binary(ValueRecord, frozen=True):
         """
         if self.symbol not in _EXACT or not (_are_floats(left) and _are_floats(right)):
             return None
-        one, other = np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
-        if self.symbol == "/" and not other.all():
+        first, second = np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
+        if self.symbol == "/" and not second.all():
             return None
         with np.errstate(all="ignore"):  # what overflows is infinite in Python, too
-            return np.asarray(_EXACT[self.symbol](one, other))
+            return np.asarray(_EXACT[self.symbol](first, second))
 
 
 class _Read(ValueRecord, frozen=True):
-    """What text is read as that says one value and nothing else."""
+    """Reader of a text that is one value and nothing else."""
 
     plain: Literal
 
@@ -228,7 +228,7 @@ _EXACT = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide}
 
 
 def _are_floats(values: Any) -> bool:
-    """Tell whether a column holds floats only, or a constant is a number: with floats Python takes integers as such."""
+    """Return whether a value is a column of floats, or a number: beside floats Python takes integers as floats."""
     return holds_floats(values) or type(values) in (float, int)
 
 

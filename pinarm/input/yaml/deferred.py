@@ -17,7 +17,7 @@ import msgspec
 StructT = TypeVar("StructT", bound=msgspec.Struct)
 
 Deferred = Mapping[str, tuple[str, str]]
-"""Field -> module, and name in it, of the type that stands for ``Any`` in its annotation."""
+"""Field -> module and name of the type in place of ``Any`` in its annotation."""
 
 
 def with_types(struct: type[StructT], keys: Iterable[str]) -> type[StructT]:
@@ -56,7 +56,7 @@ def _filled(annotation: Any, kind: Any) -> Any:
     """Return an annotation with a type in place of ``Any``."""
     if annotation is Any:
         return kind
-    origin, inside = get_origin(annotation), tuple(_filled(each, kind) for each in get_args(annotation))
+    origin, inside = get_origin(annotation), tuple(_filled(argument, kind) for argument in get_args(annotation))
     if not inside:
         return annotation
     return Union[inside] if origin in (Union, UnionType) else origin[inside]  # noqa: UP007

@@ -100,7 +100,7 @@ class Document(ValueRecord, frozen=True):
         return Location(self.source)
 
     def written(self, path: Path_) -> str:
-        """Return the text of the plain value at a path as it stands in the file; empty for what was built in Python."""
+        """Return the text of the plain value at a path as written in the file; empty for data built in Python."""
         place = self.locate(path)
         return place.text[place.column - 1 : place.column - 1 + place.width] if place.line else ""
 
@@ -247,8 +247,8 @@ def _merged(data: Any, changes: Any, place: Location) -> Any:
     merged = data.copy()
     for key, value in changes.items():
         step: Any = step_into(data, key, place, create=False)
-        found = data.get(step) if isinstance(data, dict) else data[step]
-        merged[step] = _merged(found, value, place)
+        inner = data.get(step) if isinstance(data, dict) else data[step]
+        merged[step] = _merged(inner, value, place)
     return merged
 
 

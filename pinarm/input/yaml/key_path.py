@@ -15,7 +15,7 @@ from pinarm.input.yaml.parser import LEVELS, MAX_DEPTH
 _STEP = re.compile(r"""(?P<quote>["'])(?P<quoted>.*?)(?P=quote)(?=\.|$)|(?P<plain>[^."'][^.]*)(?=\.|$)""", re.DOTALL)
 
 QUOTED = """keys that have dots in quotes, such as --set 'problem.motion."tcp.y".value=3 mm'"""
-"""What to try where a path does not lead to where it should."""
+"""Hint for paths that lead elsewhere."""
 
 SHOWN, SHOWN_LETTERS = 5, 40
 """Keys that a message lists, and characters that it shows of a path."""
@@ -54,12 +54,12 @@ def joined(steps: list[str]) -> str:
 
 
 def _parts(path: str, place: Location) -> list[tuple[str, bool]]:
-    """Return what stands between the dots of a path, and whether it is in quotes."""
+    """Return the parts between the dots of a path, and whether each is in quotes."""
     parts, end = list[tuple[str, bool]](), 0
-    while found := _STEP.match(path, end):
-        quoted = found["quote"] is not None
-        parts.append((found["quoted"] if quoted else found["plain"], quoted))
-        end = found.end() + 1
+    while match := _STEP.match(path, end):
+        quoted = match["quote"] is not None
+        parts.append((match["quoted"] if quoted else match["plain"], quoted))
+        end = match.end() + 1
     if end != len(path) + 1:
         raise InputError(f"'{path[end:] or path}' is no path of keys", expected="path.to.key", hint=QUOTED).at(place)
     return parts
@@ -86,7 +86,7 @@ def _next(
 
 
 def _inner(data: Any, step: str) -> Any:
-    """Return what stands at a step; ``None`` where nothing does."""
+    """Return the value at a step; ``None`` where there is none."""
     if isinstance(data, list):
         return data[int(step)] if re.fullmatch(r"-?[0-9]{1,9}", step) and -len(data) <= int(step) < len(data) else None
     return data.get(step) if isinstance(data, dict) else None

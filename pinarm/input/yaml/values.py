@@ -1,4 +1,4 @@
-"""Other values for a file: what Python says as a mapping and the shell as ``key=value``, spelled in one way.
+"""Values that replace those of a file: a mapping in Python, ``key=value`` in the shell.
 
 ``{"problem.time.end": "3 s", "arguments.m_A": 0.2}`` and ``["problem.time.end=3 s", "arguments.m_A=0.2"]`` are the
 same. Keys are paths, their steps joined by dots, indices of lists included (``expect.0.rtol``); steps that have dots
@@ -56,7 +56,7 @@ def require_apart(data: Any, values: Values, others: Iterable[str]) -> None:
 
 
 def written_unit(data: Any, path: str) -> str:
-    """Return the unit of the value that stands at a path of plain data; empty where there is none."""
+    """Return the unit of the value at a path of plain data; empty where there is none."""
     value = value_at(data, path)
     try:
         measured = read_quantity(value)[1] if isinstance(value, str) else None
@@ -73,7 +73,7 @@ def require_unit(value: Measured, known: str, path: str) -> None:
 
 
 def value_at(data: Any, path: str) -> Any:
-    """Return what stands at a path of plain data; ``None`` where nothing does."""
+    """Return the value at a path of plain data; ``None`` where there is none."""
     try:
         for key in steps_of(path, data, Location(path)):
             data = data[step_into(data, key, Location(path), create=False)]

@@ -1,1 +1,1 @@
-"""URDF and MJCF text to Pinocchio models."""
+"""Readers of URDF, SDF and MJCF, and the Pinocchio model of what they read."""

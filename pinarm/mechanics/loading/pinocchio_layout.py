@@ -1,4 +1,4 @@
-"""States as ``pin.buildModelFromUrdf`` has them, and as pinarm has them: the one from the other.
+"""Conversion of states between the convention of ``pin.buildModelFromUrdf`` and that of pinarm.
 
 The joints come in the same order; three types of them have other coordinates. With p the position and R the orientation
 of what moves, w its angular velocity in its own axes, and ' the transpose:
@@ -21,15 +21,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING
-from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import LISTED, InputError, several
+from pinarm.input.xml_text import tree_of
 from pinarm.mechanics.joints import Joint
+from pinarm.mechanics.loading.model_tree import Tree
 from pinarm.mechanics.loading.pinocchio_model import BASE
+from pinarm.mechanics.loading.urdf.reader import urdf_tree
 from pinarm.mechanics.loading.urdf.writer import CHAINS
 from pinarm.records import Record
 
@@ -46,10 +48,6 @@ FLOATING = ("q has the position and the quaternion x, y, z, w; v the velocity of
 UNIT = 1e-8
 """How far (cos, sin) and quaternions may be from the length 1: typed digits explain as much."""
 
-DEEPEST = 1000
-"""Joints in a row that Pinocchio's reader is given: it calls itself for each, and ends the process where its stack is
-full, at 3,700 of them with the usual 8 MB."""
-
 SAME = 1e-12
 """Distance of two axes that is rounding."""
 
@@ -59,6 +57,12 @@ PARTS: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 """Kind of Pinocchio's joint -> what the names of pinarm's joints with one coordinate for it have at their end; those of
 any other kind have its own name."""
+
+TYPES: Mapping[str, Callable[[], pin.JointModel]] = {
+    "revolute": pin.JointModelRZ, "continuous": pin.JointModelRUBZ, "prismatic": pin.JointModelPZ,
+    "planar": pin.JointModelPlanar, "floating": pin.JointModelFreeFlyer,
+}  # fmt: skip
+"""Type of a joint of URDF -> Pinocchio's joint; its axis does not matter for the layout."""
 
 BALLS = ("FreeFlyer", "Spherical")
 """Kinds that have a ball joint of their own name here."""
@@ -164,7 +168,7 @@ class PinocchioLayout(Record, frozen=True):
 
     @classmethod
     def of(cls, xml: str, model: pin.Model, joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> PinocchioLayout:
-        """Compare a mechanism with what Pinocchio's reader makes of the joints in the same text.
+        """Compare a mechanism with the joints that ``pin.buildModelFromUrdf`` makes of the same text.
 
         Args:
             xml: The URDF text.
@@ -173,23 +177,19 @@ class PinocchioLayout(Record, frozen=True):
             balls: Its ball joints, by name.
 
         Raises:
-            InputError: The text is MJCF, or Pinocchio's reader refuses it or makes other joints of it.
+            InputError: The text is no URDF, or the reader of Pinocchio would make other joints of it.
         """
-        root = ElementTree.fromstring(xml)
+        root = tree_of(xml)
         if root.tag != "robot":
-            raise InputError("the model is MJCF, which pin.buildModelFromUrdf does not read", expected="URDF or xacro")
-        floats = BASE in balls and BASE not in {joint.get("name") for joint in root.findall("joint")}
-        if any(joint.get("type") == "spherical" for joint in root.findall("joint")):
+            format = {"mujoco": "MJCF", "sdf": "SDF"}.get(root.tag, root.tag)
+            raise InputError(f"the model is {format}, which pin.buildModelFromUrdf does not read",
+                             expected="URDF or xacro")  # fmt: skip
+        types = {joint.get("name", ""): joint.get("type", "") for joint in root.findall("joint")}
+        if "spherical" in types.values():
             raise InputError("the model has spherical joints, which pin.buildModelFromUrdf does not know",
                              expected="types of URDF, or a mechanism of a pin.Model")  # fmt: skip
-        if (depth := _depth(root)) > DEEPEST:
-            raise InputError(f"pin.buildModelFromUrdf goes from link to link: {depth} joints in a row are too deep",
-                             expected=f"at most {DEEPEST} joints between the root and a link")  # fmt: skip
-        free = [pin.JointModelFreeFlyer()] if floats else []
-        try:
-            theirs = pin.buildModelFromXML(_joints_alone(root), *free)
-        except ValueError as error:
-            raise InputError(f"pin.buildModelFromUrdf does not read the model: {error}") from None
+        floats = BASE in balls and BASE not in types
+        theirs = _their_model(urdf_tree(root), types, floats=floats)
         return cls.between(theirs, model, joints, balls, {FREE_FLYER: BASE} if floats else {})
 
     @classmethod
@@ -241,34 +241,19 @@ class PinocchioLayout(Record, frozen=True):
         return p_q, p_v
 
 
-def _depth(root: ElementTree.Element) -> int:
-    """Return the largest number of joints between the root of a URDF and one of its links."""
-    ends = ((joint.find("parent"), joint.find("child")) for joint in root.findall("joint"))
-    children: dict[str | None, list[str | None]] = {}
-    for parent, child in ends:
-        if parent is not None and child is not None:
-            children.setdefault(parent.get("link"), []).append(child.get("link"))
-    held, depth = {child for some in children.values() for child in some}, 0
-    level = [child for parent, some in children.items() if parent not in held for child in some]
-    while level:
-        depth, level = depth + 1, [child for link in level for child in children.get(link, ())]
-    return depth
-
-
-def _joints_alone(root: ElementTree.Element) -> str:
-    """Return the URDF text of links and joints alone, all with a limit.
-
-    How states stand does not depend on anything else, of which the reader refuses more than pinarm, and writes to the
-    terminal about it: joints without a limit, colours beyond 1.
-    """
-    robot = ElementTree.Element("robot", name="joints")
-    for link in root.findall("link"):
-        ElementTree.SubElement(robot, "link", name=link.get("name", ""))
-    for joint in root.findall("joint"):
-        copied = ElementTree.SubElement(robot, "joint", joint.attrib)
-        copied.extend(child for child in joint if child.tag in ("parent", "child", "origin", "axis"))
-        ElementTree.SubElement(copied, "limit", lower="-1", upper="1", effort="0", velocity="0")
-    return ElementTree.tostring(robot, encoding="unicode")
+def _their_model(tree: Tree, types: Mapping[str, str], *, floats: bool) -> pin.Model:
+    """Return the joints that Pinocchio's reader makes of a tree: the same ones in the same order, of its own types."""
+    model = pin.Model()
+    root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), FREE_FLYER) if floats else 0
+    places = {tree.root: (root, pin.SE3.Identity())}
+    for joint in tree.joints:
+        index, place = places[joint.parent]
+        place = place * joint.placement
+        if joint.kind != "fixed":
+            index = model.addJoint(index, TYPES[types[joint.name]](), place, joint.name)
+            place = pin.SE3.Identity()
+        places[joint.child] = index, place
+    return model
 
 
 def _part(

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pinarm.mechanics.loops.kinds import Loop
 
 Marks = dict[tuple[str, str], str]
-"""Body and point -> name of the link without mass that stands for the point on the body."""
+"""Body and point -> name of the link without mass for the point on the body."""
 
 FAR = "1e9"
 """Limits of slides, which URDF asks for [m, N, m/s]: none that a machine reaches."""

@@ -41,7 +41,7 @@ TIES = ("connect", "weld")
 
 @dataclass
 class Equalities:
-    """What equalities say, while they are read.
+    """Couplings, held joints and loops of equalities, while they are read.
 
     Attributes:
         joints: The joints of the model by name.

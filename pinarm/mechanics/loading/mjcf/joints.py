@@ -37,7 +37,7 @@ POLYNOMIALS = ("stiffness", "damping")
 UNSAID = ("auto", "true", "false")
 
 Notes = dict[str, list[str]]
-"""What is not modelled -> names of the elements that have it."""
+"""Feature that is not modelled -> names of the elements that have it."""
 
 
 class BodyElement(NamedTuple):

@@ -65,4 +65,4 @@ MJCF = format_names({
         "force scale lmin lmax vmax fpmax fvmax gain cogging controller inductance lugre motorconst nominal "
         "resistance saturation thermal > config-",
 })  # fmt: skip
-"""What is read of the format, or has no part in what is computed. Of actuators armature, damping and gear are read."""
+"""Names that are read, or have no part in the computation. Of actuators armature, damping and gear are read."""

@@ -95,7 +95,7 @@ def _refuse_generated(model: Element) -> None:
 
 @dataclass
 class _Reader:
-    """What has been read while walking through the bodies."""
+    """Links, joints and sites read so far, on the way through the bodies."""
 
     settings: Settings
     links: dict[str, pin.Inertia] = field(default_factory=lambda: {WORLD: pin.Inertia.Zero()})

@@ -21,7 +21,7 @@ MODEL = "__model__"
 """Name of the frame of the model."""
 
 WORLD = "world"
-"""Name of what a model stands on."""
+"""Name of the fixed frame around a model."""
 
 TRUTH = {"true": True, "1": True, "false": False, "0": False}
 """Words of SDF for yes and no, in capitals or not."""

@@ -36,7 +36,7 @@ LIMITLESS = 1e15
 """Limit from which on there is none: the format's own default is 1e16."""
 
 INFINITE = ("inf", "+inf", "-inf")
-"""What a file says of a limit where there is none."""
+"""Words for no limit."""
 
 SQUARE = 1e-6
 """Cosine of the angle between two axes up to which they are at right angles: digits that a file prints."""

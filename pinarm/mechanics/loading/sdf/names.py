@@ -26,4 +26,4 @@ SDF = format_names({
     "dynamics": "> damping friction spring_reference spring_stiffness",
     "mimic": "joint axis > multiplier offset reference",
 })  # fmt: skip
-"""What is read of the format, or has no part in what is computed."""
+"""Names that are read, or have no part in the computation."""

@@ -44,7 +44,7 @@ KEPT = 4
 """Texts that are kept as they have been read: the variants of one model come in many chunks."""
 
 Columns = Mapping[str, Sequence[Any] | Array]
-"""A word that stands in an attribute -> the numbers that variants have in its place, or texts of several numbers."""
+"""A word in an attribute -> the numbers of the variants in its place, or texts of several numbers."""
 
 
 class Body(NamedTuple):
@@ -71,9 +71,9 @@ class Body(NamedTuple):
         squares = np.vecdot(c, c)[:, None, None] * np.eye(3) - c[:, :, None] * c[:, None]
         about = self.moments + m * squares
         rows = about[:, (0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)]
-        found = np.empty((len(about), PARAMETERS))
-        found[:, 0], found[:, 1:4], found[:, 4:] = self.mass, self.mass[:, None] * c, rows
-        return found
+        parameters = np.empty((len(about), PARAMETERS))
+        parameters[:, 0], parameters[:, 1:4], parameters[:, 4:] = self.mass, self.mass[:, None] * c, rows
+        return parameters
 
 
 def _carried(place: VariantPlacement, body: Body) -> Body:
@@ -136,7 +136,7 @@ def _elements(part: Element) -> Iterator[tuple[Element, bool]]:
 
 @dataclass(frozen=True, eq=False)
 class _Reader:
-    """What is needed to read variants: the first one's model and tree, and the text with columns."""
+    """Reader of variants: model and tree of the first variant, and the text with columns."""
 
     model: pin.Model
     tree: Tree
@@ -179,8 +179,8 @@ class _Reader:
         turns = [np.broadcast_to(place.rotation, (k, 3, 3)) for place in moved.values()]
         shifts = [np.broadcast_to(place.translation, (k, 3)) for place in moved.values()]
         parameters, turned, shifted = (
-            np.stack(each, axis=1) if each else none
-            for each, none in zip((list(bodies.values()), turns, shifts), shapes, strict=True)
+            np.stack(stack, axis=1) if stack else empty
+            for stack, empty in zip((list(bodies.values()), turns, shifts), shapes, strict=True)
         )
         world = self.model.frames[UNIVERSE]
         ground = VariantFrame(world.name, world.type, world.parentJoint, VariantPlacement.of(world.placement))
@@ -233,8 +233,8 @@ class _Reader:
         text = (inertia.get(key, "0") for key in ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz"))
         moments = self._numbers(" ".join(text)).reshape(-1, 3, 3)
         place = VariantPlacement.of(pin.SE3.Identity()) if origin is None else self._place(origin)
-        found = _carried(place, Body(self._numbers(mass.get("value", ""))[:, 0], np.zeros((1, 3)), moments))
-        return Body(*(np.broadcast_to(x, (self._count, *x.shape[1:])) for x in found))
+        body = _carried(place, Body(self._numbers(mass.get("value", ""))[:, 0], np.zeros((1, 3)), moments))
+        return Body(*(np.broadcast_to(x, (self._count, *x.shape[1:])) for x in body))
 
     def _place(self, origin: Element) -> VariantPlacement:
         shift, angles = (self._numbers(origin.get(key, "0 0 0")) for key in ("xyz", "rpy"))
