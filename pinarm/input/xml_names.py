@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from xml.etree.ElementTree import Element
 from xml.parsers import expat
 
-from pinarm.errors import Location, ModelError, choices
+from pinarm.errors import LISTED, SHOWN, Location, ModelError, choices, several
 from pinarm.input.xml_text import location
 from pinarm.records import ValueRecord
 
@@ -118,7 +118,7 @@ def check_names(root: Element, known: Format) -> Counter[str]:
         elif siblings[tag]:
             kind = known.get(siblings[tag], Kind())
             inside = (*around, element)
-            for attribute in element.attrib.keys() - kind.attributes:
+            for attribute in (name for name in element.attrib if name not in kind.attributes):
                 _refuse_misprint(inside, tag, attribute, kind.attributes)
                 if not is_foreign(attribute):
                     unread[f"{attribute} of <{tag}>"] += 1
@@ -133,8 +133,9 @@ def is_foreign(name: str) -> bool:
 
 
 def counted(unread: Mapping[str, int]) -> str:
-    """Return what is not read in words, such as ``<transmission> (3), <gazebo>``."""
-    return ", ".join(what if number == 1 else f"{what} ({number})" for what, number in sorted(unread.items()))
+    """Return what is not read in words, such as ``<transmission> (3), <gazebo>``; of many names the first."""
+    names = [name[:SHOWN] + f" ({number})" * (number > 1) for name, number in sorted(unread.items())]
+    return several(names, LISTED)
 
 
 def meant_by(name: str, known: Iterable[str]) -> str:

@@ -80,3 +80,9 @@ def test_its_place_is_that_of_the_element_around_it():
     assert (place.source, place.line) == ("room.xml", 4)
     assert str(caught.value.place("<room><shelf>\n  <board nam='1'/></shelf></room>", "f")) == "f:2:10"
     assert caught.value.place("<room/>", "other.xml").line == 0
+
+
+def test_of_many_unread_names_the_first_are_listed():
+    words = counted(check(f"<room>{''.join(f'<x{k}{k}/>' for k in range(100, 1000))}<{'y' * 1000}/></room>"))
+    assert words.endswith("and 877 more")
+    assert len(words) < 600

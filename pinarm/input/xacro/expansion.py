@@ -121,9 +121,9 @@ def expand_columns(
     return None
 
 
-def check_declared(given: Iterable[str], declared: Mapping[str, object]) -> None:
+def check_declared(names: Iterable[str], declared: Mapping[str, object]) -> None:
     """Refuse names that are not among the arguments of a model."""
-    for name in sorted(given):
+    for name in sorted(names):
         if name not in declared:
             raise UnknownArgument(name, declared)
 
@@ -166,9 +166,9 @@ class _Request(ValueRecord, frozen=True):
 
     def expand(self, tape: Tape | None = None, marked: Mapping[str, str] | None = None) -> tuple[Expander, Expansion]:
         """Expand the model by xacro, with marks of a tape in place of the numbers where it is to be recorded."""
-        given = {name: value if isinstance(value, str) else repr(value) for name, value in self.arguments.items()}
-        given |= marked or {}
-        expander = Expander(self.root, given, {str(self.path): self.source}, tape)
+        values = {name: value if isinstance(value, str) else repr(value) for name, value in self.arguments.items()}
+        values |= marked or {}
+        expander = Expander(self.root, values, {str(self.path): self.source}, tape)
         return expander, expander.run(self.path)
 
 

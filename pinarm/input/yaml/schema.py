@@ -235,11 +235,11 @@ class _Fraction(PureNumber):
     @classmethod
     def read(cls, value: object, *, bare: bool = True) -> Self:
         """Read ``0.5``, or ``"17/43"``."""
-        given = re.fullmatch(_FRACTION, value.strip()) if isinstance(value, str) else None
-        if given and not float(given[2]):
-            raise InputError(f"'{given[0][:40]}' divides by 0", expected="a fraction such as 17/43")
+        fraction = re.fullmatch(_FRACTION, value.strip()) if isinstance(value, str) else None
+        if fraction and not float(fraction[2]):
+            raise InputError(f"'{fraction[0][:40]}' divides by 0", expected="a fraction such as 17/43")
         try:
-            return super().read(float(given[1]) / float(given[2]) if given else value)
+            return super().read(float(fraction[1]) / float(fraction[2]) if fraction else value)
         except UnitError:
             raise InputError(
                 f"'{str(value)[:40]}' is no ratio", expected="a number, or a fraction of two such as 17/43"
@@ -266,11 +266,11 @@ class InputStruct(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Validate values given in Python against the annotations, as those from files are; then run ``check``."""
         if current_folder() is None:
             for field in _fields(with_types(type(self), self.deferred)):
-                given = getattr(self, field.name)
-                if isinstance(given, list | dict) and not given and field.default_factory is not msgspec.NODEFAULT:
+                raw = getattr(self, field.name)
+                if isinstance(raw, list | dict) and not raw and field.default_factory is not msgspec.NODEFAULT:
                     continue  # it is left out, which a list that must name something may be
-                value = validated(given, field)
-                if value is not given:
+                value = validated(raw, field)
+                if value is not raw:
                     msgspec.structs.force_setattr(self, field.name, value)
         self.check()
 

@@ -67,22 +67,24 @@ class Equalities:
         Raises:
             ModelError: One names something that does not exist, couples by a curve, or ties what is not a rigid body.
         """
-        for number, (element, given) in enumerate(_active(settings, model), 1):
-            label = next((given[key] for key in ("name", "joint1", "body1", "site1") if given.get(key)), "without name")
+        for number, (element, attributes) in enumerate(_active(settings, model), 1):
+            label = next(
+                (attributes[key] for key in ("name", "joint1", "body1", "site1") if attributes.get(key)), "without name"
+            )
             where = f"equality '{label}'"
             if element.tag == "joint":
-                self._couple(given, where)
+                self._couple(attributes, where)
             elif element.tag in TIES:
-                self._tie(element.tag, given.get("name") or f"{element.tag}_{number}", given, where)
+                self._tie(element.tag, attributes.get("name") or f"{element.tag}_{number}", attributes, where)
             else:
                 raise ModelError(f"{where}: a <{element.tag}> is not read", expected=f"joint, {', '.join(TIES)}",
                                  hint="remove it, and use 'loops:' or 'couplings:' of the mechanism file")  # fmt: skip
         return self
 
-    def _couple(self, given: Attributes, where: str) -> None:
+    def _couple(self, attributes: Attributes, where: str) -> None:
         """Read the equality of one or two joints."""
-        follower, leader = given.get("joint1", ""), given.get("joint2")
-        text = given.get("polycoef", "0 1 0 0 0").split()
+        follower, leader = attributes.get("joint1", ""), attributes.get("joint2")
+        text = attributes.get("polycoef", "0 1 0 0 0").split()
         curve = numbers_in({"polycoef": " ".join([*text, *["0"] * (5 - len(text))])}, "polycoef", where, 5)
         drawn = {name: joint.drawn for name, joint in self.joints.items()}
         if follower in self.held or any(mimic.joint == follower for mimic in self.mimics):
@@ -103,30 +105,30 @@ class Equalities:
             offset = float(curve[0] + ends[0] - curve[1] * ends[1])
             self.mimics.append(Mimic(follower, leader, float(curve[1]), offset))
 
-    def _tie(self, tag: str, name: str, given: Attributes, where: str) -> None:
+    def _tie(self, tag: str, name: str, attributes: Attributes, where: str) -> None:
         """Read an equality that ties two bodies, or two sites."""
         from pinarm.mechanics.loops.lower_pairs import Fixed, Spherical  # not paid for by models without loops
 
         if name in self.loops:
             raise ModelError(f"two equalities have the name '{name}'", expected="a name of its own for each")
-        if "site1" in given:
-            first, second = (known(given.get(key, ""), self.sites, "site", where) for key in ("site1", "site2"))
+        if "site1" in attributes:
+            first, second = (known(attributes.get(key, ""), self.sites, "site", where) for key in ("site1", "site2"))
         else:
-            frames, (first, second) = tied_frames(name, self._ends(tag, given, where))
+            frames, (first, second) = tied_frames(name, self._ends(tag, attributes, where))
             self.frames += frames
         self.loops[name] = (Spherical if tag == "connect" else Fixed)(between=(first, second))
 
-    def _ends(self, tag: str, given: Attributes, where: str) -> list[tuple[str, pin.SE3]]:
+    def _ends(self, tag: str, attributes: Attributes, where: str) -> list[tuple[str, pin.SE3]]:
         """Return two bodies that are tied, each with the place of the tie in it."""
         first, second = (
-            known(given.get(key, default), self.places, "body", where)
+            known(attributes.get(key, default), self.places, "body", where)
             for key, default in (("body1", ""), ("body2", "world"))
         )
         drawn = self.places[first].actInv(self.places[second])
-        anchor = pin.SE3(np.eye(3), numbers_in(given, "anchor", where, 3, (0.0, 0.0, 0.0)))
+        anchor = pin.SE3(np.eye(3), numbers_in(attributes, "anchor", where, 3, (0.0, 0.0, 0.0)))
         if tag == "connect":  # the anchor is a point of the first body
             return [(first, anchor), (second, drawn.actInv(anchor))]
-        pose = numbers_in(given, "relpose", where, 7, (0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        pose = numbers_in(attributes, "relpose", where, 7, (0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         relative = pin.SE3(rotation(*pose[3:]), pose[:3]) if pose[3:].any() else drawn * anchor
         return [(first, relative), (second, anchor)]
 
@@ -164,9 +166,9 @@ class Equalities:
 def _active(settings: Settings, model: Element) -> Iterable[tuple[Element, Attributes]]:
     if not settings.off & {"equality", "constraint"}:
         for element in model.findall("equality/*"):
-            given = settings.attributes(element, "", "equality")
-            if given.get("active", "true") != "false":
-                yield element, given
+            attributes = settings.attributes(element, "", "equality")
+            if attributes.get("active", "true") != "false":
+                yield element, attributes
 
 
 def _hinge_axes(a: TreeJoint, b: TreeJoint, c: TreeJoint, d: TreeJoint) -> tuple[Array, Array] | None:

@@ -27,11 +27,11 @@ class MeshMass(ModelError):
     """A mass that only a mesh, or a compiler of shells, would tell."""
 
 
-def geom_inertia(given: Attributes, settings: Settings, where: str) -> pin.Inertia:
+def geom_inertia(attributes: Attributes, settings: Settings, where: str) -> pin.Inertia:
     """Return the inertia of a shape about its body's frame.
 
     Args:
-        given: The geom's attributes, those of its class included.
+        attributes: Those of the geom, with those of its class.
         settings: Conventions of the model.
         where: What it belongs to, for messages.
 
@@ -39,19 +39,19 @@ def geom_inertia(given: Attributes, settings: Settings, where: str) -> pin.Inert
         ModelError: Its size or mass is malformed.
         MeshMass: Its mass would come from a mesh.
     """
-    kind = given.get("type", "mesh" if "mesh" in given else "sphere")
-    mass, density = (number_in(given, key, where, -1.0) for key in ("mass", "density"))
-    group = number_in(given, "group", where, 0.0)
+    kind = attributes.get("type", "mesh" if "mesh" in attributes else "sphere")
+    mass, density = (number_in(attributes, key, where, -1.0) for key in ("mass", "density"))
+    group = number_in(attributes, "group", where, 0.0)
     first, last = settings.groups
     if kind in FLAT or mass == 0.0 or (mass < 0.0 and density == 0.0) or not first <= group <= last:
         return pin.Inertia.Zero()
-    if any(number_in(given, key, where, 0.0) < 0.0 for key in ("mass", "density")):
+    if any(number_in(attributes, key, where, 0.0) < 0.0 for key in ("mass", "density")):
         raise ModelError(f"{where}: its mass or density is negative")
-    if kind not in SIZES or "mesh" in given or given.get("shellinertia", "false") != "false":
-        what = "mesh" if kind in ("mesh", "sdf") or "mesh" in given else f"'{kind}' or shell"
+    if kind not in SIZES or "mesh" in attributes or attributes.get("shellinertia", "false") != "false":
+        what = "mesh" if kind in ("mesh", "sdf") or "mesh" in attributes else f"'{kind}' or shell"
         raise MeshMass(f"{where}: the mass of a {what} is not computed here", expected="an <inertial> of its body",
                        hint="pip install 'pinarm[mjcf]', by which MuJoCo's compiler computes it")  # fmt: skip
-    place, size = _shape(given, kind, settings, where)
+    place, size = _shape(attributes, kind, settings, where)
     with np.errstate(over="ignore", invalid="ignore"):  # moments beyond all numbers are refused below
         volume, gyration = _solid(kind, size)
         total = mass if mass >= 0.0 else volume * (density if density >= 0.0 else WATER)
@@ -60,17 +60,17 @@ def geom_inertia(given: Attributes, settings: Settings, where: str) -> pin.Inert
     return place.act(inertia(total, np.zeros(3), moments))
 
 
-def _shape(given: Attributes, kind: str, settings: Settings, where: str) -> tuple[pin.SE3, Array]:
+def _shape(attributes: Attributes, kind: str, settings: Settings, where: str) -> tuple[pin.SE3, Array]:
     """Return placement and size; with ``fromto`` the length is that between the two points."""
-    size = numbers_in(given, "size", where, len(given.get("size", "").split()), ())
+    size = numbers_in(attributes, "size", where, len(attributes.get("size", "").split()), ())
     if len(size) > MOST_SIZES:
-        raise ModelError(f"{where}: size='{given['size'][:60]}' has {len(size)} numbers",
+        raise ModelError(f"{where}: size='{attributes['size'][:60]}' has {len(size)} numbers",
                          expected=f"{SIZES[kind]} positive numbers, {MOST_SIZES} at most")  # fmt: skip
-    place, half = settings.shape_placement(given, where)
+    place, half = settings.shape_placement(attributes, where)
     if half is not None and len(size):
         size = np.array([size[0], half] if SIZES[kind] == 2 else [size[0], size[0], half])
     if len(size) < SIZES[kind] or not (size[: SIZES[kind]] > 0.0).all():
-        raise ModelError(f"{where}: size='{given.get('size', '')}'", expected=f"{SIZES[kind]} positive numbers")
+        raise ModelError(f"{where}: size='{attributes.get('size', '')}'", expected=f"{SIZES[kind]} positive numbers")
     return place, size[: SIZES[kind]]
 
 

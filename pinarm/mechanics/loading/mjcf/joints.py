@@ -44,7 +44,7 @@ class BodyElement(NamedTuple):
     """An element of a body: its tag, its attributes with those of its class, the placement of its ``<frame>``."""
 
     tag: str
-    given: Attributes
+    attributes: Attributes
     frame: pin.SE3
 
 
@@ -81,13 +81,17 @@ def joint_chain(
     Raises:
         ModelError: An attribute is invalid, or there is another joint beside a free joint.
     """
-    free = any(joint.tag == "freejoint" or joint.given.get("type") == "free" for joint in joints)
+    free = any(joint.tag == "freejoint" or joint.attributes.get("type") == "free" for joint in joints)
     if free and (len(joints) > 1 or parent != "world"):
         raise ModelError(f"body '{body}': a free joint stands alone, in a body of the world")
     for k, part in enumerate(joints):
-        name = part.given.get("name") or (f"{body}_free" if free else f"{body}_joint{k + 1 if len(joints) > 1 else ''}")
+        name = part.attributes.get("name") or (
+            f"{body}_free" if free else f"{body}_joint{k + 1 if len(joints) > 1 else ''}"
+        )
         child = body if k == len(joints) - 1 else f"{body}/{name}"
-        kind = "free" if part.tag == "freejoint" else word(part.given.get("type"), (*KINDS,), f"joint '{name}': type")
+        kind = (
+            "free" if part.tag == "freejoint" else word(part.attributes.get("type"), (*KINDS,), f"joint '{name}': type")
+        )
         joint = _joint(settings, part, name, KINDS[kind], notes)
         made_for = name if child != body else ""
         yield replace(joint, parent=parent, child=child, placement=place * joint.placement, made_for=made_for)
@@ -97,8 +101,8 @@ def joint_chain(
 def aligned(settings: Settings, joint: BodyElement) -> bool:
     """Return whether MuJoCo moves the frame of a free body without bodies on it to its inertia."""
     if joint.tag != "freejoint":
-        return settings.aligns and joint.given.get("type") == "free"
-    said = word(joint.given.get("align"), UNSAID, "freejoint: align")
+        return settings.aligns and joint.attributes.get("type") == "free"
+    said = word(joint.attributes.get("align"), UNSAID, "freejoint: align")
     return settings.aligns if said == "auto" else said == "true"
 
 
@@ -112,28 +116,28 @@ def with_actuators(
     """
     completed = dict(joints)
     for element in model.findall(f"{ACTUATOR}/*"):
-        given = settings.attributes(element, "", ACTUATOR)
-        name = given.get("joint") or given.get("jointinparent")
-        where = f"actuator '{given.get('name') or name or element.tag}'"
-        armature, damping = (_coefficient(given, key, settings, where) for key in ("armature", "damping"))
+        attributes = settings.attributes(element, "", ACTUATOR)
+        name = attributes.get("joint") or attributes.get("jointinparent")
+        where = f"actuator '{attributes.get('name') or name or element.tag}'"
+        armature, damping = (_coefficient(attributes, key, settings, where) for key in ("armature", "damping"))
         if name is None:
             if armature or damping:
                 notes.setdefault("armature and damping beyond joints are not modelled", []).append(where)
             continue
         joint = completed[known(name, joints, "joint", where)]
-        squared = number_in({"gear": (given.get("gear", "").split() or ["1"])[0]}, "gear", where) ** 2
+        squared = number_in({"gear": (attributes.get("gear", "").split() or ["1"])[0]}, "gear", where) ** 2
         completed[name] = replace(
             joint, armature=joint.armature + squared * armature, damping=joint.damping + squared * damping
         )
     return completed
 
 
-def _coefficient(given: Attributes, key: str, settings: Settings, where: str) -> float:
+def _coefficient(attributes: Attributes, key: str, settings: Settings, where: str) -> float:
     """Return one of the ``COEFFICIENTS``; 0 where it is not given, or the model disables it."""
-    count = max(len(given.get(key, "").split()), 1) if key in POLYNOMIALS else 1
-    value, *higher = numbers_in(given, key, where, count, (0.0,))
+    count = max(len(attributes.get(key, "").split()), 1) if key in POLYNOMIALS else 1
+    value, *higher = numbers_in(attributes, key, where, count, (0.0,))
     if any(higher):
-        raise ModelError(f"{where}: {key}='{given[key][:60]}' is a polynomial, which is not read",
+        raise ModelError(f"{where}: {key}='{attributes[key][:60]}' is a polynomial, which is not read",
                          expected="one number", hint=f"no {key} here, and 'forces:' in the mechanism file")  # fmt: skip
     if value < 0.0:
         raise ModelError(f"{where}: its {key} is negative")
@@ -142,67 +146,69 @@ def _coefficient(given: Attributes, key: str, settings: Settings, where: str) ->
 
 def _joint(settings: Settings, part: BodyElement, name: str, kind: Kind, notes: Notes) -> TreeJoint:
     """Return a joint in its body frame, with the forces and limits of its attributes."""
-    where, given = f"joint '{name}'", part.given
-    stiffness, damping, friction, armature = (_coefficient(given, key, settings, where) for key in COEFFICIENTS)
+    where, attributes = f"joint '{name}'", part.attributes
+    stiffness, damping, friction, armature = (_coefficient(attributes, key, settings, where) for key in COEFFICIENTS)
     joint = TreeJoint(name, kind, "", "", pin.SE3.Identity(), stiffness=stiffness, damping=damping, friction=friction,
                       armature=armature)  # fmt: skip
-    if "springdamper" in given:
-        joint = _tuned(joint, given, settings, where)
+    if "springdamper" in attributes:
+        joint = _tuned(joint, attributes, settings, where)
     if kind == "floating":
         return joint
-    anchor = pin.SE3(np.eye(3), part.frame.act(numbers_in(given, "pos", where, 3, (0.0, 0.0, 0.0))))
+    anchor = pin.SE3(np.eye(3), part.frame.act(numbers_in(attributes, "pos", where, 3, (0.0, 0.0, 0.0))))
     joint = replace(joint, placement=anchor, offset=anchor.inverse())
     if kind == "ball":
-        if given.get("range") and given.get("limited") != "false":
+        if attributes.get("range") and attributes.get("limited") != "false":
             notes.setdefault("the range of ball joints is not watched", []).append(name)
         return joint
-    if given.get("range") and given.get("limited", "auto") == "auto" and not settings.limits_by_range:
+    if attributes.get("range") and attributes.get("limited", "auto") == "auto" and not settings.limits_by_range:
         notes.setdefault("their range is no limit, as autolimits is false and limited is not said", []).append(name)
-    axis = direction(numbers_in(given, "axis", where, 3, (0.0, 0.0, 1.0)), f"{where}: its axis")
-    measured = _measured(settings, replace(joint, axis=part.frame.rotation @ axis), given, where)
+    axis = direction(numbers_in(attributes, "axis", where, 3, (0.0, 0.0, 1.0)), f"{where}: its axis")
+    measured = _measured(settings, replace(joint, axis=part.frame.rotation @ axis), attributes, where)
     if measured.drawn:
         notes.setdefault("drawn at their ref, but begin at 0 where nothing is said", []).append(name)
     return measured
 
 
-def _measured(settings: Settings, joint: TreeJoint, given: Attributes, where: str) -> TreeJoint:
+def _measured(settings: Settings, joint: TreeJoint, attributes: Attributes, where: str) -> TreeJoint:
     """Return a joint of one coordinate, completed by its reference, spring rest position and limits."""
     turns = joint.kind == "revolute"
     measure = settings.angle if turns else 1.0
-    drawn, rest = (measure * number_in(given, key, where, 0.0) for key in ("ref", "springref"))
-    lower, upper = measure * _range(given, "range", "limited", settings, where)
-    effort = np.abs(_range(given, "actuatorfrcrange", "actuatorfrclimited", settings, where)).max()
+    drawn, rest = (measure * number_in(attributes, key, where, 0.0) for key in ("ref", "springref"))
+    lower, upper = measure * _range(attributes, "range", "limited", settings, where)
+    effort = np.abs(_range(attributes, "actuatorfrcrange", "actuatorfrclimited", settings, where)).max()
     back = pin.SE3(pin.exp3(-drawn * joint.axis), np.zeros(3)) if turns else pin.SE3(np.eye(3), -drawn * joint.axis)
     bounds = Bounds(float(lower), float(upper), effort=float(effort))
     return replace(joint, offset=back * joint.offset, bounds=bounds, rest=rest, drawn=drawn)
 
 
-def _tuned(joint: TreeJoint, given: Attributes, settings: Settings, where: str) -> TreeJoint:
+def _tuned(joint: TreeJoint, attributes: Attributes, settings: Settings, where: str) -> TreeJoint:
     """Return a joint whose spring and damper follow from time constant T and damping ratio D, as ``springdamper`` says.
 
     With the inertia m of the joint at the reference pose they are ``m / (T D)^2`` and ``2 m / T``, in place of those
     that are given.
     """
-    constant, ratio = numbers_in(given, "springdamper", where, 2)
+    constant, ratio = numbers_in(attributes, "springdamper", where, 2)
     if not constant and not ratio:
         return joint
     if constant <= 0.0 or ratio <= 0.0:
-        raise ModelError(f"{where}: springdamper='{given['springdamper']}'", expected="two positive numbers, or 0 0")
+        raise ModelError(
+            f"{where}: springdamper='{attributes['springdamper']}'", expected="two positive numbers, or 0 0"
+        )
     stiffness = 0.0 if COEFFICIENTS["stiffness"] & settings.off else 1.0 / (constant * ratio) ** 2
     damping = 0.0 if COEFFICIENTS["damping"] & settings.off else 2.0 / constant
     return replace(joint, stiffness=0.0, damping=0.0, tuned_stiffness=stiffness, tuned_damping=damping)
 
 
-def _range(given: Attributes, key: str, switch: str, settings: Settings, where: str) -> Array:
+def _range(attributes: Attributes, key: str, switch: str, settings: Settings, where: str) -> Array:
     """Return a range if it is a limit, otherwise an infinite one, shape (2,)."""
-    limited = word(given.get(switch), UNSAID, f"{where}: {switch}")
-    if limited == "true" and key not in given:
+    limited = word(attributes.get(switch), UNSAID, f"{where}: {switch}")
+    if limited == "true" and key not in attributes:
         raise ModelError(f"{where}: {switch}='true', and it has no {key}", expected=f"a {key}, or {switch}='false'")
-    if key not in given or limited == "false" or (limited == "auto" and not settings.limits_by_range):
+    if key not in attributes or limited == "false" or (limited == "auto" and not settings.limits_by_range):
         return np.array([-np.inf, np.inf])
-    lower, upper = numbers_in(given, key, where, 2)
+    lower, upper = numbers_in(attributes, key, where, 2)
     if lower == upper == 0.0 and limited == "auto":  # the format's own default
         return np.array([-np.inf, np.inf])
     if lower >= upper:
-        raise ModelError(f"{where}: {key}='{given[key]}'", expected="the lower number first")
+        raise ModelError(f"{where}: {key}='{attributes[key]}'", expected="the lower number first")
     return np.array([lower, upper])

@@ -113,9 +113,9 @@ class _Reader:
                 place = frame * self.settings.placement(child.attrib, f"a frame of '{parent}'")
                 self.bodies(child, parent, place, child.get("childclass", childclass), moves=moves)
             elif child.tag == "site":
-                given = self.settings.attributes(child, childclass)
-                if name := given.get("name"):
-                    place = frame * self.settings.shape_placement(given, f"site '{name}'")[0]
+                attributes = self.settings.attributes(child, childclass)
+                if name := attributes.get("name"):
+                    place = frame * self.settings.shape_placement(attributes, f"site '{name}'")[0]
                     self.sites.append(fixed_frame(name, parent, place))
             elif child.tag == "body":
                 self._body(child, parent, frame, childclass, moves=moves)
@@ -162,14 +162,14 @@ class _Reader:
         total = pin.Inertia.Zero()
         if settings.source == "true" or (settings.source == "auto" and not inertials):
             for geom in elements_of(settings, body, childclass, "geom"):
-                shape = geom_inertia(geom.given, settings, f"{where}: geom '{geom.given.get('name', '')}'")
+                shape = geom_inertia(geom.attributes, settings, f"{where}: geom '{geom.attributes.get('name', '')}'")
                 total += geom.frame.act(shape)
         elif not inertials and any(elements_of(settings, body, childclass, *JOINTS, "geom")):
             self._note("without <inertial>, and their geoms have no mass, as inertiafromgeom is false", where)
         if inertials and not total.mass:
             if len(inertials) > 1:
                 raise ModelError(f"{where}: it has {len(inertials)} <inertial>", expected="one, of all its mass")
-            total = inertials[0].frame.act(_inertial(inertials[0].given, settings, where))
+            total = inertials[0].frame.act(_inertial(inertials[0].attributes, settings, where))
         elif not total.mass and settings.least_mass:
             total = inertia(0.0, numbers_in(body.attrib, "pos", where, 3, (0.0, 0.0, 0.0)), np.zeros((3, 3)))
         if not moves and settings.fuses and total.mass:
@@ -192,16 +192,16 @@ class _Reader:
         return inertia(max(body.mass, settings.least_mass), body.lever, moments)
 
 
-def _inertial(given: Attributes, settings: Settings, where: str) -> pin.Inertia:
-    mass = number_in(given, "mass", f"{where}: inertial")
-    numbers_in(given, "pos", f"{where}: inertial", 3)  # it has no default
-    place = settings.placement(given, f"{where}: inertial")
-    if "fullinertia" in given:
-        if twice := [key for key in ("diaginertia", *ORIENTATIONS) if key in given]:
+def _inertial(attributes: Attributes, settings: Settings, where: str) -> pin.Inertia:
+    mass = number_in(attributes, "mass", f"{where}: inertial")
+    numbers_in(attributes, "pos", f"{where}: inertial", 3)  # it has no default
+    place = settings.placement(attributes, f"{where}: inertial")
+    if "fullinertia" in attributes:
+        if twice := [key for key in ("diaginertia", *ORIENTATIONS) if key in attributes]:
             raise ModelError(f"{where}: inertial: it has fullinertia and {', '.join(twice)}", expected="one of them")
-        moments = symmetric(*numbers_in(given, "fullinertia", where, 6))
+        moments = symmetric(*numbers_in(attributes, "fullinertia", where, 6))
     else:
-        moments = np.diag(numbers_in(given, "diaginertia", where, 3, (0.0, 0.0, 0.0)))
+        moments = np.diag(numbers_in(attributes, "diaginertia", where, 3, (0.0, 0.0, 0.0)))
     return body_inertia(mass, place, moments, where)
 
 

@@ -118,11 +118,11 @@ class Settings:
             raise ModelError(f"there is no default class '{name}'", expected=expected, hint=hint)
         return _overridden(self.classes[name].get(kind or element.tag, {}), element.attrib)
 
-    def placement(self, given: Attributes, where: str) -> pin.SE3:
+    def placement(self, attributes: Attributes, where: str) -> pin.SE3:
         """Return the placement from ``pos`` and one of the ``ORIENTATIONS``."""
-        return pin.SE3(self._rotation(given, where), numbers_in(given, "pos", where, 3, (0.0, 0.0, 0.0)))
+        return pin.SE3(self._rotation(attributes, where), numbers_in(attributes, "pos", where, 3, (0.0, 0.0, 0.0)))
 
-    def shape_placement(self, given: Attributes, where: str) -> tuple[pin.SE3, float | None]:
+    def shape_placement(self, attributes: Attributes, where: str) -> tuple[pin.SE3, float | None]:
         """Return the placement of a geom or site, and half of the length that ``fromto`` gives it.
 
         With ``fromto`` it lies in the middle, its z from the second point to the first, whatever the orientation of
@@ -131,31 +131,31 @@ class Settings:
         Raises:
             ModelError: There is a ``pos`` beside ``fromto``, or it is a sphere, or both points are the same.
         """
-        if "fromto" not in given:
-            return self.placement(given, where), None
-        if "pos" in given:
+        if "fromto" not in attributes:
+            return self.placement(attributes, where), None
+        if "pos" in attributes:
             raise ModelError(f"{where}: its place is given by pos and fromto", expected="one of them, in its class too")
-        if given.get("type", "sphere") == "sphere":
+        if attributes.get("type", "sphere") == "sphere":
             raise ModelError(f"{where}: a sphere has no fromto", expected="a capsule, cylinder, ellipsoid or box")
-        ends = numbers_in(given, "fromto", where, 6)
+        ends = numbers_in(attributes, "fromto", where, 6)
         back = ends[:3] - ends[3:]
         if not (length := float(np.linalg.norm(back))):
-            raise ModelError(f"{where}: fromto='{given['fromto'][:60]}' has no length")
+            raise ModelError(f"{where}: fromto='{attributes['fromto'][:60]}' has no length")
         return pin.SE3(from_z(back / length), (ends[:3] + ends[3:]) / 2), length / 2
 
-    def _rotation(self, given: Attributes, where: str) -> Array:
+    def _rotation(self, attributes: Attributes, where: str) -> Array:
         """Return an orientation, which is given once at most, as a matrix, shape (3, 3)."""
-        ways = [key for key in ORIENTATIONS if key in given]
+        ways = [key for key in ORIENTATIONS if key in attributes]
         if len(ways) > 1:
             raise ModelError(f"{where}: its orientation is given by {' and '.join(ways)}", expected="one of them")
         if not ways:
             return np.eye(3)
         way = ways[0]
-        values = numbers_in(given, way, where, ORIENTATIONS[way])
+        values = numbers_in(attributes, way, where, ORIENTATIONS[way])
         if way == "euler":
             return self._euler(values)
         if not values[:3].any() and not (way == "quat" and values.any()):
-            raise ModelError(f"{where}: {way}='{given[way]}' has no direction")
+            raise ModelError(f"{where}: {way}='{attributes[way]}' has no direction")
         if way == "quat":
             return rotation(*values)
         if way == "axisangle":
@@ -165,7 +165,7 @@ class Settings:
         x, second = unit(values[:3]), unit(values[3:]) if values[3:].any() else np.zeros(3)
         y = second - (x @ second) * x
         if np.linalg.norm(y) < 1e-9:
-            raise ModelError(f"{where}: the axes of xyaxes='{given[way]}' are parallel")
+            raise ModelError(f"{where}: the axes of xyaxes='{attributes[way]}' are parallel")
         y /= np.linalg.norm(y)
         return np.array([x, y, np.cross(x, y)]).T
 
@@ -177,14 +177,16 @@ class Settings:
         return turn
 
 
-def numbers_in(given: Attributes, key: str, where: str, count: int, default: Sequence[float] | None = None) -> Array:
+def numbers_in(
+    attributes: Attributes, key: str, where: str, count: int, default: Sequence[float] | None = None
+) -> Array:
     """Return an attribute with ``count`` finite numbers, shape (count,)."""
-    return numbers(given.get(key), count, f"{where}: {key}", default, most=LARGEST)
+    return numbers(attributes.get(key), count, f"{where}: {key}", default, most=LARGEST)
 
 
-def number_in(given: Attributes, key: str, where: str, default: float | None = None) -> float:
+def number_in(attributes: Attributes, key: str, where: str, default: float | None = None) -> float:
     """Return an attribute that is one number."""
-    return float(numbers_in(given, key, where, 1, None if default is None else (default,))[0])
+    return float(numbers_in(attributes, key, where, 1, None if default is None else (default,))[0])
 
 
 def known(name: str, names: Iterable[str], what: str, where: str) -> str:

@@ -125,16 +125,16 @@ def pose_of(element: Element, base: str, where: str) -> tuple[str, pin.SE3]:
         raise ModelError(f"{where}: its <pose> has the attribute frame='{pose.get('frame')}', which no version defines",
                          hint=f"relative_to=\"{pose.get('frame')}\" in version 1.7")  # fmt: skip
     quaternion = pose.get("rotation_format") == "quat_xyzw"
-    given = numbers(pose.text or ("0 " * 6 + "1" * quaternion), 7 if quaternion else 6, f"{where}: pose")
+    values = numbers(pose.text or ("0 " * 6 + "1" * quaternion), 7 if quaternion else 6, f"{where}: pose")
     if quaternion:
-        if not given[3:].any():
+        if not values[3:].any():
             raise ModelError(f"{where}: its pose has the quaternion 0")
-        x, y, z, w = given[3:]
+        x, y, z, w = values[3:]
         turn = rotation(w, x, y, z)
     else:
-        angles = np.deg2rad(given[3:]) if is_true(pose.get("degrees"), f"{where}: degrees of its pose") else given[3:]
+        angles = np.deg2rad(values[3:]) if is_true(pose.get("degrees"), f"{where}: degrees of its pose") else values[3:]
         turn = pin.rpy.rpyToMatrix(angles)
-    return pose.get("relative_to") or base, pin.SE3(turn, given[:3])
+    return pose.get("relative_to") or base, pin.SE3(turn, values[:3])
 
 
 def is_true(text: str | None, where: str, *, default: bool = False) -> bool:

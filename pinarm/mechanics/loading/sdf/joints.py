@@ -156,26 +156,28 @@ def joint_in(joint: Element, frames: Frames, version: tuple[int, int]) -> SdfJoi
     Raises:
         ModelError: A link, number, axis or its type is invalid.
     """
-    name, given = str(joint.get("name")), joint.get("type", "")
+    name, kind_name = str(joint.get("name")), joint.get("type", "")
     where = f"joint '{name}'"
-    if given not in KINDS:
-        expected, hint = choices(given, [*KINDS, GEARBOX])
-        raise ModelError(f"{where}: a joint of type '{given}' is not read", expected=expected, hint=hint)
+    if kind_name not in KINDS:
+        expected, hint = choices(kind_name, [*KINDS, GEARBOX])
+        raise ModelError(f"{where}: a joint of type '{kind_name}' is not read", expected=expected, hint=hint)
     place = frames.placement(name, where)
     parent, child = (_end_of(joint, end, frames, where) for end in ("parent", "child"))
     if parent == child:
         raise ModelError(f"{where}: it joins '{child}' to itself")
     steps, notes = [], list[str]()
-    for end, kind, tag in KINDS[given]:
+    for end, kind, tag in KINDS[kind_name]:
         step = TreeJoint(name + end, kind, parent, child, pin.SE3.Identity())
         if kind not in ("fixed", "ball"):
             step = replace(step, axis=_axis_in(joint.find(tag or "axis"), place, frames, version, where))
         if tag:
-            step = _moving(step, joint.find(tag), where, notes, limited=given != "continuous")
+            step = _moving(step, joint.find(tag), where, notes, limited=kind_name != "continuous")
         steps.append(step)
-    lead = _lead(joint, where, notes) if given == "screw" else 0.0
-    mimics = [_mimic(joint.find(tag), name + end, where) for end, _, tag in KINDS[given] if tag]
-    return SdfJoint(name, given, parent, child, place, tuple(steps), lead, tuple(filter(None, mimics)), tuple(notes))
+    lead = _lead(joint, where, notes) if kind_name == "screw" else 0.0
+    mimics = [_mimic(joint.find(tag), name + end, where) for end, _, tag in KINDS[kind_name] if tag]
+    return SdfJoint(
+        name, kind_name, parent, child, place, tuple(steps), lead, tuple(filter(None, mimics)), tuple(notes)
+    )
 
 
 def _end_of(joint: Element, end: str, frames: Frames, where: str) -> str:
@@ -186,9 +188,9 @@ def _end_of(joint: Element, end: str, frames: Frames, where: str) -> str:
 
 def _axis_in(axis: Element | None, place: pin.SE3, frames: Frames, version: tuple[int, int], where: str) -> Array:
     """Return an axis in the axes of a joint, shape (3,): as it says, before version 1.5 in those of the model."""
-    given = None if axis is None else axis.find("xyz")
-    xyz = numbers((given.text or "") if given is not None else None, 3, f"{where}: axis", (0.0, 0.0, 1.0))
-    named = given.get("expressed_in", "") if given is not None else ""
+    element = None if axis is None else axis.find("xyz")
+    xyz = numbers((element.text or "") if element is not None else None, 3, f"{where}: axis", (0.0, 0.0, 1.0))
+    named = element.get("expressed_in", "") if element is not None else ""
     key = "use_parent_model_frame"
     if version < (1, 5) or is_true(text_of(axis, key), f"{where}: {key}"):
         named = named or MODEL
@@ -231,12 +233,12 @@ def _lead(joint: Element, where: str, notes: list[str]) -> float:
     for tag in ("screw_thread_pitch", "thread_pitch"):
         if not text_of(joint, tag):
             continue
-        given = number_in(joint, tag, 0.0, where)
-        if given == 0.0:
+        pitch = number_in(joint, tag, 0.0, where)
+        if pitch == 0.0:
             raise ModelError(f"{where}: its {tag} is 0", expected="a number other than 0")
         if tag == "screw_thread_pitch":
-            return given
-        lead = -2.0 * np.pi / given
+            return pitch
+        lead = -2.0 * np.pi / pitch
         notes.append(f"{where}: its thread_pitch is read as Gazebo does, in rad/m and positive for a left-handed "
                      f"thread: {lead:g} m per turn; 'screw_thread_pitch' has one meaning")  # fmt: skip
         return lead
@@ -245,15 +247,15 @@ def _lead(joint: Element, where: str, notes: list[str]) -> float:
 
 def _mimic(axis: Element | None, name: str, where: str) -> Mimic | None:
     """Return what a joint follows: ``q = multiplier (q_of - reference) + offset``."""
-    given = None if axis is None else axis.find("mimic")
-    if given is None:
+    element = None if axis is None else axis.find("mimic")
+    if element is None:
         return None
     multiplier, offset, reference = (
-        number_in(given, key, x, f"{where}: mimic")
+        number_in(element, key, x, f"{where}: mimic")
         for key, x in (("multiplier", 1.0), ("offset", 0.0), ("reference", 0.0))
     )
-    second = SECOND if given.get("axis") == "axis2" else ""
-    return Mimic(name, given.get("joint", "") + second, multiplier, offset - multiplier * reference)
+    second = SECOND if element.get("axis") == "axis2" else ""
+    return Mimic(name, element.get("joint", "") + second, multiplier, offset - multiplier * reference)
 
 
 class Hinge(NamedTuple):

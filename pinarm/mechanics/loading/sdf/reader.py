@@ -84,16 +84,16 @@ def _gravity(root: Element, version: tuple[int, int], notes: list[str]) -> Array
     engines = {" ".join(text.split()) for part in world.findall("physics") if (text := text_of(part, "gravity"))}
     if engines and version >= (1, 6):
         notes.append("the <gravity> in <physics> is not read: from version 1.6 on it stands in the <world>")
-    given = text_of(world, "gravity")
-    if not given and version < (1, 6):
+    text = text_of(world, "gravity")
+    if not text and version < (1, 6):
         if len(engines) > 1:
             raise ModelError(
                 f"the <physics> of the world have several gravities: {'; '.join(sorted(engines))}", expected="one"
             )
-        given = next(iter(engines), "")
-    if not given:
+        text = next(iter(engines), "")
+    if not text:
         notes.append(f"the world has no <gravity>, and by the format {GRAVITY} m/s^2")
-    return numbers(given or GRAVITY, 3, "gravity")
+    return numbers(text or GRAVITY, 3, "gravity")
 
 
 def _gears(
@@ -162,8 +162,8 @@ def _inertia(link: Element, defects: list[str], notes: list[str]) -> pin.Inertia
             f"{where}: its inertia is to be computed from its collision shapes", expected="<mass> and <inertia>"
         )
     elif missing := [tag for tag in ("mass", *(f"inertia/{key}" for key in MOMENTS)) if not inertial.findtext(tag)]:
-        given = "1 kg" if missing == ["mass"] else "1 kg*m^2" if "mass" not in missing else "1 kg and 1 kg*m^2"
-        notes.append(f"{where}: its <inertial> has no {', '.join(missing)}, and by the format {given}")
+        amounts = "1 kg" if missing == ["mass"] else "1 kg*m^2" if "mass" not in missing else "1 kg and 1 kg*m^2"
+        notes.append(f"{where}: its <inertial> has no {', '.join(missing)}, and by the format {amounts}")
     diagonal = [number_in(inertial, f"inertia/{key}", 1.0, where) for key in MOMENTS]
     moments = symmetric(
         *diagonal, *(number_in(inertial, f"inertia/{key}", 0.0, where) for key in ("ixy", "ixz", "iyz"))

@@ -92,17 +92,17 @@ class _Closed:
         """Add the loop joint of an element between origins in two links."""
         from pinarm.mechanics.loops.lower_pairs import LOWER_KINDS, AxisDefinition
 
-        where, given = _where(element), element.get("type", "")
+        where, type_name = _where(element), element.get("type", "")
         name = self._named(element)
-        if given not in KINDS:
-            expected, hint = choices(given, KINDS)
-            raise ModelError(f"{where}: its type is '{given}'", expected=expected, hint=hint)
+        if type_name not in KINDS:
+            expected, hint = choices(type_name, KINDS)
+            raise ModelError(f"{where}: its type is '{type_name}'", expected=expected, hint=hint)
         places = [
             (self._known(link, where), placement_of(origin, f"{where}: origin in '{link}'")) for link, origin in ends
         ]
         frames, between = tied_frames(name, places)
         self.frames += frames
-        kind = LOWER_KINDS[KINDS[given]]
+        kind = LOWER_KINDS[KINDS[type_name]]
         if issubclass(kind, AxisDefinition):
             x, y, z = axis_of(element.find("axis"), where).tolist()
             self.loops[name] = kind(between=between, axis=(x, y, z))  # type: ignore[assignment]  # one of Loop

@@ -145,14 +145,14 @@ def _product(element: Element, key: str, twin: str, where: str) -> float:
 
 
 def _joint(joint: Element, name: str, links: Mapping[str, Any], notes: list[str]) -> TreeJoint:
-    where, given = f"joint '{name}'", joint.get("type", "")
-    if given not in KINDS:
-        expected, hint = choices(given, KINDS)
-        raise ModelError(f"{where}: its type is '{given}'", expected=expected, hint=hint)
+    where, type_name = f"joint '{name}'", joint.get("type", "")
+    if type_name not in KINDS:
+        expected, hint = choices(type_name, KINDS)
+        raise ModelError(f"{where}: its type is '{type_name}'", expected=expected, hint=hint)
     parent, child = (_end(joint, end, where, links) for end in ("parent", "child"))
     placement = placement_of(joint.find("origin"), f"{where}: origin")
     x = np.array([1.0, 0.0, 0.0])
-    plain = TreeJoint(name, KINDS[given], parent, child, placement, x)
+    plain = TreeJoint(name, KINDS[type_name], parent, child, placement, x)
     if plain.kind == "fixed":
         return plain
     passive = {key: not_negative(text_in(joint.find("dynamics"), key), f"{where}: its {key}")
@@ -190,9 +190,9 @@ def _unknown_limits(elements: Mapping[str, Element], joints: Mapping[str, TreeJo
     missing: dict[str, list[str]] = {"position": [], "effort": [], "velocity": []}
     for name, joint in joints.items():
         limit = None if joint.kind == "fixed" else elements[name].find("limit")
-        given = [text_in(limit, key) for key in ("lower", "upper")]
+        limits = [text_in(limit, key) for key in ("lower", "upper")]
         bounded = elements[name].get("type") in ("revolute", "prismatic")
-        if bounded and joint.bounds.lower == -np.inf and all(float(text or 0) == 0.0 for text in given):
+        if bounded and joint.bounds.lower == -np.inf and all(float(text or 0) == 0.0 for text in limits):
             missing["position"].append(name)
         for key in ("effort", "velocity"):
             if text_in(limit, key) is not None and getattr(joint.bounds, key) == np.inf:

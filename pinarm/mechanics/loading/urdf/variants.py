@@ -219,8 +219,8 @@ class _Reader:
     @cached_property
     def _origins(self) -> dict[str, VariantPlacement]:
         """Origins of joints that vary, by the name of the joint."""
-        given = ((element.get("name", ""), element.find("origin")) for element in self.robot.findall("joint"))
-        return {name: self._place(origin) for name, origin in given if origin is not None and self._varies(origin)}
+        origins = ((element.get("name", ""), element.find("origin")) for element in self.robot.findall("joint"))
+        return {name: self._place(origin) for name, origin in origins if origin is not None and self._varies(origin)}
 
     def _varied_body(self, link: str) -> Body | None:
         """Return the inertia of a link, about its own frame, where it varies."""

@@ -193,9 +193,9 @@ def _add_limits(element: Element, model: pin.Model, joint: pin.JointModel, k: in
 def _add_dynamics(element: Element, model: pin.Model, places: range, name: str) -> None:
     """Add damping, dry friction and armature, which are the same in all directions of a joint."""
     values: dict[str, float] = {}
-    for key, given in (("damping", model.damping), ("friction", model.upperDryFrictionLimit),
+    for key, limits in (("damping", model.damping), ("friction", model.upperDryFrictionLimit),
                        ("armature", model.armature)):  # fmt: skip
-        some = {float(given[k]) for k in places}
+        some = {float(limits[k]) for k in places}
         if len(some) > 1:
             raise ModelError(f"the joint '{name}' has another {key} in each direction",
                              expected="the same in all, or joints with one coordinate")  # fmt: skip
