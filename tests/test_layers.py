@@ -44,7 +44,6 @@ EXCEPTIONS = {
 COSTLY = {"matplotlib", "pandas", "meshcat", "scipy"}
 LATE = {
     "use/show/figure.py": {"matplotlib"},
-    "engine/dynamics/many_points.py": {"scipy"},
 }
 """Modules that are imported by functions only, and what they need."""
 

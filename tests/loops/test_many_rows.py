@@ -10,7 +10,7 @@ from pinarm.engine.constraints.constraint_rows import BLOCK
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspace import split_rows
 from pinarm.engine.kinematics.continuation import Ahead
-from pinarm.engine.motion.systems import constrained
+from pinarm.engine.motion.systems import loop_system
 from pinarm.errors import InputError
 from pinarm.mechanics.laws import Harmonic
 from pinarm.use.mechanism import Mechanism
@@ -105,7 +105,7 @@ def test_the_rows_of_a_free_motion_are_those_computed_one_by_one(name, tmp_path,
     mechanism = linkage().build(tmp_path, cut)
     motion = {drive: Harmonic(amplitude=0.3, pulsation=5.0)} if name == "five_bar" else {}
     together = free(mechanism, 0.2, 120, tolerance=1e-5, motion=motion)
-    monkeypatch.setattr(constrained, "BLOCK", 1)
+    monkeypatch.setattr(loop_system, "BLOCK", 1)
     alone = free(mechanism, 0.2, 120, tolerance=1e-5, motion=motion)
     for one, other in ((together.q, alone.q), (together.v, alone.v), (together.a, alone.a), (together.tau, alone.tau)):
         assert one == pytest.approx(other, rel=1e-8, abs=1e-8 * np.abs(other).max())  # of the squares of gaps of 1e-5

@@ -16,7 +16,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices, others
 from pinarm.engine.constraints.nullspace import solved_positive
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.mass_matrix import symmetric
+from pinarm.engine.dynamics.mass_matrix import mass_matrix, symmetric
 from pinarm.errors import InputError
 from pinarm.mechanics.geometry.pinocchio_data import with_masses
 from pinarm.records import Record
@@ -29,6 +29,10 @@ Targets = Callable[[float], tuple[Array, Array, Array]]
 
 ManyTargets = Callable[[Array], tuple[Array, Array, Array]]
 """The same at many instants, shape (n,) to (n, k)."""
+
+
+IMMOVABLE = 1e20
+"""Armature of a driven joint, relative to the largest inertia of the tree: what else acts there is below rounding."""
 
 
 class CoordinatePartition(Record, frozen=True):
@@ -65,9 +69,7 @@ class CoordinatePartition(Record, frozen=True):
         """
         bound_v = _pivots(rows, names, given)
         free_v = others(bound_v, model.nv)
-        scalar_q = np.zeros(model.nv, dtype=np.intp)
-        for joint in model.joints[1:]:
-            scalar_q[joint.idx_v : joint.idx_v + joint.nv] = joint.idx_q
+        scalar_q = scalar_places(model)
         solve = np.linalg.inv(rows[:, bound_v])
         basis, particular = np.zeros((model.nv, len(free_v))), np.zeros((model.nv, len(rows)))
         basis[free_v] = np.eye(len(free_v))
@@ -89,30 +91,50 @@ class CoordinatePartition(Record, frozen=True):
         """Return v from the independent velocities, shape (..., nu), and the targets' rates, shape (..., k)."""
         return np.asarray(u @ self.basis.T + dw @ self.particular.T)
 
+    def completed(self, q: Array, v: Array, w: Array, dw: Array) -> tuple[Array, Array]:
+        """Return states with the independent part of given ones, shapes (..., nq) and (..., nv), and the targets."""
+        return self.configuration(q[..., self.free_q], w), self.velocity(v[..., self.free_v], dw)
+
     def acceleration(self, dynamics: Dynamics, targets: Targets) -> Acceleration:
-        """Return ``(t, free q, u) -> u'`` under the forces of ``dynamics``."""
+        """Return ``(t, q, v) -> a`` of the completed state under the forces of ``dynamics``."""
         model, data, basis = self.model, with_masses(self.model, dynamics.data), self.basis
 
-        def reduced(t: float, free: Array, u: Array) -> Array:
+        def reduced(t: float, q: Array, v: Array) -> Array:
             w, dw, ddw = targets(t)
-            q, v = self.configuration(free, w), self.velocity(u, dw)
-            mass = symmetric(pin.crba(model, data, q))
+            q, v = self.completed(q, v, w, dw)
+            mass, particular = symmetric(pin.crba(model, data, q)), self.particular @ ddw
             demand = dynamics.loads(t, q, v) - pin.nonLinearEffects(model, data, q, v)
-            right = basis.T @ (demand - mass @ (self.particular @ ddw))
-            return solved_positive(basis.T @ mass @ basis, right[:, None])[:, 0]
+            right = basis.T @ (demand - mass @ particular)
+            return np.asarray(basis @ solved_positive(basis.T @ mass @ basis, right[:, None])[:, 0] + particular)
 
         return reduced
 
     def accelerations(self, dynamics: Dynamics, targets: ManyTargets) -> Accelerations:
-        """Return the same of many states at once: shapes (n,), (n, mu) and (n, nu) to (n, nu)."""
+        """Return the same of many states at once: shapes (n,), (n, nq) and (n, nv) to (n, nv)."""
 
-        def reduced(t: Array, free: Array, u: Array) -> Array:
+        def reduced(t: Array, q: Array, v: Array) -> Array:
             w, dw, ddw = targets(t)
-            q, v = self.configuration(free, w), self.velocity(u, dw)
+            q, v = self.completed(q, v, w, dw)
             demand = dynamics.inverse(t, q, v, ddw @ self.particular.T)
-            return solved(self.basis.T @ dynamics.mass_matrices(q) @ self.basis, -demand @ self.basis)
+            free = solved(self.basis.T @ dynamics.mass_matrices(q) @ self.basis, -demand @ self.basis)
+            return self.velocity(free, ddw)
 
         return reduced
+
+
+def heavy(model: pin.Model, driven: Sequence[int]) -> pin.Model:
+    """Return a model with armatures that outweigh the tree at driven joints, by their indices in v."""
+    found = pin.Model(model)
+    found.armature[list(driven)] += IMMOVABLE * float(np.diag(mass_matrix(model, pin.neutral(model))).max(initial=0.0))
+    return found
+
+
+def scalar_places(model: pin.Model) -> Indices:
+    """Return the first place in q of the joint of every velocity, shape (nv,)."""
+    places = np.zeros(model.nv, dtype=np.intp)
+    for joint in model.joints.tolist()[1:]:
+        places[joint.idx_v : joint.idx_v + joint.nv] = joint.idx_q
+    return places
 
 
 def solved(matrices: Array, right: Array) -> Array:

@@ -20,7 +20,7 @@ Other routes to the same numbers are faster where they apply, and tested against
 
 - ``Dynamics.forward`` (``aba``) and ``Dynamics.inverse`` (``rnea``) for open chains;
 - ``dynamics.coordinate_partition`` for constraints that are linear in the joint coordinates;
-- ``dynamics.pinocchio_constraints`` for loops that coinciding points close.
+- ``engine.kernel``, in C, for one state after another of loops and couplings.
 
 Source: Udwadia and Kalaba, A new perspective on constrained motion, Proc. R. Soc. Lond. A 439 (1992), 407-410; closed
 loops, Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 8.

@@ -49,13 +49,17 @@ class Flow(Record, frozen=True):
         """Whether accepted states are brought back onto constraints."""
         return bool(self.structure.settle)
 
+    def copied(self) -> Flow | None:
+        """Return the same motion with buffers of its own, for another thread; ``None`` where it has a state."""
+        return None
+
     def ready(self) -> None:
         """Bring the system to the present state of the motion."""
 
     def slope(self, t: float, y: Array) -> Array:
         """Return the slope of a state [q, v], shape (nq + nv,), at an instant [s]."""
         self.ready()
-        return self._slope(t, y)
+        return self.rates(t, y)
 
     def settled(self, t: Array, y: Array) -> Array:
         """Return states, brought back onto constraints as accepted ones are, or as given.
@@ -83,10 +87,11 @@ class Flow(Record, frozen=True):
         found = np.empty_like(y)
         for k, (start, instant) in enumerate(zip(starts.tolist(), t.tolist(), strict=True)):
             self.within(start)
-            found[k] = self._slope(instant, y[k])
+            found[k] = self.rates(instant, y[k])
         return found
 
-    def _slope(self, t: float, y: Array) -> Array:
+    def rates(self, t: float, y: Array) -> Array:
+        """Return the slope of a state as the system is at present."""
         rates, state, slope, places = self._evaluation
         state[:] = y
         rates(self.structure.system, t, *places)
@@ -128,7 +133,8 @@ LEFT_OUT = "not built: no C compiler, one that failed, or PINARM_KERNEL=off"
 def library() -> ctypes.PyDLL | None:
     """Return the library; ``None`` where there is none, it does not fit, or ``PINARM_KERNEL=off`` switches it off.
 
-    It keeps Python's lock while it computes: the buffers of a mechanism serve one thread at a time.
+    It keeps Python's lock while it computes: the buffers of a mechanism serve one thread at a time. Where each thread
+    has buffers of its own, ``compiled_steps.take_many`` calls it without.
     """
     if os.environ.get(SWITCH) == "off" or not PATH.exists():
         return None

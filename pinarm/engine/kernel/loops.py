@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.kernel.checks import loops_are_sound
-from pinarm.engine.kernel.library import pointer
+from pinarm.engine.kernel.library import contiguous, pointer
 from pinarm.engine.kernel.structures import (
     FORCE,
     LOOP,
@@ -28,8 +28,12 @@ from pinarm.records import Record
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-POINT, LOWER, UNIVERSAL, ROD = range(4)
+LOWER, UNIVERSAL, ROD = range(3)
 """Kinds of loop joints: see ``loops.h``."""
+
+
+NOWHERE = np.zeros(3)
+"""No axis."""
 
 
 class Tied(Record, frozen=True):
@@ -41,6 +45,8 @@ class Tied(Record, frozen=True):
         places: Their placements there.
         along: Directions e of its rows, shape (k, 3).
         about: Directions w, shape (k, 3).
+        axis: About which frame 2 may turn, shape (3,); 0 where it may not.
+        size: Length of a rod; place along the axis at which the angle of a screw is 0 [m].
         weights: What rows have of velocities beside: of couplings, shape (k, nv); nothing of loop joints.
     """
 
@@ -49,13 +55,15 @@ class Tied(Record, frozen=True):
     places: tuple[pin.SE3, pin.SE3]
     along: Array
     about: Array
+    axis: Array = NOWHERE
+    size: float = 0.0
     weights: Array | None = None
 
     @classmethod
     def coupling(cls, weights: Array) -> Tied:
-        """Return the coupling whose row has these weights of velocities, shape (nv,)."""
-        nothing, here = np.zeros((1, 3)), pin.SE3.Identity()
-        return cls(LOWER, (0, 0), (here, here), nothing, nothing, weights[None])
+        """Return the coupling whose rows have these weights of velocities, shape (k, nv)."""
+        nothing, here = np.zeros((len(weights), 3)), pin.SE3.Identity()
+        return cls(LOWER, (0, 0), (here, here), nothing, nothing, weights=weights)
 
     def moving(self, model: pin.Model) -> list[int]:
         """Return the joints whose velocities, with those before them, its rows hold."""
@@ -100,8 +108,14 @@ class CompiledLoops(Record, frozen=True):
     tree: CompiledTree
     tied: Sequence[Tied]
 
-    def loaded(self, loaded: LoadedTree) -> LoadedLoops | None:
-        """Return the tree under its loads with its loops; ``None`` where a number is none."""
+    def loaded(self, loaded: LoadedTree, units: Array, weights: Array) -> LoadedLoops | None:
+        """Return the tree under its loads with its loops; ``None`` where a number is none.
+
+        Args:
+            loaded: The tree.
+            units: Squares of the units of velocities, 0 of those that follow laws, shape (nv,).
+            weights: 1 over the unit of the gap in every row, shape (m,).
+        """
         if not loops_are_sound(self._records, len(self.tree.links)) or not np.isfinite(self._weights).all():
             return None
         model, rows = self.tree.model, sum(self._rows)
@@ -109,6 +123,7 @@ class CompiledLoops(Record, frozen=True):
         squares, inner = self._skyline, int(self._records["rows"][self._records["end"] >= 0].sum())
         known = self._records, self._passed, self._unknowns, self._weights, np.zeros(len(self.tied), LOOP_STATE)
         buffers = (
+            contiguous(units), contiguous(weights[np.argsort(self._places)]),
             np.zeros((model.njoints, MOST_ROWS), FORCE), np.zeros((len(self._unknowns), MOST_ROWS)),
             np.zeros((model.nv + rows, MOST_ROWS)), np.zeros(model.nv), *(np.zeros(rows) for _ in range(3)),
         )  # fmt: skip
@@ -185,6 +200,7 @@ class CompiledLoops(Record, frozen=True):
             ("support", [len(way.support) for way in ways]),
         ):  # fmt: skip
             found[name] = np.cumsum([0, *counts])[:-1]
+        found["axis"], found["size"] = [one.axis for one in self._ordered], [one.size for one in self._ordered]
         for record, one, way in zip(found, self._ordered, ways, strict=True):
             record["kind"], record["rows"], record["end"] = one.kind, len(one.along), way.end
             record["links"], record["degrees"] = len(way.passed), len(way.support)

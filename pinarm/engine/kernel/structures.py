@@ -66,7 +66,7 @@ LOOP = np.dtype([
     ("kind", np.intc), ("rows", np.intc), ("link", np.intc, 2),
     *((name, np.intc) for name in ("first", "end", "path", "links", "support", "degrees", "tail", "own", "coupled")),
     ("frame", [("rotation", float, (3, 3)), ("translation", float, 3)], 2),
-    ("along", float, (MOST_ROWS, 3)), ("about", float, (MOST_ROWS, 3)),
+    ("along", float, (MOST_ROWS, 3)), ("about", float, (MOST_ROWS, 3)), ("axis", float, 3), ("size", float),
 ], align=True)  # fmt: skip
 """A joint that closes a loop."""
 
@@ -115,7 +115,8 @@ class ConstraintsStructure(ctypes.Structure):
         ("tree", POINTER), ("loops", INT), ("inner", INT),
         *((name, POINTER) for name in ("loop", "path", "unknown", "weight_of", "loop_state")),
         ("squares", SkylineStructure),
-        *((name, POINTER) for name in ("carried", "reduced", "spread", "response", "right", "multiplier", "part")),
+        *((name, POINTER) for name in ("unit", "weight", "carried", "reduced", "spread")),
+        *((name, POINTER) for name in ("response", "right", "multiplier", "part")),
     ]  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Indices, in_one
 from pinarm.engine.checks.figures import relative, sampled
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import GuidedCoordinate, joint_ties, one_sided
@@ -45,6 +45,9 @@ APART = 1e-9
 
 NO_AXIS = ("fixed", "spherical")
 """Kinds of lower pairs without an axis."""
+
+BLOCK = 1024
+"""Number of rows that are worked on at once."""
 
 
 def tree_axis(model: pin.Model, joint: int) -> Array | None:
@@ -77,14 +80,19 @@ class Reactions:
         self.cables = {one.name: one for one in self.closure.constraints if isinstance(one, CableLoop)}
 
     @cached_property
-    def links(self) -> LinkPlacements:
-        """Placements of the links in all rows."""
+    def _links(self) -> LinkPlacements:
         return LinkPlacements.at(self.model, self.run.q)
 
-    @property
+    def links(self, rows: Indices) -> LinkPlacements:
+        """Return where the links are at some rows; only those of short runs are kept."""
+        if len(self.run) > BLOCK:
+            return LinkPlacements.at(self.model, self.run.q[rows])
+        return self._links if len(rows) == len(self.run) and (np.diff(rows) == 1).all() else self._links.some(rows)
+
+    @cached_property
     def origins(self) -> Array:
         """Places of the joints' origins [m], world axes, shape (n, njoints, 3)."""
-        return self.links.places
+        return in_one([self.links(rows).places for rows in _blocks(0, len(self.run))])
 
     @cached_property
     def reach(self) -> Array:
@@ -98,7 +106,8 @@ class Reactions:
             joint: Pinocchio's joint index.
         """
         parent, place = self.model.parents[joint], self.model.jointPlacements[joint].translation
-        return np.asarray(self.links.places[:, parent] + self.links.turns[:, parent] @ place)
+        blocks = (self.links(rows) for rows in _blocks(0, len(self.run)))
+        return np.concatenate([links.places[:, parent] + links.turns[:, parent] @ place for links in blocks])
 
     def tree_axes(self, joint: int) -> Array | None:
         """Return the axis of a joint, world axes, shape (n, 3); ``None`` where it has none.
@@ -107,12 +116,14 @@ class Reactions:
             joint: Pinocchio's joint index.
         """
         axis = tree_axis(self.model, joint)
-        return None if axis is None else self.links.turns[..., joint, :, :] @ axis
+        blocks = (self.links(rows) for rows in _blocks(0, len(self.run)))
+        return None if axis is None else np.concatenate([links.turns[..., joint, :, :] @ axis for links in blocks])
 
     def loop_axes(self, name: str) -> Array | None:
         """Return the axis of a loop joint, world axes, shape (n, 3); ``None`` where it has none."""
-        axis = loop_axis(self.loops[name])
-        return None if axis is None else self.links.frame(self.loops[name].first)[0] @ axis
+        axis, frame = loop_axis(self.loops[name]), self.loops[name].first
+        blocks = (self.links(rows) for rows in _blocks(0, len(self.run)))
+        return None if axis is None else np.concatenate([links.frame(frame)[0] @ axis for links in blocks])
 
     @cached_property
     def multipliers(self) -> Array:
@@ -122,31 +133,32 @@ class Reactions:
     @cached_property
     def joints(self) -> Array:
         """Wrench of the parent on the child at every joint's origin, world axes [N, N*m], shape (n, njoints, 6)."""
-        run = self.run
+        return self.run.gather(self._joints)
 
-        def joints(dynamics: Dynamics, part: slice) -> Array:
-            rows = np.arange(part.start, part.stop)
-            links, acting = self.links.some(rows), self._acting(dynamics, rows)
-            return transmitted(links, run.q[rows], run.v[rows], run.a[rows], acting)
+    def _joints(self, dynamics: Dynamics, part: slice) -> Array:
+        return in_one([self._transmitted(dynamics, rows) for rows in _blocks(part.start, part.stop)])
 
-        return run.gather(joints)
+    def _transmitted(self, dynamics: Dynamics, rows: Indices) -> Array:
+        run, acting = self.run, self._acting(dynamics, rows)
+        return transmitted(self.links(rows), run.q[rows], run.v[rows], run.a[rows], acting)
 
     def _acting(self, dynamics: Dynamics, rows: Indices) -> Array:
         """Return what loads and constraints do to the links at k rows, shape (k, njoints, 6).
 
         [f; m] at the world's origin, world axes [N, N*m].
         """
-        run, links, states = self.run, self.links.some(rows), self.run.q[rows].shape[:-1]
-        wrenches = states_first(np.zeros((6, self.model.njoints, *states)))
+        run, states = self.run, self.run.q[rows].shape[:-1]
+        found = states_first(np.zeros((6, self.model.njoints, *states)))
         for force in dynamics.forces.values():
-            for joint, wrench in force.wrenches_at(links, run.grid.t[rows], run.q[rows], run.v[rows]).items():
-                wrenches[:, joint] += wrench
+            acting = force.wrenches_at(self.links(rows), run.grid.t[rows], run.q[rows], run.v[rows])
+            for joint, wrench in acting.items():
+                found[:, joint] += wrench
         if self.closure.size:
-            wrenches = wrenches + self.closure.wrenches(links, self.multipliers[rows])
+            found = found + self.closure.wrenches(self.links(rows), self.multipliers[rows])
         for contact, f in zip(run.mechanism.frictions, run.friction.T, strict=True):
-            for joint, wrench in contact.wrenches(links, f[rows]).items():
-                wrenches[:, joint] += wrench
-        return wrenches
+            for joint, wrench in contact.wrenches(self.links(rows), f[rows]).items():
+                found[:, joint] += wrench
+        return found
 
     def figures(self) -> dict[str, Array]:
         """Return how well the wrenches of the tree's joints keep every body in balance; nothing where none was asked.
@@ -193,14 +205,16 @@ class Reactions:
         """
         held = self._loop(name, self.multipliers)
         for coordinate, effort in self._own_efforts(name):
-            held += coordinate.way.wrench(self.links, effort[:, None])
+            blocks = _blocks(0, len(self.run))
+            held += np.concatenate([coordinate.way.wrench(self.links(rows), effort[rows, None]) for rows in blocks])
         if not self.run.mechanism.frictions:
             return held
         from pinarm.mechanics.friction.contact import LoopContact
 
+        every = np.arange(len(self.run))
         for contact, f in zip(self.run.mechanism.frictions, self.run.friction.T, strict=True):
             if isinstance(contact, LoopContact) and contact.joint.name == name:
-                held += contact.slip.wrench(self.links, f[:, None])
+                held += contact.slip.wrench(self.links(every), f[:, None])
         return held
 
     def _own_efforts(self, name: str) -> Iterator[tuple[LoopCoordinate, Array]]:
@@ -227,7 +241,8 @@ class Reactions:
 
     def loop_origins(self, name: str) -> Array:
         """Return the places of a loop joint's second frame [m], world axes, shape (n, 3)."""
-        return self.links.frame(self.loops[name].second)[1]
+        frame = self.loops[name].second
+        return np.concatenate([self.links(rows).frame(frame)[1] for rows in _blocks(0, len(self.run))])
 
     def cable_lengths(self, name: str) -> Array:
         """Return the lengths of the path of a cable [m], shape (n,)."""
@@ -237,8 +252,9 @@ class Reactions:
     def _loop(self, name: str, lam: Array) -> Array:
         rows, part = np.zeros((*lam.shape[:-1], 6)), self.closure.slices[name]
         held = np.flatnonzero(lam[..., part].reshape(len(lam), -1).any(axis=1))
-        if len(held):
-            rows[held] = self.loops[name].wrench(self.links.some(held), lam[held][..., part])
+        for block in _blocks(0, len(held)):
+            some = held[block]
+            rows[some] = self.loops[name].wrench(self.links(some), lam[some][..., part])
         return rows
 
     @cached_property
@@ -250,7 +266,7 @@ class Reactions:
         """Return wrenches that span what is left open of a joint's reaction, world axes, each of shape (n, 6)."""
         if joint not in self.left_open:
             return []
-        turns = self.links.turns[:, joint]
+        turns = np.concatenate([self.links(rows).turns[:, joint] for rows in _blocks(0, len(self.run))])
         parts = ((turns @ wrench[:3], turns @ wrench[3:]) for wrench in self.left_open[joint].wrenches)
         return [np.concatenate(both, axis=1) for both in parts]
 
@@ -265,10 +281,13 @@ class Reactions:
         Friction between its members is part of it. And what each self-stress adds to the latter.
         """
         coupling, (lam, stresses) = self.couplings[name], self.multiplier(name)
-        actions = [coupling.transmitted(self.links, x[:, None]) for x in (lam, np.zeros_like(lam), *stresses)]
-        points, (wrench, idle, *stressed) = actions[0][0], [wrench for _, wrench in actions]
+        found = [[coupling.transmitted(self.links(rows), one[rows, None]) for rows in _blocks(0, len(lam))]
+                 for one in (lam, np.zeros_like(lam), *stresses)]  # fmt: skip
+        points = np.concatenate([point for point, _ in found[0]])
+        wrench, idle, *stressed = (np.concatenate([block for _, block in blocks]) for blocks in found)
+        links = self.links(np.arange(len(self.run)))
         for contact, f in self.friction_of(name):
-            wrench = wrench + moved(contact.wrenches(self.links, f)[coupling.second], -points)
+            wrench = wrench + moved(contact.wrenches(links, f)[coupling.second], -points)
         return points, wrench, [stress - idle for stress in stressed]
 
     def friction_of(self, name: str) -> list[tuple[CouplingContact, Array]]:
@@ -333,3 +352,9 @@ class Reactions:
         for (rows, _), part in zip(self.stresses, added, strict=True):
             found[: len(part), rows] = part
         return list(found)
+
+
+def _blocks(start: int, stop: int) -> Iterator[Indices]:
+    """Yield rows, so many at a time that what is computed of them does not fill the memory."""
+    for begin in range(start, stop, BLOCK):
+        yield np.arange(begin, min(begin + BLOCK, stop))

@@ -13,7 +13,7 @@ from pinarm.arrays import Array
 from pinarm.engine.checks.variant_energy import variant_energies
 from pinarm.engine.motion.integrated_motion import IntegratedMotion
 from pinarm.engine.motion.integrated_variants import FreeMotion, IntegratedVariants, compiled
-from pinarm.engine.motion.systems.free import FreeSystem
+from pinarm.engine.motion.systems.tree_system import TreeSystem
 from pinarm.input.yaml.values import varied
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.problems.forward import Forward
@@ -136,4 +136,4 @@ def _is_free(hybrid: HybridSystem) -> bool:
     if hybrid.bounds or hybrid.watches or hybrid.frictions or hybrid.controls or len(hybrid.cuts) > 2 or hybrid.knots:
         return False
     given = hybrid.initial.rates or hybrid.initial.followers  # these depend on lengths
-    return isinstance(hybrid.closed_system, FreeSystem) and not hybrid.closure.size and not given
+    return isinstance(hybrid.closed_system, TreeSystem) and hybrid.closed_system.reduction is None and not given

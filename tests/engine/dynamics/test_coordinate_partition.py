@@ -12,12 +12,9 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition, solved
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.driver import integrate
-from pinarm.engine.integration.integrator import Flat
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems import Initial, system_of
-from pinarm.engine.motion.systems.driven import DrivenSystem
-from pinarm.engine.motion.systems.partitioned import FreeCoordinates
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import coordinates_of
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
@@ -196,7 +193,7 @@ def test_accelerations_are_those_of_multipliers(panda, rows):
         assert reduction.velocity(v[reduction.free_v], dw) == pytest.approx(v, abs=1e-12)
         target = (w, dw, ddw)
         rate = reduction.acceleration(dynamics, lambda t, target=target: target)
-        found = reduction.basis @ rate(0.0, q[reduction.free_q], v[reduction.free_v]) + reduction.particular @ ddw
+        found = rate(0.0, q, v)
         expected = multipliers(panda.model, data, rows, q, v, ddw, dynamics.loads(0.0, q, v))
         # fingers of 15 g on an arm of 16 kg
         assert found == pytest.approx(expected, rel=1e-10, abs=1e-10 * np.abs(expected).max())
@@ -215,12 +212,6 @@ def carousel():
     return model
 
 
-@pytest.fixture
-def alone(monkeypatch):
-    """Independent coordinates are integrated alone, also where compiled code knows all."""
-    monkeypatch.setattr(DrivenSystem, "of", classmethod(lambda *_: None))
-
-
 class TestQuaternions:
     def test_indices_keep_q_and_v_apart(self, carousel):
         reduction = CoordinatePartition.of(
@@ -232,7 +223,6 @@ class TestQuaternions:
         assert reduction.configuration(ball, np.array([0.7, -0.4])).tolist() == [0.7, 0.1, 0.2, 0.3, 0.9, -0.4]
 
     @pytest.mark.parametrize("names", [("turn",), ("wheel",), ("turn", "wheel")])
-    @pytest.mark.usefixtures("alone")
     def test_motion_is_that_of_multipliers(self, carousel, names):
         dynamics, joints = Dynamics.of(carousel, {}), joints_of(carousel)
         laws = {"turn": Harmonic(mean=0.3, amplitude=0.9, pulsation=3.0),
@@ -246,7 +236,6 @@ class TestQuaternions:
             q[joints[name].q], v[joints[name].v] = w[0], dw[0]
         t, initial = np.linspace(0.0, 1.0, 11), Initial(q, v)
         system = system_of(Closure.of(carousel), dynamics, prescribed, initial)
-        assert isinstance(system.manifold, FreeCoordinates)
         solution = integrate([system.interval(dynamics, 0.0, 1.0)], system.manifold,
                              *system.begin(initial, 0.0, 1.0), Adaptive(1e-13))  # fmt: skip
         found = system.complete(dynamics, Grid(t, (0.0, 1.0), (0, 11)), *solution.states(t))
@@ -324,20 +313,12 @@ class TestRefusals:
             solve(robot, {"tipp": Constant(value=0.0)})
 
 
-@pytest.mark.usefixtures("alone")
-def test_the_free_space_is_flat_where_it_can_be(arm):
-    dynamics = arm.dynamics
-    prescribed = PrescribedCoordinates.some(arm, {"B": Constant(value=0.0)})
-    initial = Initial(np.zeros(2), np.zeros(2))
-    assert system_of(arm.closure, dynamics, prescribed, initial).manifold == Flat(1, 1)
-
-
 def test_many_states_have_the_accelerations_of_each(panda):
     law = Trapezoid(start=0.0, end=1.0, speed=1.0, acceleration=4.0)
     prescribed = PrescribedCoordinates.some(panda, {"panda_joint2": law, "panda_finger_joint1": Constant(value=0.02)})
     initial = Initial(np.zeros(panda.model.nq), np.zeros(panda.model.nv))
     interval = system_of(panda.closure, panda.dynamics, prescribed, initial).interval(panda.dynamics, 0.0, 0.25)
-    t, (q, v) = np.linspace(0.0, 0.25, 30), np.random.default_rng(1).normal(size=(2, 30, 6))
+    t, (q, v) = np.linspace(0.0, 0.25, 30), np.random.default_rng(1).normal(size=(2, 30, 9))
     alone = [interval.acceleration(*state) for state in zip(t, q, v, strict=True)]
     assert interval.batch(t, q, v) == pytest.approx(np.array(alone), rel=1e-10, abs=1e-10)  # M has condition 1e4
 

@@ -15,7 +15,8 @@ from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.integration.solution import InterpolatedSteps
 from pinarm.engine.integration.tableaus import DOP853, DOPRI5
 from pinarm.engine.kernel.library import library
-from pinarm.engine.motion.systems.free import FreeSystem
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.motion.systems.tree_system import TreeSystem
 from pinarm.mechanics.forces.joint_springs import SpringDamper
 from pinarm.records import replace
 
@@ -36,7 +37,8 @@ def slide():
     here = np.array([0])
     damper = SpringDamper(here, here, np.array([SLOW * FAST]), np.array([SLOW + FAST]), np.zeros(1))
     dynamics = Dynamics.of(model, {"damper": damper})
-    return dynamics.manifold, FreeSystem(dynamics.manifold, Closure.of(model, ())).interval(dynamics, 0.0, 1.0)
+    system = TreeSystem(dynamics.manifold, Closure.of(model), PrescribedCoordinates((), (), ()))
+    return dynamics.manifold, system.interval(dynamics, 0.0, 1.0)
 
 
 def decay(t):

@@ -8,7 +8,7 @@ from pinarm.engine.integration.tableaus import DOP853
 from pinarm.engine.kernel import tree as kernel_tree
 from pinarm.engine.kernel.library import LEFT_OUT
 from pinarm.engine.kernel.links import links_of
-from pinarm.engine.motion.systems.free import FreeSystem
+from pinarm.engine.motion.systems.tree_system import TreeSystem
 
 pytestmark = pytest.mark.usefixtures("compiled")
 
@@ -59,7 +59,7 @@ class TestWrongKernel:
 
     def test_would_be_seen_by_the_energy(self, calls, monkeypatch):
         """The stamp is Pinocchio's: it sees the motion of another mechanism, even where the comparison is left out."""
-        monkeypatch.setattr(FreeSystem, "_compiled", lambda self, dynamics, t: (
+        monkeypatch.setattr(TreeSystem, "_compiled", lambda self, dynamics, *_: (
             self._tree.flow(dynamics.steady, dynamics.changing), ""))  # fmt: skip
         found = pinarm.run(SWING)
         assert calls

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 import pinarm
 from pinarm.engine.kernel.laws import EFFORT, MOST_CUBICS, Followed, laws_of
 from pinarm.engine.kernel.tree import CompiledTree
-from pinarm.engine.motion.systems.free import FreeSystem
+from pinarm.engine.motion.systems.tree_system import TreeSystem
 from pinarm.mechanics.forces.joint_efforts import AppliedEffort
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.clamped_spline import ClampedSpline
@@ -156,8 +156,8 @@ def test_a_pendulum_under_a_table_of_torques_is_prepared_once_and_moves_as_its_e
         "  loads: {motor: {kind: joint_effort, joint: theta, effort: {law: table, file: tau.csv}}}}\n"
     )
     prepared = []
-    whole = FreeSystem._prepared
-    monkeypatch.setattr(FreeSystem, "_prepared", lambda *args: prepared.append(args[2:]) or whole(*args))
+    whole = TreeSystem.interval
+    monkeypatch.setattr(TreeSystem, "interval", lambda *args: prepared.append(args[2:]) or whole(*args))
     found = pinarm.run(tmp_path / "s.yaml")
     assert prepared == [(0.0, 2.0)]
     spline = CubicSpline(t, tau, bc_type="clamped")

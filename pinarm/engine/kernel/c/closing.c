@@ -10,17 +10,14 @@ static void move(const tree *t, double s, const double *x, double *q) {
         joint_move(t->link[i].kind, s, x + t->link[i].v, q + t->link[i].q);
 }
 
-/* Write what is open at points to `right`, and G v to `multiplier`; return the length of what is open. */
-static double gap(const constraints *c) {
+/* Write what closes the rows to `right`, and G v to `multiplier`; return the length of what is open, in the units of
+ * the rows. */
+static double gap(const constraints *c, const double *v) {
     double square = 0.0;
-    for (int i = 0; i < c->loops; i++) {
-        const loop *l = &c->loop[i];
-        const loop_state *s = &c->loop_state[i];
-        for (int r = 0; r < l->rows; r++) {
-            const double open = dot(s->along[r], s->apart);
-            c->multiplier[l->first + r] = dot(s->along[r], subtract(s->velocity[0].linear, s->velocity[1].linear));
-            c->right[l->first + r] = open, square += open * open;
-        }
+    constraints_gap(c, v, c->right, c->multiplier);
+    for (ptrdiff_t r = 0; r < c->squares.rows; r++) {
+        c->right[r] = -c->right[r];
+        square += c->right[r] * c->right[r] * c->weight[r] * c->weight[r];
     }
     return sqrt(square);
 }
@@ -37,7 +34,7 @@ static void close_state(const closing *c, double w, double *y) {
     for (int n = 0;; n++) {
         constraints_factorise(r, c->projection);
         tree_unload(r->tree);
-        const double size = gap(r);
+        const double size = gap(r, y + r->tree->nq);
         if (n == c->corrections || size <= c->closed || (size < c->stalled && size > 0.5 * before))
             break;
         before = size;
@@ -102,7 +99,7 @@ static double across(const closing *c, const double *y, double *a) {
     copy(t->nv, c->sum, a);
     copy(t->nq + t->nv, y, c->state), move(t, 1.0, c->aside, c->state);
     place(c, c->state);
-    return gap(&c->rows);
+    return gap(&c->rows, c->state + t->nq);
 }
 
 /* Write the accelerations, near singular positions of the closed state; return |G a + G' v|^2, 0 where not known. */

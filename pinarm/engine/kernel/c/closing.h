@@ -1,5 +1,5 @@
 /* Motions along loops: states brought back onto the constraints, and singular positions passed.
- * What is decided here, and the numbers, are those of pinarm/engine/motion/systems/point_motion.py. */
+ * What is decided here, and the numbers, are those of pinarm/engine/motion/systems/loop_motion.py. */
 #pragma once
 
 #include "constraints.h"
@@ -11,7 +11,7 @@ typedef struct {
     double near, ahead, coarse, close, blind; /* limits of the regularity, and of its fall over a step */
     double vanished, accuracy;        /* squares that are 0, and how well they are known */
     double aside, across[8];          /* how far beside a singular position others are, and their weights */
-    double passed;                    /* gap at the position so interpolated up to which it is passed [m] */
+    double passed;                    /* gap at the position so interpolated up to which it is passed */
     double floor, clear;              /* least step close to singular positions, relative to a regular one; and motion
                                        * within a step, over the regularity, that reaches no singular position */
     int rank;
@@ -21,7 +21,7 @@ typedef struct {
     constraints rows;
     proximal exact, tolerant; /* of closed states; of stages in regular steps, 0 repeats where it is not known */
     double projection;        /* proximal term of projections [1/kg] */
-    double closed, stalled;   /* gaps that are rounding, and at which the iteration may end [m] */
+    double closed, stalled;   /* gaps that are rounding, and at which the iteration may end */
     double torn;              /* largest length of G a + G' v at accepted states */
     int corrections;          /* most corrections of a position; 0 where states are settled elsewhere */
     limits limits;

@@ -85,7 +85,7 @@ static void multiply(const constraints *c, const loop *l) {
         double *a = c->squares.entry + c->squares.origin[l->first + r];
         for (const loop *m = &c->loop[l->coupled]; m <= l; m++)
             for (int q = 0; q < m->rows && m->first + q <= l->first + r; q++)
-                a[m->first + q] = entry(c, r, m, q);
+                a[m->first + q] = entry(c, r, m, q) * c->weight[l->first + r] * c->weight[m->first + q];
     }
 }
 
@@ -109,7 +109,7 @@ void constraints_factorise(const constraints *c, double term) {
 
 void constraints_squares(const constraints *c) { /* joints take S' f and leave f; multipliers are no unknowns */
     for (int n = 0; n < c->tree->nv + (int)c->squares.rows; n++)
-        c->tree->degree_state[n] = (degree_state){NO_FORCE, n < c->tree->nv};
+        c->tree->degree_state[n] = (degree_state){NO_FORCE, n < c->tree->nv ? c->unit[n] : 0.0};
     for (int k = 0; k < c->loops; k++) {
         reduce(c, &c->loop[k], &c->loop_state[k]);
         multiply(c, &c->loop[k]);
@@ -198,6 +198,22 @@ void constraints_solve(const constraints *c, const proximal *p, int from) {
     }
 }
 
+/* Add to the rows of a coupling what velocities, or their rates, do by its weights. */
+static void add_coupled(const constraints *c, const loop *l, const double *v, double *result) {
+    for (int n = l->support; n < l->support + l->degrees; n++)
+        for (int r = 0; r < l->rows && c->unknown[n] < c->tree->nv; r++)
+            result[r] += c->weight_of[n * MOST_ROWS + r] * v[c->unknown[n]];
+}
+
+void constraints_gap(const constraints *c, const double *v, double *gap, double *rates) {
+    for (int i = 0; i < c->loops; i++) {
+        const loop *l = &c->loop[i];
+        loop_gap(l, &c->loop_state[i], gap + l->first);
+        loop_rates(l, &c->loop_state[i], rates + l->first);
+        add_coupled(c, l, v, rates + l->first);
+    }
+}
+
 /* Write what G a + G' v lacks, of the accelerations a, which the links have; return the square of its length. */
 static double torn(const constraints *c, const double *a) {
     double square = 0.0;
@@ -205,9 +221,7 @@ static double torn(const constraints *c, const double *a) {
         const loop *l = &c->loop[i];
         double *result = c->right + l->first;
         loop_accelerations(c->tree, l, &c->loop_state[i], result);
-        for (int n = l->support; n < l->support + l->degrees; n++)
-            for (int r = 0; r < l->rows && c->unknown[n] < c->tree->nv; r++)
-                result[r] += c->weight_of[n * MOST_ROWS + r] * a[c->unknown[n]];
+        add_coupled(c, l, a, result);
         for (int r = 0; r < l->rows; r++)
             result[r] = -result[r], square += result[r] * result[r];
     }

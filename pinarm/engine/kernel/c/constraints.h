@@ -22,7 +22,9 @@ typedef struct {
     const int *unknown;      /* the unknowns there, and behind them its own multipliers */
     const double *weight_of; /* MOST_ROWS for each entry of `unknown`: what rows of couplings have of velocities */
     loop_state *loop_state;
-    skyline squares;         /* G G' */
+    skyline squares;         /* G G', velocities in their units */
+    const double *unit;      /* squares of the units of the velocities, nv; 0 of those that follow laws */
+    const double *weight;    /* of every row: 1 over the unit of its gap */
     force *carried;          /* MOST_ROWS for the world and each link: forces of rows on their ways; 0 between uses */
     double *reduced;         /* MOST_ROWS for each entry of `unknown`: W, what rows have of the unknowns they pass */
     double *spread;          /* MOST_ROWS for each unknown; 0 between uses */
@@ -39,6 +41,9 @@ void constraints_factorise(const constraints *c, double term);
 /* Write q'' to `response` and lam to `part`, with M q'' = tau - sum S' p + G' lam and G q'' + term lam = `right`. Links
  * behind `from` have no loads: where none has, it is the first at which a loop joint ends. */
 void constraints_solve(const constraints *c, const proximal *p, int from);
+
+/* Write what is open in every row, and G v, where the state is placed; of couplings nothing is open. */
+void constraints_gap(const constraints *c, const double *v, double *gap, double *rates);
 
 /* Write G G', where the state is placed; what was factorised is lost. */
 void constraints_squares(const constraints *c);

@@ -6,11 +6,10 @@
 
 enum { MOST_ROWS = 6 };
 
-/* POINT      the origins coincide: e . (v_1 - v_2), the difference of their velocities, as Pinocchio's points
- * LOWER      e and w are constant: lower pairs, points on lines and planes, screws
- * UNIVERSAL  the last row has w = R v x u, with u of frame 1 and v of frame 2, which stand in its `along` and `about`
+/* LOWER      e and w are constant: lower pairs, points on lines and planes, screws; a coupling has neither
+ * UNIVERSAL  the row with directions u of frame 1 and v of frame 2 in `along` and `about` has e = 0 and w = R v x u
  * ROD        e is the direction of p */
-enum { POINT, LOWER, UNIVERSAL, ROD, LOOP_KINDS };
+enum { LOWER, UNIVERSAL, ROD, LOOP_KINDS };
 
 typedef struct {
     int kind, rows;
@@ -24,6 +23,8 @@ typedef struct {
     placement frame[2];      /* of frames 1 and 2 in their links */
     vector along[MOST_ROWS]; /* e */
     vector about[MOST_ROWS]; /* w */
+    vector axis;             /* about which frame 2 may turn; 0 where it may not */
+    double size;             /* length of a rod; place along the axis at which the angle of a screw is 0 */
 } loop;
 
 /* A loop joint at present. Its rows of G are the powers of the forces on the frames, in the frames' own axes. */
@@ -37,6 +38,12 @@ typedef struct {
 
 /* Place a loop joint, whose links are placed in the world and have velocities. */
 void loop_place(const tree *t, const loop *l, loop_state *s);
+
+/* Write what is open in every row, to first order where it is closed: e . p, w . rotation, or |p| - length. */
+void loop_gap(const loop *l, const loop_state *s, double *result);
+
+/* Write G v, of the velocities that the links have. */
+void loop_rates(const loop *l, const loop_state *s, double *result);
 
 /* Write G a + G' v, of the accelerations that the links have. */
 void loop_accelerations(const tree *t, const loop *l, const loop_state *s, double *result);

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pinarm.arrays import Array
+from pinarm.engine.dynamics.parallel import threads
 from pinarm.engine.motion.lost_turns import acting_on_angles
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
 from pinarm.engine.motion.segmented.segment_ends import steps_over, watched
@@ -40,8 +41,10 @@ def integrate_together(hybrid: HybridSystem, q: Array, v: Array) -> Ensemble | N
     return integrate_batch(
         hybrid.free_intervals,
         system.manifold,
-        *system.part(q, v),
+        q,
+        v,
         pair,
         max_steps=hybrid.max_steps,
         steps_over=steps_over(hybrid, system),
+        threads=threads(),
     )

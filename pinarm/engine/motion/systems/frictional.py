@@ -17,7 +17,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
-from pinarm.engine.friction.complementarity import FrictionSolution
+from pinarm.engine.friction.balance import FrictionSolution
 from pinarm.engine.friction.extremes import Extremes, filled, held_part, pushing_part
 from pinarm.engine.friction.sliding import SlidingFriction
 from pinarm.engine.friction.slip import Slip
@@ -111,10 +111,6 @@ class FrictionalSystem:
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         """Return the motion of the integrated state on an interval without jumps."""
         return self.inner.interval(self.slowed(dynamics), start, end)
-
-    def part(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the integrated part of states."""
-        return self.inner.part(q, v)
 
     def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the mechanism's states."""

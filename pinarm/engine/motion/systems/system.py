@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import cached_property, lru_cache
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -28,21 +27,6 @@ if TYPE_CHECKING:
 KEPT = 16
 """Number of intervals of a system kept for the next run: a motion mostly has one, and one more for every jump of a
 load."""
-
-
-class KeptIntervals:
-    """A system that keeps the motion of its last few intervals, for the next run."""
-
-    def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
-        """Return the motion of all coordinates on an interval without jumps."""
-        return self._interval(dynamics, start, end)
-
-    @cached_property
-    def _interval(self) -> Callable[[Dynamics, float, float], Interval]:
-        return lru_cache(maxsize=KEPT)(self._prepared)
-
-    def _prepared(self, dynamics: Dynamics, start: float, end: float) -> Interval:
-        raise NotImplementedError
 
 
 class Initial(Record, frozen=True):
@@ -167,10 +151,6 @@ class System(Protocol):
 
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         """Return the motion of the integrated state on an interval without jumps."""
-        ...
-
-    def part(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the integrated part of states of the mechanism, shapes (..., nq) and (..., nv)."""
         ...
 
     def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:

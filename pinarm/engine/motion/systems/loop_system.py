@@ -26,7 +26,7 @@ from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.systems.row_motion import CLOSED, ITERATIONS, ROUNDED, TURNED, RowMotion
+from pinarm.engine.motion.systems.loop_motion import ITERATIONS, ROUNDED, LoopMotion, Regularity
 from pinarm.engine.motion.systems.system import KEPT, CompletedStates, Initial
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -34,7 +34,7 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record
 
 if TYPE_CHECKING:
-    from pinarm.engine.kernel.library import Flow
+    from pinarm.engine.motion.systems.compiled_loops import JudgedLoops, LoopFlow
 
 LASTING, ROUNDING = 1e-6, 1e-10
 """Part of the centripetal terms that redundant loops may leave: closed to rounding, they leave 1e-12; and what rounding
@@ -44,11 +44,15 @@ REGULAR = 1e-6
 """Least singular value of G, over the largest, at which velocities may be given. At 6e-7 those of a four-bar were wrong
 by 1e-4, at 1e-7 altogether."""
 
+CLOSED, TURNED = 1e-13, 1e-15
+"""Gap at which a state of a table counts as closed [m or rad]: one step more ends at rounding. And what rounding of an
+angle of many turns leaves open, over the angle."""
+
 LARGE = 10**7
 """Number of entries of G, of several rows of a table, that are taken apart at once."""
 
 
-class ConstrainedSystem(Record, frozen=True):
+class LoopSystem(Record, frozen=True):
     """The whole state of a mechanism under its constraints.
 
     Attributes:
@@ -70,7 +74,7 @@ class ConstrainedSystem(Record, frozen=True):
     near: Array
 
     @classmethod
-    def of(cls, own: Closure, dynamics: Dynamics, prescribed: PrescribedCoordinates, near: Array) -> ConstrainedSystem:
+    def of(cls, own: Closure, dynamics: Dynamics, prescribed: PrescribedCoordinates, near: Array) -> LoopSystem:
         """Return the system of a mechanism with its own constraints, some of whose coordinates follow laws."""
         prescribed, others = prescribed.linear_last()
         return cls(
@@ -165,25 +169,46 @@ class ConstrainedSystem(Record, frozen=True):
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         """Return the motion on an interval without jumps."""
         motion = self._motion(dynamics, start, end)
-        compiled, remark = self._judged(dynamics, start, end)
-        return Interval(start, end, motion.acceleration, motion.settle, compiled=compiled, remark=remark)
+        flow, remark = self._compiled(dynamics, start, end, motion)
+        if flow and not flow.judged.alone:
+            from pinarm.engine.motion.systems.compiled_loops import LoadedMotion
 
-    def _motion(self, dynamics: Dynamics, start: float, end: float) -> RowMotion:
-        return RowMotion(self.rows, self.settled, dynamics.on(start, end), self.prescribed.on(start, end))
+            return LoadedMotion(flow).interval(start, end)
+        return Interval(
+            start, end, motion.acceleration, motion.settle, motion.floor, motion.since, compiled=flow, remark=remark,
+            outlook=motion.outlook,
+        )  # fmt: skip
+
+    def _motion(self, dynamics: Dynamics, start: float, end: float) -> LoopMotion:
+        driven = self._driven
+        regularity = Regularity.of(self.rows if driven is None else self.own, driven or ())
+        return LoopMotion(self.rows, regularity, dynamics.on(start, end), self.prescribed.on(start, end))
+
+    @property
+    def _driven(self) -> tuple[int, ...] | None:
+        """Indices in v of the joints that follow laws; ``None`` where something else follows one."""
+        joints = tuple(self.prescribed.joint_laws)
+        return joints if len(joints) == len(self.prescribed.names) else None
+
+    def _compiled(
+        self, dynamics: Dynamics, start: float, end: float, motion: LoopMotion
+    ) -> tuple[LoopFlow | None, str]:  # fmt: skip
+        """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not."""
+        if self._driven is None:
+            return None, ""
+        from pinarm.engine.motion.systems.compiled_loops import LoopFlow
+
+        loops, remark = self._judged(dynamics, start, end)
+        return LoopFlow.of(loops, motion) if loops else None, remark
 
     @cached_property
-    def _judged(self) -> Callable[[Dynamics, float, float], tuple[Flow | None, str]]:
-        """The motion in compiled code where Pinocchio agrees, and what is to be said where not; kept for the next run.
+    def _judged(self) -> Callable[[Dynamics, float, float], tuple[JudgedLoops | None, str]]:
+        """Pinocchio's judgement of the loops in compiled code, kept for the next run: no run changes it."""
+        from pinarm.engine.motion.systems.compiled_loops import judged_loops
 
-        What the library writes are buffers of one evaluation: no run changes it.
-        """
-
-        def judged(dynamics: Dynamics, start: float, end: float) -> tuple[Flow | None, str]:
-            if self.prescribed.names:
-                return None, ""
-            from pinarm.engine.motion.systems.compiled.compiled_rows import compiled_rows
-
-            return compiled_rows(self._motion(dynamics, start, end), dynamics.on(start, end), self.near, start)
+        def judged(dynamics: Dynamics, start: float, end: float) -> tuple[JudgedLoops | None, str]:
+            motion = self._motion(dynamics, start, end)
+            return judged_loops(motion, self.settled, self.near, self.prescribed.joint_laws, (start, end))
 
         return lru_cache(maxsize=KEPT)(judged)
 
@@ -231,10 +256,6 @@ class ConstrainedSystem(Record, frozen=True):
             f"at t = {t:.9g} s {name} stays open by {size:.3g} {measured}",
             expected="a motion on which the loops stay closed", t=t, q=q, gap=gap,
         )  # fmt: skip
-
-    def part(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the state itself."""
-        return q, v
 
     def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the states themselves."""

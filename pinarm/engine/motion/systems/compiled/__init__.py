@@ -1,1 +1,0 @@
-"""Systems whose steps the compiled kernel takes."""

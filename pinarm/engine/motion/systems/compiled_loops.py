@@ -1,0 +1,465 @@
+"""Motions along loops and couplings in compiled code: states are closed, and singular positions passed, there.
+
+When a motion begins, what the library says of closed states has to satisfy Pinocchio's equations.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.constraint import Constraint
+from pinarm.engine.constraints.nullspace import RANK, RowDecompositions
+from pinarm.engine.dynamics.coordinate_partition import heavy, scalar_places
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.integration.integrator import Acceleration, Interval
+from pinarm.engine.kernel.laws import Followed
+from pinarm.engine.kernel.library import SETTLE, Flow, address, library, pointer
+from pinarm.engine.kernel.loops import LOWER, ROD, UNIVERSAL, CompiledLoops, LoadedLoops, Tied
+from pinarm.engine.kernel.structures import ClosingStructure, FlowStructure, LimitsStructure, ProximalStructure
+from pinarm.engine.kernel.tree import AGREEMENT, DEGREES, DISAGREES, CompiledTree, HeldFlow, LoadedTree
+from pinarm.engine.motion.systems import loop_motion
+from pinarm.engine.motion.systems.loop_motion import LEAST, MET, LoopMotion, Regularity, places
+from pinarm.errors import PinarmError
+from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.laws.motion_law import MotionLaw
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.loops.lower_pairs import LowerPair, Tilt
+from pinarm.mechanics.loops.rod import Tie
+from pinarm.mechanics.loops.screw import Thread
+from pinarm.mechanics.loops.universal import ORIGINS, Cross
+from pinarm.records import Record
+
+Settled = Callable[[Array, Array, Array, Array, Array], tuple[Array, Array, RowDecompositions]]
+"""``(q, v, w, dw, t) -> q, v`` closed, of many states, and the rows there; see ``LoopSystem.settled``."""
+
+State = tuple[Array, Array]
+"""Configuration, shape (nq,), and velocity, shape (nv,)."""
+
+PROXIMAL, SOLVED, BESIDE = 1e-10, 1e-12, 20
+"""Proximal term of multipliers, relative to the smallest diagonal of ``S = G M^-1 G^T``, what the iteration may leave
+of the rows [m/s^2 or rad/s^2], and most iterations. Next to singular positions the least eigenvalue of S comes down to
+the term, and each iteration leaves the term, over the sum of both, of what is missing."""
+
+INDEPENDENT = 1e-15
+"""The same term in regular steps, of rows that repeat no others: it keeps pivots from 0; one iteration is enough."""
+
+TOLERANT, REPEATS = 1e-3, 8
+"""The same where rows repeat others only where loops are closed, relative to the least eigenvalue of S that is not 0,
+and iterations: what contradicts itself within steps is not magnified."""
+
+UNEVEN = 1e6
+"""Condition number of S, scaled to a diagonal of ones, in the better of two positions of no special kind, above which
+rounding is magnified too much. Bodies of one linkage reach 1e4; one 1e8 times lighter than its neighbours, 1e9."""
+
+TRUSTED = 1e-10
+"""Smallest eigenvalue of M, scaled to a diagonal of ones, with which M counts as regular."""
+
+ALIKE = 1e-4
+"""Relative accuracy of squares of singular values: the limits of the regularity have two digits."""
+
+AWAY, STATES = (0.1, 0.01, 0.0), 2
+"""How far from the initial position the states begin in which the library is judged, in the unit of every velocity: the
+first that closes is taken; and the number of these states."""
+
+
+class ClosingSystem(Record, frozen=True):
+    """A motion along loops, for the library.
+
+    Attributes:
+        structure: The C structure.
+        loops: The loops.
+        kept: What else it points to.
+    """
+
+    structure: ClosingStructure
+    loops: LoadedLoops
+    kept: tuple[Array, ...]
+
+    @classmethod
+    def of(
+        cls, loops: LoadedLoops, scale: Array, nq: int, exact: ProximalStructure,
+        closing: Sequence[float] = (0.0, 0.0, 0.0, 0.0, 0), limits: LimitsStructure | None = None,
+    ) -> ClosingSystem | None:  # fmt: skip
+        """Return the motion; ``None`` where a number is none.
+
+        Args:
+            loops: The loops.
+            scale: Unit of every velocity, shape (nv,).
+            nq: Number of coordinates.
+            exact: How accelerations are solved for.
+            closing: Numbers of the closing, as in ``closing.h`` from ``projection`` on; none where nothing has to.
+            limits: When positions are regular; none where nobody looks.
+        """
+        nv = len(scale)
+        kept = scale.copy(), *(np.zeros(nv) for _ in range(3)), *(np.zeros(nq + nv) for _ in range(2))
+        if not np.isfinite([exact.term, exact.accuracy, *closing, *scale]).all():
+            return None
+        limits = limits or LimitsStructure()
+        structure = ClosingStructure(loops.structure, exact, exact, *closing, limits, *map(pointer, kept), t=-np.inf)
+        return cls(structure, loops, kept)
+
+    def flow(self, functions: tuple[Any, Any]) -> FlowStructure:
+        """Return what is integrated, with the functions of the library for rates and for accepted states."""
+        place = ctypes.addressof(self.structure)
+        floor, clear = place + ClosingStructure.floor.offset, place + ClosingStructure.clear.offset
+        return FlowStructure(len(self.kept[-1]), *map(address, functions), floor, clear, place)
+
+
+class JudgedLoops(Record, frozen=True):
+    """Loops in compiled code under their loads, and how their multipliers are solved for.
+
+    Attributes:
+        loops: The loops.
+        measure: How regular they are.
+        term: Proximal term of closed states [1/kg].
+        tree: The tree with its loads.
+        alone: Whether the library knows all loads and laws; else Python has to write them.
+    """
+
+    loops: LoadedLoops
+    measure: Regularity
+    term: float
+    tree: LoadedTree
+    alone: bool
+
+    @property
+    def exact(self) -> ProximalStructure:
+        """How accelerations of closed states are solved for."""
+        return ProximalStructure(self.term, SOLVED, BESIDE)
+
+    def tolerant(self, q: Array, rank: int) -> ProximalStructure:
+        """Return how accelerations within regular steps are solved for, given a closed position and its rank."""
+        if rank == len(self.measure.kept):
+            return ProximalStructure(INDEPENDENT / PROXIMAL * self.term, 0.0, 1)
+        delassus = _delassus(self.measure, q) if rank and len(q) else None
+        if delassus is None:
+            return ProximalStructure()
+        return ProximalStructure(TOLERANT * float(np.linalg.eigvalsh(delassus)[-rank]), SOLVED, REPEATS)
+
+    def system(self, motion: LoopMotion) -> ClosingSystem | None:
+        """Return the motion with the numbers by which that in Python solves, closes and looks."""
+        of_motion = (getattr(loop_motion, name) for name in ("NEAR", "AHEAD", "COARSE", "CLOSE", "BLIND"))
+        limits = LimitsStructure(
+            self.measure.usual, *of_motion, RANK**2, ALIKE, loop_motion.ASIDE, tuple(loop_motion.ACROSS),
+            loop_motion.PASSED * motion.coarse, loop_motion.FLOOR, loop_motion.CLEAR, self.measure.rank,
+        )  # fmt: skip
+        gaps = loop_motion.ROUNDED * motion.coarse, loop_motion.STALLED * motion.coarse
+        return ClosingSystem.of(
+            self.loops, motion.scale, motion.rows.model.nq, self.exact,
+            (self.term, *gaps, MET * LEAST, loop_motion.ITERATIONS), limits,
+        )  # fmt: skip
+
+
+class LoopFlow(Flow, frozen=True):
+    """The motion of loops by the library, which closes states and passes singular positions as the motion in Python.
+
+    Attributes:
+        motion: The motion in Python. It begins, and settles what the library hands back: states at which the rank has
+            grown, and those whose accelerations leave the constraints.
+        judged: The loops.
+    """
+
+    motion: LoopMotion
+    judged: JudgedLoops
+
+    @classmethod
+    def of(cls, judged: JudgedLoops, motion: LoopMotion) -> LoopFlow | None:
+        """Return the motion of loops under their loads; ``None`` where a number is none."""
+        compiled, system = library(), judged.system(motion)
+        if compiled is None or system is None:
+            return None
+        return cls(system.flow((compiled.closing_rates, compiled.closing_settle)), system, motion, judged)
+
+    def ready(self) -> None:
+        """Bring the system to the present state of the motion."""
+        structure, motion = self.system.structure, self.motion
+        self.choose(motion.near, motion.rank)
+        structure.regular, structure.limits.rank, structure.open = motion.regular, motion.rank, motion.open
+        structure.t, structure.step, structure.floor = motion.t, motion.step, motion.least
+        structure.speed, structure.acceleration = motion.speed, motion.largest
+
+    def way(self, t: float) -> Any:
+        """Return whether stages are closed, and the rank, in the step that begins at t; see ``LoopMotion.since``."""
+        clear, rank = self.motion.outlook(t)
+        return not clear, rank
+
+    def take(self, way: Any) -> None:
+        """Let rates be those of such stages."""
+        self.choose(*way)
+
+    def choose(self, near: bool, rank: int) -> None:
+        """Choose whether stages are closed, and the rank."""
+        structure = self.system.structure
+        structure.near, structure.tolerant = near, self.judged.tolerant(self.motion.q, rank)
+
+    def advanced(self, ends: Sequence[float], clear: Iterable[float]) -> None:
+        """Let the motion know how far it is."""
+        structure, motion = self.system.structure, self.motion
+        motion.ranks |= dict.fromkeys(ends, motion.rank)
+        motion.clear.update(clear)
+        motion.near, motion.regular = bool(structure.near), structure.regular
+        motion.singular, motion.open = motion.regular < loop_motion.NEAR, structure.open
+        motion.t, motion.step, motion.least = structure.t, structure.step, structure.floor
+        motion.speed, motion.largest = structure.speed, structure.acceleration
+        motion.require_known_way(motion.t)
+
+
+class LoadedMotion:
+    """The motion of loops by the library under loads and laws that Python computes, so that Python takes the steps.
+
+    Args:
+        flow: The motion; the library knows no load.
+    """
+
+    def __init__(self, flow: LoopFlow) -> None:
+        self.flow, self.motion, self.load = flow, flow.motion, flow.motion.dynamics.load()
+        self.efforts: Array = flow.judged.tree.arrays[DEGREES]["effort"]
+        self.driven = np.array(flow.judged.measure.driven, dtype=np.intp)
+        self.places = scalar_places(flow.motion.rows.model)[self.driven]
+        self.inertia = flow.judged.tree.arrays[DEGREES]["armature"][self.driven]
+        self.closes = SETTLE(flow.structure.settle)
+
+    def interval(self, start: float, end: float) -> Interval:
+        """Return the motion on an interval without jumps."""
+        structure = self.flow.system.structure
+        return Interval(start, end, self.acceleration, self.settle, lambda: float(structure.floor), self.since,
+                        outlook=self.motion.outlook)  # fmt: skip
+
+    def acceleration(self, t: float, q: Array, v: Array) -> Array:
+        """Return the acceleration; of the first state, and of those that Python has settled, that of Python."""
+        if self.motion.looked and t != self.motion.unchecked:
+            return self._rates(t, q, v)
+        a = self.motion.acceleration(t, q, v)
+        self.flow.ready()
+        return a
+
+    def _rates(self, t: float, q: Array, v: Array) -> Array:
+        self._load(t, q, v)
+        return self.flow.rates(t, np.concatenate([q, v]))[len(q) :]
+
+    def _load(self, t: float, q: Array, v: Array) -> None:
+        self.efforts[:] = self.load(t, q, v)
+        if len(self.driven):
+            self.efforts[self.driven] = self.inertia * self.motion.targets(t)[2]
+
+    def settle(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the closed state, by Python where the library hands it back, and choose by it how to go on."""
+        start, system = self.motion.t, self.flow.system.structure
+        if len(self.driven):
+            q[self.places], v[self.driven], _ = self.motion.targets(t)
+        self._load(t, q, v)
+        y, slope = np.concatenate([q, v]), np.empty(len(q) + len(v))
+        if not self.closes(self.flow.structure.system, t, pointer(y), pointer(slope)):
+            return self.motion.settle(t, q, v)
+        self.flow.advanced([t], [start] if system.clear else [])
+        return y[: len(q)], y[len(q) :]
+
+    def since(self, t: float) -> Acceleration:
+        """Return the acceleration for the dense output of the step that begins at t; see ``LoopMotion.since``."""
+        way = self.flow.way(t)
+
+        def acceleration(instant: float, q: Array, v: Array) -> Array:
+            self.flow.take(way)
+            a = self._rates(instant, q, v)
+            self.flow.ready()
+            return a
+
+        return acceleration
+
+
+def judged_loops(
+    motion: LoopMotion, settled: Settled, near: Array, laws: Mapping[int, MotionLaw], interval: tuple[float, float]
+) -> tuple[JudgedLoops | None, str]:  # fmt: skip
+    """Return the loops in compiled code where Pinocchio agrees, and what is to be said where it does not.
+
+    Args:
+        motion: The motion in Python.
+        settled: Closes states.
+        near: A configuration near closed ones, shape (nq,).
+        laws: Those of the joints that are driven, by index in v.
+        interval: Start and end of the motion [s].
+    """
+    measure, dynamics, compiled = motion.measure, motion.dynamics, _loops(motion.measure)
+    if compiled is None:
+        return None, ""
+    places = scalar_places(compiled.tree.model)
+    guided = [Followed(v, int(places[v]), law.on(*interval)) for v, law in laws.items()]
+    tree = compiled.tree.loaded(dynamics.steady, dynamics.changing, guided)
+    if tree is not None:
+        return _judged(tree, motion, settled, near, interval[0], alone=True)
+    if not measure.bare and (bare := compiled.tree.loaded(np.zeros(len(motion.scale)), ())):
+        measure.bare.append(_judged(bare, motion, settled, near, interval[0], alone=False))
+    return measure.bare[0] if measure.bare else (None, "")
+
+
+def _judged(
+    tree: LoadedTree, motion: LoopMotion, settled: Settled, near: Array, t: float, *, alone: bool
+) -> tuple[JudgedLoops | None, str]:  # fmt: skip
+    """Return loops of a tree with loads, or without any where these are not known, and what is to be said."""
+    measure, compiled, dynamics = motion.measure, _loops(motion.measure), motion.dynamics
+    units = measure.closure.scale.copy()
+    units[list(measure.driven)] = 0.0
+    weights = 1.0 / measure.closure.measure[measure.kept]
+    loops, term = compiled.loaded(tree, units**2, weights) if compiled else None, _term(measure, near)
+    judged = JudgedLoops(loops, measure, term, tree, alone) if loops and term else None
+    flow = LoopFlow.of(judged, motion) if judged else None
+    states = closed_states(motion, settled, near, t) if flow else []
+    if flow is None or not states:
+        return None, ""
+    flow.system.structure.near, flow.system.structure.tolerant = 0, flow.judged.exact
+    apart, driven = disagreement(flow, dynamics if alone else Dynamics.of(dynamics.model), states, t), measure.driven
+    for q, v in states if driven and alone else ():
+        a = flow.rates(t, np.concatenate([q, v]))[len(q) :]
+        missed = a[list(driven)] - motion.targets(t)[2]
+        apart = float(np.maximum(apart, np.abs(missed).max() / np.abs(a).max()))
+    return (judged, "") if apart <= AGREEMENT else (None, DISAGREES.format(apart))
+
+
+@lru_cache(maxsize=16)  # the same for all runs of a mechanism
+def _loops(measure: Regularity) -> CompiledLoops | None:
+    """Return the loops for the library; ``None`` where it is missing, or does not know one, or rows are too rounded."""
+    closure = measure.closure
+    tied = [
+        one for constraint, part in zip(closure.constraints, closure.slices.values(), strict=True)
+        if (one := _tied(closure.model, constraint, measure.kept, part)) is None or len(one.along)
+    ]  # fmt: skip
+    known = [one for one in tied if one is not None]
+    if not known or len(known) < len(tied) or not measure.exact:
+        return None
+    tree = CompiledTree.of(heavy(closure.model, measure.driven))
+    return CompiledLoops(tree, known) if tree else None
+
+
+def _tied(model: pin.Model, constraint: Constraint, kept: Indices, part: slice) -> Tied | None:
+    """Return what the library has to know of the rows that are kept of a constraint; ``None`` where it does not."""
+    rows = kept[(kept >= part.start) & (kept < part.stop)] - part.start
+    if isinstance(constraint, Coupling):
+        return Tied.coupling(constraint.coordinate.weights[None][rows])
+    if not isinstance(constraint, LoopJoint):
+        return None
+    one, two = model.frames[constraint.first], model.frames[constraint.second]
+    frames, pair = ((one.parentJoint, two.parentJoint), (one.placement, two.placement)), constraint.pair
+    if isinstance(pair, LowerPair):
+        turn = pair.rotation
+        axis = pair.axis if isinstance(turn, Tilt | Thread) else np.zeros(3)
+        size = turn.offset if isinstance(turn, Thread) else 0.0
+        return Tied(LOWER, *frames, pair.e[rows], pair.w[rows], axis, size)
+    if isinstance(pair, Cross):
+        along, about = ORIGINS.copy(), np.zeros((4, 3))
+        along[3], about[3] = pair.first, pair.second
+        return Tied(UNIVERSAL, *frames, along[rows], about[rows])
+    nothing = np.zeros((len(rows), 3))
+    return Tied(ROD, *frames, nothing, nothing, size=pair.length) if isinstance(pair, Tie) else None
+
+
+def _term(measure: Regularity, near: Array) -> float:
+    """Return the proximal term by ``G M^-1 G^T`` [1/kg]; 0 where M is singular, or bodies differ too much."""
+    found = [_delassus(measure, q) for q in (*places(measure.closure), near)]
+    known = [delassus for delassus in found if delassus is not None]
+    if len(known) < len(found):
+        return 0.0
+    uneven = []
+    for delassus in known[:-1]:
+        size = np.sqrt(np.diag(delassus))
+        values = np.linalg.eigvalsh(delassus / np.outer(size, size))
+        uneven.append(float(values[-1] / max(values[-measure.rank], np.finfo(float).tiny)))
+    if not min(uneven) <= UNEVEN:
+        return 0.0
+    diagonal = np.diag(known[-1])
+    return PROXIMAL * float(diagonal[diagonal > RANK**2 * diagonal.max()].min())
+
+
+def _delassus(measure: Regularity, q: Array) -> Array | None:
+    """Return ``G M^-1 G^T`` of the rows that are kept, shape (k, k); ``None`` where M is singular."""
+    closure, free = measure.closure, np.delete(np.arange(measure.closure.model.nv), measure.driven)
+    rows, mass = closure.rows(closure.state(q))[measure.kept][:, free], mass_matrix(closure.model, q)[free][:, free]
+    size = np.sqrt(np.diag(mass))
+    if not (size > 0.0).all() or np.linalg.eigvalsh(mass / np.outer(size, size))[0] < TRUSTED:
+        return None
+    return np.asarray(rows @ np.linalg.solve(mass, rows.T))
+
+
+def closed_states(motion: LoopMotion, settled: Settled, near: Array, t: float) -> list[State]:
+    """Return closed states near a configuration, of no special kind and the same every time."""
+    k, found, scale, (w, dw, _) = np.arange(len(motion.scale)), list[State](), motion.scale, motion.targets(t)
+    for i in range(STATES):
+        v = scale * np.cos(2.0 + 3.7 * i + 2.9 * k)
+        for away in AWAY:
+            q = pin.integrate(motion.rows.model, near, away * scale * np.sin(1.0 + 7.1 * i + 1.3 * k))
+            try:
+                closed, rates, _ = settled(q[None], v[None], w[None], dw[None], np.array([t]))
+            except (PinarmError, np.linalg.LinAlgError):
+                continue
+            found.append((closed[0], rates[0]))
+            break
+    return found
+
+
+def disagreement(flow: LoopFlow, dynamics: Dynamics, states: Sequence[State], t: float) -> float:
+    """Return how well the library's a and lam satisfy Pinocchio's equations in the worst of some states.
+
+    ``M a + nle - tau - G^T lam`` and ``G a + G' v``, each relative to the sizes of its factors; in a the motion of the
+    free tree and ``M^-1 G^T lam`` have cancelled, so that what G makes of the latter counts too. The condition of the
+    equations, which grows without bound near singular positions, has no part in it. Nor have the efforts of joints that
+    follow laws.
+    """
+    measure, model, worst = flow.judged.measure, dynamics.model, 0.0
+    closure, free = measure.closure, np.delete(np.arange(model.nv), measure.driven)
+    for q, v in states:
+        a, lam = flow.rates(t, np.concatenate([q, v]))[model.nq :], flow.system.loops.multipliers
+        load = dynamics.load()(t, q, v)
+        nle = np.array(pin.nonLinearEffects(model, dynamics.data, q, v))
+        inertial, state = np.array(pin.rnea(model, dynamics.data, q, v, a)) - nle, closure.state(q, v)
+        matrix, drift = closure.rows(state)[measure.kept], closure.drift(state)[measure.kept]
+        held = matrix.T @ lam
+        largest, forced = float(abs(matrix).max()), float(np.abs(_response(model, dynamics.data, q, held)).max())
+        sizes = np.abs(inertial[free]).max(), largest * np.abs(lam).max(), np.abs(nle - load).max()
+        worst = _larger(worst, (inertial + nle - load - held)[free], *sizes)
+        worst = _larger(worst, matrix @ a + drift, largest * forced, largest * np.abs(a).max(), np.abs(drift).max())
+    return worst
+
+
+def _response(model: pin.Model, data: pin.Data, q: Array, force: Array) -> Array:
+    """Return ``M^-1 force``, shape (nv,)."""
+    still = np.zeros_like(force)
+    return np.asarray(np.array(pin.aba(model, data, q, still, force)) - pin.aba(model, data, q, still, still))
+
+
+def _larger(worst: float, left: Array, *sizes: float) -> float:
+    """Return the larger one of a ratio and that of what is left of a sum to its terms; NaN where that is none."""
+    return float(np.maximum(worst, np.abs(left).max() / max(float(sum(sizes)), np.finfo(float).tiny)))
+
+
+def coupled_flow(closure: Closure, steady: Array, changing: Sequence[ForceElement]) -> Flow | None:
+    """Return the motion of a tree with couplings, whose sums steps keep; ``None`` where the library does not know it.
+
+    Args:
+        closure: The couplings.
+        steady: The sum of the steady loads [N*m or N], shape (nv,).
+        changing: The other force elements; see ``CompiledTree.flow``.
+    """
+    compiled, measure = library(), Regularity.of(closure, ())
+    loops, (q, _) = _loops(measure), places(closure)
+    held = [load for one in changing if (load := one.held) is not None]
+    loaded = loops.tree.loaded(steady, [one for one in changing if one.held is None]) if loops else None
+    if compiled is None or loops is None or loaded is None or len(held) > 1 or (held and loaded.structure.laws):
+        return None
+    tied, delassus = loops.loaded(loaded, closure.scale**2, np.ones(len(measure.kept))), _delassus(measure, q)
+    if tied is None or delassus is None:
+        return None
+    term = INDEPENDENT * float(np.diag(delassus).min())
+    system = ClosingSystem.of(tied, closure.scale, closure.model.nq, ProximalStructure(term, 0.0, 1))
+    if system is None:
+        return None
+    structure = system.flow((compiled.closing_rates, None))
+    return HeldFlow(structure, system, held[0], steady, loaded) if held else Flow(structure, system)

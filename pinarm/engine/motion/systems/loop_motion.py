@@ -1,0 +1,418 @@
+"""Motion along loops of any kind, step by step, past singular positions.
+
+Far from singular positions accelerations are those of Gauss's principle. Near them every stage is closed first; in the
+singular position itself the acceleration is interpolated between positions before and behind it on the way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.nullspace import RANK, VANISHED, SplitRows
+from pinarm.engine.dynamics.coordinate_partition import Targets
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.equation import solve
+from pinarm.engine.dynamics.mass_matrix import Masses, masses
+from pinarm.engine.integration.integrator import Acceleration
+from pinarm.errors import DynamicsError, NumericsError
+from pinarm.records import Record, replace
+
+FLOOR = 0.3
+"""Least step close to singular positions, relative to the last one that was taken far from them."""
+
+ROUNDED = 1e-15
+"""Gap that is rounding, relative to the coarseness of the rows."""
+
+STALLED = 1e-9
+"""Gap below which Newton's method may end because rounding lets it shrink no more, relative to the coarseness."""
+
+ITERATIONS = 12
+"""Steps of Newton's method at most, which close a state that is nearly closed in two or three."""
+
+MET, LEAST = 1e-6, 1.0
+"""Part of its terms that ``G a + G' v`` may be at accepted states, where closed loops leave less than 1e-10; and the
+size that terms have at least, since at rest all of them vanish [m/s^2 or rad/s^2]."""
+
+NEAR = 0.05
+"""Regularity below which every stage is closed. Four-bars of equal rods end as close to the truth as with 0.2, in three
+quarters of the time, at 160 tolerances from 1e-3 to 1e-13, none on another branch."""
+
+AHEAD, COARSE, CLOSE = 1.5, 0.65, 0.1
+"""Stages are also closed in a step that may pass a singular position in one go: where the regularity, falling 1.5 times
+as much as over the last step, is 0 or less, and either that fall was more than 0.65 or the regularity is less than 0.1.
+The error estimate of so long a step does not show the errors of its stages: at tolerance 1e-3 one motion in a hundred
+went on on another branch."""
+
+BLIND, ASIDE, ACROSS = 2.5e-3, 8e-3, np.array([-1.0, 8.0, -28.0, 56.0, 56.0, -28.0, 8.0, -1.0]) / 70.0
+"""Regularity s below which a position says little of the state, whose place is known to eps / s and whose velocity to
+eps / s^2. The state is then not closed, and the acceleration is interpolated between positions at once to four times
+8e-3 rad before and behind it, with these weights, to the eighth order: below 1e-14 of the motion. None of them should
+be singular: of four-bars, whose regularity changes by 0.5 per radian, a blind state is up to 5e-3 from it."""
+
+PASSED, TURNED = 1e-11, 1e-9
+"""Gap of the loops, relative to the coarseness, at the position so interpolated. Up to the first a singular position is
+passed. Above the second the motion turns beside it. Between them rounding would decide: the motion is refused."""
+
+CLEAR = 0.5
+"""Motion within a step [rad], over the smaller regularity at its ends, or 1, below which it passes none of them:
+four-bars take 1 from one end. It is ``h (v + h a / 4)`` of the larger speed and acceleration at the ends: more than a
+harmonic swing moves from rest to rest."""
+
+
+NOISE = 1e-11
+"""Part of a row that others do not have, relative to its length, up to which it repeats them but for rounding."""
+
+
+class Regularity(Record, frozen=True):
+    """How far the rows of a mechanism are from losing rank, relative to positions of no special kind.
+
+    With the singular values s of G in descending order, in units that suit the loops, and the rank r it is
+    ``s_r / s_1 / usual``. Rows that repeat others everywhere are left out, and columns of joints that follow laws.
+
+    Attributes:
+        closure: The rows.
+        driven: Indices in v of joints that follow laws.
+        kept: The rows that repeat no others, shape (k,).
+        exact: Whether the others repeat them but for rounding.
+        rank: Rank at positions of no special kind.
+        usual: The larger ``s_r / s_1`` of two of them.
+    """
+
+    closure: Closure
+    driven: tuple[int, ...]
+    kept: Indices
+    exact: bool
+    rank: int
+    usual: float
+
+    @staticmethod
+    @lru_cache(maxsize=16)  # the same for all runs of a mechanism
+    def of(closure: Closure, driven: tuple[int, ...]) -> Regularity:
+        """Return the measure of the rows of a closure."""
+        whole = Regularity(closure, driven, np.arange(closure.size), True, 0, 1.0)
+        rows = [whole.scaled(closure.rows(closure.state(q))) for q in places(closure)]
+        kept, exact, rank = _independent(rows, list(closure.slices.values()))
+        if not rank:
+            return replace(whole, kept=kept)
+        known = replace(whole, kept=kept, exact=exact, rank=rank)
+        values = [known.values(closure.rows(closure.state(q))) for q in places(closure)]
+        return replace(known, usual=max(float(value[rank - 1] / value[0]) for value in values))
+
+    @cached_property
+    def bare(self) -> list[Any]:
+        """What is known of the loops in compiled code without loads; nothing before they have been judged."""
+        return []
+
+    def scaled(self, rows: Array) -> Array:
+        """Return what counts of the first of some rows, which are those of the closure, in its units, shape (k, nv)."""
+        units = self.closure.scale / self.closure.measure[self.kept, None]
+        units[:, self.driven] = 0.0
+        return np.asarray(rows[self.kept] * units)
+
+    def values(self, rows: Array) -> Array:
+        """Return the singular values of such rows, descending; from ``G G^T``, which is exact enough, shape (k,)."""
+        own = self.scaled(rows)
+        return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(own @ own.T)[::-1], 0.0)))
+
+    def at(self, values: Array, rank: int) -> float:
+        """Return the regularity, given singular values and the rank along the motion."""
+        return float(values[rank - 1] / values[0]) / self.usual if rank and values[0] else 1.0
+
+
+def places(closure: Closure) -> list[Array]:
+    """Return two configurations of no special kind, the same every time, slides within the size of the loops."""
+    model = closure.model
+    ways = np.sin(np.add.outer([1.0, 8.1], 1.3 * np.arange(model.nv))) * closure.scale
+    return [pin.integrate(model, pin.neutral(model), way) for way in ways]
+
+
+def _independent(places: Sequence[Array], parts: Sequence[slice]) -> tuple[Indices, bool, int]:
+    """Return which rows add to those before them in one of several places, whether the others do not, and the rank.
+
+    Args:
+        places: The rows in each place, shape (m, nv).
+        parts: The rows of every constraint.
+    """
+    bases, kept, exact = [np.zeros((0, rows.shape[1])) for rows in places], list[int](), True
+    largest = max(float(np.abs(rows).max(initial=0.0)) for rows in places)
+    for part in parts:
+        left = [_beyond(basis, rows[part]) for basis, rows in zip(bases, places, strict=True)]
+        for row in range(part.start, part.stop):
+            lengths = [float(np.linalg.norm(some[row - part.start])) for some in left]
+            added = [size > max(RANK * float(np.linalg.norm(rows[row])), VANISHED * largest)
+                     for size, rows in zip(lengths, places, strict=True)]  # fmt: skip
+            exact &= any(added) or max(lengths) <= NOISE * largest
+            kept += [row] if any(added) else []
+            for k in np.flatnonzero(added):
+                bases[k] = np.vstack([bases[k], left[k][row - part.start] / lengths[k]])
+                left[k] = _beyond(bases[k][-1:], left[k])
+    return np.array(kept, dtype=np.intp), exact, min(map(len, bases))
+
+
+def _beyond(basis: Array, rows: Array) -> Array:
+    """Return what rows have beyond those of an orthonormal basis; twice, as little may be left."""
+    left = rows - rows @ basis.T @ basis
+    return np.asarray(left - left @ basis.T @ basis)
+
+
+class Place(NamedTuple):
+    """A configuration with its rows taken apart.
+
+    Attributes:
+        q: The configuration, shape (nq,).
+        rows: G, shape (m, nv).
+        split: Its parts.
+        mass: M.
+        gap: What is open, shape (m,).
+    """
+
+    q: Array
+    rows: Array
+    split: SplitRows
+    mass: Masses
+    gap: Array
+
+    @classmethod
+    def at(cls, closure: Closure, q: Array) -> Place:
+        """Return a configuration of a mechanism."""
+        state = closure.state(q)
+        rows = closure.rows(state)
+        return cls(q, rows, closure.split(rows), masses(closure.model, q), closure.gap(state))
+
+    def step(self, right: Array) -> Array:
+        """Return the least change x, measured by the masses, with ``rows x = right``, shape (nv,)."""
+        return solve(self.split, self.mass, np.zeros(self.rows.shape[1]), right)
+
+
+class LoopMotion:
+    """The motion on one interval; it looks at every accepted state how close a singular position is.
+
+    Args:
+        rows: The constraints, then the prescribed coordinates.
+        regularity: How regular they are.
+        dynamics: The equation of motion.
+        targets: What the prescribed coordinates are to be.
+    """
+
+    def __init__(self, rows: Closure, regularity: Regularity, dynamics: Dynamics, targets: Targets) -> None:
+        self.rows, self.measure, self.dynamics, self.targets = rows, regularity, dynamics, targets
+        self.coarse, self.scale = rows.coarseness, rows.scale
+        self.near, self.rank, self.looked = True, 0, False
+        self.regular, self.singular, self.open = 0.0, True, 0.0
+        self.t, self.step, self.least, self.speed, self.largest = -np.inf, 0.0, 0.0, 0.0, 0.0
+        """Of the last accepted state the instant, of the last regular step the length, the least step now [s], and the
+        largest velocity and acceleration of that state in the units of velocities."""
+        self.ranks: dict[float, int] = {}
+        self.clear: set[float] = set()
+        """Starts of the steps that are clear of singular positions [s]."""
+        self.ended: tuple[float, float, float] | None = None
+        """Start and length of the step that ended last [s], and the motion that is clear; ``None`` where none is."""
+        self.unchecked = np.nan
+        """Instant of an accepted state whose acceleration is still to be looked at, when it is first asked for [s]."""
+        self.q = np.zeros(0)
+        """The position last looked at, shape (nq,)."""
+
+    def acceleration(self, t: float, q: Array, v: Array) -> Array:
+        """Return the acceleration, near singular positions that of the closed state."""
+        if self.near or self.rank < self.measure.rank:
+            w, dw, _ = self.targets(t)
+            place = Place.at(self.rows, q)
+            if self.looked and v.any() and self.blind(self._regularity(place)):
+                a = self.across(t, q, v)
+                if not self.turns:
+                    return a
+            place = self.closed(place, w)
+            if not self.looked:
+                self.begin(t, place, v)
+            q, v = place.q, self.tangent(place, v, dw)
+        a, rows, right = self.solved(t, q, v)
+        if t == self.unchecked:  # stages of steps that end there are not closed
+            self.unchecked = np.nan
+            require_closed_accelerations(rows, a, right, t, q)
+            self._note_clear(v, a)
+        return a
+
+    def solved(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array]:
+        """Return the acceleration of a state by Gauss's principle, its rows, and what these ask: ``-G' v`` or more."""
+        closure, dynamics = self.rows, self.dynamics
+        state = closure.state(q, v)
+        rows, right = closure.rows(state), self._right(self.targets(t)[2]) - closure.drift(state)
+        force = dynamics.loads(t, q, v) - pin.nonLinearEffects(dynamics.model, dynamics.data, q, v)
+        return solve(closure.split(rows), masses(dynamics.model, q), force, right), rows, right
+
+    def _right(self, targets: Array) -> Array:
+        """Return 0 for the constraints, then what the laws ask, shape (m,)."""
+        return np.concatenate([np.zeros(self.rows.size - len(targets)), targets])
+
+    def blind(self, regularity: float) -> bool:
+        """Return whether a position is too close to a singular one that is passed."""
+        return regularity < BLIND and not self.turns
+
+    @property
+    def turns(self) -> bool:
+        """Whether the motion turns beside a singular position, where the loops do not close."""
+        return self.open > PASSED * self.coarse
+
+    def require_known_way(self, t: float) -> None:
+        """Raise where rounding would decide whether a singular position is passed.
+
+        Raises:
+            NumericsError: If it would.
+        """
+        if PASSED < self.open / self.coarse <= TURNED:
+            raise NumericsError(
+                f"at t = {t:.9g} s the loops almost close in a singular position: they are open there by "
+                f"{self.open / self.coarse:.2g} of their size, too little to tell whether the mechanism goes through "
+                "it or turns beside it",
+                expected=f"a gap below {PASSED:g}, which counts as a position that is passed, or above {TURNED:g}",
+                hint="give lengths with all their digits, so that the position is exact, or change one by 1e-7 of it",
+            )
+
+    def across(self, t: float, q: Array, v: Array) -> Array:
+        """Return the acceleration at a singular position that is passed, from both sides of it; see if it is one."""
+        closure, aside = self.rows, (ASIDE / float(np.abs(v / self.scale).max())) * v
+        accelerations, changes, (_, dw, _) = [], [], self.targets(t)
+        for k in (-4, -3, -2, -1, 1, 2, 3, 4):
+            beside = Place.at(closure, pin.integrate(closure.model, q, k * aside))
+            closed = self.closed(beside, beside.gap[closure.size - len(dw) :])
+            accelerations.append(self.solved(t, closed.q, self.tangent(closed, v, dw))[0])
+            changes.append(pin.difference(closure.model, beside.q, closed.q))
+        between = Place.at(closure, pin.integrate(closure.model, q, ACROSS @ np.array(changes)))
+        self.open = self._size(between.gap[: closure.size - len(dw)])
+        return np.asarray(ACROSS @ np.array(accelerations))
+
+    def _size(self, gap: Array) -> float:
+        """Return the length of the first gaps, shape (k,), in the units of their rows."""
+        return float(np.linalg.norm(gap / self.rows.measure[: len(gap)]))
+
+    def floor(self) -> float:
+        """Return the least step where a singular position is passed: a fraction of the last one far from them [s]."""
+        return 0.0 if self.turns else self.least
+
+    def settle(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the closed state, and choose by it how to go on."""
+        w, dw, _ = self.targets(t)
+        place, (near, regular, rank) = self.closed(Place.at(self.rows, q), w), (self.near, self.regular, self.rank)
+        self.look(place)
+        if not self.blind(self.regular):
+            q, v = place.q, self.tangent(place, v, dw)
+        if not self.singular and self.t > -np.inf:
+            self.step = t - self.t
+        self.least = FLOOR * self.step if self.singular else 0.0
+        known = not near and self.rank == rank
+        self.ended = (self.t, t - self.t, CLEAR * min(1.0, regular, self.regular)) if known else None
+        self.t = self.unchecked = t
+        self.ranks[t] = self.rank
+        self.require_known_way(t)
+        return q, v
+
+    def _note_clear(self, v: Array, a: Array) -> None:
+        """Note whether the step that ended in a state is clear of singular positions."""
+        speed, largest = self.speed, self.largest
+        self.speed, self.largest = (float(np.abs(x / self.scale).max()) for x in (v, a))
+        if self.ended is not None:
+            start, h, most = self.ended
+            if h * (max(speed, self.speed) + 0.25 * h * max(largest, self.largest)) < most:
+                self.clear.add(start)
+
+    def outlook(self, t: float) -> tuple[bool, int]:
+        """Return whether the step from t [s] on is clear of singular positions, and the rank of the rows in it.
+
+        A step is not clear where the rank has grown since it began: it began at a singular position.
+        """
+        rank = self.ranks.get(t, self.rank)
+        return t in self.clear and rank == self.rank, rank
+
+    def since(self, t: float) -> Acceleration:
+        """Return the acceleration for the dense output of the step that begins at t [s].
+
+        The error of a step says nothing of the further stages of its dense output, which may be right beside a singular
+        position: they are closed, but in steps that are clear.
+        """
+        clear, rank = self.outlook(t)
+        chosen = not clear, rank
+
+        def acceleration(instant: float, q: Array, v: Array) -> Array:
+            now, (self.near, self.rank) = (self.near, self.rank, self.open), chosen
+            try:
+                return self.acceleration(instant, q, v)
+            finally:
+                self.near, self.rank, self.open = now
+
+        return acceleration
+
+    def begin(self, t: float, place: Place, v: Array) -> None:
+        """Choose how to go on from the start; next to a singular position a regular step is the time to get away."""
+        self.look(place)
+        self.ranks[t] = self.rank
+        if not self.near:
+            self.t = self.unchecked = t
+        speed = float(np.abs(v / self.scale).max())
+        if self.singular and speed:
+            self.step = NEAR / speed
+            self.least = FLOOR * self.step
+
+    def look(self, place: Place) -> None:
+        """Choose how to go on, by how regular a closed position is."""
+        values, before = self.measure.values(place.rows), self.regular
+        self.rank = max(self.rank, int((values > RANK * values[:1]).sum()))
+        self.regular, self.q, self.looked = self.measure.at(values, self.rank), place.q, True
+        self.singular, fall = self.regular < NEAR, before - self.regular
+        self.open = self.open if self.singular else 0.0
+        self.near = self.singular or (self.regular < AHEAD * fall and (fall > COARSE or self.regular < CLOSE))
+
+    def _regularity(self, place: Place) -> float:
+        """Return the regularity of a position, by the rank along the motion: the largest one at closed positions."""
+        if not np.isfinite(place.rows).all():  # of a stage; the step will be refused
+            return float("nan")
+        return self.measure.at(self.measure.values(place.rows), self.rank)
+
+    def closed(self, place: Place, w: Array) -> Place:
+        """Return the closed position nearest to one by the masses, with prescribed coordinates w, shape (k,)."""
+        before, target = np.inf, self._right(w)
+        for _ in range(ITERATIONS):
+            gap = target - place.gap
+            size = self._size(gap)
+            if size <= ROUNDED * self.coarse or (size < STALLED * self.coarse and size > 0.5 * before):
+                break
+            q, before = pin.integrate(self.rows.model, place.q, place.step(gap)), size
+            place = Place.at(self.rows, q)
+        return place
+
+    def tangent(self, place: Place, v: Array, dw: Array) -> Array:
+        """Return the velocity nearest to v that keeps the loops closed, with prescribed rates, shape (k,)."""
+        return v - place.step(place.rows @ v - self._right(dw))
+
+
+def require_closed_accelerations(rows: Array, a: Array, right: Array, t: float, q: Array) -> None:
+    """Raise where the acceleration at an accepted state leaves the constraints: ``G a + G' v`` is not 0.
+
+    Args:
+        rows: G, shape (m, nv).
+        a: The acceleration, shape (nv,).
+        right: ``-G' v``, shape (m,).
+        t: Instant [s].
+        q: Configuration, shape (nq,).
+
+    Raises:
+        DynamicsError: It is off by more than ``MET`` of its terms.
+    """
+    off = rows @ a - right
+    if off.dot(off) <= (MET * LEAST) ** 2:  # nearly always
+        return
+    left, size = np.abs(off).max(), (abs(rows) @ np.abs(a) + np.abs(right)).max()
+    if not left <= MET * max(size, LEAST):
+        raise DynamicsError(
+            f"at t = {t:.9g} s the accelerations tear the loops: G a + G' v is {left:.3g}, its terms reach {size:.3g} "
+            "[m/s^2 or rad/s^2]",
+            expected=f"no more than {MET:g} of its terms",
+            hint="masses many orders apart in one loop, or a position all but singular, may be the reason",
+            t=t, q=q,
+        )  # fmt: skip

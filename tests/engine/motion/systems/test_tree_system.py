@@ -1,0 +1,161 @@
+"""Trees with couplings and with joints that follow laws: closed forms, and compiled code against Python."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.integrate import solve_ivp
+
+import pinarm
+from pinarm.engine.kernel.library import absence, library
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.motion.systems import Initial, system_of
+
+CART = """<robot name="cart"><link name="ground"/>
+<link name="cart"><inertial><mass value="2"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="x" type="prismatic"><parent link="ground"/><child link="cart"/><axis xyz="1 0 0"/>
+<limit lower="-99" upper="99" effort="1" velocity="1"/></joint>
+<link name="rod"><inertial><origin xyz="0 0 -0.4"/><mass value="1"/>
+<inertia ixx="0.05" iyy="0.05" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="turn" type="continuous"><parent link="cart"/><child link="rod"/><axis xyz="0 -1 0"/></joint></robot>"""
+
+INERTIA, MASS, ARM, WEIGHT = 0.05 + 0.4**2, 1.0, 0.4, 9.81
+LAWS = {
+    "harmonic": ({"law": "harmonic", "amplitude": "0.2 m", "pulsation": "6 rad/s"},
+                 lambda t: -0.2 * 36.0 * np.sin(6.0 * t)),
+    "constant_acceleration": ({"law": "constant_acceleration", "acceleration": "3 m/s^2"}, lambda t: 3.0),
+    "polynomial": ({"law": "polynomial", "from": "0 m", "to": "1 m", "duration": "2 s", "degree": 5},
+                   lambda t: (60 * t / 2 - 180 * (t / 2) ** 2 + 120 * (t / 2) ** 3) / 4),
+    "hold": ({"law": "constant", "value": "0.3 m"}, lambda t: 0.0),
+}  # fmt: skip
+
+
+@pytest.fixture
+def cart(tmp_path):
+    """Return a function from the law of a cart to a scenario of the pendulum that hangs on it."""
+    (tmp_path / "cart.urdf").write_text(CART)
+    mechanism = pinarm.Mechanism.load(tmp_path / "cart.urdf", values={"gravity": {"direction": "-z"}})
+
+    def asked(law, tolerance=1e-10, **problem):
+        return {
+            "pinarm": 1, "mechanism": mechanism, "outputs": ["x", "turn", "joint.x.effort"],
+            "accuracy": {"tolerance": tolerance},
+            "problem": {"kind": "forward", "time": {"end": "2 s", "samples": 21}, "motion": {"x": law},
+                        "initial": {"position": {"turn": "0.5 rad"}}, **problem},
+        }  # fmt: skip
+
+    return asked
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_pendulum_on_a_driven_cart_swings_as_its_equation_says(cart, calls, name):
+    """``J turn'' = -m l (g sin(turn) + x'' cos(turn))``, solved by SciPy; in compiled steps where there are any."""
+    law, rate = LAWS[name]
+    result = pinarm.run(cart(law))
+    assert calls or absence()
+
+    def slope(t, y):
+        return [y[1], -MASS * ARM * (WEIGHT * np.sin(y[0]) + rate(t) * np.cos(y[0])) / INERTIA]
+
+    t = result["t"].values
+    exact = solve_ivp(slope, (0.0, 2.0), [0.5, 0.0], "DOP853", t, rtol=1e-12, atol=1e-13).y[0]
+    assert np.abs(result["turn"].values - exact).max() < 1e-8  # the tolerance, over some hundred steps
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-10])
+def test_driven_joints_stand_where_their_laws_say_however_coarse_the_steps(cart, tolerance):
+    result = pinarm.run(cart(LAWS["harmonic"][0], tolerance))
+    assert np.abs(result["x"].values - 0.2 * np.sin(6.0 * result["t"].values)).max() < 1e-14
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_steps_are_the_same_with_the_library_and_without(cart, calls, without, name):
+    found = pinarm.run(cart(LAWS[name][0]))
+    expected = without(lambda: pinarm.run(cart(LAWS[name][0])))
+    assert found.figures["steps"] == pytest.approx(expected.figures["steps"], abs=1)
+    assert np.abs(found["turn"].values - expected["turn"].values).max() < 1e-8
+    assert not [note for note in found.notes() if "kernel" in note]
+
+
+def test_loads_that_compiled_code_does_not_know_leave_it_to_python(cart, calls):
+    """A load over a coordinate is none that compiled code knows."""
+    points = [["-4 rad", "0 N*m"], ["0 rad", "1 N*m"], ["4 rad", "0 N*m"]]
+    load = {"kind": "joint_effort", "joint": "turn", "over": "turn", "effort": {"law": "spline", "points": points}}
+    pinarm.run(cart(LAWS["hold"][0], loads={"push": load}))
+    assert not calls
+
+
+WHEEL = """<link name="{name}"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="{joint}" type="continuous"><parent link="{parent}"/><child link="{name}"/><axis xyz="0 0 1"/></joint>"""
+
+
+@pytest.fixture
+def wheels(tmp_path):
+    """Two wheels of 2 and 0.5 kg m^2 with ``q2 = -3 q1``, and a spring of 26 N m/rad at the first."""
+    parts = [WHEEL.format(name=f"wheel{k}", joint=f"q{k}", inertia=inertia, parent="base")
+             for k, inertia in ((1, 2.0), (2, 0.5))]  # fmt: skip
+    (tmp_path / "wheels.urdf").write_text(f'<robot name="wheels"><link name="base"/>{"".join(parts)}</robot>')
+    values = {"couplings": {"gear": {"kind": "sum", "weights": {"q2": 1.0, "q1": 3.0}}},
+              "forces": {"spring": {"kind": "joint_spring", "joint": "q1", "stiffness": "26 N*m/rad"}}}  # fmt: skip
+    return pinarm.Mechanism.load(tmp_path / "wheels.urdf", values=values)
+
+
+def asked(mechanism, outputs, end="10 s", **problem):
+    return {"pinarm": 1, "mechanism": mechanism, "outputs": outputs, "accuracy": {"tolerance": 1e-12}, "problem": {
+        "kind": "forward", "time": {"end": end, "samples": 51}, **problem,
+    }}  # fmt: skip
+
+
+def test_a_geared_oscillator_has_its_frequency(wheels):
+    """``(J1 + 9 J2) q'' + k q = 0``: w = 2/s."""
+    result = pinarm.run(asked(wheels, ["q1", "q2"], initial={"position": {"q1": "0.4 rad", "q2": "-1.2 rad"}}))
+    exact = 0.4 * np.cos(2.0 * result["t"].values)
+    assert np.abs(result["q1"].values - exact).max() < 1e-9
+    assert np.abs(result["q2"].values + 3.0 * result["q1"].values).max() < 1e-14
+    assert result.figures["energy"] < 1e-9
+
+
+JOINTS = [f"panda_joint{k}" for k in range(1, 8)]
+START = dict(zip(JOINTS, ("10 deg", "-45 deg", "20 deg", "-135 deg", "30 deg", "90 deg", "45 deg"), strict=True))
+
+
+def test_the_kernel_and_python_take_the_same_steps(monkeypatch):
+    """The Panda falls from rest with its fingers coupled: the same motion, as far as rounding is amplified."""
+    if library() is None:
+        pytest.skip("no compiled library")
+    question = asked("panda", ["panda_joint2", "panda_finger_joint1"], "0.5 s", initial={"position": START})
+    compiled = pinarm.run(question)
+    monkeypatch.setattr("pinarm.engine.motion.systems.compiled_loops.library", lambda: None)
+    python = pinarm.run(question)
+    for cost in ("steps", "rejected steps"):
+        assert compiled.figures[cost] == python.figures[cost]
+    for name in question["outputs"]:
+        assert np.abs(compiled[name].values - python[name].values).max() < 1e-10
+
+
+def panda():
+    """The Panda and what is integrated of it."""
+    mechanism = pinarm.Mechanism.load("panda")
+    initial = Initial(np.zeros(mechanism.model.nq), np.zeros(mechanism.model.nv))
+    prescribed = PrescribedCoordinates((), (), ())
+    return mechanism, system_of(mechanism.closure, mechanism.dynamics, prescribed, initial)
+
+
+def test_accelerations_of_the_kernel_satisfy_the_equation_of_motion():
+    """``M a + nle = W^T lam`` by Pinocchio and ``W a = 0``, in states that are on the couplings."""
+    if library() is None:
+        pytest.skip("no compiled library")
+    mechanism, system = panda()
+    flow, model = system.interval(mechanism.dynamics, 0.0, 1.0).compiled, mechanism.model
+    random = np.random.default_rng(5)
+    assert flow is not None
+    weights = system.reduction.rows
+    for _ in range(10):
+        q, v = system.whole(np.zeros(1), random.normal(size=(1, model.nq)), random.normal(size=(1, model.nv)))
+        a = flow.slope(0.0, np.concatenate([q[0], v[0]]))[model.nq :]
+        left = pin.rnea(model, mechanism.dynamics.data, q[0], v[0], a) - mechanism.dynamics.loads(0.0, q[0], v[0])
+        lam = np.linalg.lstsq(weights.T, left)[0]
+        size = np.abs(a).max() * np.diag(pin.crba(model, mechanism.dynamics.data, q[0])).max()
+        assert np.abs(left - weights.T @ lam).max() < 1e-12 * size
+        assert np.abs(weights @ a).max() < 1e-13 * np.abs(a).max()
