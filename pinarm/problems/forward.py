@@ -22,11 +22,10 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.bifurcation import undetermined_rest
 from pinarm.engine.motion.integrated_motion import IntegratedMotion, driven_by, event_columns, push_columns
 from pinarm.engine.motion.lost_turns import acting_on_angles, between, require_turns
-from pinarm.engine.motion.segmented.end_stops import Bound
+from pinarm.engine.motion.segmented.end_stops import Bound, Separation, opening_remarks, separations_of
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 from pinarm.engine.motion.segmented.impact_remarks import frictionless_remarks, impact_remarks
 from pinarm.engine.motion.segmented.segments import SegmentedMotion
-from pinarm.engine.motion.segmented.separations import Separation, opening_remarks, separations_of
 from pinarm.engine.motion.segmented.stop_shares import shares_remarks
 from pinarm.engine.motion.small_motions import integrate_to_size
 from pinarm.engine.motion.systems import Initial
@@ -113,7 +112,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         """Return a row with what controllers drive and the columns that they add to it."""
         if not self.control and not mechanism.control:
             return row
-        from pinarm.engine.motion.segmented.controlled_motion import control_schema
+        from pinarm.engine.motion.segmented.recorded_control import control_schema
 
         motion = laws_of(mechanism, self.motion, nowhere, (self.time.start, self.time.end))
         controls = self._controls(mechanism, row.dynamics, motion, nowhere)
@@ -340,7 +339,7 @@ def _motors(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:
     """Return what is to be said of the limits of motors."""
     if hybrid.controls is None:
         return []
-    from pinarm.engine.control.motor_limits import motor_remarks
+    from pinarm.engine.motion.segmented.recorded_control import motor_remarks
 
     return motor_remarks(motion)
 

@@ -793,32 +793,3 @@ def test_a_slider_crank_breaks_loose_at_the_peaks_of_a_beat():
     breaks = t[np.flatnonzero(torque > 1.0)[0]]
     assert result.outcome.motion.motion.segments[0].solution.end == pytest.approx(breaks, abs=2e-7)
     assert result.figures["friction"] < 1e-12
-
-
-@pytest.mark.parametrize("friction", [{"constant": "5 N"}, {"mu": 0.2, "span": "0.1 m", "constant": "2 N"}])
-def test_states_of_one_place_have_the_reserves_of_each_by_itself(write, friction):
-    """Two blocks that friction holds apart, one on the other, under loads of their own; and by hand, of the upper one.
-
-    The upper block, of 3 kg, is pushed by ``4 sin(40 t)`` N; what holds it is the push.
-    """
-    body = ('<link name="{0}"><inertial><mass value="{1}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
-            '</inertial></link><joint name="{2}" type="prismatic"><parent link="{3}"/><child link="{0}"/>'
-            '<axis xyz="1 0 0"/><limit lower="-1e4" upper="1e4" effort="1e6" velocity="1e3"/></joint>')  # fmt: skip
-    robot = body.format("low", 2, "x", "base") + body.format("high", 3, "y", "low")
-    loads = "".join(
-        f"{joint}: {{kind: joint_effort, joint: {joint}, effort: {{law: harmonic, amplitude: {size} N, "
-        f"pulsation: {speed} rad/s}}}}, " for joint, size, speed in (("x", 2.0, 30.0), ("y", 4.0, 40.0))
-    )  # fmt: skip
-    held = ", ".join(f"{key}: {value}" for key, value in friction.items())
-    extras = f"friction: {{x: {{{held}}}, y: {{{held}}}}}\n"
-    problem = f"{{kind: forward, time: {{end: 0.5 s, samples: 2}}, loads: {{{loads}}}}}"
-    motion = pinarm.run(write(robot, extras, problem, "x")).outcome.motion.motion
-    system, t = motion.segments[0].system, np.linspace(0.01, 0.49, 9)
-    assert len(system.slip.stuck) == 2
-    sliding, rest = system.sliding_at(0.0, 0.5), np.zeros((9, 2))
-    each = [sliding.solution(instant, np.zeros(2), np.zeros(2)) for instant in t]
-    for group in range(2):
-        held_by, bounds = sliding.reserves(group, t, rest, rest)
-        assert held_by == pytest.approx(np.array([one.held[group] for one in each]), rel=1e-12, abs=1e-12)
-        assert bounds == pytest.approx(np.array([one.bounds[group] for one in each]), rel=1e-12)
-    assert -sliding.reserves(1, t, rest, rest)[0] == pytest.approx(4.0 * np.sin(40.0 * t), rel=1e-12)

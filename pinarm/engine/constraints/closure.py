@@ -7,12 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import cast
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Indices, constants_of
+from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
 from pinarm.engine.constraints.constraint_rows import ConstraintRows, EvaluatedRows
 from pinarm.engine.constraints.loop_sizes import LoopSizes, extent, slides, unit_of_length
@@ -32,7 +31,7 @@ from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import states_first
 from pinarm.mechanics.geometry.model_variants import ModelVariants
 from pinarm.mechanics.geometry.vectors import lengths, moved
-from pinarm.mechanics.loops.loop_joints import AlikeLoopJoints, LoopJoint
+from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import Record, replace
 
 SMALL = 0.01
@@ -356,36 +355,17 @@ class Closure(Record, frozen=True):
 
         And the constraints that have no wrenches, with their rows.
         """
-        found, idle = list[tuple[Indices, Array]](), []
-        for loops, places in self._alike[0]:
-            found += loops.wrenches(links, lam[..., places])
-        for constraint, rows in self._alike[1]:
+        acting, idle = list[tuple[int, Array]](), []
+        for constraint, rows in zip(self.constraints, self.slices.values(), strict=True):
             wrenches = constraint.wrenches(links, lam[..., rows])
-            found += [(np.array([joint]), wrench[..., None, :]) for joint, wrench in wrenches.items()]
+            acting += wrenches.items()
             if not wrenches:
                 idle.append((constraint, rows))
-        joints = np.concatenate([np.zeros(0, int), *(some for some, _ in found)])
-        states = np.broadcast_shapes(lam.shape[:-1], *(wrenches.shape[:-2] for _, wrenches in found))
-        acting, end = states_first(np.empty((6, len(joints), *states))), 0
-        for some, own in found:
-            start, end = end, end + len(some)
-            acting[..., start:end, :] = own
-        return joints, acting, idle
-
-    @cached_property
-    def _alike(self) -> tuple[list[tuple[AlikeLoopJoints, Indices]], list[tuple[Constraint, slice]]]:
-        """Loop joints that hold the same and the rows of each, shape (k, m), and the other constraints with theirs."""
-        alike: dict[Hashable, list[tuple[Constraint, slice]]] = {}
-        for constraint, rows in zip(self.constraints, self.slices.values(), strict=True):
-            same = constants_of(constraint.pair) if isinstance(constraint, LoopJoint) else constraint.name
-            alike.setdefault(same, []).append((constraint, rows))
-        several = [each for each in alike.values() if len(each) > 1]
-        together = [
-            (AlikeLoopJoints.of([cast("LoopJoint", joint) for joint, _ in each]),
-             np.array([np.arange(rows.start, rows.stop) for _, rows in each]))
-            for each in several
-        ]  # fmt: skip
-        return together, [each[0] for each in alike.values() if len(each) == 1]
+        states = np.broadcast_shapes(lam.shape[:-1], *(wrench.shape[:-1] for _, wrench in acting))
+        every = states_first(np.empty((6, len(acting), *states)))
+        for k, (_, wrench) in enumerate(acting):
+            every[..., k, :] = wrench
+        return np.array([joint for joint, _ in acting], dtype=np.intp), every, idle
 
 
 @kept_in_a_run(4)

@@ -1,4 +1,4 @@
-"""The efforts of controllers as loads: during the integration, and afterwards as they have been."""
+"""Efforts of controllers as loads: during the integration, and afterwards as they have been."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.control.memory import ControlHistory, ControlMemory
-from pinarm.engine.control.sampler import reference_after
+from pinarm.engine.control.memory import ControlHistory, ControlMemory, reference_after
 from pinarm.mechanics.control.controller import Controller, Given
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad, power
 from pinarm.mechanics.laws.motion_law import MotionLaw
@@ -22,22 +21,21 @@ Span = tuple[float, float]
 
 
 def reference_of(laws: tuple[MotionLaw, ...], t: Array | float, span: Span | None) -> Array:
-    """Return what laws say at instants, shape (..., s, 3): within a span by its smooth pieces, else after jumps."""
+    """Return values of laws at instants, shape (..., s, 3): within a span by its smooth pieces, else after jumps."""
     instants = np.atleast_1d(np.asarray(t, float))
     if span is None:
-        found = reference_after(laws, instants)
+        reference = reference_after(laws, instants)
     else:
-        found = np.empty((len(instants), len(laws), 3))
+        reference = np.empty((len(instants), len(laws), 3))
         for k, law in enumerate(laws):
-            found[:, k] = np.array(law.on(*span)(instants)).T
-    return found if np.ndim(t) else found[0]
+            reference[:, k] = np.array(law.on(*span)(instants)).T
+    return reference if np.ndim(t) else reference[0]
 
 
-class ControlLoad(ForceElement):
-    """What both kinds of load share: efforts of drives, whose power is that of the controllers."""
+class _ControlLoad(ForceElement):
+    """Efforts of drives, whose power is that of the controllers."""
 
     def potential_energy(self, q: Array) -> Array:
-        """Return 0."""
         return np.zeros(q.shape[:-1])
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
@@ -46,12 +44,10 @@ class ControlLoad(ForceElement):
 
 
 @dataclass(frozen=True, eq=False)
-class PresentEfforts(ControlLoad):
-    """The efforts during an integration, from what controllers remember.
+class PresentEfforts(_ControlLoad):
+    """The efforts during an integration, from the memory of the controllers.
 
-    Attributes:
-        memory: Their memory.
-        span: Interval in which no reference jumps; ``None`` where it is not known.
+    ``span`` is the interval in which no reference jumps; ``None`` where it is not known.
     """
 
     memory: ControlMemory = field(repr=False)
@@ -66,7 +62,7 @@ class PresentEfforts(ControlLoad):
                 tau[..., joint.v] += efforts[..., k]
 
     def given(self, number: int, t: Array | float, q: Array, v: Array) -> Given:
-        """Return what a continuous controller knows in states, with the integrals last remembered."""
+        """Return the input of a continuous controller in states, with the integrals last remembered."""
         memory, controller = self.memory, self.memory.continuous[number]
         integral = memory.integral[..., memory.integrals[number]]
         if integral.ndim > q.ndim:  # one of the states that were completed together
@@ -77,8 +73,8 @@ class PresentEfforts(ControlLoad):
 
     def integral_rates(self, t: float, q: Array, v: Array) -> Array:
         """Return the rates of all integrals in one state, shape (m,)."""
-        numbers = range(len(self.memory.continuous))
-        return np.concatenate([self.memory.continuous[k].rates(self.given(k, t, q, v)) for k in numbers])
+        every = enumerate(self.memory.continuous)
+        return np.concatenate([controller.rates(self.given(k, t, q, v)) for k, controller in every])
 
     def laws(self) -> list[MotionLaw]:
         """Return the references of continuous controllers."""
@@ -95,16 +91,16 @@ class PresentEfforts(ControlLoad):
 
 
 @dataclass(frozen=True, eq=False)
-class RecordedEfforts(ControlLoad):
+class RecordedEfforts(_ControlLoad):
     """The efforts of a run that is over.
 
     Attributes:
         sampled: The sampled controllers.
         continuous: The others.
-        history: What has changed, and when.
+        history: Changes and their instants.
         integral: Integrals at instants [s], shape (n,), as an array of shape (n, m).
         places: Integrals of every continuous controller.
-        span: Interval whose side of a change counts; ``None`` for what holds after it.
+        span: Interval whose side of a change counts; ``None`` for the side after it.
     """
 
     sampled: tuple[Controller, ...]
@@ -114,7 +110,12 @@ class RecordedEfforts(ControlLoad):
     places: list[slice] = field(repr=False)
     span: Span | None = None
 
-    def pieces(self, t: Array) -> Indices:
+    @property
+    def controllers(self) -> tuple[Controller, ...]:
+        """All controllers, the sampled ones first."""
+        return (*self.sampled, *self.continuous)
+
+    def _pieces(self, t: Array) -> Indices:
         """Return the changes in force at instants, shape (n,); those that differ by rounding are the same."""
         t = t + self.history.slack
         if self.span and self.span[0] < self.span[1]:
@@ -122,29 +123,29 @@ class RecordedEfforts(ControlLoad):
         return np.maximum(np.searchsorted(self.history.times, t, side="right") - 1, 0)
 
     def parts(self, t: Array, q: Array, v: Array) -> list[dict[str, Array]]:
-        """Return what every controller does at n states, the sampled ones first, shape (n, k) each.
+        """Return columns of every controller at n states, the sampled ones first, shape (n, k) each.
 
         ``command``, before limits; ``effort`` at the joints; of motors see ``Actuator.parts``.
         """
-        pieces, found, place = self.pieces(t), [], 0
-        for one in self.sampled:
-            mine = slice(place, place + len(one.joints))
+        pieces, columns, place = self._pieces(t), list[dict[str, Array]](), 0
+        for controller in self.sampled:
+            mine = slice(place, place + len(controller.joints))
             place = mine.stop
-            in_force = {} if one.supply else {"effort": self.history.applied[pieces, mine]}
-            found.append({"command": self.history.commands[pieces, mine], **in_force})
+            in_force = {} if controller.supply else {"effort": self.history.applied[pieces, mine]}
+            columns.append({"command": self.history.commands[pieces, mine], **in_force})
         integral = self.integral(t) if self.places and self.places[-1].stop else np.zeros((len(t), 0))
-        for number, one in enumerate(self.continuous):
-            reference, mode = reference_of(one.references, t, self.span), self.history.modes[pieces, number]
+        for number, controller in enumerate(self.continuous):
+            reference, mode = reference_of(controller.references, t, self.span), self.history.modes[pieces, number]
             own, applied = integral[:, self.places[number]], self.history.applied[pieces]
-            found.append(one.parts(Given(t, q, v, one.measure(q, v), reference, own, mode, applied)))
-        return found
+            columns.append(controller.parts(Given(t, q, v, controller.measure(q, v), reference, own, mode, applied)))
+        return columns
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the efforts."""
         rows = q.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1])
         parts = self.parts(np.broadcast_to(np.asarray(t, float), len(rows[0])), *rows)
-        for one, part in zip((*self.sampled, *self.continuous), parts, strict=True):
-            for k, joint in enumerate(one.joints if "effort" in part else ()):
+        for controller, part in zip(self.controllers, parts, strict=True):
+            for k, joint in enumerate(controller.joints if "effort" in part else ()):
                 tau[..., joint.v] += part["effort"][:, k].reshape(q.shape[:-1])
 
     def on(self, start: float, end: float) -> RecordedEfforts:
@@ -153,7 +154,7 @@ class RecordedEfforts(ControlLoad):
 
     def laws(self) -> list[MotionLaw]:
         """Return the references of continuous controllers."""
-        return [law for one in self.continuous for law in one.references]
+        return [law for controller in self.continuous for law in controller.references]
 
     @property
     def jumps(self) -> bool:
@@ -179,5 +180,5 @@ class RecordedEfforts(ControlLoad):
         return [float(t) for t in self.history.times]
 
     def load_of(self, pieces: Indices) -> Array:
-        """Return the loads that changes have brought about; see ``HeldLoad``."""
+        """Return the loads after changes; see ``HeldLoad``."""
         return np.asarray(self.history.loads[pieces])

@@ -1,6 +1,6 @@
-"""What controllers remember during a run: efforts in force, states of relays and integrals, now and at every change.
+"""Sampled controllers during a run: schedule, samples, and the memory of all controllers at every change.
 
-As Pinocchio's buffers it serves one integration at a time: ``begin`` clears it.
+As Pinocchio's buffers the memory serves one integration at a time: ``begin`` clears it.
 """
 
 from __future__ import annotations
@@ -8,51 +8,194 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.control.sampler import Sampler, reference_after
-from pinarm.engine.control.schedule import Schedule
-from pinarm.mechanics.control.controller import NOTHING, Controller, Given
+from pinarm.errors import InputError, within
+from pinarm.mechanics.control.controller import NOTHING, Controller, Given, Sampling
 from pinarm.mechanics.control.motor_control import MotorController
+from pinarm.mechanics.laws.motion_law import MotionLaw
+
+SAME = 1e-9
+"""Difference of instants, over the shortest period, below which they are the same instant."""
+
+MOST = 5_000_000
+"""Samples of a run beyond which nobody waits for it."""
+
+
+def require_samples(controller: Controller, duration: float) -> None:
+    """Raise where a controller samples too often in a duration [s], or its first command takes effect after it.
+
+    Raises:
+        InputError: Says how many samples, or after which delay.
+    """
+    sampling = controller.sampling
+    if sampling and duration > MOST * sampling.period:
+        count = duration / sampling.period
+        with within("period"):
+            raise InputError(f"a period of {sampling.period:g} s makes {count:.3g} samples in {duration:g} s",
+                             expected=f"at most {MOST:.3g}")  # fmt: skip
+    if sampling and sampling.delay >= duration:
+        with within("delay"):
+            raise InputError(f"a delay of {sampling.delay:g} s: no command takes effect in {duration:g} s",
+                             expected="a delay shorter than the motion")  # fmt: skip
+
+
+def reference_after(laws: tuple[MotionLaw, ...], t: Array, slack: float = 0.0) -> Array:
+    """Return values, rates and accelerations of laws at instants, shape (n,), each after a jump; shape (n, s, 3).
+
+    A jump that is later by the slack [s] or less is at the instant itself.
+    """
+    reference = np.empty((len(t), len(laws), 3))
+    for k, law in enumerate(laws):
+        for piece in law.smooth_pieces:
+            here = (t >= piece.start - slack) & (t < piece.end - slack)
+            if here.any():
+                reference[here, k] = np.array(piece.function(t[here])).T
+    return reference
+
+
+class ScheduledAct(NamedTuple):
+    """An action of a sampled controller: it measures, or applies the command of an earlier sample."""
+
+    controller: int
+    sample: int
+    measures: bool
+
+
+class Schedule(NamedTuple):
+    """The instants of a run at which sampled controllers act.
+
+    Attributes:
+        instants: Ascending [s].
+        actions: Those at each, in order: commands of earlier samples are applied before others are measured.
+        slack: Difference below which instants are the same [s].
+        samples: Instants of the samples of every controller [s].
+    """
+
+    instants: list[float]
+    actions: list[list[ScheduledAct]]
+    slack: float
+    samples: list[Array]
+
+    @classmethod
+    def of(cls, controllers: Sequence[Controller], start: float, end: float) -> Schedule:
+        """Return the schedule of sampled controllers from start to end [s]."""
+        timed = [controller.sampling for controller in controllers if controller.sampling]
+        slack = SAME * min((sampling.period for sampling in timed), default=0.0)
+        marks, samples = list[tuple[float, ScheduledAct]](), list[Array]()
+        for number, sampling in enumerate(timed):
+            count = int((end - start - slack) / sampling.period) + 1
+            samples.append(start + sampling.period * np.arange(float(count)))
+            for k, t in enumerate(samples[-1].tolist()):
+                marks.append((t, ScheduledAct(number, k, True)))
+                marks.append((t + sampling.delay, ScheduledAct(number, k, False)))
+        instants, actions = list[float](), list[list[ScheduledAct]]()
+        for t, action in sorted(marks):
+            if not instants or t > instants[-1] + slack:
+                instants.append(t)
+                actions.append([])
+            actions[-1].append(action)
+        return cls(instants, [_in_order(here) for here in actions], slack, samples)
+
+
+def _in_order(actions: Sequence[ScheduledAct]) -> list[ScheduledAct]:
+    """Return actions at one instant: earlier commands apply, then all measure, then new commands without delay."""
+    measured = {(act.controller, act.sample) for act in actions if act.measures}
+
+    def place(act: ScheduledAct) -> tuple[int, ScheduledAct]:
+        at_once = not act.measures and (act.controller, act.sample) in measured
+        return (2 if at_once else int(act.measures)), act
+
+    return sorted(actions, key=place)
+
+
+class Sampler:
+    """A sampled controller from one sample to the next; ``reference`` has its signals there, shape (n, s, 3)."""
+
+    def __init__(self, controller: Controller, sampling: Sampling, reference: Array) -> None:
+        self.controller, self.sampling, self.reference = controller, sampling, reference
+        self.integral = np.zeros(controller.integrals)
+        self.mode: int | None = None
+        self.last: Array | None = None
+
+    def sample(self, number: int, t: float, q: Array, v: Array, excess: Array) -> Array:
+        """Return the command of a sample by its number, before the limits [N*m or N], shape (k,).
+
+        ``excess`` is the part of the commands in force that motors withhold; see ``Given``.
+        """
+        controller, sampling = self.controller, self.sampling
+        measured = controller.measure(q, v)
+        if sampling.resolution.any():
+            step = np.where(sampling.resolution > 0.0, sampling.resolution, 1.0)
+            rounded = np.round(measured[:, 0] / step) * step
+            measured[:, 0] = np.where(sampling.resolution > 0.0, rounded, measured[:, 0])
+        if sampling.rates == "difference":
+            before = measured[:, 0].copy() if self.last is None else self.last
+            self.last = measured[:, 0].copy()
+            measured[:, 1] = (self.last - before) / sampling.period
+        given = Given(t, q, v, measured, self.reference[number], self.integral, excess=excess)
+        if controller.integrals:
+            self.integral = controller.clamped(self.integral + sampling.period * controller.rates(given))
+            given = given._replace(integral=self.integral)
+        self.mode = controller.mode(given, self.mode)
+        return controller.command(given if not self.mode else given._replace(mode=self.mode))
+
+
+class Change(NamedTuple):
+    """State of the controllers from an instant on.
+
+    Attributes:
+        load: Efforts of the sampled controllers in force, as generalised loads [N*m or N], shape (nv,).
+        applied: Their commands in force, within the limits, shape (k,).
+        commands: Their last commands, before the limits, shape (k,).
+        modes: States of the continuous controllers.
+    """
+
+    load: Array
+    applied: Array
+    commands: Array
+    modes: tuple[int, ...]
+
+
+class ControlHistory(NamedTuple):
+    """The m changes of a run; fields as in ``Change``, with one row each.
+
+    ``slack`` is the difference of instants [s] below which they are the same.
+    """
+
+    times: Array
+    loads: Array
+    applied: Array
+    commands: Array
+    modes: Indices
+    slack: float
 
 
 class ControlMemory:
     """The memory of all controllers of a run.
 
     Args:
-        sampled: The sampled controllers.
+        sampled: The sampled controllers; commands of those with a ``supply`` are voltages of motors, not efforts.
         continuous: The others.
         nv: Number of velocities.
-        supplying: Numbers of the sampled controllers whose commands are not efforts, but voltages of motors.
     """
 
-    def __init__(
-        self, sampled: Sequence[Controller], continuous: Sequence[Controller], nv: int,
-        supplying: frozenset[int] = frozenset(),
-    ) -> None:  # fmt: skip
-        self.supplying = supplying
+    def __init__(self, sampled: Sequence[Controller], continuous: Sequence[Controller], nv: int) -> None:
         self.sampled, self.continuous, self.nv = tuple(sampled), tuple(continuous), nv
-        counts = [0, *(len(each.joints) for each in self.sampled)]
-        self.places = [slice(*pair) for pair in zip(np.cumsum(counts)[:-1], np.cumsum(counts)[1:], strict=True)]
-        self.joints = np.array([joint.v for each in self.sampled for joint in each.joints], dtype=np.intp)
-        sizes = np.cumsum([0, *(each.integrals for each in self.continuous)])
-        self.integrals = [slice(*pair) for pair in zip(sizes[:-1].tolist(), sizes[1:].tolist(), strict=True)]
+        self.places = _places([len(controller.joints) for controller in self.sampled])
+        self.joints = np.array([joint.v for controller in self.sampled for joint in controller.joints], dtype=np.intp)
+        self.integrals = _places([controller.integrals for controller in self.continuous])
         self.schedule = Schedule.of((), 0.0, 0.0)
-        self.clear()
+        self._clear()
 
-    def clear(self) -> None:
-        """Forget everything."""
+    def _clear(self) -> None:
         self.load = np.zeros(self.nv)
-        """Efforts of the sampled controllers in force, as generalised loads [N*m or N], shape (nv,)."""
-        self.applied = np.zeros(len(self.joints))
-        """Their commands in force, within the limits, shape (k,)."""
-        self.commands = np.zeros(len(self.joints))
-        """Their last commands, before the limits, shape (k,)."""
+        self.applied, self.commands = np.zeros(len(self.joints)), np.zeros(len(self.joints))
         self.modes = [0 for _ in self.continuous]
-        """States of the continuous controllers."""
         self.integral = np.zeros(self.integrals[-1].stop if self.integrals else 0)
         """Integrals in the states that are evaluated, shape (..., m)."""
         self.instants = np.zeros(1)
@@ -60,28 +203,23 @@ class ControlMemory:
         self.waiting = [dict[int, Array]() for _ in self.sampled]
         self.done = 0
         self.times: list[float] = []
-        self.loads: list[Array] = []
-        self.all_applied: list[Array] = []
-        self.all_commands: list[Array] = []
-        self.all_modes: list[tuple[int, ...]] = []
+        self.changes: list[Change] = []
 
     def begin(self, start: float, end: float) -> None:
         """Begin a run from start to end [s]."""
         self.schedule = Schedule.of(self.sampled, start, end)
         self.samplers = [
-            Sampler(each, each.sampling, reference_after(each.references, t, self.schedule.slack))
-            for each, t in zip(self.sampled, self.schedule.samples, strict=True) if each.sampling
-        ]  # fmt: skip
-        self.clear()
+            Sampler(controller, controller.sampling, reference_after(controller.references, t, self.schedule.slack))
+            for controller, t in zip(self.sampled, self.schedule.samples, strict=True)
+            if controller.sampling
+        ]
+        self._clear()
         self.note(start)
 
     def note(self, t: float) -> None:
-        """Keep what holds from an instant on [s]."""
+        """Keep the state from an instant on [s]."""
         self.times.append(t)
-        self.loads.append(self.load)
-        self.all_applied.append(self.applied)
-        self.all_commands.append(self.commands)
-        self.all_modes.append(tuple(self.modes))
+        self.changes.append(Change(self.load, self.applied, self.commands, tuple(self.modes)))
 
     def next(self, t: float) -> float:
         """Return the first instant after t at which a sampled controller acts [s]; infinite for none."""
@@ -100,29 +238,24 @@ class ControlMemory:
         self.load, self.commands, self.applied = self.load.copy(), self.commands.copy(), self.applied.copy()
         while self.due(t):
             for number, sample, measures in self.schedule.actions[self.done]:
+                place = self.places[number]
                 if measures:
                     command = self.samplers[number].sample(sample, t, q, v, self._excess(number, t, q, v))
-                    self.waiting[number][sample] = command
-                    self.commands[self.places[number]] = command
-                else:
-                    self.apply(number, self.waiting[number].pop(sample))
+                    self.waiting[number][sample] = self.commands[place] = command
+                    continue
+                self.applied[place] = self.sampled[number].limited(self.waiting[number].pop(sample))
+                if not self.sampled[number].supply:
+                    self.load[self.joints[place]] = self.applied[place]
             self.done += 1
         self.note(t)
 
     def _excess(self, number: int, t: float, q: Array, v: Array) -> Array:
-        """Return what motors withhold of the commands of a sampled controller, shape (k,); empty without motors."""
-        for one, place, mode in zip(self.continuous, self.integrals, self.modes, strict=True):
-            if isinstance(one, MotorController) and one.source is self.sampled[number]:
+        """Return the part that motors withhold of the commands of a sampled controller, (k,); empty without motors."""
+        for motor, place, mode in zip(self.continuous, self.integrals, self.modes, strict=True):
+            if isinstance(motor, MotorController) and motor.source is self.sampled[number]:
                 states = self.integral.reshape(-1)[place]
-                return one.excess(Given(t, q, v, NOTHING, NOTHING, states, mode, self.applied))
+                return motor.excess(Given(t, q, v, NOTHING, NOTHING, states, mode, self.applied))
         return NOTHING
-
-    def apply(self, number: int, command: Array) -> None:
-        """Put a command of a sampled controller into force, within its limits."""
-        place = self.places[number]
-        self.applied[place] = self.sampled[number].limited(command)
-        if number not in self.supplying:
-            self.load[self.joints[place]] = self.applied[place]
 
     def piece(self, t: float) -> int:
         """Return the number of the change at t, or the last one before [s]."""
@@ -134,15 +267,14 @@ class ControlMemory:
         return self.load
 
     def load_of(self, pieces: Indices) -> Array:
-        """Return the loads that changes have brought about; see ``HeldLoad``."""
-        return np.array([self.loads[piece] for piece in pieces.tolist()]).reshape(len(pieces), self.nv)
+        """Return the loads after changes; see ``HeldLoad``."""
+        return np.array([self.changes[piece].load for piece in pieces.tolist()]).reshape(len(pieces), self.nv)
 
     @contextmanager
     def as_of(self, piece: int) -> Iterator[None]:
-        """Within the block, hold what a change has brought about."""
-        now = self.load, self.applied, self.modes
-        self.load, self.applied = self.loads[piece], self.all_applied[piece]
-        self.modes = list(self.all_modes[piece])
+        """Within the block, hold the state after a change."""
+        now, change = (self.load, self.applied, self.modes), self.changes[piece]
+        self.load, self.applied, self.modes = change.load, change.applied, list(change.modes)
         try:
             yield
         finally:
@@ -150,29 +282,15 @@ class ControlMemory:
 
     def history(self) -> ControlHistory:
         """Return all changes until now."""
+        loads, applied, commands, modes = zip(*self.changes, strict=True)
+        counts = np.array(modes, dtype=np.intp).reshape(len(self.times), len(self.continuous))
+        times = np.array(self.times)
         return ControlHistory(
-            np.array(self.times), np.array(self.loads), np.array(self.all_applied), np.array(self.all_commands),
-            np.array(self.all_modes, dtype=np.intp).reshape(len(self.times), len(self.continuous)),
-            self.schedule.slack,
-        )  # fmt: skip
+            times, np.array(loads), np.array(applied), np.array(commands), counts, self.schedule.slack
+        )
 
 
-@dataclass(frozen=True, eq=False)
-class ControlHistory:
-    """The changes of a run, one after another, m of them.
-
-    Attributes:
-        times: When [s], shape (m,).
-        loads: Efforts of sampled controllers from then on, as generalised loads, shape (m, nv).
-        applied: Their commands in force, within the limits, shape (m, k).
-        commands: Their last commands, shape (m, k).
-        modes: States of the continuous controllers, shape (m, c).
-        slack: Difference of instants below which they are the same [s].
-    """
-
-    times: Array
-    loads: Array
-    applied: Array
-    commands: Array
-    modes: Indices
-    slack: float
+def _places(counts: Sequence[int]) -> list[slice]:
+    """Return the places of parts of given sizes, one after the other."""
+    ends = np.cumsum([0, *counts]).tolist()
+    return [slice(*pair) for pair in pairwise(ends)]

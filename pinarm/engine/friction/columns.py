@@ -1,4 +1,4 @@
-"""Friction in the tables of a run."""
+"""Friction in the tables of a run: friction of joints, and bands of efforts at rest."""
 
 from __future__ import annotations
 
@@ -24,15 +24,9 @@ BANDS = ("lower", "upper")
 
 
 def friction_columns(contacts: Sequence[FrictionContact], friction: Array) -> dict[str, Series]:
-    """Return the friction of joints as columns ``joint.J.friction`` and ``loop.L.friction``.
-
-    Args:
-        contacts: The k joints.
-        friction: Along their slips [N*m or N], shape (n, k).
-    """
-    names = [contact.quantity for contact in contacts]
-    return {name: Series(name, contact.effort, values)
-            for name, contact, values in zip(names, contacts, friction.T, strict=True)} if contacts else {}  # fmt: skip
+    """Return friction along k slips, shape (n, k) [N*m or N], as columns ``joint.J.friction``, ``loop.L.friction``."""
+    pairs = zip(contacts, friction.T, strict=True) if contacts else ()
+    return {contact.quantity: Series(contact.quantity, contact.effort, values) for contact, values in pairs}
 
 
 class EffortBand(Record, frozen=True):
@@ -51,32 +45,26 @@ class EffortBand(Record, frozen=True):
     unit: Unit
 
     def side(self, part: str, values: Array) -> Series:
-        """Return one side of the band, ``joint.J.effort.lower``.
-
-        Args:
-            part: Of ``BANDS``.
-            values: [N*m or N], infinite where friction holds any effort, shape (n,).
-        """
+        """Return one part of ``BANDS``, ``joint.J.effort.lower``; infinite where friction holds any effort."""
         return Series(f"{self.quantity}.{part}", self.unit, values, unbounded=True)
 
 
 def bands_of(joints: Mapping[str, Joint], coordinates: Mapping[str, Coordinate]) -> list[EffortBand]:
-    """Return what has a band: the effort of every drive, and at joints through which several act their sum as well.
+    """Return the band of every drive, and of joints through which several act that of their sum as well.
 
     The effort of a joint through which only its own drive acts is that drive's.
 
     Args:
         joints: The mechanism's joints.
-        coordinates: What the d drives act along, by name.
+        coordinates: Coordinates that the d drives act along, by name.
     """
-    found = []
+    bands = list[EffortBand]()
     for name, own in zip(coordinates, np.eye(len(coordinates)), strict=True):
         of = unit("N" if coordinates[name].unit == METRE else "N*m")
-        through = _through(joints[name], coordinates) if name in joints else None
-        found.append(EffortBand(own_effort(joints, coordinates, name), name, own, of))
-        if through is not None and (through != own).any():
-            found.append(EffortBand(f"joint.{name}.effort", name, through, of))
-    return found
+        bands.append(EffortBand(own_effort(joints, coordinates, name), name, own, of))
+        if name in joints and ((through := _through(joints[name], coordinates)) != own).any():
+            bands.append(EffortBand(f"joint.{name}.effort", name, through, of))
+    return bands
 
 
 def own_effort(joints: Mapping[str, Joint], coordinates: Mapping[str, Coordinate], name: str) -> str:
@@ -87,8 +75,8 @@ def own_effort(joints: Mapping[str, Joint], coordinates: Mapping[str, Coordinate
 
 def _through(joint: Joint, coordinates: Mapping[str, Coordinate]) -> Array:
     """Return the parts that the drives have in the effort of a joint, shape (d,)."""
-    return np.array([one.weights[joint.v] if isinstance(one, LinearCoordinate) else 0.0
-                     for one in coordinates.values()])  # fmt: skip
+    each = coordinates.values()
+    return np.array([along.weights[joint.v] if isinstance(along, LinearCoordinate) else 0.0 for along in each])
 
 
 def with_friction_columns(row: Trajectory, drives: Actuation) -> Trajectory:
@@ -96,8 +84,7 @@ def with_friction_columns(row: Trajectory, drives: Actuation) -> Trajectory:
     mechanism = row.mechanism
     if not mechanism.frictions:
         return row
-    none = np.zeros(len(row))
     bands = bands_of(mechanism.joints, drives.coordinates(mechanism))
-    sides = [band.side(part, none) for band in bands for part in BANDS]
+    sides = [band.side(part, np.zeros(len(row))) for band in bands for part in BANDS]
     friction = friction_columns(mechanism.frictions, np.zeros((len(row), len(mechanism.frictions))))
     return replace(row, columns={**row.columns, **friction, **{side.name: side for side in sides}})

@@ -1,18 +1,19 @@
-"""What several joints at rest may hold of a load that they hold together: the ends of what rigid bodies leave open.
+"""Bounds of static friction where stuck joints share a load.
 
 Of a group only the sum ``phi = sum_i c_i f_i`` is determined, and ``|f_i| <= L_i(f)``: limits depend on loads, and
 these on f. A quantity that is linear in f is least and greatest at corners of this set. Of two joints the set is a
-piece of a line: its ends are looked for from the friction of the rows, as far as no limit is exceeded; limits may grow
-with the friction, as of a worm that locks. Of more joints corners are where all but one are at their limits and that
+piece of a line, whose ends are searched from the friction of the rows as far as no limit is exceeded; limits may grow
+with the friction, as of a worm that locks. Of more joints, corners are where all but one are at their limits and that
 one has the rest, by the equation of slip with the law of rest. A quantity that is not linear, such as the length of a
 force, may be less within the set than at its corners. Where the set has no end in a direction, or its corners are not
-found, a friction in that direction stands for it, which tells what depends on it, and which way.
+known, a friction in that direction stands for it, which tells what depends on it, and which way.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from itertools import product
+from math import prod
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +22,8 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import one_sided
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.friction.balance import FrictionBalance, SlipGroup
+from pinarm.engine.friction.complementarity import FrictionBalance
+from pinarm.engine.friction.slip import SlipGroup
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.slip_vectors import sizes
 from pinarm.records import replace
@@ -40,47 +42,11 @@ PARTS, FAR, HALVINGS = 64, 12, 80
 doubled afterwards; and how often the step that holds it is halved."""
 
 
-class Corner(NamedTuple):
-    """Which members of a group are at their limits.
-
-    Attributes:
-        limited: Their positions in the group.
-        signs: In which directions, 1 or -1.
-        rest: Positions of the others, which are those of one joint.
-    """
-
-    limited: list[int]
-    signs: list[float]
-    rest: list[int]
-
-
 class Extremes(NamedTuple):
-    """Frictions that hold as well.
-
-    Attributes:
-        frictions: Shape (e, k).
-        endless: Which of them only tell a direction in which there is no end, or none that is known, shape (e,).
-    """
+    """Frictions that hold as well, shape (e, k), and which of them only tell a direction without a known end, (e,)."""
 
     frictions: Array
     endless: Flags
-
-
-class Shares(NamedTuple):
-    """What joints at rest share.
-
-    Attributes:
-        corners: Frictions at the corners, shape (e, k).
-        directions: What is added to the friction in directions without a known end, shape (k,) each.
-    """
-
-    corners: Array
-    directions: list[Array]
-
-
-def joints_of(balance: FrictionBalance, group: SlipGroup) -> list[str]:
-    """Return the names of the joints of a group."""
-    return list(dict.fromkeys(balance.contacts[i].name for i in group.members))
 
 
 def extreme_frictions(
@@ -96,25 +62,21 @@ def extreme_frictions(
         friction: Of the rows, shape (k,): joints that slip keep theirs.
         unknown: Joints whose limits rigid bodies do not determine.
     """
-    shared = _shared(balance, direction, stuck, friction)
-    corners, directions = shared.corners if len(shared.corners) else friction[None], shared.directions
-    on_laws = _at_rest_on_laws(balance, direction, stuck)
+    corners, ways = _shared(balance, direction, stuck, friction)
+    corners = corners if len(corners) else friction[None]
+    grouped = {i for group in stuck for i in group.members}  # others at rest share the load of a law or a stop
+    on_laws = [i for i in np.flatnonzero((direction == 0.0) & balance.response.driven).tolist() if i not in grouped]
     for i in on_laws:
         known = len(on_laws) <= ALONE and i not in unknown
         limits = {sign: _limit(balance, direction, stuck, i, sign) if known else None for sign in (-1.0, 1.0)}
-        values = [float(friction[i]) if f is None else f for f in limits.values()]
-        corners = np.concatenate([_with(corners, i, f) for f in dict.fromkeys(values)])
+        ends = dict.fromkeys(float(friction[i]) if f is None else f for f in limits.values())
+        columns = np.arange(len(friction)) == i
+        corners = np.concatenate([np.where(columns, f, corners) for f in ends])
         size = max(1.0, float(balance.limits(friction)[i]))
-        directions = [*directions, *(sign * size * np.eye(len(friction))[i] for sign, f in limits.items() if f is None)]
-    ends = corners if len(corners) > 1 else corners[:0]
-    frictions = np.concatenate([ends, friction + np.array(directions).reshape(-1, len(friction))])
-    return Extremes(frictions, np.arange(len(frictions)) >= len(ends))
-
-
-def _at_rest_on_laws(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup]) -> list[int]:
-    """Return joints at rest where a law or a stop holds them: friction shares that load with it."""
-    grouped = {i for group in stuck for i in group.members}
-    return [i for i in np.flatnonzero((direction == 0.0) & balance.response.driven).tolist() if i not in grouped]
+        ways += [sign * size * columns for sign, f in limits.items() if f is None]
+    corners = corners if len(corners) > 1 else corners[:0]
+    frictions = np.concatenate([corners, friction + np.array(ways).reshape(-1, len(friction))])
+    return Extremes(frictions, np.arange(len(frictions)) >= len(corners))
 
 
 def _limit(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], i: int, sign: float) -> float | None:
@@ -122,47 +84,43 @@ def _limit(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup
     forced, resting = direction.copy(), np.zeros(len(direction), dtype=bool)
     forced[i], resting[i] = -sign, True
     try:
-        solution = balance.solve_under_any_load(forced, stuck, resting)
+        solution = balance.solve(forced, stuck, resting, any_load=True)
     except DynamicsError:
         return None
     return None if solution is None else float(solution.f[i])
 
 
-def _with(corners: Array, i: int, f: float) -> Array:
-    """Return frictions with another one of joint i, shape (e, k)."""
-    changed = corners.copy()
-    changed[:, i] = f
-    return changed
-
-
-def _shared(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], friction: Array) -> Shares:
-    """Return what groups share."""
-    counts = [len(joints_of(balance, group)) for group in stuck]
+def _shared(
+    balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], friction: Array
+) -> tuple[Array, list[Array]]:
+    """Return the corners of what groups share, shape (e, k), and directions without a known end, shape (k,) each."""
+    names = [list(dict.fromkeys(balance.contacts[i].name for i in group.members)) for group in stuck]
+    counts = [len(of_group) for of_group in names]
     if sorted(counts)[-2:] in ([2], [1, 2]):
-        return _ends(balance, stuck, stuck[counts.index(2)], friction)
+        group = stuck[counts.index(2)]
+        return _ends(balance, stuck, group, _exchange(balance, group, names[counts.index(2)][1]), friction)
     corners = _all_corners(balance, direction, stuck, friction)
     if len(corners) or max(counts, default=1) == 1:
-        return Shares(corners, [])
+        return corners, []
     size = max(1.0, float(balance.limits(friction).max()))
-    ways = [
-        way for group in stuck for name in joints_of(balance, group)[1:] for way in [_exchange(balance, group, name)]
-    ]
-    return Shares(corners, [sign * size * way for way in ways for sign in (-1.0, 1.0)])
+    ways = [_exchange(balance, group, name) for group, own in zip(stuck, names, strict=True) for name in own[1:]]
+    return corners, [sign * size * way for way in ways for sign in (-1.0, 1.0)]
 
 
 def _exchange(balance: FrictionBalance, group: SlipGroup, name: str) -> Array:
     """Return the friction that the first joint of a group takes over from another one, 1 in all, shape (k,)."""
     of = np.array([balance.contacts[i].name for i in group.members])
     weights, exchange = group.ratios * group.units, np.zeros(len(balance.contacts))
-    first, other = of == joints_of(balance, group)[0], of == name
+    first, other = of == of[0], of == name
     exchange[list(group.members)] = (first / weights[first].sum() - other / weights[other].sum()) * group.units
     return exchange
 
 
-def _ends(balance: FrictionBalance, stuck: Sequence[SlipGroup], group: SlipGroup, friction: Array) -> Shares:
-    """Return the ends of what two joints may share."""
-    members, exchange = list(group.members), _exchange(balance, group, joints_of(balance, group)[1])
-    every = [i for each in stuck for i in each.members]
+def _ends(
+    balance: FrictionBalance, stuck: Sequence[SlipGroup], group: SlipGroup, exchange: Array, friction: Array
+) -> tuple[Array, list[Array]]:
+    """Return the ends of what two joints may share, and directions without an end."""
+    members, every = list(group.members), [i for each in stuck for i in each.members]
     held = (group.ratios * group.units) @ balance.limits(friction)[members] + abs(group.ratios @ friction[members])
     size = float(held) or 1.0
 
@@ -172,7 +130,7 @@ def _ends(balance: FrictionBalance, stuck: Sequence[SlipGroup], group: SlipGroup
 
     ends = {sign: _last(holds, sign * size) for sign in (-1.0, 1.0)}
     corners = [friction + (end if np.isfinite(end) else 0.0) * exchange for end in ends.values()]
-    return Shares(np.array(corners), [sign * size * exchange for sign, end in ends.items() if not np.isfinite(end)])
+    return np.array(corners), [sign * size * exchange for sign, end in ends.items() if not np.isfinite(end)]
 
 
 def _last(holds: Callable[[float], bool], size: float) -> float:
@@ -190,61 +148,46 @@ def _last(holds: Callable[[float], bool], size: float) -> float:
 
 
 def _all_corners(balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], friction: Array) -> Array:
-    choices = [list(_corners(balance, group)) for group in stuck]
-    count = int(np.prod([len(each) for each in choices]))
-    corners = list[Array]()
-    for choice in product(*choices) if 1 < count <= MOST else ():
+    choices, corners = [list(_corners(balance, group)) for group in stuck], list[Array]()
+    for choice in product(*choices) if 1 < prod(map(len, choices)) <= MOST else ():
+        forced, groups = direction.copy(), [rest for rest, _ in choice]
+        for limited in (limited for _, limited in choice):
+            forced[list(limited)] = list(limited.values())
         try:
-            corner = _at(balance, direction, stuck, choice)
+            solution = balance.solve(forced, groups, forced != direction, any_load=True)
         except DynamicsError:  # the equation of slip has not exactly one root
             return np.zeros((0, len(friction)))
-        if corner is not None:
-            corner = np.where(direction != 0.0, friction, corner)
-            slack = SAME * np.abs(corner).max(initial=0.0)
-            if all(np.abs(other - corner).max() > slack for other in corners):
-                corners.append(corner)
+        if solution is None or (np.abs(solution.held) > solution.bounds * (1.0 + WITHIN)).any():
+            continue
+        corner = np.where(direction != 0.0, friction, solution.f)
+        slack = SAME * np.abs(corner).max(initial=0.0)
+        if all(np.abs(other - corner).max() > slack for other in corners):
+            corners.append(corner)
     return np.array(corners).reshape(-1, len(friction))
 
 
-def _corners(balance: FrictionBalance, group: SlipGroup) -> Iterator[Corner]:
-    """Yield the corners of a group; one of a single joint, which has nothing at a limit."""
-    names, of = joints_of(balance, group), [balance.contacts[i].name for i in group.members]
-    for free in names:
+def _corners(balance: FrictionBalance, group: SlipGroup) -> Iterator[tuple[SlipGroup, dict[int, float]]]:
+    """Yield the corners of a group: one joint that takes the rest, and directions of the others, at their limits."""
+    of = [balance.contacts[i].name for i in group.members]
+    for free in dict.fromkeys(of):
         rest = [k for k, name in enumerate(of) if name == free]
-        limited = [k for k, name in enumerate(of) if name != free]
-        others = [name for name in names if name != free]
+        ratios = group.ratios[rest]
+        remaining = replace(
+            group, members=tuple(group.members[k] for k in rest), ratios=ratios / ratios[0],
+            units=group.units[rest] * np.sign(ratios[0]),
+        )  # fmt: skip
+        others = [name for name in dict.fromkeys(of) if name != free]
         for signs in product([1.0, -1.0], repeat=len(others)):
             sign = dict(zip(others, signs, strict=True))
-            yield Corner(limited, [sign[of[k]] for k in limited], rest)
-
-
-def _at(
-    balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], corners: Sequence[Corner]
-) -> Array | None:
-    """Return the friction at corners of the groups, shape (k,); ``None`` where the rest exceeds its own limit."""
-    forced, resting, groups = direction.copy(), np.zeros(len(direction), dtype=bool), []
-    for group, corner in zip(stuck, corners, strict=True):
-        limited = [group.members[k] for k in corner.limited]
-        forced[limited], resting[limited] = group.units[corner.limited] * corner.signs, True
-        first = corner.rest[0]
-        groups.append(replace(
-            group, members=tuple(group.members[k] for k in corner.rest),
-            ratios=group.ratios[corner.rest] / group.ratios[first],
-            units=group.units[corner.rest] * np.sign(group.ratios[first]),
-        ))  # fmt: skip
-    solution = balance.solve_under_any_load(forced, groups, resting)
-    if solution is None or (np.abs(solution.held) > solution.bounds * (1.0 + WITHIN)).any():
-        return None
-    return solution.f
+            members = zip(group.members, group.units.tolist(), of, strict=True)
+            limited = {i: unit * sign[name] for i, unit, name in members if name != free}
+            yield remaining, limited
 
 
 def held_part(closure: Closure, lam: Multipliers, other: Multipliers) -> Array:
     """Return how far from one friction to another one constraints that push or pull only hold, shape (n,).
 
-    Args:
-        closure: The constraints.
-        lam: Multipliers under the first friction, shape (n, m).
-        other: Those under the other one.
+    ``lam`` and ``other`` are the multipliers under both frictions, shape (n, m).
     """
     part, slices = np.ones(len(lam)), closure.slices
     for constraint in one_sided(closure.constraints):
@@ -265,9 +208,9 @@ def filled(friction: Array, extremes: Sequence[Extremes]) -> list[tuple[Array, F
 
     Rows with fewer have the given friction, shape (n, k), in place of them.
     """
-    count = max((len(each.frictions) for each in extremes), default=0)
+    count = max((len(row.frictions) for row in extremes), default=0)
     others = [(friction.copy(), np.zeros(len(friction), dtype=bool)) for _ in range(count)]
-    for row, each in enumerate(extremes):
-        for (other, endless), f, far in zip(others, each.frictions, each.endless, strict=False):
+    for row, own in enumerate(extremes):
+        for (other, endless), f, far in zip(others, own.frictions, own.endless, strict=False):
             other[row], endless[row] = f, far
     return others

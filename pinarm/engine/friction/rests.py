@@ -1,4 +1,4 @@
-"""Where joints with friction come to rest in a motion: where a slip changes its sign, or touches zero."""
+"""Instants of rest of joints with friction in a motion: a slip changes its sign, or touches zero."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def rests_between(slips: Slips, t: Array) -> Array:
     known = np.where(np.abs(exact) > rounding, exact, 0.0)
     ends = (known[:-1] != 0.0) & (known[1:] == 0.0) | (known[:-1] == 0.0) & (known[1:] != 0.0)
     at = np.flatnonzero(ends.any(axis=1))
-    found = [t[[0, -1]], t[at], t[at + 1], _reversals(slips, t, known), _touches(slips, t, known)]
-    return np.unique(np.concatenate(found))
+    instants = [t[[0, -1]], t[at], t[at + 1], _reversals(slips, t, known), _touches(slips, t, known)]
+    return np.unique(np.concatenate(instants))
 
 
 def _reversals(slips: Slips, t: Array, known: Array) -> Array:
@@ -68,6 +68,6 @@ def _touches(slips: Slips, t: Array, known: Array) -> Array:
 
 def _at(slips: Slips, t: Array, joint: Indices) -> Array:
     """Return the slips of one joint each at instants in any order, shape (n,)."""
-    order, found = t.argsort(), np.empty_like(t)
-    found[order] = slips(t[order])[0][np.arange(len(t)), joint[order]]
-    return found
+    order, values = t.argsort(), np.empty_like(t)
+    values[order] = slips(t[order])[0][np.arange(len(t)), joint[order]]
+    return values

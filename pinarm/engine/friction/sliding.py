@@ -1,18 +1,18 @@
-"""The friction of joints that slip in given directions, as a force element."""
+"""Friction between two switches: the force element of joints that slip, and the conditions that end the stretch."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.friction.balance import FrictionBalance, FrictionSolution
+from pinarm.engine.friction.complementarity import FrictionBalance, FrictionSolution
+from pinarm.engine.friction.extremes import Extremes, extreme_frictions
 from pinarm.engine.friction.response import SlipEquation
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
@@ -23,8 +23,19 @@ from pinarm.mechanics.friction.slip_vectors import same_joint, several, sizes, u
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.records import replace
 
-if TYPE_CHECKING:
-    from pinarm.engine.friction.extremes import Extremes
+REST = 1e-12
+"""Slip that is rest, over the largest velocity in SI: rounding of a velocity that vanishes."""
+
+INSTANT = 8.0 * float(np.finfo(float).eps)
+"""Rounding of an instant, over the largest one: slips are as fast as they become in that time."""
+
+NOTHING = 1e-12
+"""Path, over the size that errors are relative to: friction that moves a joint no farther in the whole run is nothing.
+Where the force that friction holds and its bound grow from 0 together, as in a gear without a load, they are compared
+from there on."""
+
+DISPLACED = 1e-14
+"""Displacement, over the same size, that rounding leaves of configurations: so does the change of loads by it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +47,7 @@ class SlidingFriction(ForceElement):
         closure: Constraints, then coordinates that follow laws.
         dynamics: The equation of motion without this friction.
         prescribed: The coordinates that follow laws.
-        slip: Directions, and what is stuck.
+        slip: Directions, and groups that are stuck.
         span: Interval of time on which no law jumps [s].
         known: Solutions in states that have been asked for, by these; ``None`` where they are not kept, as in an
             integration: efforts of controllers jump between two states that are the same.
@@ -73,11 +84,11 @@ class SlidingFriction(ForceElement):
         return SlipEquation(self.contacts, self.closure, dynamics, self.prescribed.on(*self.span))
 
     def balance(self, t: float, q: Array, v: Array) -> FrictionBalance:
-        """Return the laws and what friction does in a state, shapes (nq,) and (nv,)."""
-        return self._balance(t, q, v, self._slips(q, v))
+        """Return the laws and the response to friction in a state, shapes (nq,) and (nv,)."""
+        return FrictionBalance(self.contacts, self.equation.at(t, q, v), sizes(self.contacts, self._slips(q, v)))
 
-    def _balance(self, t: float, q: Array, v: Array, slips: Array) -> FrictionBalance:
-        return FrictionBalance(self.contacts, self.equation.at(t, q, v), sizes(self.contacts, slips))
+    def _slips(self, q: Array, v: Array) -> Array:
+        return np.asarray(slip_rows_at(self.closure.model, self.contacts, q) @ v)
 
     def solution(self, t: float, q: Array, v: Array) -> FrictionSolution:
         """Return the friction in a state, of stuck joints too.
@@ -85,9 +96,8 @@ class SlidingFriction(ForceElement):
         Raises:
             DynamicsError: There is none, or more than one.
         """
-        slips = self._slips(q, v)
         resting = np.zeros(len(self.contacts), dtype=bool)
-        solution = self._balance(t, q, v, slips).solve(self.directions(slips), self.slip.stuck, resting)
+        solution = self.balance(t, q, v).solve(self.directions(self._slips(q, v)), self.slip.stuck, resting)
         if solution is None:
             rubbing = (contact.name for contact, s in zip(self.contacts, self.direction, strict=True) if s)
             names = ", ".join(dict.fromkeys(rubbing))
@@ -98,86 +108,44 @@ class SlidingFriction(ForceElement):
         return solution
 
     def solutions(self, t: Array, q: Array, v: Array) -> list[FrictionSolution]:
-        """Return the friction in states of one interval: where nothing moves and no load changes, solved once."""
+        """Return the friction in states of one interval."""
         if self.known is None:
-            return self._solutions(t, q, v)
+            return [self.solution(*row) for row in zip(t, q, v, strict=True)]
         asked = [(self.span, *(x.tobytes() for x in row)) for row in zip(t, q, v, strict=True)]
-        new = [row for row, state in enumerate(asked) if state not in self.known]
-        self.known.update(zip((asked[row] for row in new), self._solutions(t[new], q[new], v[new]), strict=True))
+        for row, state in enumerate(asked):
+            if state not in self.known:
+                self.known[state] = self.solution(float(t[row]), q[row], v[row])
         return [self.known[state] for state in asked]
-
-    def _solutions(self, t: Array, q: Array, v: Array) -> list[FrictionSolution]:
-        if len(t) > 1 and (q == q[0]).all() and (v == v[0]).all() and self._lasts(t, q, v):
-            return [self.solution(float(t[0]), q[0], v[0])] * len(t)
-        return [self.solution(*row) for row in zip(t, q, v, strict=True)]
-
-    def reserves(self, group: int, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return what holds a stuck group in states of one interval, and the most that can [N*m or N], shape (n,) each.
-
-        Where nothing moves, friction follows the accelerations that loads would give; but where it depends on loads and
-        some joints slip, several hold one motion, or loads have kinks, states are solved one by one.
-        """
-        stuck, loaded, same = self.slip.stuck, self.equation.loaded, bool((q == q[0]).all() and (v == v[0]).all())
-        shared = loaded and (self.direction.any() or any(len(each.members) > 1 for each in stuck))
-        balance = self.balance(float(t[0]), q[0], v[0])
-        if not same or shared or (loaded and balance.response.loads.bent):
-            solutions = self.solutions(t, q, v)
-            return np.array([x.held[group] for x in solutions]), np.array([x.bounds[group] for x in solutions])
-        alpha = self.equation.accelerations(t, q[0], v[0])
-        if loaded:
-            held, bounds = balance.stuck_alone(stuck, alpha, self.equation.carried(t, q[0], v[0]))
-            return held[:, group], bounds[:, group]
-        first, some = self.solution(float(t[0]), q[0], v[0]), [each.first for each in stuck]
-        changed = (alpha - alpha[0])[:, some] @ balance.back(stuck).T
-        held = first.held[group] - changed[:, list(stuck[group].members)] @ stuck[group].ratios
-        return np.asarray(held), np.full(len(t), first.bounds[group])
 
     def extremes(
         self, t: Array, q: Array, v: Array, solutions: Sequence[FrictionSolution], unknown: Collection[int] = ()
     ) -> list[Extremes]:
-        """Return the frictions at which what joints at rest share is least or greatest, by states.
+        """Return the frictions at which shares of joints at rest are least or greatest, in states.
 
         Args:
             t: Instants [s], shape (n,).
             q: Configurations, shape (n, nq).
             v: Velocities, shape (n, nv).
-            solutions: The friction in these states; where it is the same solution, so are the extremes.
+            solutions: The friction in these states; where it and the state stay, so do the extremes.
             unknown: Joints whose limits rigid bodies do not determine.
         """
-        from pinarm.engine.friction.extremes import extreme_frictions
-
-        extremes: list[Extremes] = []
-        for i, each in enumerate(solutions):
-            if i and each is solutions[i - 1]:
+        extremes, before = list[Extremes](), b""
+        for instant, position, rate, solution in zip(t.tolist(), q, v, solutions, strict=True):
+            state = b"".join(x.tobytes() for x in (position, rate, *solution))
+            if state == before:
                 extremes.append(extremes[-1])
                 continue
-            balance, slips = self.balance(float(t[i]), q[i], v[i]), self._slips(q[i], v[i])
-            extremes.append(extreme_frictions(balance, self.directions(slips), self.slip.stuck, each.f, unknown))
+            balance, directions = self.balance(instant, position, rate), self.directions(self._slips(position, rate))
+            extremes.append(extreme_frictions(balance, directions, self.slip.stuck, solution.f, unknown))
+            before = state
         return extremes
-
-    def _slips(self, q: Array, v: Array) -> Array:
-        return np.asarray(slip_rows_at(self.closure.model, self.contacts, q) @ v)
-
-    def _lasts(self, t: Array, q: Array, v: Array) -> bool:
-        """Return whether what drives and loads do is the same at all instants, the state being the same."""
-        equation, forces = self.equation, self.equation.dynamics.forces.values()
-        loads, targets = equation.dynamics.loads(t, q, v), [equation.targets(instant)[2] for instant in t]
-        if not ((loads == loads[0]).all() and (np.array(targets) == targets[0]).all()):
-            return False
-        first, *others = ([force.wrenches(instant, q[0], v[0]) for force in forces] for instant in t)
-        return all(
-            np.array_equal(wrench, before[joint])
-            for other in others
-            for before, now in zip(first, other, strict=True)
-            for joint, wrench in now.items()
-        )
 
     def friction(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the friction of joints that slip [N*m or N], shape (.., k)."""
         flat_q, flat_v = q.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1])
         if self.equation.loaded:
             instants = np.broadcast_to(t, q.shape[:-1]).ravel()
-            friction = np.array([each.f for each in self.solutions(instants, flat_q, flat_v)])
+            friction = np.array([solution.f for solution in self.solutions(instants, flat_q, flat_v)])
         else:
             slips = np.matvec(slip_rows(self.closure.model, self.contacts, flat_q), flat_v)
             speeds = sizes(self.contacts, slips)
@@ -186,12 +154,15 @@ class SlidingFriction(ForceElement):
         slipping = sizes(self.contacts, self.direction) > 0.0
         return np.asarray(friction * slipping).reshape(*q.shape[:-1], len(self.contacts))
 
+    def _rows(self, q: Array) -> Array:
+        """Return J of the slips, shape (.., k, nv)."""
+        rows = slip_rows(self.closure.model, self.contacts, q.reshape(-1, q.shape[-1]))
+        return np.asarray(rows.reshape(*q.shape[:-1], *rows.shape[1:]))
+
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add ``J^T f`` of the joints that slip."""
-        if not self.direction.any():
-            return
-        rows = slip_rows(self.closure.model, self.contacts, q.reshape(-1, q.shape[-1]))
-        tau += np.vecmat(self.friction(t, q, v), rows.reshape(*q.shape[:-1], *rows.shape[1:]))
+        if self.direction.any():
+            tau += np.vecmat(self.friction(t, q, v), self._rows(q))
 
     def potential_energy(self, q: Array) -> Array:
         """Return 0."""
@@ -201,9 +172,7 @@ class SlidingFriction(ForceElement):
         """Return the heat, ``- f . u``."""
         if not self.direction.any():
             return np.zeros(q.shape[:-1])
-        rows = slip_rows(self.closure.model, self.contacts, q.reshape(-1, q.shape[-1]))
-        slips = np.matvec(rows.reshape(*q.shape[:-1], *rows.shape[1:]), v)
-        return np.asarray(-(self.friction(t, q, v) * slips).sum(axis=-1))
+        return np.asarray(-(self.friction(t, q, v) * np.matvec(self._rows(q), v)).sum(axis=-1))
 
     def laws(self) -> list[MotionLaw]:
         """Return the laws of the coordinates that follow some: reactions jump where they do."""
@@ -212,3 +181,28 @@ class SlidingFriction(ForceElement):
     def on(self, start: float, end: float) -> SlidingFriction:
         """Return the element on an interval."""
         return replace(self, span=(start, end))
+
+
+def resting_speed(slip: Slip, velocities: Array) -> Array:
+    """Return the slips [rad/s or m/s] up to which k joints are at rest at velocities, shape (.., nv), as (.., k)."""
+    return np.asarray(slip.rest + REST * np.abs(velocities).max(axis=-1, initial=0.0)[..., None])
+
+
+def distance_from_rest(slip: Slip, parts: Indices, slips: Array, velocities: Array) -> Array:
+    """Return ``s u`` of one slip with some slack, so that a slip that begins does not end at once, shape (n,).
+
+    Of a slip with several components less ``|u| / 2``: it falls to 0 too where u has turned by 60 deg. Of a slip at
+    rest it falls to 0 where the slip begins.
+
+    Args:
+        slip: Directions at first.
+        parts: Numbers of the components of the slip.
+        slips: Of all k components [rad/s or m/s], shape (n, k).
+        velocities: Shape (n, nv).
+    """
+    own, slack = slips[:, parts], resting_speed(slip, velocities)[:, parts].max(axis=1)
+    size, direction = np.linalg.norm(own, axis=1), np.array(slip.direction)[parts]
+    if not direction.any():
+        return np.asarray(slack - size)
+    turned = 0.5 * size if len(parts) > 1 else 0.0
+    return np.asarray(own @ direction - turned + slack)

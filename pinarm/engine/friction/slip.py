@@ -1,25 +1,40 @@
-"""Which joints with friction slip, and which it holds; nothing of either where there is no friction."""
+"""State of friction between two switches: which joints slip, and which groups of joints stick."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pinarm.arrays import Array
+from pinarm.records import Record, ValueRecord
 
-from pinarm.records import ValueRecord
 
-if TYPE_CHECKING:
-    from pinarm.engine.friction.balance import SlipGroup
+class SlipGroup(Record, frozen=True):
+    """Slips that can only take place together, such as those of the pins of a four-bar linkage.
+
+    Attributes:
+        members: Their indices, the first stands for all; shape (m,).
+        ratios: c, slips of the members per slip of the first, shape (m,).
+        units: Directions of the members as the first one slips forwards: 1 or -1, or components of a unit vector, (m,).
+    """
+
+    members: tuple[int, ...]
+    ratios: Array
+    units: Array
+
+    @property
+    def first(self) -> int:
+        """Index of the slip that stands for all."""
+        return self.members[0]
 
 
 class Slip(ValueRecord, frozen=True):
-    """What the joints with friction do on a stretch of the motion.
+    """Slipping and stuck joints on a stretch of the motion; empty without friction.
 
     Attributes:
         direction: 1 or -1 of a joint that slips, 0 of one at rest, for each of k joints; of a slip with several
             components a unit vector, the direction from which it does not turn away by more than 60 deg.
         stuck: Groups of joints that friction keeps at rest.
-        begun: When it begins [s].
+        begun: Start of the stretch [s].
         rest: Slips [rad/s or m/s] that rounding of the instant of a switch leaves, shape (k,).
-        slack: Friction [N*m or N] of the groups that rounding leaves; see ``watches.NOTHING``, shape (g,).
+        slack: Friction [N*m or N] of the groups that rounding leaves; see ``sliding.NOTHING``, shape (g,).
     """
 
     direction: tuple[float, ...] = ()

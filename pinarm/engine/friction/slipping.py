@@ -1,23 +1,21 @@
-"""Friction of joints that slip, where it depends on reactions that depend on friction.
+"""Friction of joints that slip in given directions, where it depends on reactions that depend on friction.
 
-With directions s of the slips, coefficients mu and constants c of the laws, and the wrenches w that the bearings carry,
-which are linear in the friction f but for kinks, as of teeth that change flanks (``carried_loads``), friction is a root
-of
+With directions s of the slips, coefficients mu and constants c of the laws, and the wrenches w of the bearings, which
+depend on the friction f, friction is a root of
 
     f_i + s_i (mu_i N_i(w(f)) + c_i) = 0        (1)
 
 N is a sum of lengths, so ``N(w + x) - N(w) <= most(x)``: where the matrix C of ``mu_i`` times the most by which
-friction j can change N_i has a spectral radius below 1 the map ``f -> -s (mu N + c)`` contracts in a suitable norm and
-(1) has exactly one root, on any sides of the kinks. Where it has not, (1) may have none, as of a drawer that jams, or
-several; of one joint, N being convex between kinks, it has none where it is nowhere below the friction.
-Where normal forces are along lines, as in a plane, N is a sum of absolute values and (1) is linear for each choice of
-their signs and of sides of the kinks: all roots are those that have the signs that they are computed with.
+friction j can change N_i has a spectral radius below 1, the map ``f -> -s (mu N + c)`` contracts in a suitable norm and
+(1) has exactly one root. Elsewhere (1) may have none, as of a drawer that jams, or several; of one joint, N being
+convex between kinks, it has none where it is nowhere below the friction. Where normal forces are along lines, as in a
+plane, N is a sum of absolute values and (1) is linear for each choice of their signs and of sides of the kinks.
 Source: Banach's theorem; the paradox is Painleve's (Lecons sur le frottement, 1895).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, product
@@ -26,11 +24,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.friction.carried_loads import CarriedLoads
 from pinarm.errors import DynamicsError
 
 if TYPE_CHECKING:
+    from pinarm.mechanics.friction.bearing import Bearing
     from pinarm.mechanics.friction.contact import FrictionContact
+
+SIDES = 1e-12
+"""Part of its terms by which a multiplier may be on the other side of a kink: there both sides have one wrench."""
 
 CONTRACTING = 1.0 - 1e-9
 """Spectral radius of C from which on (1) is not known to have one root."""
@@ -44,6 +45,92 @@ CONSISTENT, SAME = 1e-12, 1e-9
 SOLVED, ITERATIONS = 4e-16, 200
 """Residual of (1), relative to its terms, at which Newton's method ends, and its steps at most."""
 
+ROUNDED = 1e-12
+"""Part of the terms of an effort by which rounding may let a reserve be negative."""
+
+
+@dataclass(frozen=True, eq=False)
+class CarriedLoads:
+    """Wrenches of k bearings as functions of m frictions, linear but for p kinks.
+
+    Teeth press their wheels apart whichever flanks touch, and a strand of a belt that would be pushed is slack. With
+    the distances ``g = g0 + G f`` of multipliers from their kinks,
+
+        w_i(f) = w0_i + sum_j W_ij f_j + sum_p |g_p(f)| K_ip
+
+    Attributes:
+        wrench: w0 [N, N*m], shape (k, 6).
+        response: W, wrench i per friction j, shape (k, m, 6).
+        distance: g0 [N*m or N], shape (p,).
+        rate: G, shape (p, m).
+        fold: K, wrench i per size of distance p, shape (k, p, 6).
+    """
+
+    wrench: Array
+    response: Array
+    distance: Array
+    rate: Array
+    fold: Array
+
+    @classmethod
+    def linear(cls, wrench: Array, response: Array) -> CarriedLoads:
+        """Return loads without kinks."""
+        k, m, _ = response.shape
+        return cls(wrench, response, np.zeros(0), np.zeros((0, m)), np.zeros((k, 0, 6)))
+
+    @property
+    def constant(self) -> bool:
+        """Whether friction changes no load."""
+        return not self.response.any() and not (self.rate.any() and self.fold.any())
+
+    def at(self, f: Array) -> Array:
+        """Return the wrenches under friction f, shape (k, 6)."""
+        wrench = self.wrench + np.vecmat(f, self.response)
+        return np.asarray(wrench + np.vecmat(np.abs(self.distances(f)), self.fold))
+
+    def distances(self, f: Array) -> Array:
+        """Return g under friction f, shape (p,)."""
+        return np.asarray(self.distance + self.rate @ f)
+
+    def slope(self, f: Array) -> Array:
+        """Return the wrench i per friction j about friction f, shape (k, m, 6)."""
+        return np.asarray(self.response + (np.sign(self.distances(f))[:, None] * self.rate).T @ self.fold)
+
+    def far(self, f: Array) -> Array:
+        """Return the wrenches per x, under friction ``x f``, for large x, shape (k, 6)."""
+        return np.asarray(np.vecmat(f, self.response) + np.vecmat(np.abs(self.rate @ f), self.fold))
+
+    def crossings(self, f: Array, way: Array) -> Array:
+        """Return the x at which multipliers pass kinks under friction ``f + x way``, shape (.,)."""
+        rates = self.rate @ way
+        return np.asarray(-self.distances(f)[rates != 0.0] / rates[rates != 0.0])
+
+    def most(self, i: int, bearing: Bearing) -> Array:
+        """Return the most by which each friction of size 1 can change the load N of bearing i, shape (m,).
+
+        Between any two f that differ by x in friction j the mean slope of ``|g_p|`` is ``s_p G_pj`` with s_p from -1 to
+        1, and w changes by ``x (W_ij + sum_p s_p G_pj K_ip)``. Its lengths are convex in s: largest where all s_p are 1
+        or -1.
+        """
+        return bearing.most_with_either_sign(self.response[i], self.rate[..., None] * self.fold[i][:, None])
+
+    def reduced(self, fixed: Array, ways: Array) -> CarriedLoads:
+        """Return the wrenches as functions of x for ``f = fixed + ways x``, shapes (m,) and (m, n)."""
+        wrench = self.wrench + np.vecmat(fixed, self.response)
+        return CarriedLoads(wrench, ways.T @ self.response, self.distances(fixed), self.rate @ ways, self.fold)
+
+    def pieces(self) -> Iterator[tuple[Array, CarriedLoads]]:
+        """Yield all signs of g, shape (p,), with the loads that are linear where g has them."""
+        for signs in product([1.0, -1.0], repeat=len(self.distance)):
+            side = np.array(signs)
+            wrench = self.wrench + np.vecmat(side * self.distance, self.fold)
+            yield side, CarriedLoads.linear(wrench, self.response + (side[:, None] * self.rate).T @ self.fold)
+
+    def on_side(self, side: Array, f: Array) -> bool:
+        """Return whether g has given signs, shape (p,), under friction f, or vanishes."""
+        slack = SIDES * (np.abs(self.distance) + np.abs(self.rate) @ np.abs(f))
+        return bool((side * self.distances(f) >= -slack).all())
+
 
 @dataclass(frozen=True, eq=False)
 class Slipping:
@@ -54,7 +141,7 @@ class Slipping:
         direction: s: 1, -1, components of a unit vector where the slip has several, or 0 without friction here, (k,).
         mu: Shape (k,).
         constant: c [N*m or N], shape (k,).
-        loads: What their bearings carry.
+        loads: Wrenches of their bearings.
     """
 
     contacts: Sequence[FrictionContact]
@@ -89,40 +176,35 @@ class Slipping:
     @cached_property
     def roots(self) -> list[Array] | None:
         """All roots f, shape (k,), where normal forces are along lines; ``None`` where they are not known."""
-        kinks, found = len(self.loads.distance), list[Array]()
+        kinks, roots = len(self.loads.distance), list[Array]()
         if kinks > SIGNS:
             return None
         for side, loads in self.loads.pieces():
             if (some := self._roots_under(loads, SIGNS - kinks)) is None:
                 return None
-            found += [f for f in some if self.loads.on_side(side, f) and not _known(f, found)]
-        return found
+            roots += [f for f in some if self.loads.on_side(side, f) and not _is_among(f, roots)]
+        return roots
 
     def _roots_under(self, loads: CarriedLoads, most: int) -> list[Array] | None:
-        """Return the roots under loads without kinks; ``None`` where they are not known.
-
-        Args:
-            loads: What the bearings carry.
-            most: Number of normal forces whose signs are tried.
-        """
-        terms = [self.contacts[i].bearing.along_lines(np.vstack([loads.wrench[i], loads.response[i]]))
-                 for i in self._rubbing]  # fmt: skip
-        if any(term is None for term in terms) or sum(len(term) for term in terms if term is not None) > most:
-            return None
-        levers = np.zeros((len(self.mu), 0))
+        """Return the roots under loads without kinks; ``None`` where more than ``most`` signs would be tried."""
+        normals, levers = [np.zeros((0, 1 + len(self.mu)))], [np.zeros((len(self.mu), 0))]
         for i in self._rubbing:
-            own = np.zeros((len(self.mu), len(self.contacts[i].bearing.levers)))
-            own[i] = self.mu[i] * self.contacts[i].bearing.levers
-            levers = np.hstack([levers, own])
-        normals = np.vstack([term for term in terms if term is not None])
-        return self._roots_among(levers, normals[:, 0], normals[:, 1:])
+            bearing = self.contacts[i].bearing
+            along = bearing.along_lines(np.vstack([loads.wrench[i], loads.response[i]]))
+            if along is None:
+                return None
+            normals.append(along)
+            levers.append(np.zeros((len(self.mu), len(bearing.levers))))
+            levers[-1][i] = self.mu[i] * bearing.levers
+        terms = np.vstack(normals)
+        return self._roots_among(np.hstack(levers), terms[:, 0], terms[:, 1:]) if len(terms) <= most else None
 
     def _roots_among(self, levers: Array, loads: Array, response: Array) -> list[Array] | None:
         """Return the roots of ``f + s (levers |loads + response f| + c) = 0``, shapes (k, p), (p,) and (p, k).
 
         ``None`` where the equation is singular for a choice of signs: it may have infinitely many.
         """
-        found, constant = list[Array](), self.constant.copy()
+        roots, constant = list[Array](), self.constant.copy()
         for i in self._rubbing:
             constant[i] += self.mu[i] * self.contacts[i].bearing.preload
         for signs in product([1.0, -1.0], repeat=len(loads)):
@@ -132,12 +214,12 @@ class Slipping:
                 return None
             f = np.linalg.solve(matrix, -signed @ loads - self.direction * constant)
             slack = CONSISTENT * (np.abs(loads) + np.abs(response) @ np.abs(f))
-            if (signs * (loads + response @ f) >= -slack).all() and not _known(f, found):
-                found.append(f)
-        return found
+            if (signs * (loads + response @ f) >= -slack).all() and not _is_among(f, roots):
+                roots.append(f)
+        return roots
 
     def require_one_root_here(self) -> bool:
-        """Return whether (1) has a root for these loads, be it that it has several for others.
+        """Return whether (1) has a root for these loads, even if it has several for others.
 
         Raises:
             DynamicsError: It has several, or that it has one is not known.
@@ -165,7 +247,7 @@ class Slipping:
             expected="friction that raises its load less than once",
             hint="a smaller mu, a longer span of a guide; of a worm or screw that locks itself: a drive, or friction, "
             "at the joint of the worm or the screw, above all where loads act there",
-        )  # fmt: skip
+        )
 
     def _dips(self, i: int) -> bool:
         """Return whether ``h(x) = mu N(w) + c - x`` falls to 0 for a friction x > 0 of joint i, others constant."""
@@ -177,7 +259,7 @@ class Slipping:
         def h(x: float) -> float:
             return float(self.resistance(others + x * way)[i] - x)
 
-        return least_of(h, self.loads.crossings(others, way)) <= 0.0
+        return _least_of(h, self.loads.crossings(others, way)) <= 0.0
 
     def resistance(self, f: Array) -> Array:
         """Return ``mu N(w(f)) + c`` [N*m or N], shape (k,)."""
@@ -212,18 +294,65 @@ class Slipping:
     def _slope(self, f: Array) -> Array:
         """Return the derivative of (1), shape (k, k)."""
         wrench, response, slope = self.loads.at(f), self.loads.slope(f), np.eye(len(f))
-        for i, contact in enumerate(self.contacts):
-            if self.mu[i] and self.direction[i]:
-                slope[i] += self.direction[i] * self.mu[i] * response[i] @ contact.bearing.slope(wrench[i])
+        for i in self._rubbing:
+            slope[i] += self.direction[i] * self.mu[i] * response[i] @ self.contacts[i].bearing.slope(wrench[i])
         return slope
 
+    def locks(self, slips: Array, effort: float) -> bool:
+        """Return whether joints at rest, with their friction at rest, hold any effort that would make them slip.
 
-def _known(f: Array, found: Sequence[Array]) -> bool:
-    """Return whether a root is among those that are found."""
-    return any(np.abs(f - one).max() <= SAME * np.abs(one).max() for one in found)
+        The effort T of a drive and the friction are in balance for ``T = T0 - J f``, with the slips J per unit of the
+        drive's coordinate. For frictions ``f_i = -s_i r_i x`` along a ray r the reserve
+
+            h_i(x) = mu_i N_i(w(- x s r)) + c_i - r_i x
+
+        is convex in x between kinks of the loads. Where it is nowhere negative, of all joints in the ray, friction
+        holds every effort from T0 on, as a worm does that is driven at its wheel. Joints whose friction is constant
+        have it throughout: with the others at 0 they hold any part of it before.
+
+        Args:
+            slips: J, shape (k,).
+            effort: Size of the terms of the effort, which rounding is judged by [N*m or N].
+        """
+        if self.contracts:
+            return False
+        return any(self._is_held(ray, slips, ROUNDED * effort) for ray in self._rays(slips))
+
+    def _rays(self, slips: Array) -> Iterator[Array]:
+        """Yield r, shape (k,): of each joint alone, and the one in which all raise their loads most, by C."""
+        size = np.abs(self.direction) * (self.mu > 0.0) * (slips != 0.0)
+        some = np.flatnonzero(size)
+        for name in dict.fromkeys(self.contacts[i].name for i in some.tolist()):
+            yield size * np.array([contact.name == name for contact in self.contacts])
+        if len(some) > 1:
+            most = [size[i] * self.mu[i] * self.loads.most(i, self.contacts[i].bearing)[some] for i in some.tolist()]
+            values, vectors = np.linalg.eig(np.array(most))
+            ray = np.zeros(len(size))
+            ray[some] = np.abs(vectors[:, np.abs(values).argmax()])
+            yield ray
+
+    def _is_held(self, ray: Array, slips: Array, slack: float) -> bool:
+        """Return whether no reserve along a ray is negative, beyond what an effort of the size of ``slack`` does."""
+        friction, size = -np.sign(self.direction) * ray, np.abs(self.direction)
+        constant = -self.direction * self.constant * (self.mu == 0.0)
+        added, kinks = self.loads.far(friction), self.loads.crossings(constant, friction)
+        for i in np.flatnonzero(ray).tolist():
+            if size[i] * self.mu[i] * self.contacts[i].bearing.most(added[i]) * CONTRACTING <= ray[i]:
+                return False
+
+            def reserve(x: float, i: int = i) -> float:
+                return float(size[i] * self.resistance(constant + x * friction)[i] - ray[i] * x)
+
+            if _least_of(reserve, kinks) * abs(slips[i]) < -slack:
+                return False
+        return True
 
 
-def least_of(h: Callable[[float], float], kinks: Array) -> float:
+def _is_among(f: Array, roots: Sequence[Array]) -> bool:
+    return any(np.abs(f - root).max() <= SAME * np.abs(root).max() for root in roots)
+
+
+def _least_of(h: Callable[[float], float], kinks: Array) -> float:
     """Return the least value of a function of ``x >= 0`` that is convex between kinks and grows at last."""
     ends = [0.0, *sorted(kinks[kinks > 0.0].tolist())]
     last, step = ends[-1], abs(h(ends[-1])) + 1.0
@@ -235,6 +364,6 @@ def least_of(h: Callable[[float], float], kinks: Array) -> float:
 def _least_between(h: Callable[[float], float], low: float, high: float) -> float:
     """Return the least value of a convex function between two places, by bisection in three parts."""
     for _ in range(ITERATIONS):
-        one, two = low + (high - low) / 3.0, high - (high - low) / 3.0
-        low, high = (low, two) if h(one) < h(two) else (one, high)
+        third = (high - low) / 3.0
+        low, high = (low, high - third) if h(low + third) < h(high - third) else (low + third, high)
     return h(low)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Iterator
 from functools import cache
 from itertools import compress
 from typing import TYPE_CHECKING, Any
@@ -118,7 +117,7 @@ class CompiledSteps:
         self.course = CourseStructure.from_buffer(self.places.courses.data)
 
     def take(self, index: int, span: Interval, t: float, h: float, tries: int) -> tuple[float, float]:
-        """Take as many steps in an interval as there is room for; see ``StepTaker``."""
+        """Take as many steps in an interval as there is room for; see ``SingleSteps.take``."""
         flow, course = span.compiled, self.course
         assert flow is not None
         course.t, course.h, course.start, course.end = t, h, span.start, span.end
@@ -194,26 +193,13 @@ def _terms(tableau: Tableau, flow: Flow, t: Array, h: Array, y: Array, slopes: A
     return found
 
 
-def take_many(tableau: Tableau, works: Sequence[Iterable[tuple[int, int, int]]]) -> None:
-    """Take the steps of many motions: each of the works in a thread of its own, without Python's lock.
-
-    Args:
-        tableau: The coefficients of the pair.
-        works: Addresses of flow, control and course of motions; the flows of different works share no buffers.
-    """
-    steps = ctypes.CFUNCTYPE(None, *4 * [ctypes.c_void_p])(address(kernel().pair_steps) or 0)
+def take_many(tableau: Tableau, motions: Iterable[tuple[Flow | None, int, int]]) -> None:
+    """Take the steps of many motions: of each its flow, and the addresses of control and course."""
+    steps = ctypes.PYFUNCTYPE(None, *4 * [ctypes.c_void_p])(address(kernel().pair_steps) or 0)
     pair = ctypes.addressof(pair_of(tableau)[0])
-    if len(works) == 1:
-        return _take_some(steps, pair, works[0])
-    with ThreadPoolExecutor(len(works)) as pool:
-        for done in [pool.submit(_take_some, steps, pair, work) for work in works]:
-            done.result()
-    return None
-
-
-def _take_some(steps: Callable[..., Any], pair: int, work: Iterable[tuple[int, int, int]]) -> None:
-    for flow, control, course in work:
-        steps(pair, flow, control, course)
+    for flow, control, course in motions:
+        assert flow is not None
+        steps(pair, ctypes.addressof(flow.structure), control, course)
 
 
 def elements(array: NDArray[np.void]) -> Iterator[int]:

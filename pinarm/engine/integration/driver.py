@@ -11,13 +11,14 @@ from msgspec import Struct
 
 from pinarm.arrays import Array
 from pinarm.engine.integration.events import Watch, locate_crossings, possible_crossings
-from pinarm.engine.integration.integrator import Interval, Manifold, Method, Stepper, StepsOver
+from pinarm.engine.integration.integrator import Interval, Manifold, StepsOver
 from pinarm.engine.integration.runge_kutta import PASSED, SHORTEST
 from pinarm.engine.integration.solution import Solution
 from pinarm.errors import IntegrationError, Interrupted
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.compiled_steps import CompiledSteps
+    from pinarm.engine.integration.methods import Method, Stepper
 
 PROBED = 20
 """Part of the largest number of steps after which the driver looks whether the rest can come to the end."""

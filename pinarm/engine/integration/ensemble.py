@@ -6,11 +6,9 @@ in one call; others take one step each, with the accelerations of all motions ev
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from itertools import repeat
 
 import numpy as np
 
@@ -29,7 +27,6 @@ from pinarm.engine.integration.runge_kutta import (
     stages,
 )
 from pinarm.engine.integration.solution import Solution
-from pinarm.engine.kernel.library import Flow
 from pinarm.records import Record
 
 ROOM, FEWEST, MOST = 16384, 8, 512
@@ -166,7 +163,7 @@ class Ensemble(Record, frozen=True):
 
 def integrate_batch(
     intervals: Sequence[Interval], manifold: Manifold, q: Array, v: Array, method: Adaptive, *,
-    max_steps: int = 1_000_000, steps_over: StepsOver | None = None, threads: int = 1,
+    max_steps: int = 1_000_000, steps_over: StepsOver | None = None,
 ) -> Ensemble:  # fmt: skip
     """Integrate from many initial states, each with the steps that ``driver.integrate`` takes from it.
 
@@ -178,7 +175,6 @@ def integrate_batch(
         method: The embedded pair.
         max_steps: Largest number of steps of a motion, rejected ones included.
         steps_over: Whether a step may have stepped over a piece of a load; it is rejected then.
-        threads: Number of threads that may take steps in compiled code.
     """
     y, parts = np.concatenate([manifold.project(q), v], axis=1), [part for one in intervals for part in one.parts()]
     integration = _Integration(method, manifold, parts, max_steps, len(y))
@@ -187,9 +183,9 @@ def integrate_batch(
         if not len(number):
             break
         integration.interval[:] = index
-        step = None if steps_over else integration.compiled([interval.compiled], threads)
-        active = integration.begun(number, y, h)
-        arrived = integration.followed(active, step or partial(integration.step, interval, steps_over))
+        flow, step = interval.compiled, partial(integration.step, interval, steps_over)
+        usable = flow is not None and not flow.settles and not steps_over
+        arrived = integration.followed(integration.begun(number, y, h), integration.take if usable else step)
         number, y, h = arrived.number, arrived.y, arrived.h
     return integration.ensemble(number)
 
@@ -208,8 +204,7 @@ def integrate_variants(
     """
     integration = _Integration(method, manifold, intervals, max_steps, len(y))
     active = integration.begun(np.arange(len(y)), y.copy(), np.zeros(len(y)))
-    step = partial(integration.take, [interval.compiled for interval in intervals if interval.compiled], 0)
-    return integration.ensemble(integration.followed(active, step).number)
+    return integration.ensemble(integration.followed(active, integration.take).number)
 
 
 Chunk = tuple[Indices, Indices, Array, Array, Array]
@@ -325,19 +320,8 @@ class _Integration:
         """Record accepted steps."""
         self.chunks.append((number, self.interval[number], times, y, slopes))
 
-    def compiled(self, flows: Sequence[Flow | None], threads: int) -> Callable[[Motions], Motions] | None:
-        """Return how motions that share a flow take steps in compiled code; ``None`` where a flow has a state."""
-        copies = [copy for _ in range(threads) if flows[0] is not None and (copy := flows[0].copied()) is not None]
-        return partial(self.take, copies, threads) if len(copies) == threads else None
-
-    def take(self, flows: Sequence[Flow], threads: int, active: Motions) -> Motions:
-        """Take steps of each motion in compiled code, as many as there is room for; return the motions behind them.
-
-        Args:
-            flows: The flow that all motions share, once for each thread; or, without threads, that of each motion.
-            threads: Number of threads.
-            active: The motions.
-        """
+    def take(self, active: Motions) -> Motions:
+        """Take steps of each motion in compiled code, as many as there is room for; return the motions behind them."""
         from pinarm.engine.integration.compiled_steps import StepRoom, controls_of, elements, take_many
 
         number, tableau, m = active.number, self.method.tableau, len(active.number)
@@ -349,11 +333,8 @@ class _Integration:
             courses[name] = numbers
         courses["tries"] = self.max_steps - self.tries[number]
         controls = controls_of(self.method.tolerance, self.of_each("size", number))
-        rows = list(zip(elements(controls), elements(courses), strict=True))
-        addresses = [ctypes.addressof(flow.structure) for flow in flows]
-        left = iter(range(m))  # the threads share it: each takes the next motion that is left
-        works = [_work(left, rows, repeat(flow, m)) for flow in addresses]
-        take_many(tableau, works if threads else [_work(left, rows, [addresses[k] for k in number])])
+        flows = [self.intervals[k].compiled for k in self.interval[number].tolist()]
+        take_many(tableau, zip(flows, elements(controls), elements(courses), strict=True))
         written = courses["written"]
         taken = np.arange(room) < written[:, None]
         times, states, slopes = places.times[:, taken].T, places.states[taken], places.slopes[:, :-1][taken]
@@ -361,12 +342,6 @@ class _Integration:
         self.tries[number] += written + courses["rejected"]
         t, h, ceiling = (courses[name].copy() for name in ("t", "h", "ceiling"))
         return Motions(number, t, h, ceiling, places.y, places.slopes[np.arange(m), written, 0])
-
-
-def _work(left: Iterator[int], rows: Sequence[tuple[int, int]], flows: Iterable[int]) -> Iterator[tuple[int, int, int]]:
-    """Yield the addresses of flow, control and course of the motions that are left."""
-    for k, flow in zip(left, flows, strict=False):
-        yield flow, *rows[k]
 
 
 def _fields(motions: Motions) -> tuple[Array, ...]:

@@ -16,6 +16,7 @@ from pinarm.engine.integration.turns import (
     NEGLIGIBLE,
     REACHED,
     Turn,
+    WithinStep,
     may_turn,
     nodes,
     note_nearest,
@@ -87,15 +88,9 @@ class Watch(ValueRecord, frozen=True):
 
 
 def possible_crossings(solution: Solution, watches: Sequence[Watch], first: int, y: Array) -> Indices:
-    """Return in which steps of a solution a watched value may cross zero, or turn near it.
+    """Return in which steps, from ``first`` on, a watched value may cross zero or turn near it.
 
-    Bounds on its Chebyshev series decide.
-
-    Args:
-        solution: The solution.
-        watches: The watched values.
-        first: Index of the first step that is looked at; all those after it are, too.
-        y: State at the end of the last one, projected onto the constraints, shape (nq + nv,).
+    Bounds on its Chebyshev series decide. y is the state at the end of the last step, projected onto the constraints.
     """
     steps, nq, x = solution.steps, solution.manifold.nq, nodes(solution.method.subdivisions)
     indices = np.arange(first, len(steps))
@@ -118,66 +113,57 @@ def possible_crossings(solution: Solution, watches: Sequence[Watch], first: int,
 
 
 def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y: Array) -> bool:
-    """Record the zero crossings in a step of a solution, and end the step at one that stops the integration.
+    """Record the zero crossings in a step, and end it at one that stops the integration; return whether one does.
 
     Each value is interpolated by a Chebyshev polynomial at ``2 method.subdivisions + 1`` points of the step, all of
     whose roots are computed: a coordinate that is linear in q is such a polynomial, and none of its crossings is
-    missed, however close they are. What depends on loads is interpolated on parts of the step, down to which the series
-    converge: a step may be long where nothing moves yet. Each root is then refined on the value itself. A value of
-    exactly 0 counts as positive.
-
-    Args:
-        solution: Solution whose crossings are recorded.
-        watches: The watched values.
-        index: Index of the step.
-        y: State at the end of the step, projected onto the constraints, shape (nq + nv,).
-
-    Returns:
-        Whether the integration stops.
+    missed, however close they are. Values that depend on loads are interpolated on parts of the step, down to which the
+    series converge: a step may be long where nothing moves yet. Each root is then refined on the value itself. A value
+    of exactly 0 counts as positive. y is the state at the end of the step, projected onto the constraints.
     """
-    step, whole = solution.steps[index], np.array([[0.0, 1.0]])
-    crossings, turns = list[tuple[float, int]](), list[Turn]()
+    within = WithinStep(solution, index, y)
+    step, crossings, turns = within.step, list[tuple[float, int]](), list[Turn]()
     latest, slack = math.inf, SAME_INSTANT * max(abs(step.t), abs(step.h))
-    first = _states(solution, index, y, whole)
+    states = within.at_nodes(np.array([[0.0, 1.0]]))
     for number, watch in enumerate(watches):
-        for part in _parts(solution, index, y, watch, watch.value(*first)):
+        for part in _parts(within, watch, watch.value(*states)):
             start, length = step.t + step.h * part.low, step.h * (part.high - part.low)
             if start > latest + slack:
                 break
             if not part.resolved:
                 solution.unresolved.append((start, start + length))
-            near = turns_in(solution, index, watch, number, part.values, (part.low, part.high))
-            turns += (near := [turn for turn in near if _counts(solution, index, watch, turn.t)])
-            for instant in _instants(solution, index, watch, part, near):
+            near = turns_in(within, watch, number, part.values, (part.low, part.high))
+            turns += (near := [turn for turn in near if _counts(within, watch, turn.t)])
+            for instant in _instants(within, watch, part, near):
                 if watch.level is not None and _stays(solution, watch, (number, instant), crossings, turns):
                     continue
                 crossings.append((instant, number))
                 latest = min(latest, instant) if watch.stops else latest
-    within, stop = _until_stop(sorted(crossings), watches, slack)
+    located, stop = _until_stop(sorted(crossings), watches, slack)
     if stop is not None or step.until >= solution.intervals[-1].end:
-        end, last = step.until if stop is None else stop, {number: instant for instant, number in within}
+        end, last = step.until if stop is None else stop, {number: instant for instant, number in located}
         crossings += [(end, number) for number, watch in enumerate(watches)
-                      if _reaches(solution, index, watch, last.get(number, step.t), end)]  # fmt: skip
-        within, stop = _until_stop(sorted(crossings), watches, slack)
-    note_nearest(solution, turns, math.inf if stop is None else stop, within[-1][1] if within else -1)
-    for instant, number in within:
-        q, v = solution.states_in(np.array([index]), np.array([instant]))
-        solution.crossings.append(Crossing(number, instant, q[0], v[0]))
+                      if _reaches(within, watch, last.get(number, step.t), end)]  # fmt: skip
+        located, stop = _until_stop(sorted(crossings), watches, slack)
+    note_nearest(solution, turns, math.inf if stop is None else stop, located[-1][1] if located else -1)
+    for instant, number in located:
+        (q,), (v,) = solution.states_in(np.array([index]), np.array([instant]))
+        solution.crossings.append(Crossing(number, instant, q, v))
     if stop is not None:
         solution.steps.end_at(index, stop)
     return stop is not None
 
 
-def _instants(solution: Solution, index: int, watch: Watch, part: StepPart, turns: Sequence[Turn]) -> Iterator[float]:
+def _instants(within: WithinStep, watch: Watch, part: StepPart, turns: Sequence[Turn]) -> Iterator[float]:
     """Yield when a watched value comes to 0 in a part of a step [s], but for where it only leaves its start."""
-    step = solution.steps[index]
+    step = within.step
     start, length = step.t + step.h * part.low, step.h * (part.high - part.low)
     for low, high, above in _brackets(part.values, watch.direction, watch.level, turns):
         bracket = start + length * low, start + length * high
-        instant = _refined(solution, index, watch, bracket, above=above) if low < high else bracket[0]
-        if instant is None or not _counts(solution, index, watch, instant):
+        instant = _refined(within, watch, bracket, above=above) if low < high else bracket[0]
+        if instant is None or not _counts(within, watch, instant):
             continue
-        if start == watch.begins and _leaves(solution, index, watch, instant, part.values):
+        if start == watch.begins and _leaves(within, watch, instant, part.values):
             continue
         yield instant
 
@@ -198,38 +184,11 @@ class StepPart(NamedTuple):
     resolved: bool
 
 
-def _states(solution: Solution, index: int, y: Array, parts: Array) -> tuple[Array, Array, Array]:
-    """Return instants and states at the nodes of parts of a step one after the other; see ``locate_crossings``.
-
-    Args:
-        solution: The solution.
-        index: Index of the step.
-        y: State at its end.
-        parts: Both ends of each part, from 0 to 1, in order of time, shape (p, 2).
-    """
-    step, nq = solution.steps[index], solution.manifold.nq
-    t = step.t + step.h * (parts[:, :1] + np.diff(parts) * nodes(solution.method.subdivisions))
-    if parts[-1, 1] == 1.0:
-        t[-1, -1] = step.until
-    q, v = solution.states_in(np.full(t.size, index), t.ravel())
-    for place, end, known in ((0, parts[0, 0] == 0.0, step.y), (-1, parts[-1, 1] == 1.0, y)):
-        if end:
-            q[place], v[place] = known[:nq], known[nq:]
-    return t.ravel(), q, v
-
-
-def _parts(solution: Solution, index: int, y: Array, watch: Watch, values: Array) -> Iterator[StepPart]:
-    """Yield the parts of a step on which a value is interpolated, in order of time.
+def _parts(within: WithinStep, watch: Watch, values: Array) -> Iterator[StepPart]:
+    """Yield the parts of a step on which a value is interpolated, in order of time, given its values at the nodes.
 
     Parts whose series do not show the signs are halved, the first ones first: what follows a crossing is not looked at.
     The farther there is none, the more are halved in one call.
-
-    Args:
-        solution: The solution.
-        index: Index of the step.
-        y: State at its end.
-        watch: What is watched.
-        values: Its values at the nodes of the whole step.
     """
     known = not watch.loaded or bool(resolved(values[None])[0])
     waiting, left, at_once = [StepPart(0.0, 1.0, values, known)], MOST_STATES, 1
@@ -240,10 +199,10 @@ def _parts(solution: Solution, index: int, y: Array, watch: Watch, values: Array
             continue
         some = [waiting.pop() for _ in range(min(at_once, len(waiting)))]
         ends = np.array([half for part in some if not part.resolved for half in _halves(part)])
-        found = watch.value(*_states(solution, index, y, ends)).reshape(len(ends), -1)
+        found = watch.value(*within.at_nodes(ends)).reshape(len(ends), -1)
         seen = resolved(found) | (ends[:, 1] - ends[:, 0] <= LEAST_PART)
         halves = iter([*map(StepPart, *ends.T.tolist(), found, seen.tolist())])
-        divided = [one for part in some for one in ([part] if part.resolved else [next(halves), next(halves)])]
+        divided = [each for part in some for each in ([part] if part.resolved else [next(halves), next(halves)])]
         waiting += divided[::-1]
         left -= found.size
 
@@ -259,13 +218,8 @@ def _until_stop(
 ) -> tuple[list[tuple[float, int]], float | None]:
     """Return the crossings up to the one that stops the integration, which comes last, and its instant.
 
-    Of those that stop at one instant it is that of the first watched value. What else is crossed at that instant
-    counts, be it by rounding after it.
-
-    Args:
-        crossings: Instants and numbers of the watched values, in order of time.
-        watches: The watched values.
-        slack: Difference of instants that are one [s].
+    Of those that stop within ``slack`` [s] it is that of the first watched value. Other crossings at that instant
+    count, even if rounding puts them after it.
     """
     stops = [(instant, number) for instant, number in crossings if watches[number].stops]
     if not stops:
@@ -304,16 +258,10 @@ def resolved(values: Array) -> Flags:
 def _brackets(
     values: Array, direction: int, level: float | None = None, turns: Sequence[Turn] = ()
 ) -> list[tuple[float, float, bool]]:
-    """Return intervals in [0, 1], each with one zero crossing in the given direction of values at the nodes.
+    """Return intervals in [0, 1], each with one zero crossing of values at the nodes, and if these are positive before.
 
-    Also whether the values are positive before it. Where they turn back at 0 both ends are the place at which they do;
-    the crossings just before and behind it are none.
-
-    Args:
-        values: The values.
-        direction: See ``Watch``.
-        level: See ``Watch``.
-        turns: Where they turn.
+    Where they turn back at 0 both ends are the place of the turn; the crossings just before and behind it are none. For
+    direction and level see ``Watch``.
     """
     series, touches = series_of(values), [turn for turn in turns if turn.is_open and level is not None]
     if not np.isfinite(series).all() or (_is_one_sided(series) and not touches):
@@ -344,45 +292,40 @@ def _is_between(roots: Array, place: float) -> Flags:
     return np.asarray((roots[:-1] <= place) & (place <= roots[1:]))
 
 
-def _refined(
-    solution: Solution, index: int, watch: Watch, bracket: tuple[float, float], *, above: bool
-) -> float | None:
+def _refined(within: WithinStep, watch: Watch, bracket: tuple[float, float], *, above: bool) -> float | None:
     """Return the first instant after a crossing in a bracket, to rounding [s]; ``None`` where only its series has one.
 
-    At the end of a step the state is closed, and the value of that counts.
+    The crossing may lie before the bracket by the rounding of the series. At the end of a step the state is closed, and
+    its value counts.
 
     Args:
-        solution: The solution.
-        index: Index of the step.
-        watch: What is watched.
-        bracket: Two instants [s]; the crossing may lie before the first by the rounding of the series.
+        within: The step.
+        watch: The watched value.
+        bracket: Two instants [s].
         above: Whether the value is positive before the crossing.
     """
     low, high = bracket
 
     def value(*t: float) -> list[float]:
-        found = watch.value(np.array(t), *solution.states_in(np.full(len(t), index), np.array(t)))
-        return [one or math.ulp(0.0) for one in found.tolist()]
+        return [x or math.ulp(0.0) for x in within.evaluate(watch.value, t).tolist()]
 
-    begins = float(solution.steps.t[index])
+    begins = within.step.t
     first, at_low, at_high = value(begins, low, high)  # together: at the end of an interval, what is before its jumps
     if (at_low > 0.0) != above and (first > 0.0) == above:
         low, high, at_low, at_high = begins, low, first, at_low
     if (at_low > 0.0) == (at_high > 0.0):
-        return high if (at_low > 0.0) == above and high >= float(solution.steps.until[index]) else None
+        return high if (at_low > 0.0) == above and high >= within.step.until else None
     return _sign_change(lambda t: value(t)[0], (low, high), (at_low, at_high))
 
 
-def _counts(solution: Solution, index: int, watch: Watch, instant: float) -> bool:
+def _counts(within: WithinStep, watch: Watch, instant: float) -> bool:
     """Tell whether a crossing of a watched value in a step counts."""
-    t = np.array([instant])
-    return watch.counts is None or bool(watch.counts(t, *solution.states_in(np.array([index]), t))[0])
+    return watch.counts is None or bool(within.evaluate(watch.counts, [instant])[0])
 
 
-def _leaves(solution: Solution, index: int, watch: Watch, instant: float, values: Array) -> bool:
+def _leaves(within: WithinStep, watch: Watch, instant: float, values: Array) -> bool:
     """Tell whether a value only leaves 0, where the motion begins, at an instant of its first step."""
-    t = watch.begins + np.array([0.0, 0.5, 1.0]) * (instant - watch.begins)
-    before = watch.value(t, *solution.states_in(np.full(len(t), index), t))
+    before = within.evaluate(watch.value, watch.begins + np.array([0.0, 0.5, 1.0]) * (instant - watch.begins))
     return bool(np.abs(before).max() <= LEFT * np.abs(values).max() + ROUNDED)
 
 
@@ -392,12 +335,8 @@ def _stays(
 ) -> bool:  # fmt: skip
     """Tell whether a value has been 0, but for its error, since it last came to 0: then it does not come to 0 again.
 
-    Args:
-        solution: The solution.
-        watch: What is watched.
-        found: Its index, and when it is 0 [s].
-        crossings: Crossings in the step until then.
-        turns: Turns in the step until then.
+    ``found`` is the index of the watch and the instant at which its value is 0 [s]; crossings and turns are those in
+    the step until then.
     """
     number, instant = found
     known = [solution.nearest[number]] if number in solution.nearest else []
@@ -410,24 +349,18 @@ def _stays(
     return bool(np.abs(watch.value(t, *solution.states(t))).max() <= error)
 
 
-def _reaches(solution: Solution, index: int, watch: Watch, start: float, end: float) -> bool:
-    """Tell whether a value comes to 0, but for rounding, where the integration ends; see ``Watch.level``.
+def _reaches(within: WithinStep, watch: Watch, start: float, end: float) -> bool:
+    """Tell whether a value comes to 0, but for rounding, where the integration ends [s]; see ``Watch.level``.
 
-    Args:
-        solution: The solution.
-        index: Index of the last step.
-        watch: What is watched.
-        start: Start of the step, or the last crossing in it [s].
-        end: When the integration ends [s].
+    ``start`` is the start of the last step, or the last crossing in it [s].
     """
     if watch.level is None or not start < end:
         return False
-    t, step = np.array([0.5 * (start + end), end]), solution.steps[index]
-    middle, last = watch.value(t, *solution.states_in(np.full(2, index), t))
-    soon = SAME_INSTANT * max(abs(end), abs(step.h)) / (end - start)
+    middle, last = within.evaluate(watch.value, [0.5 * (start + end), end])
+    soon = SAME_INSTANT * max(abs(end), abs(within.step.h)) / (end - start)
     rounding = (REACHED + soon) * abs(middle) + DIGITS * watch.level
     there = abs(last) <= rounding < abs(middle) and watch.direction in (0, -1 if middle > 0.0 else 1)
-    return bool(there) and _counts(solution, index, watch, end)
+    return bool(there) and _counts(within, watch, end)
 
 
 def _sign_change(value: Callable[[float], float], bracket: tuple[float, float], at_ends: tuple[float, float]) -> float:

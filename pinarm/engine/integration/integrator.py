@@ -1,4 +1,4 @@
-"""Interfaces of time integration: an interval of smooth motion, the configuration space, and an integration method.
+"""Interfaces of time integration: an interval of smooth motion, the configuration space, and the cost.
 
 No module of this package knows mechanisms. A state is ``y = [q, v]``; arrays of states have leading axes.
 """
@@ -17,9 +17,6 @@ from pinarm.arrays import Array
 from pinarm.records import ValueRecord, replace
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.compiled_steps import CompiledSteps
-    from pinarm.engine.integration.methods.explicit import Adaptive
-    from pinarm.engine.integration.solution import DenseOutput, Solution, StepTable
     from pinarm.engine.kernel.library import Flow
 
 Acceleration = Callable[[float, Array, Array], Array]
@@ -194,49 +191,6 @@ class Count(Struct):
     stepped_over: int = 0
 
 
-class Stepper(Protocol):
-    """A method during the integration of one motion: the present state, and its buffers."""
-
-    y: Array
-    """Present state [q, v], shape (nq + nv,)."""
-
-    @property
-    def finite(self) -> bool:
-        """Whether the slopes last computed are finite."""
-        ...
-
-    def compiled(self, solution: Solution) -> CompiledSteps | None:
-        """Return the same steps by the compiled library, of a motion that it knows; ``None`` where it has none."""
-        ...
-
-    def begin(self, interval: Interval, y: Array) -> None:
-        """Set the state y at the start of an interval."""
-        ...
-
-    def first(self, h: float) -> float:
-        """Return the first step in the interval [s]; h is the one proposed in the previous interval, or 0."""
-        ...
-
-    def attempt(self, t: float, h: float) -> float:
-        """Compute a step from the present state; return its error over the tolerance, NaN where it failed.
-
-        A step is accepted where this is at most 1.
-        """
-        ...
-
-    def along(self, t: float, h: float) -> tuple[Array, Array]:
-        """Return instants along the last attempt, its ends included, shape (n,), and states, shape (n, nq + nv)."""
-        ...
-
-    def retry(self, h: float, error: float) -> float:
-        """Return the step to try after a rejected one of this length and error [s]; 0 to give up."""
-        ...
-
-    def accept(self, t: float, h: float, error: float) -> tuple[Array, float]:
-        """Move to the end t of the step, projected onto the constraints; return its slopes and the next step [s]."""
-        ...
-
-
 class Doubt(ValueRecord, frozen=True):
     """A sign that a method or its step was a poor choice.
 
@@ -249,54 +203,3 @@ class Doubt(ValueRecord, frozen=True):
     kind: str
     size: float
     text: str
-
-
-class Method(Protocol):
-    """An integration method with its settings."""
-
-    @property
-    def name(self) -> str:
-        """Name for messages."""
-        ...
-
-    @property
-    def order(self) -> int:
-        """Order of the step."""
-        ...
-
-    @property
-    def subdivisions(self) -> int:
-        """Parts of a step for the location of events; the dense output has a degree of at most twice their number."""
-        ...
-
-    @property
-    def tangent(self) -> bool:
-        """Whether the dense output leaves the start of a step with the slopes of the state there."""
-        ...
-
-    @property
-    def remedy(self) -> str:
-        """What to try where the method fails, for error messages."""
-        ...
-
-    @property
-    def tolerance(self) -> float:
-        """Local error per step, relative to ``size + |y|``, see ``Interval.size``; 0 where steps have one length."""
-        ...
-
-    @property
-    def pair(self) -> Adaptive | None:
-        """The method itself where it is an embedded pair, with which many motions can be integrated at once."""
-        ...
-
-    def stepper(self, manifold: Manifold, count: Count) -> Stepper:
-        """Return a stepper of this method on a manifold; it counts its work in ``count``."""
-        ...
-
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> DenseOutput:
-        """Return the dense output of steps in one interval."""
-        ...
-
-    def diagnose(self, solution: Solution) -> list[Doubt]:
-        """Return the signs in a solution that the method or its step was a poor choice."""
-        ...

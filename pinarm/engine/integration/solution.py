@@ -10,10 +10,11 @@ import numpy as np
 from msgspec import Struct, field
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.integration.integrator import Count, Interval, Manifold, Method
+from pinarm.engine.integration.integrator import Count, Interval, Manifold
 from pinarm.records import Record, ValueRecord
 
 if TYPE_CHECKING:
+    from pinarm.engine.integration.methods import Method
     from pinarm.engine.integration.turns import Turn
 
 LEAST = 16

@@ -7,18 +7,19 @@ errors of steps add up. Where the motion is unstable, errors grow beyond that; a
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.integration.methods.explicit import FixedStep
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.events import Watch
-    from pinarm.engine.integration.solution import Solution
+    from pinarm.engine.integration.solution import Solution, Step
 
 BESIDE = 1e-3
 """Part of a step up to which roots outside of it are told from those within: one at an end may be on either side."""
@@ -80,15 +81,49 @@ class Turn(NamedTuple):
         return self.error / abs(self.margin) if self.margin else math.inf
 
 
+class WithinStep(Record, frozen=True):
+    """States within a step of a solution.
+
+    Attributes:
+        solution: The solution.
+        index: Index of the step.
+        end: State at its end, projected onto the constraints, shape (nq + nv,).
+    """
+
+    solution: Solution
+    index: int
+    end: Array
+
+    @property
+    def step(self) -> Step:
+        """The step."""
+        return self.solution.steps[self.index]
+
+    def evaluate(self, function: Callable[[Array, Array, Array], Any], t: Sequence[float] | Array) -> Any:
+        """Return the values of a function of the states at instants t [s], shape (n,)."""
+        instants = np.asarray(t)
+        return function(instants, *self.solution.states_in(np.full(len(instants), self.index), instants))
+
+    def at_nodes(self, parts: Array) -> tuple[Array, Array, Array]:
+        """Return instants and states at the nodes of parts of the step one after the other.
+
+        Both ends of each part are given, from 0 to 1, in order of time, shape (p, 2).
+        """
+        step, nq = self.step, self.solution.manifold.nq
+        t = step.t + step.h * (parts[:, :1] + np.diff(parts) * nodes(self.solution.method.subdivisions))
+        if parts[-1, 1] == 1.0:
+            t[-1, -1] = step.until
+        q, v = self.solution.states_in(np.full(t.size, self.index), t.ravel())
+        for place, end, known in ((0, parts[0, 0] == 0.0, step.y), (-1, parts[-1, 1] == 1.0, self.end)):
+            if end:
+                q[place], v[place] = known[:nq], known[nq:]
+        return t.ravel(), q, v
+
+
 def may_turn(solution: Solution, watch: Watch, number: int, values: Array, indices: Indices) -> Flags:
     """Return in which steps a watched value may turn nearer to 0 than ever, or so near that it may be 0, shape (m,).
 
-    Args:
-        solution: The solution.
-        watch: What is watched.
-        number: Its index.
-        values: Values at the nodes, shape (m, k).
-        indices: Indices of the steps, shape (m,).
+    Values at the nodes have the shape (m, k), indices of the steps the shape (m,).
     """
     if not watch.decides:
         return np.zeros(len(values), dtype=bool)
@@ -108,21 +143,13 @@ def may_turn(solution: Solution, watch: Watch, number: int, values: Array, indic
     return np.asarray(found & near)
 
 
-def turns_in(
-    solution: Solution, index: int, watch: Watch, number: int, values: Array, part: tuple[float, float]
-) -> list[Turn]:
+def turns_in(within: WithinStep, watch: Watch, number: int, values: Array, part: tuple[float, float]) -> list[Turn]:
     """Return where a watched value turns in a part of a step, if it may be near 0 there, in order of time.
 
-    A value that depends on loads is decided at the start of a motion, too: it must not be negative there.
-
-    Args:
-        solution: The solution.
-        index: Index of the step.
-        watch: What is watched.
-        number: Its index.
-        values: Values at the nodes of the part.
-        part: Its ends, from 0 to 1 in the step.
+    A value that depends on loads is decided at the start of a motion, too: it must not be negative there. Values are
+    those at the nodes of the part, whose ends are from 0 to 1 in the step.
     """
+    solution, index = within.solution, within.index
     if not watch.decides or not may_turn(solution, watch, number, values[None], np.array([index]))[0]:
         return []
     places, signs = _extremes(values)
@@ -133,10 +160,10 @@ def turns_in(
         if watch.loaded:
             places, signs = np.append(0.0, places), np.append(1.0, signs)
     rounding = 0.0 if watch.level is None else REACHED * float(np.abs(values).max()) + DIGITS * watch.level
-    within = part[0] + (part[1] - part[0]) * places
+    wheres = part[0] + (part[1] - part[0]) * places
     return [
-        Turn(number, *_state_margin(solution, index, watch, where, place, sign, rounding))
-        for where, place, sign in zip(within.tolist(), places.tolist(), signs.tolist(), strict=True)
+        _turn(within, watch, number, (where, place, sign), rounding)
+        for where, place, sign in zip(wheres.tolist(), places.tolist(), signs.tolist(), strict=True)
     ]
 
 
@@ -152,16 +179,14 @@ def _extremes(values: Array) -> tuple[Array, Array]:
     return 0.5 + 0.5 * real, np.sign(bend)
 
 
-def _state_margin(
-    solution: Solution, index: int, watch: Watch, where: float, place: float, sign: float, rounding: float
-) -> tuple[float, float, float, float, float, float, float]:
-    """Return the fields of a turn at a place of a step but for its watch."""
-    step = solution.steps[index]
-    t = np.array([step.t + where * step.h])
-    state, each = (t, *solution.states_in(np.array([index]), t)), step_error(solution, index)
-    margin, wrong = float((watch.margin or watch.value)(*state)[0]), solution.begun_with + each * (index + where)
-    error = wrong * watch.sensitivity(*state) if wrong and watch.sensitivity else 0.0
-    return float(t[0]), place, sign, margin, error + rounding, wrong, each
+def _turn(within: WithinStep, watch: Watch, number: int, place: tuple[float, float, float], rounding: float) -> Turn:
+    """Return the turn at a place: where in the step, where in its part, and its sign."""
+    step, solution, (where, in_part, sign) = within.step, within.solution, place
+    t, each = step.t + where * step.h, step_error(solution, within.index)
+    margin = float(within.evaluate(watch.margin or watch.value, [t])[0])
+    wrong = solution.begun_with + each * (within.index + where)
+    error = wrong * within.evaluate(watch.sensitivity, [t]) if wrong and watch.sensitivity else 0.0
+    return Turn(number, t, in_part, sign, margin, error + rounding, wrong, each)
 
 
 def step_error(solution: Solution, index: int) -> float:
@@ -175,11 +200,7 @@ def step_error(solution: Solution, index: int) -> float:
 def note_nearest(solution: Solution, turns: Sequence[Turn], stop: float, stopping: int) -> None:
     """Keep the turn of every watch that is the least certain; none behind a stop, but the turn that the stop cuts off.
 
-    Args:
-        solution: The solution.
-        turns: Turns in a step.
-        stop: Instant at which the integration stops [s].
-        stopping: Index of the watch that stops it.
+    ``stop`` is the instant at which the integration stops [s], ``stopping`` the index of the watch that stops it.
     """
     for turn in turns:
         known = solution.nearest.get(turn.watch)

@@ -49,10 +49,6 @@ class Flow(Record, frozen=True):
         """Whether accepted states are brought back onto constraints."""
         return bool(self.structure.settle)
 
-    def copied(self) -> Flow | None:
-        """Return the same motion with buffers of its own, for another thread; ``None`` where it has a state."""
-        return None
-
     def ready(self) -> None:
         """Bring the system to the present state of the motion."""
 
@@ -133,8 +129,7 @@ LEFT_OUT = "not built: no C compiler, one that failed, or PINARM_KERNEL=off"
 def library() -> ctypes.PyDLL | None:
     """Return the library; ``None`` where there is none, it does not fit, or ``PINARM_KERNEL=off`` switches it off.
 
-    It keeps Python's lock while it computes: the buffers of a mechanism serve one thread at a time. Where each thread
-    has buffers of its own, ``compiled_steps.take_many`` calls it without.
+    It keeps Python's lock while it computes: the buffers of a mechanism serve one thread at a time.
     """
     if os.environ.get(SWITCH) == "off" or not PATH.exists():
         return None

@@ -105,10 +105,6 @@ class TreeFlow(Flow, frozen=True):
         n = tree.structure.nq + tree.structure.nv
         return cls(FlowStructure(n, rates, None, pointer(NO_FLOOR), None, ctypes.addressof(tree.structure)), tree)
 
-    def copied(self) -> TreeFlow:
-        """Return the same motion with buffers of its own."""
-        return TreeFlow.of(self.system.copied(), self.structure.rates)
-
 
 class HeldFlow(Flow, frozen=True):
     """The free motion of a tree under loads that are held between samples: they are written where the library reads.

@@ -1,4 +1,4 @@
-"""Closed configurations of no special kind, at which a mechanism is judged: its mobility, and what is determined.
+"""Closed configurations of no special kind: mobility of a mechanism, and the number of laws that it needs.
 
 The rank of G is the same at nearly all configurations of a branch, and smaller at singular positions, such as a linkage
 folded flat. The zero position of a model may be open, or singular.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,7 @@ from pinarm.errors import AssemblyError
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
+    from pinarm.mechanics.laws.motion_law import MotionLaw
 
 BESIDE, STEP = 4, 0.2
 """Number of closed configurations that are compared with the first one, and how far each is from the one before
@@ -70,6 +72,39 @@ def mobility_when_closed(mechanism: Mechanism) -> int:
     """
     closure = mechanism.closure
     return int(closure.split(closure.rows(closure.state(closed_generic(mechanism, mechanism.start)))).free.shape[1])
+
+
+def determining(mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> PrescribedCoordinates:
+    """Return the prescribed coordinates of a mechanism all of whose joints are to follow.
+
+    Checked here: that they are not fewer than coordinates less constraint rows, and not more than coordinates. The rest
+    is checked once the mechanism is assembled.
+
+    Raises:
+        InputError: A coordinate does not exist, or there are too few or too many.
+        AssemblyError: There are too many, and loops that cannot be closed.
+    """
+    prescribed, closure = PrescribedCoordinates.bound(mechanism, motion), mechanism.closure
+    least = mechanism.model.nv - closure.size  # redundant rows leave more freedom than this says
+    if len(prescribed.names) < least:
+        with suppress(AssemblyError):
+            least = mobility_when_closed(mechanism)
+        raise prescribed.miscounted(mechanism, least)
+    if len(prescribed.names) > mechanism.model.nv - int(closure.ties):
+        check_excess(mechanism, prescribed)
+    return prescribed
+
+
+def check_excess(mechanism: Mechanism, prescribed: PrescribedCoordinates) -> None:
+    """Raise where coordinates are more than the degrees of freedom: their values fit one another nowhere, or by chance.
+
+    Raises:
+        InputError: Says how many of them can follow laws.
+        AssemblyError: The loops cannot be closed.
+    """
+    mobility = mobility_when_closed(mechanism)
+    if len(prescribed.names) > mobility:
+        raise prescribed.miscounted(mechanism, mobility)
 
 
 def beside(mechanism: Mechanism, q: Array) -> list[Array]:

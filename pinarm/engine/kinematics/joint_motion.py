@@ -1,15 +1,16 @@
-"""From the motion of coordinates to that of the joints: positions, velocities and accelerations, exact to rounding.
+"""Inverse kinematics: positions, velocities and accelerations of joints from those of coordinates, to rounding.
 
 With coordinates w of a mechanism prescribed, the constraints phi of its loops and couplings, and J the rows of both:
 ``phi(q) = 0`` and ``w(q) = w_d(t)``, then ``J v = (0, w_d')`` and ``J a = (0, w_d'') - J' v``. All rows of the table
-are solved at once where the equations are linear; elsewhere a branch is continued (``engine.branch``).
+are solved at once where the equations are linear; elsewhere a branch is continued (``continuation``).
 """
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -21,35 +22,39 @@ from pinarm.errors import AssemblyError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw, Values
-from pinarm.records import Record
+from pinarm.records import AbstractRecord, Record
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
 
 
-class JointMotion(Protocol):
-    """How the joints of a mechanism follow prescribed coordinates."""
+class JointMotion(AbstractRecord, frozen=True):
+    """How the joints of a mechanism follow prescribed coordinates.
 
-    @property
-    def prescribed(self) -> PrescribedCoordinates:
-        """The prescribed coordinates with their laws."""
-        ...
+    Attributes:
+        mechanism: The mechanism.
+        prescribed: The coordinates with their laws.
+    """
+
+    mechanism: Mechanism
+    prescribed: PrescribedCoordinates
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
         """The prescribed coordinates."""
-        ...
+        return self.prescribed.coordinates
 
     @property
     def laws(self) -> tuple[MotionLaw, ...]:
         """Their laws."""
-        ...
+        return self.prescribed.laws
 
     @property
     def jumps(self) -> tuple[str, ...]:
-        """What there is to say of instants at which velocities jump, though those of the laws do not."""
-        ...
+        """Instants at which velocities jump though the laws do not, in words."""
+        return ()
 
+    @abstractmethod
     def begin(self, grid: Grid, start: Array) -> Assembly:
         """Return a configuration at the first of some rows, given that of the drawing or of the start, shape (nq,).
 
@@ -57,8 +62,8 @@ class JointMotion(Protocol):
             AssemblyError: It cannot be reached.
             InputError: Several may be meant.
         """
-        ...
 
+    @abstractmethod
     def follow(self, grid: Grid, start: Array) -> JointTrajectory:
         """Return the motion at the rows of a grid.
 
@@ -69,8 +74,8 @@ class JointMotion(Protocol):
         Raises:
             AssemblyError: A position cannot be reached.
         """
-        ...
 
+    @abstractmethod
     def rates(self, t: float, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
         """Return velocities and accelerations at configurations of the motion, each of shape (n, nv).
 
@@ -80,11 +85,10 @@ class JointMotion(Protocol):
             dw: Velocities of the prescribed coordinates, shape (k,).
             ddw: Their accelerations, shape (k,).
         """
-        ...
 
     def figures(self, states: JointTrajectory) -> Mapping[str, float]:
-        """Return how well the rows keep to what is prescribed, by name; nothing where the rows say so themselves."""
-        ...
+        """Return how well the rows keep to what is prescribed, by name; nothing where they do to rounding."""
+        return {}
 
 
 class JointTrajectory(Record, frozen=True):
@@ -105,31 +109,8 @@ class JointTrajectory(Record, frozen=True):
     a: Array
 
 
-class DeterminedMotion(Record, frozen=True):
-    """The motion of a mechanism with as many prescribed coordinates as degrees of freedom.
-
-    Attributes:
-        mechanism: The mechanism.
-        prescribed: The coordinates.
-    """
-
-    mechanism: Mechanism
-    prescribed: PrescribedCoordinates
-
-    @property
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """The prescribed coordinates."""
-        return self.prescribed.coordinates
-
-    @property
-    def laws(self) -> tuple[MotionLaw, ...]:
-        """Their laws."""
-        return self.prescribed.laws
-
-    @property
-    def jumps(self) -> tuple[str, ...]:
-        """Nothing: velocities jump with the laws."""
-        return ()
+class DeterminedMotion(JointMotion, frozen=True):
+    """The motion of a mechanism with as many prescribed coordinates as degrees of freedom."""
 
     def begin(self, grid: Grid, start: Array) -> Assembly:
         """Return the first position: see ``first_position``."""
@@ -137,7 +118,7 @@ class DeterminedMotion(Record, frozen=True):
         if prescribed.linear_in(closure):
             return Assembly(start)
         from pinarm.engine.kinematics.assembly import first_position
-        from pinarm.engine.kinematics.law_count import check_excess
+        from pinarm.engine.kinematics.closed_configurations import check_excess
 
         try:
             return first_position(closure, prescribed, prescribed.first(grid), float(grid.t[0]), start)
@@ -153,10 +134,6 @@ class DeterminedMotion(Record, frozen=True):
     def rates(self, t: float, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
         """Return velocities and accelerations: see ``JointMotion``."""
         return joint_rates(self.mechanism, self.prescribed, q, dw, ddw)
-
-    def figures(self, states: JointTrajectory) -> Mapping[str, float]:
-        """Return nothing: the coordinates of a table are the laws to rounding, or it is refused."""
-        return {}
 
 
 def follow(

@@ -31,7 +31,6 @@ from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling, JointRelation
 from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.records import Record
 
 STEP = 1e-30
@@ -87,7 +86,7 @@ def equation_derivatives(
 
 def tree_derivatives(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
     """Return M and the derivatives of ``M a + nle`` by q and by v, shape (nv, nv) each."""
-    data = new_data(model)
+    data = model.createData()  # smaller buffers have no room for derivatives
     pin.computeRNEADerivatives(model, data, q, v, a)
     upper = np.triu(data.M)
     return upper + np.triu(upper, 1).T, data.dtau_dq.copy(), data.dtau_dv.copy()

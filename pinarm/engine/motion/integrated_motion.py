@@ -75,11 +75,11 @@ class IntegratedMotion(Record, frozen=True):
 
     def _controlled(self, rows: Trajectory, controls: Controls) -> Trajectory:
         """Return states with the efforts of the controllers as those of drives, and their columns."""
-        from pinarm.engine.motion.segmented.controlled_motion import ControlledRows
+        from pinarm.engine.motion.segmented.recorded_control import control_rows
 
-        done = ControlledRows.of(self.motion, rows.grid, rows.q, rows.v)
+        efforts, columns = control_rows(self.motion, rows.grid, rows.q, rows.v)
         return replace(
-            driven_by(controls, rows), tau=rows.tau + done.efforts, columns={**rows.columns, **done.columns},
+            driven_by(controls, rows), tau=rows.tau + efforts, columns={**rows.columns, **columns},
             dynamics=controls.free,
         )  # fmt: skip
 
@@ -113,7 +113,7 @@ class IntegratedMotion(Record, frozen=True):
         """Return where controllers change what they do; see ``SolvedMotion``."""
         if not self.hybrid.controls:
             return np.empty(0)
-        from pinarm.engine.motion.segmented.controlled_motion import record_of
+        from pinarm.engine.motion.segmented.recorded_control import record_of
 
         return record_of(self.motion).history.times
 

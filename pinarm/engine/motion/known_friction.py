@@ -1,9 +1,9 @@
-"""Friction in a motion that is known: by the direction of every slip, and at rest a band of efforts.
+"""Friction in a known motion: by the direction of every slip, and at rest a band of efforts.
 
 The efforts of the drives and the reactions follow from the motion and from the friction, linearly. Friction of joints
 that slip, or are about to, has its direction from the motion. Of joints at rest it may be anything up to its bound:
 tables have it as 0, and beside it the efforts that begin to move each drive's coordinate up and down, by the friction
-at rest. Whatever lies between the two holds. Where joints stand still for an instant only, tables have the side of the
+at rest. Any effort between the two holds. Where joints stand still for an instant only, tables have the side of the
 motion, and the band is that of both: of the motion, and of joints that stay at rest there.
 """
 
@@ -20,11 +20,9 @@ import numpy as np
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.constraint_rows import rows_of
 from pinarm.engine.constraints.nullspace import split_rows
-from pinarm.engine.friction.carried_loads import CarriedLoads
 from pinarm.engine.friction.columns import BANDS, EffortBand, bands_of, friction_columns
-from pinarm.engine.friction.locking import ROUNDED, locks
 from pinarm.engine.friction.response import BearingReactions
-from pinarm.engine.friction.slipping import Slipping
+from pinarm.engine.friction.slipping import ROUNDED, CarriedLoads, Slipping
 from pinarm.engine.motion.standstill import STANDSTILL, at_rest, leading
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
@@ -49,16 +47,16 @@ FEW, MANY = 1e-9, 6
 
 @dataclass(frozen=True, eq=False)
 class KnownFriction:
-    """A motion, what drives it, and where there is friction.
+    """A motion of n rows, its drives, and the friction of its joints.
 
     Attributes:
-        run: The motion of n rows; its efforts are not looked at.
-        drives: What carries the load.
+        run: The motion; its efforts are not used.
+        drives: Of the motion.
         demand: ``M a + nle - loads`` without friction that sticks [N*m or N], shape (n, nv).
-        pace: What rounding of velocities and accelerations is judged against, shape (2, nv) of one motion, (n, 2, nv)
-            of separate states; see ``standstill``.
+        pace: Scale of rounding of velocities and accelerations, shape (2, nv) of one motion, (n, 2, nv) of separate
+            states; see ``standstill``.
         side: 1 where the motion that follows counts, -1 where the one that has ended does, shape (n,).
-        inside: Velocities a little inside the interval, looked at where a row stands still, shape (n, nv).
+        inside: Velocities a little inside the interval, used where a row stands still, shape (n, nv).
     """
 
     run: Trajectory
@@ -85,12 +83,10 @@ class KnownFriction:
         At standstill that of the motion beside the row, on its side of the interval; of a state of its own that of the
         motion about to begin. The pace of a slip is ``|J|`` times that of the joints.
         """
-        run = self.run
-        drift = slip_drifts(run.mechanism.model, run.mechanism.frictions, run.q, run.v)
-        paces = np.matvec(np.abs(self.rows)[:, None], self.pace)
-        rates, later = np.matvec(self.rows, run.a) + drift, np.matvec(self.rows, self.inside)
-        size = partial(sizes, run.mechanism.frictions)
-        return unit_vectors(run.mechanism.frictions, leading(self.slips, rates, paces, self.side, later, size))
+        run, contacts = self.run, self.run.mechanism.frictions
+        paces, later = np.matvec(np.abs(self.rows)[:, None], self.pace), np.matvec(self.rows, self.inside)
+        rates = np.matvec(self.rows, run.a) + slip_drifts(run.mechanism.model, contacts, run.q, run.v)
+        return unit_vectors(contacts, leading(self.slips, rates, paces, self.side, later, partial(sizes, contacts)))
 
     @cached_property
     def resting(self) -> Flags:
@@ -107,7 +103,7 @@ class KnownFriction:
 
     @cached_property
     def loads(self) -> list[CarriedLoads]:
-        """What the bearings carry, row by row."""
+        """Loads of the bearings, row by row."""
         contacts, n = self.run.mechanism.frictions, len(self.run)
         k = len(contacts)
         if not any(contact.law.loaded for contact in contacts):
@@ -115,40 +111,29 @@ class KnownFriction:
         self._require_determined()
         frictions = np.vstack([np.zeros(k), np.eye(k)])
         lam = np.stack([np.asarray(self.under(np.tile(f, (n, 1))).lam) for f in frictions], axis=1)
-        a, found = np.broadcast_to(self.run.a[:, None], (n, 1 + k, self.run.a.shape[1])), list[CarriedLoads]()
+        a, loads = np.broadcast_to(self.run.a[:, None], (n, 1 + k, self.run.a.shape[1])), list[CarriedLoads]()
         for part, dynamics in self.run.intervals():
             transmission = BearingReactions(contacts, self.run.closure, dynamics)
             for i in range(part.start, part.stop):
                 state = float(self.run.grid.t[i]), self.run.q[i], self.run.v[i]
-                found.append(transmission.loads(*state, a[i], lam[i], np.ones(k)))
-        return found
+                loads.append(transmission.loads(*state, a[i], lam[i], np.ones(k)))
+        return loads
 
     def _require_determined(self) -> None:
-        """Raise where rigid bodies do not determine what a bearing carries; the first row stands for all.
-
-        Raises:
-            DynamicsError: Says which.
-        """
+        """Raise where rigid bodies do not determine the load of a bearing; the first row stands for all."""
         run = self.run
         m, dynamics = run.mechanism.closure.size, run.intervals()[0][1]
         split = split_rows(run.closure.rows(run.closure.state(run.q[0]))[:m])
         BearingReactions(run.mechanism.frictions, run.mechanism.closure, dynamics).require_determined(split, run.q[0])
 
-    def friction(self, directions: Array, *, at_rest: bool) -> Array:
-        """Return the friction of slips in given directions, shape (n, k).
+    def _friction(self, row: int, direction: Array, *, at_rest: bool) -> Array:
+        """Return the friction of slips in given directions in one row, shape (k,).
 
-        Args:
-            directions: Shape (n, k).
-            at_rest: Whether joints whose slip is 0 have the friction of rest, which they have until they slip.
+        ``at_rest`` tells whether joints whose slip is 0 have the friction of rest, which they have until they slip.
 
         Raises:
             DynamicsError: There is none, or more than one.
         """
-        rows = [self._friction(i, direction, at_rest=at_rest) for i, direction in enumerate(directions)]
-        return np.array(rows).reshape(directions.shape)
-
-    def _friction(self, row: int, direction: Array, *, at_rest: bool) -> Array:
-        """Return the friction in one row, shape (k,)."""
         equation = self._equation(row, direction, at_rest=at_rest)
         if not equation.require_one_root():
             raise self._jammed(row, direction)
@@ -174,7 +159,8 @@ class KnownFriction:
 
     def solved(self) -> Trajectory:
         """Return the motion with its friction and efforts, and the columns ``joint.J.effort.lower`` and ``.upper``."""
-        run = self.under(self.friction(self.directions, at_rest=False))
+        friction = [self._friction(i, direction, at_rest=False) for i, direction in enumerate(self.directions)]
+        run = self.under(np.reshape(friction, self.directions.shape))
         return replace(run, columns={**run.columns, **self._bands(self.drives.coordinates(run.mechanism))})
 
     def _bands(self, coordinates: Mapping[str, Coordinate]) -> dict[str, Series]:
@@ -202,12 +188,10 @@ class KnownFriction:
         return columns
 
     def _held_for_an_instant(self, way: Array) -> tuple[Indices, KnownFriction | None]:
-        """Return the rows at which joints are at rest for an instant, and what stays at rest there; ``None`` if none.
+        """Return the rows at which joints are at rest for an instant, and their motion without that of the coordinate.
 
-        Without the acceleration of the drive's coordinate, and with what follows from it, joints would stay at rest.
-
-        Args:
-            way: The motion of all joints per unit of the coordinate, shape (n, nv).
+        Without the acceleration of the drive's coordinate joints would stay at rest. ``way`` is the motion of all
+        joints per unit of the coordinate, shape (n, nv).
         """
         run, slips = self.run, np.matvec(self.rows, way)
         moved = np.abs(slips) > MOVES * np.abs(way).max(axis=1, keepdims=True)
@@ -230,39 +214,35 @@ class KnownFriction:
         run = self.run
         along = rows_of(run.mechanism.model, list(coordinates.values()), run.q)
         own = run.mechanism.closure.at(run.q)[1]
-        found = np.empty((len(run), run.v.shape[1], len(coordinates)))
+        ways = np.empty((len(run), run.v.shape[1], len(coordinates)))
         for i in range(len(run)):
             free = split_rows(own[i]).free
-            found[i] = free @ np.linalg.lstsq(along[i] @ free, np.eye(len(coordinates)))[0]
-        return found
+            ways[i] = free @ np.linalg.lstsq(along[i] @ free, np.eye(len(coordinates)))[0]
+        return ways
 
     def _effort(self, way: Array, sign: float) -> Array:
         """Return the effort that begins to move a drive's coordinate up or down, shape (n,).
 
-        Joints that do not move with it, as a piston at its dead centre, may rub either way: that counts which holds
-        best. It is infinite where friction holds any effort; see ``locking``.
+        Joints that do not move with it, as a piston at its dead centre, may rub either way: the way that holds best
+        counts. It is infinite where friction holds any effort; see ``Slipping.locks``.
         """
         slips, contacts = np.matvec(self.rows, way), self.run.mechanism.frictions
         largest = np.abs(slips).max(axis=1, keepdims=True, initial=0.0)
         begun = sign * unit_vectors(contacts, np.where(np.abs(slips) > MOVES * largest, slips, 0.0))
         directions = np.where(self.resting, begun, self.directions)
-        terms, found = way * self.demand, np.empty(len(way))
+        terms, efforts = way * self.demand, np.empty(len(way))
         for i, direction in enumerate(directions):
             size = float(np.abs(terms[i]).sum())
-            held = max(self._held(i, one, sign * slips[i], size) for one in self._possible(i, direction))
-            found[i] = terms[i].sum() + sign * held
-        return found
+            held = max(self._held(i, possible, sign * slips[i], size) for possible in self._possible(i, direction))
+            efforts[i] = terms[i].sum() + sign * held
+        return efforts
 
     def _held(self, row: int, direction: Array, slips: Array, size: float) -> float:
         """Return by how much friction raises the effort that begins to move a coordinate; infinite where it locks.
 
-        Args:
-            row: Of the motion.
-            direction: Of the slips, shape (k,).
-            slips: Per unit by which the coordinate moves, shape (k,).
-            size: Of the terms of its effort without friction [N*m or N].
+        ``slips`` are per unit of the coordinate, ``size`` is that of the terms of its effort without friction.
         """
-        if self.resting[row].all() and locks(self._equation(row, direction, at_rest=True), slips, size):
+        if self.resting[row].all() and self._equation(row, direction, at_rest=True).locks(slips, size):
             return np.inf
         return float(-slips @ self._friction(row, direction, at_rest=True))
 
@@ -281,61 +261,34 @@ class KnownFriction:
         if len(idle) > MANY:
             raise DynamicsError(f"{len(idle)} joints that stand still load those that begin to move",
                                 expected=f"friction in at most {MANY} of them")  # fmt: skip
-        found = []
-        for signs in product([1.0, -1.0], repeat=len(idle)):
-            one = direction.copy()
-            one[idle] = signs
-            found.append(one)
-        return found
+        directions = np.tile(direction, (2 ** len(idle), 1))
+        directions[:, idle] = list(product([1.0, -1.0], repeat=len(idle)))
+        return list(directions)
 
 
 def standing(run: Trajectory, rows: Array, pace: Array) -> Flags:
-    """Return which joints with friction have no velocity but for rounding, shape (n, k).
-
-    Args:
-        run: The motion.
-        rows: J of the k slips, shape (n, k, nv).
-        pace: See ``KnownFriction``.
-    """
+    """Return which joints, with J of the k slips, have no velocity but for rounding, shape (n, k)."""
     slips, rounding = np.matvec(rows, run.v), STANDSTILL * np.matvec(np.abs(rows), pace[..., 0, :])
     return np.asarray(sizes(run.mechanism.frictions, np.where(np.abs(slips) > rounding, slips, 0.0)) == 0.0)
 
 
 def notes_of(run: Trajectory, pace: Array) -> list[str]:
-    """Return what is to be said of a motion with joints at rest under friction.
-
-    Args:
-        run: The motion of n rows, with the bands of d drives.
-        pace: See ``KnownFriction``.
-    """
+    """Return notes on a motion of n rows with joints at rest under friction, and the bands of d drives."""
     coordinates = {name: run.mechanism.coordinate(name) for name in run.drives}
-    resting = _resting(run, coordinates, pace)
+    along = rows_of(run.mechanism.model, list(coordinates.values()), run.q)
+    speeds, rates = np.matvec(along, run.v), np.matvec(along, run.a)
+    resting = at_rest(speeds, rates, np.matvec(np.abs(along)[:, None], pace))
     rows = slip_rows(run.mechanism.model, run.mechanism.frictions, run.q)
     instants = (standing(run, rows, pace) & (run.friction != 0.0)).any(axis=1)
-    found = list[str]()
+    notes = list[str]()
     for band in bands_of(run.mechanism.joints, coordinates):
         low, high = (run.columns[f"{band.quantity}.{part}"].values for part in BANDS)
-        found += _band_notes(band, low, high, np.asarray(resting[:, band.shares != 0.0].all(axis=1)), instants)
-    return found
-
-
-def _resting(run: Trajectory, coordinates: Mapping[str, Coordinate], pace: Array) -> Flags:
-    """Return in which rows d coordinates neither move nor begin to, shape (n, d)."""
-    rows = rows_of(run.mechanism.model, list(coordinates.values()), run.q)
-    speeds, rates = np.matvec(rows, run.v), np.matvec(rows, run.a)
-    return at_rest(speeds, rates, np.matvec(np.abs(rows)[:, None], pace))
+        notes += _band_notes(band, low, high, np.asarray(resting[:, band.shares != 0.0].all(axis=1)), instants)
+    return notes
 
 
 def _band_notes(band: EffortBand, low: Array, high: Array, resting: Flags, instants: Flags) -> Iterator[str]:
-    """Yield what is to be said of a band.
-
-    Args:
-        band: Whose it is.
-        low: Its lower end, shape (n,).
-        high: Its upper end, shape (n,).
-        resting: Where its coordinates rest, shape (n,).
-        instants: Where joints are at rest for an instant only, shape (n,).
-    """
+    """Yield notes on a band from low to high, with the rows in which its coordinates, or joints, rest, shape (n,)."""
     name, n, of_one = band.quantity, len(low), np.count_nonzero(band.shares) == 1
     if of_one:
         yield from _endless_notes(name, low, high, resting)
@@ -361,7 +314,7 @@ def _band_notes(band: EffortBand, low: Array, high: Array, resting: Flags, insta
 
 
 def _endless_notes(name: str, low: Array, high: Array, resting: Flags) -> Iterator[str]:
-    """Yield what is to be said of a drive that cannot move its coordinate, whatever its effort."""
+    """Yield notes on a drive that cannot move its coordinate, whatever its effort."""
     n, drive = len(low), name.removesuffix(".effort")
     endless = {"lower": (low == -np.inf) & resting, "upper": (high == np.inf) & resting}
     any_effort = endless["lower"] & endless["upper"]

@@ -1,4 +1,4 @@
-"""Which way joints move, where they stand still for an instant too: it tells whether a motor drives or is driven.
+"""Direction of joints, also at an instant of rest: whether a motor drives or is driven.
 
 The direction of a joint at a row is the sign of its velocity. Where that is zero but for rounding it is that of the
 motion about to begin, or at the end of an interval that of the motion just ended: by the acceleration, and where this
@@ -33,14 +33,9 @@ def lossy(mechanism: Mechanism) -> list[int]:
 
 
 def row_paces(mechanism: Mechanism, v: Array, a: Array) -> Array:
-    """Return what rounding is judged against in rows that are states of their own, shape (n, 2, nv).
+    """Return the scale of rounding in rows that are states of their own, shape (n, 2, nv).
 
-    The largest velocity, and the largest acceleration, of all joints that have the unit of the joint in question.
-
-    Args:
-        mechanism: The mechanism.
-        v: Velocities, shape (n, nv).
-        a: Accelerations, or their largest terms, shape (n, nv).
+    The largest velocity, and the largest acceleration, or term of one, of all joints that have the same unit.
     """
     rates, sliding = np.abs(np.stack([v, a], axis=1)), _sliding(mechanism)
     paces = np.empty_like(rates)
@@ -52,15 +47,7 @@ def row_paces(mechanism: Mechanism, v: Array, a: Array) -> Array:
 def pace_of(
     mechanism: Mechanism, v: Array, a: Array, followed: Iterable[tuple[Coordinate, MotionLaw]], grid: Grid
 ) -> Array:
-    """Return the same for a motion, shape (2, nv): over the rows at which it is solved, and its laws between them.
-
-    Args:
-        mechanism: The mechanism.
-        v: Velocities, shape (n, nv).
-        a: Accelerations, shape (n, nv).
-        followed: The coordinates that follow laws.
-        grid: The rows.
-    """
+    """Return the same for a motion, shape (2, nv): over the rows of a grid, and the laws that it follows."""
     sliding, pace = _sliding(mechanism), np.asarray(row_paces(mechanism, v, a).max(axis=0))
     for coordinate, law in followed:
         alike = sliding == (coordinate.unit == METRE)
@@ -87,7 +74,7 @@ def directions(v: Array, a: Array, pace: Array, side: Array, inside: Array) -> A
     Args:
         v: Velocities, shape (n, nv).
         a: Accelerations, shape (n, nv).
-        pace: What rounding is judged against, shape (2, nv) or (n, 2, nv).
+        pace: Scale of rounding, shape (2, nv) or (n, 2, nv).
         side: 1 where the motion that follows counts, -1 where the one that has ended does, shape (n,).
         inside: Velocities a little later or earlier, looked at where v and a are zero, shape (n, nv).
     """
@@ -95,7 +82,7 @@ def directions(v: Array, a: Array, pace: Array, side: Array, inside: Array) -> A
 
 
 def leading(v: Array, a: Array, pace: Array, side: Array, inside: Array, size: Callable[[Array], Array]) -> Array:
-    """Return v, or a towards the side, or velocities inside: what has the direction of the motion, shape (n, k).
+    """Return v, or a towards the side, or velocities inside, with the direction of the motion, shape (n, k).
 
     It is 0 at rest. ``size`` returns lengths, of the shape of its argument, where several components make up one
     velocity; the other arguments are those of ``directions``.
@@ -118,6 +105,6 @@ def _significant(x: Array, scale: Array) -> Array:
 
 def _sliding(mechanism: Mechanism) -> Flags:
     """Return which velocities are those of sliding joints, shape (nv,)."""
-    found = np.zeros(mechanism.model.nv, dtype=bool)
-    found[[joint.v for joint in mechanism.joints.values() if joint.unit == METRE]] = True
-    return found
+    sliding = np.zeros(mechanism.model.nv, dtype=bool)
+    sliding[[joint.v for joint in mechanism.joints.values() if joint.unit == METRE]] = True
+    return sliding

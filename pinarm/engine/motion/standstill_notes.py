@@ -1,4 +1,4 @@
-"""Notes on rows at which joints stand still: what a table with one value a row leaves unsaid there.
+"""Notes on rows at which joints stand still.
 
 At rest a gear with losses holds a load with any torque of a band. Where a joint turns back, losses and friction jump; a
 row has one side.
@@ -19,13 +19,7 @@ from pinarm.mechanics.friction.contact import slip_rows
 
 
 def standstill_notes(run: Trajectory, pace: Array | None) -> list[str]:
-    """Return what is to be said of a motion that is known, with efforts.
-
-    Args:
-        run: The motion of n rows.
-        pace: What rounding of velocities is judged against, shape (2, nv) or (n, 2, nv); ``None`` of states of their
-            own.
-    """
+    """Return notes on a known motion with efforts; for ``pace`` see ``standstill``, ``None`` of separate states."""
     if run.no_efforts:
         return []
     notes = [_held(run, name, drive) for name, drive in _lossy(run)]
@@ -60,14 +54,10 @@ def _held(run: Trajectory, name: str, drive: Drive) -> str:
 def _held_by_friction(run: Trajectory, name: str, rest: Flags, loaded: Flags) -> str:
     """Return a note on rows at which a gear with losses holds a load together with friction behind it.
 
-    Args:
-        run: The motion of n rows, with the bands of its drives.
-        name: Of the drive.
-        rest: At which rows its joint rests, shape (n,).
-        loaded: At which it carries a load, shape (n,).
+    ``rest`` and ``loaded`` tell at which rows its joint rests, and carries a load, shape (n,).
     """
     mechanism, drive = run.mechanism, run.mechanism.drives[name]
-    own = own_effort(mechanism.joints, {one: mechanism.coordinate(one) for one in run.drives}, drive.joint)
+    own = own_effort(mechanism.joints, {along: mechanism.coordinate(along) for along in run.drives}, drive.joint)
     low, high = (run.columns[f"{own}.{part}"].values for part in BANDS)
     rows = np.flatnonzero(rest & (loaded | (high > low)))
     if not len(rows):

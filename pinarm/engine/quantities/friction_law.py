@@ -13,7 +13,7 @@ from pinarm.engine.constraints.nullspace import split_rows
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.friction.columns import BANDS
 from pinarm.engine.friction.response import BearingReactions
-from pinarm.engine.friction.watches import INSTANT, REST
+from pinarm.engine.friction.sliding import INSTANT, REST
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.errors import DynamicsError
@@ -50,7 +50,7 @@ def friction_doubts(run: Trajectory) -> dict[str, str]:
 
 
 def _resting_speed(run: Trajectory) -> float:
-    """Return the slip that rounding leaves of joints that come to rest, in SI: see ``watches.resting_speed``.
+    """Return the slip that rounding leaves of joints that come to rest, in SI: see ``sliding.resting_speed``.
 
     Its accelerations are not below those that friction makes alone, ``|f| / M_kk``.
     """
@@ -81,7 +81,7 @@ def friction_figures(run: Trajectory) -> dict[str, float]:
     rows = slip_rows(run.mechanism.model, contacts, some.q)
     slips, changes = np.matvec(rows, some.v), sizes(contacts, np.matvec(rows, some.a))
     lam = {name: reactions.multipliers[:, part] for name, part in some.closure.slices.items()}
-    every, ends = np.arange(len(some)), np.isin(some.grid.t, some.grid.cuts[1:-1])
+    ends = np.isin(some.grid.t, some.grid.cuts[1:-1])
     spans = np.repeat(np.diff(some.grid.cuts), np.diff(some.grid.rows))
     errors = np.zeros_like(some.v) if some.rate_errors is None else some.rate_errors
     known = np.maximum(_resting_speed(some), sizes(contacts, np.matvec(np.abs(rows), errors)))
@@ -90,7 +90,7 @@ def friction_figures(run: Trajectory) -> dict[str, float]:
     for contact, f, size, speed, s, change, rounding in each:
         normal = np.zeros(len(some))
         if contact.law.loaded:
-            normal = contact.bearing.load(contact.transmitted(reactions.links(every), reactions.joints, lam))
+            normal = contact.bearing.load(contact.transmitted(reactions.links, reactions.joints, lam))
         mu, constant = contact.law.slipping(speed)
         rest = contact.law.static_mu * normal + contact.law.static_constant
         slipping, stuck = np.abs(f + s * (mu * normal + constant)), np.maximum(size - rest, 0.0)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Indices, in_one
+from pinarm.arrays import Array, Indices
 from pinarm.engine.checks.figures import relative, sampled
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import GuidedCoordinate, joint_ties, one_sided
@@ -45,9 +45,6 @@ APART = 1e-9
 
 NO_AXIS = ("fixed", "spherical")
 """Kinds of lower pairs without an axis."""
-
-BLOCK = 1024
-"""Number of rows that are worked on at once."""
 
 
 def tree_axis(model: pin.Model, joint: int) -> Array | None:
@@ -80,19 +77,14 @@ class Reactions:
         self.cables = {one.name: one for one in self.closure.constraints if isinstance(one, CableLoop)}
 
     @cached_property
-    def _links(self) -> LinkPlacements:
+    def links(self) -> LinkPlacements:
+        """Placements of the links in all rows."""
         return LinkPlacements.at(self.model, self.run.q)
 
-    def links(self, rows: Indices) -> LinkPlacements:
-        """Return where the links are at some rows; only those of short runs are kept."""
-        if len(self.run) > BLOCK:
-            return LinkPlacements.at(self.model, self.run.q[rows])
-        return self._links if len(rows) == len(self.run) and (np.diff(rows) == 1).all() else self._links.some(rows)
-
-    @cached_property
+    @property
     def origins(self) -> Array:
         """Places of the joints' origins [m], world axes, shape (n, njoints, 3)."""
-        return in_one([self.links(rows).places for rows in _blocks(0, len(self.run))])
+        return self.links.places
 
     @cached_property
     def reach(self) -> Array:
@@ -106,8 +98,7 @@ class Reactions:
             joint: Pinocchio's joint index.
         """
         parent, place = self.model.parents[joint], self.model.jointPlacements[joint].translation
-        blocks = (self.links(rows) for rows in _blocks(0, len(self.run)))
-        return np.concatenate([links.places[:, parent] + links.turns[:, parent] @ place for links in blocks])
+        return np.asarray(self.links.places[:, parent] + self.links.turns[:, parent] @ place)
 
     def tree_axes(self, joint: int) -> Array | None:
         """Return the axis of a joint, world axes, shape (n, 3); ``None`` where it has none.
@@ -116,14 +107,12 @@ class Reactions:
             joint: Pinocchio's joint index.
         """
         axis = tree_axis(self.model, joint)
-        blocks = (self.links(rows) for rows in _blocks(0, len(self.run)))
-        return None if axis is None else np.concatenate([links.turns[..., joint, :, :] @ axis for links in blocks])
+        return None if axis is None else self.links.turns[..., joint, :, :] @ axis
 
     def loop_axes(self, name: str) -> Array | None:
         """Return the axis of a loop joint, world axes, shape (n, 3); ``None`` where it has none."""
-        axis, frame = loop_axis(self.loops[name]), self.loops[name].first
-        blocks = (self.links(rows) for rows in _blocks(0, len(self.run)))
-        return None if axis is None else np.concatenate([links.frame(frame)[0] @ axis for links in blocks])
+        axis = loop_axis(self.loops[name])
+        return None if axis is None else self.links.frame(self.loops[name].first)[0] @ axis
 
     @cached_property
     def multipliers(self) -> Array:
@@ -133,32 +122,31 @@ class Reactions:
     @cached_property
     def joints(self) -> Array:
         """Wrench of the parent on the child at every joint's origin, world axes [N, N*m], shape (n, njoints, 6)."""
-        return self.run.gather(self._joints)
+        run = self.run
 
-    def _joints(self, dynamics: Dynamics, part: slice) -> Array:
-        return in_one([self._transmitted(dynamics, rows) for rows in _blocks(part.start, part.stop)])
+        def joints(dynamics: Dynamics, part: slice) -> Array:
+            rows = np.arange(part.start, part.stop)
+            links, acting = self.links.some(rows), self._acting(dynamics, rows)
+            return transmitted(links, run.q[rows], run.v[rows], run.a[rows], acting)
 
-    def _transmitted(self, dynamics: Dynamics, rows: Indices) -> Array:
-        run, acting = self.run, self._acting(dynamics, rows)
-        return transmitted(self.links(rows), run.q[rows], run.v[rows], run.a[rows], acting)
+        return run.gather(joints)
 
     def _acting(self, dynamics: Dynamics, rows: Indices) -> Array:
         """Return what loads and constraints do to the links at k rows, shape (k, njoints, 6).
 
         [f; m] at the world's origin, world axes [N, N*m].
         """
-        run, states = self.run, self.run.q[rows].shape[:-1]
-        found = states_first(np.zeros((6, self.model.njoints, *states)))
+        run, links, states = self.run, self.links.some(rows), self.run.q[rows].shape[:-1]
+        wrenches = states_first(np.zeros((6, self.model.njoints, *states)))
         for force in dynamics.forces.values():
-            acting = force.wrenches_at(self.links(rows), run.grid.t[rows], run.q[rows], run.v[rows])
-            for joint, wrench in acting.items():
-                found[:, joint] += wrench
+            for joint, wrench in force.wrenches_at(links, run.grid.t[rows], run.q[rows], run.v[rows]).items():
+                wrenches[:, joint] += wrench
         if self.closure.size:
-            found = found + self.closure.wrenches(self.links(rows), self.multipliers[rows])
+            wrenches = wrenches + self.closure.wrenches(links, self.multipliers[rows])
         for contact, f in zip(run.mechanism.frictions, run.friction.T, strict=True):
-            for joint, wrench in contact.wrenches(self.links(rows), f[rows]).items():
-                found[:, joint] += wrench
-        return found
+            for joint, wrench in contact.wrenches(links, f[rows]).items():
+                wrenches[:, joint] += wrench
+        return wrenches
 
     def figures(self) -> dict[str, Array]:
         """Return how well the wrenches of the tree's joints keep every body in balance; nothing where none was asked.
@@ -205,16 +193,14 @@ class Reactions:
         """
         held = self._loop(name, self.multipliers)
         for coordinate, effort in self._own_efforts(name):
-            blocks = _blocks(0, len(self.run))
-            held += np.concatenate([coordinate.way.wrench(self.links(rows), effort[rows, None]) for rows in blocks])
+            held += coordinate.way.wrench(self.links, effort[:, None])
         if not self.run.mechanism.frictions:
             return held
         from pinarm.mechanics.friction.contact import LoopContact
 
-        every = np.arange(len(self.run))
         for contact, f in zip(self.run.mechanism.frictions, self.run.friction.T, strict=True):
             if isinstance(contact, LoopContact) and contact.joint.name == name:
-                held += contact.slip.wrench(self.links(every), f[:, None])
+                held += contact.slip.wrench(self.links, f[:, None])
         return held
 
     def _own_efforts(self, name: str) -> Iterator[tuple[LoopCoordinate, Array]]:
@@ -241,8 +227,7 @@ class Reactions:
 
     def loop_origins(self, name: str) -> Array:
         """Return the places of a loop joint's second frame [m], world axes, shape (n, 3)."""
-        frame = self.loops[name].second
-        return np.concatenate([self.links(rows).frame(frame)[1] for rows in _blocks(0, len(self.run))])
+        return self.links.frame(self.loops[name].second)[1]
 
     def cable_lengths(self, name: str) -> Array:
         """Return the lengths of the path of a cable [m], shape (n,)."""
@@ -252,9 +237,8 @@ class Reactions:
     def _loop(self, name: str, lam: Array) -> Array:
         rows, part = np.zeros((*lam.shape[:-1], 6)), self.closure.slices[name]
         held = np.flatnonzero(lam[..., part].reshape(len(lam), -1).any(axis=1))
-        for block in _blocks(0, len(held)):
-            some = held[block]
-            rows[some] = self.loops[name].wrench(self.links(some), lam[some][..., part])
+        if len(held):
+            rows[held] = self.loops[name].wrench(self.links.some(held), lam[held][..., part])
         return rows
 
     @cached_property
@@ -266,7 +250,7 @@ class Reactions:
         """Return wrenches that span what is left open of a joint's reaction, world axes, each of shape (n, 6)."""
         if joint not in self.left_open:
             return []
-        turns = np.concatenate([self.links(rows).turns[:, joint] for rows in _blocks(0, len(self.run))])
+        turns = self.links.turns[:, joint]
         parts = ((turns @ wrench[:3], turns @ wrench[3:]) for wrench in self.left_open[joint].wrenches)
         return [np.concatenate(both, axis=1) for both in parts]
 
@@ -281,13 +265,10 @@ class Reactions:
         Friction between its members is part of it. And what each self-stress adds to the latter.
         """
         coupling, (lam, stresses) = self.couplings[name], self.multiplier(name)
-        found = [[coupling.transmitted(self.links(rows), one[rows, None]) for rows in _blocks(0, len(lam))]
-                 for one in (lam, np.zeros_like(lam), *stresses)]  # fmt: skip
-        points = np.concatenate([point for point, _ in found[0]])
-        wrench, idle, *stressed = (np.concatenate([block for _, block in blocks]) for blocks in found)
-        links = self.links(np.arange(len(self.run)))
+        actions = [coupling.transmitted(self.links, x[:, None]) for x in (lam, np.zeros_like(lam), *stresses)]
+        points, (wrench, idle, *stressed) = actions[0][0], [wrench for _, wrench in actions]
         for contact, f in self.friction_of(name):
-            wrench = wrench + moved(contact.wrenches(links, f)[coupling.second], -points)
+            wrench = wrench + moved(contact.wrenches(self.links, f)[coupling.second], -points)
         return points, wrench, [stress - idle for stress in stressed]
 
     def friction_of(self, name: str) -> list[tuple[CouplingContact, Array]]:
@@ -352,9 +333,3 @@ class Reactions:
         for (rows, _), part in zip(self.stresses, added, strict=True):
             found[: len(part), rows] = part
         return list(found)
-
-
-def _blocks(start: int, stop: int) -> Iterator[Indices]:
-    """Yield rows, so many at a time that what is computed of them does not fill the memory."""
-    for begin in range(start, stop, BLOCK):
-        yield np.arange(begin, min(begin + BLOCK, stop))

@@ -1,4 +1,4 @@
-"""What the drives and the constraints must give so that a mechanism moves as it does: ``tau`` and ``lam``.
+"""Drives of a mechanism: efforts ``tau`` and multipliers ``lam`` of a motion.
 
 The equation of motion asks for ``S^T tau + G^T lam = M a + nle - loads``, with a row of S for every coordinate that a
 drive acts along. With T a basis of the motions that the constraints allow, ``G T = 0``, the drives' part is
@@ -55,11 +55,7 @@ class Actuation(Protocol):
 
 
 class DriveAtEveryJoint(Record, frozen=True):
-    """A drive at every joint of an open chain: each joint's demand is its effort.
-
-    Attributes:
-        closure: No constraints.
-    """
+    """A drive at every joint of an open chain, without constraints: each joint's demand is its effort."""
 
     closure: Closure
 
@@ -94,9 +90,9 @@ class DriveAtEveryLeader(Record, frozen=True):
     @property
     def driven(self) -> Flags:
         """Every joint that mimics no other, shape (nv,)."""
-        found = np.ones(self.closure.model.nv, dtype=bool)
-        found[self.followers] = False
-        return found
+        driven = np.ones(self.closure.model.nv, dtype=bool)
+        driven[self.followers] = False
+        return driven
 
     @cached_property
     def _weights(self) -> Array:
@@ -142,14 +138,12 @@ def along(mechanism: Mechanism, names: Collection[str]) -> Actuation:
     """
     if len(set(names)) < len(names):
         raise InputError(f"a drive is named twice in {', '.join(names)}", expected="one drive along each coordinate")
-    found: dict[str, Coordinate] = {name: mechanism.coordinate(name) for name in names}
-    linear = {name: one for name, one in found.items() if isinstance(one, LinearCoordinate)}
-    others = {name: one for name, one in found.items() if name not in linear}
-    closure = mechanism.closure.with_guides(list(others), list(others.values()))
-    from pinarm.engine.statics.selected_drives import (
-        SelectedDrives,  # with all that loops need: open chains do not pay for it
-    )
+    from pinarm.engine.statics.selected_drives import SelectedDrives  # open chains do without
 
+    named: dict[str, Coordinate] = {name: mechanism.coordinate(name) for name in names}
+    linear = {name: along for name, along in named.items() if isinstance(along, LinearCoordinate)}
+    others = {name: along for name, along in named.items() if name not in linear}
+    closure = mechanism.closure.with_guides(list(others), list(others.values()))
     return SelectedDrives(linear, others, mechanism.closure, closure)
 
 
@@ -164,5 +158,5 @@ def everywhere(mechanism: Mechanism) -> Actuation | None:
 
 def followers_of(constraints: Sequence[Constraint]) -> Indices | None:
     """Return the joints that mimic others, one of each constraint; ``None`` where there are other constraints."""
-    found = {follower for constraint in constraints if (follower := getattr(constraint, "follower", None)) is not None}
-    return np.array(sorted(found), dtype=np.intp) if len(found) == len(constraints) else None
+    followers = {joint for constraint in constraints if (joint := getattr(constraint, "follower", None)) is not None}
+    return np.array(sorted(followers), dtype=np.intp) if len(followers) == len(constraints) else None

@@ -1,12 +1,15 @@
-"""Efforts of drives that carry a load: ``A x = b``, with ``A = (S T)^T`` of ``actuation`` and ``b = T^T demand``.
+"""Efforts of drives that carry a load: unique ones, or the least weighted sum of squares within limits.
 
-With as many drives as degrees of freedom the load determines them. ``shared_efforts`` chooses where there are more.
+``A x = b`` with ``A = (S T)^T`` of ``actuation`` and ``b = T^T demand``. With as many drives as degrees of freedom the
+load determines x. With more, each row is the convex problem ``min sum_i (w_i x_i)^2`` subject to ``A x = b`` and
+``|x_i| <= l_i``. Without limits ``y = W x`` is the least solution of ``A W^-1 y = b``. Where it goes beyond a limit,
+``x = x_0 + W^-1 N z`` with N a basis of the null space of ``A W^-1``: the least z with x within the limits is a least
+distance problem, which non-negative least squares solve (Lawson and Hanson, Solving Least Squares Problems, ch. 23).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol
 
 import numpy as np
 
@@ -14,7 +17,8 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.kinematics.abscissa import instant
 from pinarm.errors import DrivesError, DynamicsError
 from pinarm.mechanics.coordinates import Coordinate
-from pinarm.records import ValueRecord
+from pinarm.mechanics.forces.joint_definitions import effort_unit
+from pinarm.records import Record, ValueRecord
 
 CARRIED = 1e-9
 """Largest part of a load that no drive carries, relative to the load: rounding leaves 1e-13."""
@@ -22,9 +26,12 @@ CARRIED = 1e-9
 ROUNDED = 1e-12
 """Part of the terms of a load that is taken for their rounding: 1e-16 of each, of terms that cancel or act across."""
 
+ROUNDING = 1e-9
+"""Part of a limit by which rounding may pass it: efforts carry their load to 1e-13 of it, far from dead points."""
 
-class EffortDistribution(Protocol):
-    """How the efforts of d drives follow from the load on f free motions."""
+
+class UniqueEfforts(ValueRecord, frozen=True):
+    """The efforts that the load determines; more drives than degrees of freedom are refused."""
 
     def efforts(self, ways: Array, load: Array, least: Array, rounding: Array) -> tuple[Array, Flags]:
         """Return the efforts [N*m or N], shape (n, d), and in which rows they are determined and carry the load.
@@ -35,7 +42,8 @@ class EffortDistribution(Protocol):
             least: Smallest singular value of A that determines efforts, shape (n,).
             rounding: How large a part of b may be and still be its rounding, shape (n,).
         """
-        ...
+        effort, good = _least_efforts(ways, load, least, rounding)
+        return effort, good & (ways.shape[2] <= ways.shape[1])
 
     def refusal(
         self, t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float, rounding: float,
@@ -43,24 +51,8 @@ class EffortDistribution(Protocol):
     ) -> DynamicsError | DrivesError:  # fmt: skip
         """Return why there are no efforts in one row, shapes (f, d) and (f,).
 
-        ``motions`` are what coordinates do in the free motions, by name, each of shape (f,).
+        ``motions`` are the rates of coordinates in the free motions, by name, each of shape (f,).
         """
-        ...
-
-
-class UniqueEfforts(ValueRecord, frozen=True):
-    """The efforts that the load determines; more drives than degrees of freedom are refused."""
-
-    def efforts(self, ways: Array, load: Array, least: Array, rounding: Array) -> tuple[Array, Flags]:
-        """Return the efforts; see ``EffortDistribution``."""
-        effort, good = least_efforts(ways, load, least, rounding)
-        return effort, good & (ways.shape[2] <= ways.shape[1])
-
-    def refusal(
-        self, t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float, rounding: float,
-        motions: Mapping[str, Array],
-    ) -> DynamicsError | DrivesError:  # fmt: skip
-        """Return why there are none; see ``EffortDistribution``."""
         freedom, names = len(load), ", ".join(drives)
         if len(drives) > freedom:
             return DrivesError(
@@ -69,15 +61,102 @@ class UniqueEfforts(ValueRecord, frozen=True):
                 expected=f"as many drives as degrees of freedom, {freedom}",
                 hint="the others removed from drives, or share: least_squares, bounded or weights, which choose among "
                 "the efforts that carry the load",
-            )  # fmt: skip
-        return undetermined(t, drives, ways, load, least, rounding, motions)
+            )
+        return _undetermined(t, drives, ways, load, least, rounding, motions)
 
 
 UNIQUE = UniqueEfforts()
-"""What holds where nothing is said of sharing."""
+"""The distribution where nothing is said of sharing."""
 
 
-def undetermined(
+class SharedEfforts(Record, frozen=True):
+    """Efforts with the least ``sum_i (w_i x_i)^2`` within limits.
+
+    Attributes:
+        weights: w of the d drives, positive, all ``w_i x_i`` in one unit, shape (d,).
+        limits: Largest efforts l [N*m or N], positive, infinite where there is none, shape (d,).
+    """
+
+    weights: Array
+    limits: Array
+
+    def efforts(self, ways: Array, load: Array, least: Array, rounding: Array) -> tuple[Array, Flags]:
+        """Return the efforts; see ``UniqueEfforts``."""
+        scaled, good = _least_efforts(ways / self.weights, load, np.zeros_like(least), rounding)
+        effort = scaled / self.weights
+        if min(ways.shape[1:]):  # the weights do not decide what is a dead point
+            good &= np.linalg.svd(ways, compute_uv=False)[:, -1] >= least
+        for row in np.flatnonzero(good & (np.abs(effort) > self.limits * (1.0 + ROUNDING)).any(axis=1)):
+            effort[row], good[row] = self._limited(ways[row], load[row], effort[row], rounding[row : row + 1])
+        return np.clip(effort, -self.limits, self.limits), good
+
+    def _limited(self, ways: Array, load: Array, unlimited: Array, rounding: Array) -> tuple[Array, bool]:
+        """Return the efforts of a row in which those without limits, x_0, go beyond them, and whether they carry b."""
+        free = np.linalg.svd(ways / self.weights)[2][min(ways.shape) :].T
+        side = self._active(free, unlimited)
+        held = np.where(side == 0.0, 0.0, side * np.where(np.isfinite(self.limits), self.limits, 0.0))
+        left, inner = load - ways @ held, side == 0.0
+        held[inner] = np.linalg.lstsq(ways[:, inner] / self.weights[inner], left)[0] / self.weights[inner]
+        within = (np.abs(held) <= self.limits * (1.0 + ROUNDING)).all()
+        return held, bool(within and _carried(ways[None], held[None], load[None], rounding)[0])
+
+    def _active(self, free: Array, unlimited: Array) -> Array:
+        """Return which drives are at their limits: 1 or -1, 0 of others, shape (d,), with N and x_0.
+
+        The least y with ``G y >= h`` has ``G^T u = y`` with ``u >= 0`` of the active rows only. u is a multiple of the
+        non-negative solution of ``[G^T; h^T] u = [0; 1]`` in the sense of least squares.
+        """
+        from scipy.optimize import nnls
+
+        size = np.linalg.norm(self.weights * unlimited)
+        bounded = np.flatnonzero(np.isfinite(self.limits))
+        g = np.concatenate([free[bounded], -free[bounded]])  # above -l, and below l
+        above, below = (self.weights * (side * unlimited - self.limits) for side in (-1.0, 1.0))
+        h = np.concatenate([above[bounded], below[bounded]]) / size
+        u, _ = nnls(np.vstack([g.T, h]), np.append(np.zeros(free.shape[1]), 1.0))
+        lower, upper = np.split(u > 0.0, 2)
+        sides = np.zeros(len(self.limits))
+        sides[bounded] = upper.astype(float) - lower
+        return sides
+
+    def refusal(
+        self, t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float, rounding: float,
+        motions: Mapping[str, Array],
+    ) -> DynamicsError | DrivesError:  # fmt: skip
+        """Return why there are no efforts in one row; see ``UniqueEfforts``."""
+        unlimited = SharedEfforts(self.weights, np.full_like(self.limits, np.inf))
+        if not unlimited.efforts(ways[None], load[None], np.array([least]), np.array([rounding]))[1][0]:
+            return _undetermined(t, drives, ways, load, least, rounding, motions)
+        limits = [f"{name} {limit:.6g} {effort_unit(coordinate)}"
+                  for (name, coordinate), limit in zip(drives.items(), self.limits, strict=True)
+                  if np.isfinite(limit)]  # fmt: skip
+        return DrivesError(
+            f"at {instant(t)} the drives {', '.join(drives)} cannot carry the load within their limits "
+            f"({', '.join(limits)}): it takes at least {self._least_factor(ways, load):.6g} times these limits",
+            expected="limits that the load keeps to at every instant, or more drives",
+            hint="share: least_squares tells what the load takes without limits",
+        )
+
+    def _least_factor(self, ways: Array, load: Array) -> float:
+        """Return the least s for which a load is carried with ``|x_i| <= s l_i``, by linear programming."""
+        from scipy.optimize import linprog
+
+        bounded = np.isfinite(self.limits)
+        unit = np.where(bounded, self.limits, 1.0)
+        scale = max(float(np.abs(load).max()), 1e-300)
+        own = np.diag(bounded.astype(float))[bounded]
+        above, below = (np.column_stack([side * own, -np.ones(len(own))]) for side in (1.0, -1.0))
+        equations = np.column_stack([ways * unit / scale, np.zeros(len(load))])
+        program = linprog(np.append(np.zeros(len(unit)), 1.0), np.vstack([above, below]), np.zeros(2 * len(own)),
+                          equations, load / scale, [(None, None)] * len(unit) + [(0.0, None)])  # fmt: skip
+        return float(program.fun) if program.success else float("nan")
+
+
+EffortDistribution = UniqueEfforts | SharedEfforts
+"""How the efforts of d drives follow from the load on f free motions."""
+
+
+def _undetermined(
     t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float, rounding: float,
     motions: Mapping[str, Array],
 ) -> DynamicsError | DrivesError:  # fmt: skip
@@ -104,32 +183,24 @@ def undetermined(
     )
 
 
-def least_efforts(ways: Array, load: Array, least: Array, rounding: Array) -> tuple[Array, Flags]:
-    """Return the efforts with the least sum of squares that carry a load, and in which rows they do.
-
-    Arguments and shapes are those of ``EffortDistribution.efforts``.
-    """
-    u, s, vt = _singular_values(ways)
+def _least_efforts(ways: Array, load: Array, least: Array, rounding: Array) -> tuple[Array, Flags]:
+    """Return the efforts with the least sum of squares that carry a load, and in which rows they do."""
+    if ways.shape[1:] == (1, 1):  # single numbers, without the cost of a decomposition
+        u, s, vt = np.ones_like(ways), np.abs(ways[:, 0]), np.where(ways < 0.0, -1.0, 1.0)
+    else:
+        u, s, vt = np.linalg.svd(ways, full_matrices=False)
     with np.errstate(divide="ignore", invalid="ignore"):  # at dead points, which are refused
         effort = np.zeros((len(load), ways.shape[2]))
         for _ in range(2):  # after the first time small efforts have rounding of the large ones
             left = load - np.einsum("nfd,nd->nf", ways, effort)
             effort += np.einsum("nrd,nr->nd", vt, np.einsum("nfr,nf->nr", u, left) / s)
-        good = (s >= least[:, None]).all(axis=1) & carried(ways, effort, load, rounding)
+        good = (s >= least[:, None]).all(axis=1) & _carried(ways, effort, load, rounding)
     return effort, good
 
 
-def carried(ways: Array, effort: Array, load: Array, rounding: Array) -> Flags:
+def _carried(ways: Array, effort: Array, load: Array, rounding: Array) -> Flags:
     """Return in which rows efforts carry a load, but for rounding; shapes (n, f, d), (n, d), (n, f), (n,)."""
     left = np.abs(load - np.einsum("nfd,nd->nf", ways, effort)).max(axis=1, initial=0.0)
     terms = np.abs(ways * effort[:, None]).max(axis=(1, 2), initial=0.0)
     size = np.maximum(terms, np.abs(load).max(axis=1, initial=0.0))
     return np.asarray(~(left > np.maximum(CARRIED * size, rounding)))
-
-
-def _singular_values(ways: Array) -> tuple[Array, Array, Array]:
-    """Return U, S and V^T of matrices, shape (n, f, d); of single numbers without the cost of a decomposition."""
-    if ways.shape[1:] == (1, 1):
-        return np.ones_like(ways), np.abs(ways[:, 0]), np.where(ways < 0.0, -1.0, 1.0)
-    u, s, vt = np.linalg.svd(ways, full_matrices=False)
-    return u, s, vt

@@ -1,4 +1,4 @@
-"""Equilibria: where the forces of a mechanism at rest balance, found from rough starts."""
+"""Equilibria: configurations at which the forces of a mechanism at rest balance, from rough starts."""
 
 from __future__ import annotations
 
@@ -62,12 +62,7 @@ class Equilibrium:
     slack: Array | None = None
 
     def is_at(self, q: Array, turns: Array) -> bool:
-        """Tell whether a configuration is this one, full turns of joints apart.
-
-        Args:
-            q: Configuration, shape (nq,).
-            turns: 1 for joints that turn, 0 for those that slide, shape (nv,).
-        """
+        """Tell whether a configuration is this one but for full turns; ``turns`` are 1 for joints that turn, else 0."""
         apart = q - self.q
         apart -= turns * 2 * np.pi * np.round(apart / (2 * np.pi))
         tolerance = SAME if self.modes.stability else SAME_FLAT
@@ -132,8 +127,8 @@ class ForceBalance:
             AssemblyError: There is none.
             InputError: Several may be meant.
         """
-        found = first_position(self.mechanism.closure, self.held, self._values, 0.0, start)
-        return replace(found, q=self.nearest(found.q))
+        assembly = first_position(self.mechanism.closure, self.held, self._values, 0.0, start)
+        return replace(assembly, q=self.nearest(assembly.q))
 
     @property
     def _values(self) -> Array:
@@ -163,28 +158,24 @@ class ForceBalance:
         return force(self.dynamics, q)
 
     def terms(self, q: Array) -> tuple[Array, Array, Array]:
-        """Return K and what it and f are made of; see ``stiffness``.
+        """Return K and the sizes of its terms and of those of f; see ``stiffness``.
 
-        What holds the mechanism adds to K where its rows turn with q: ``-d(G^T lam)/dq`` with ``f + G^T lam = 0``.
+        Rows that turn with q add to K: ``-d(G^T lam)/dq`` with ``f + G^T lam = 0``.
         """
         slopes, sizes, size = stiffness(self.dynamics, q, self.turns, self.closure.scale)
         if self.rows.size:
-            lam = self.split(q).multipliers(-self.force(q))
+            rows, lam = self.rows, self.split(q).multipliers(-self.force(q))
             own = slope(
-                lambda states: np.array([self._held_load(state, lam) for state in states]), q, self.closure.scale
-            )
+                lambda states: np.array([rows.rows(rows.state(state)).T @ lam for state in states]), q,
+                self.closure.scale,
+            )  # fmt: skip
             slopes, sizes = slopes - own, sizes + np.abs(own)
         return slopes, sizes, size
 
-    def _held_load(self, q: Array, lam: Array) -> Array:
-        return np.asarray(self.rows.rows(self.rows.state(q)).T @ lam)
-
     def efforts(self, q: Array) -> tuple[Array, Array]:
-        """Return what holds the mechanism: tau at joints, shape (nv,), and the multipliers, shape (m,)."""
+        """Return tau at the joints that are held, shape (nv,), and the multipliers, shape (m,)."""
         lam, m = self.split(q).multipliers(-self.force(q)), self.closure.size
-        weights = [
-            coordinate.weights for coordinate in self.held.coordinates if isinstance(coordinate, LinearCoordinate)
-        ]
+        weights = [along.weights for along in self.held.coordinates if isinstance(along, LinearCoordinate)]
         return lam[m:] @ np.array(weights).reshape(-1, len(self.turns)), lam[:m]
 
     def equilibrium(self, q: Array, start: str) -> Equilibrium:

@@ -1,4 +1,4 @@
-"""Drives along some coordinates of a mechanism, its other joints being passive; the equations are in ``efforts``."""
+"""Drives along some coordinates of a mechanism, its other joints being passive."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ class SelectedDrives(Record, frozen=True):
 
     @property
     def named(self) -> dict[str, Coordinate]:
-        """What drives act along, by name: joints and sums of them first."""
+        """Coordinates that drives act along, by name: joints and sums of them first."""
         return {**self.joints, **self.tasks}
 
     def coordinates(self, mechanism: Mechanism) -> Mapping[str, Coordinate]:
-        """Return what drives act along, by name."""
+        """Return the same; see ``Actuation``."""
         return self.named
 
     @property
@@ -58,9 +58,7 @@ class SelectedDrives(Record, frozen=True):
         return driven_along(self.joints.values(), self.own.model.nv)
 
     def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
-        """Return the efforts of the drives and the multipliers.
-
-        Where constraints are redundant the multipliers are the least ones that do it.
+        """Return the efforts of the drives and the multipliers, the least ones where constraints are redundant.
 
         Raises:
             DynamicsError: The efforts are not determined at a dead point.
@@ -87,15 +85,11 @@ class SelectedDrives(Record, frozen=True):
         rows = rows_of(self.own.model, list(self.named.values()), q)
         least = WEAK * np.linalg.norm(rows, axis=2).max(axis=1, initial=np.finfo(float).tiny)
         rounding = ROUNDED * np.einsum("fnj,nj->nf", np.abs(free), self._terms(q, demand, len(free)))
-        return (
-            np.einsum("fnj,ndj->nfd", free, rows),
-            np.einsum("fnj,nj->nf", free, demand),
-            least,
-            rounding.max(axis=1, initial=0.0),
-        )
+        ways, load = np.einsum("fnj,ndj->nfd", free, rows), np.einsum("fnj,nj->nf", free, demand)
+        return ways, load, least, rounding.max(axis=1, initial=0.0)
 
     def _terms(self, q: Array, demand: Array, freedom: int) -> Array:
-        """Return the sizes of what the demand of each joint is made of [N*m or N], shape (n, nv).
+        """Return the sizes of the terms of each joint's demand [N*m or N], shape (n, nv).
 
         Weights that act along no joint, or cancel, leave a demand that is their rounding. As many drives as degrees of
         freedom carry that as well.
@@ -104,7 +98,7 @@ class SelectedDrives(Record, frozen=True):
         if len(self.named) >= freedom:
             return terms
         data = new_data(model)
-        return np.asarray(terms + np.array([weight_terms(model, data, one) for one in q]))
+        return np.asarray(terms + np.array([weight_terms(model, data, row) for row in q]))
 
     def _refusal(self, t: float, q: Array, demand: Array) -> DynamicsError | DrivesError:
         """Return why the drives' efforts cannot be had at a configuration, q and demand being one row."""

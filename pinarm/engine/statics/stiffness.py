@@ -1,4 +1,4 @@
-"""How a mechanism at rest resists: the stiffness of weights and loads, and the small motions about an equilibrium."""
+"""Stiffness of weights and loads, and small motions about an equilibrium."""
 
 from __future__ import annotations
 
@@ -35,16 +35,13 @@ def force(dynamics: Dynamics, q: Array) -> Array:
 
 
 def stiffness(dynamics: Dynamics, q: Array, turns: Array, units: Array) -> tuple[Array, Array, Array]:
-    """Return K = -df/dq and what it and f are made of, for telling 0 from rounding.
+    """Return K = -df/dq under constant loads, the sizes of its terms, and those of f, which tell 0 from rounding.
 
     Args:
-        dynamics: The equation of motion with constant loads; every joint has one coordinate.
+        dynamics: The equation of motion; every joint has one coordinate.
         q: Configuration [rad or m], shape (nv,).
         turns: 1 for joints that turn, 0 for those that slide, shape (nv,).
         units: See ``slope``.
-
-    Returns:
-        K, shape (nv, nv); sizes of its terms, shape (nv, nv); sizes of the terms of f at q, shape (nv,).
     """
     model, data = dynamics.model, dynamics.data
     slopes = weight_slopes(model, data, q)
@@ -78,7 +75,7 @@ class Modes(Record, frozen=True):
 
     @classmethod
     def unknown(cls, count: int, edge: str = "") -> Modes:
-        """Return those of so many directions of which nothing is known."""
+        """Return unknown modes in so many directions."""
         return cls(np.full(count, np.nan), np.full(count, np.nan), np.nan, edge)
 
     @classmethod
@@ -90,15 +87,14 @@ class Modes(Record, frozen=True):
             mass: M, shape (n, n).
             doubt: How large an entry of K may be and still be 0, shape (n, n).
         """
-        one = np.eye(len(mass))
-        massless = _massless(mass)
-        springs, _ = modes_of(stiffness, one, doubt)
-        squares, modes = modes_of(stiffness, one if massless else mass, doubt)
+        unit, massless = np.eye(len(mass)), _massless(mass)
+        springs, _ = _modes_of(stiffness, unit, doubt)
+        squares, modes = _modes_of(stiffness, unit if massless else mass, doubt)
         unsure = np.einsum("ik,ij,jk->k", np.abs(modes), doubt, np.abs(modes))
         falls = (squares.real < -unsure) | (np.abs(squares.imag) > unsure)
         stability = -1.0 if falls.any() else float((squares.real > unsure).all())
-        found = np.full(len(mass), np.nan) if massless else np.sort(squares.real)
-        return cls(found, np.sort(springs.real), stability)
+        ascending = np.full(len(mass), np.nan) if massless else np.sort(squares.real)
+        return cls(ascending, np.sort(springs.real), stability)
 
 
 def slope(load: Callable[[Array], Array], q: Array, units: Array) -> Array:
@@ -133,10 +129,7 @@ def slope(load: Callable[[Array], Array], q: Array, units: Array) -> Array:
 def edge_at(dynamics: Dynamics, q: Array, units: Array) -> str:
     """Return the name of a load whose slope at q is another one to either side; empty where there is none.
 
-    Args:
-        dynamics: The equation of motion with constant loads.
-        q: Configuration, shape (nv,).
-        units: See ``slope``.
+    For ``units`` see ``slope``.
     """
     step = np.diag(STEP * 0.5 ** (LEVELS - 1) * np.minimum(units, 1.0))
     for name, element in dynamics.forces.items():
@@ -151,18 +144,19 @@ def edge_at(dynamics: Dynamics, q: Array, units: Array) -> str:
     return ""
 
 
-def modes_of(stiffness: Array, mass: Array, doubt: Array) -> tuple[Array, Array]:
+def _modes_of(stiffness: Array, mass: Array, doubt: Array) -> tuple[Array, Array]:
     """Return the eigenvalues of ``K x = w^2 M x``, shape (n,), and x with ``x^H M x = 1`` as columns, shape (n, n).
 
     Where K is symmetric within ``doubt`` they are real; under loads without a potential they may be complex.
     """
-    lower = np.linalg.cholesky(mass)
-    inner = np.linalg.solve(lower, np.linalg.solve(lower, stiffness).T).T
+    from scipy.linalg import eig, eigh
+
     if (np.abs(stiffness - stiffness.T) <= doubt).all():
-        squares, modes = np.linalg.eigh(0.5 * (inner + inner.T))
+        squares, modes = eigh(0.5 * (stiffness + stiffness.T), mass)
     else:
-        squares, modes = np.linalg.eig(inner)
-    return squares, np.linalg.solve(lower.T, modes)
+        squares, modes = eig(stiffness, mass)
+        modes = modes / np.sqrt(np.einsum("ik,ij,jk->k", modes.conj(), mass, modes).real)
+    return squares, modes
 
 
 def _massless(mass: Array) -> bool:
@@ -177,7 +171,7 @@ def _load(element: ForceElement, q: Array) -> Array:
 
 
 def _terms(dynamics: Dynamics, element: ForceElement, q: Array) -> Array:
-    """Return what the loads of an element on the joints are sums of [N*m or N], shape (nv,).
+    """Return the sizes of the terms of an element's loads on the joints [N*m or N], shape (nv,).
 
     Its forces on links, times how far the farther of joint and world's origin is where the joint turns. At a pivot of a
     link that a spring pulls from there they cancel.

@@ -213,16 +213,6 @@ def placements_of(model: Model) -> tuple[Array, Array]:
     return _spread(turns, model.turns, model.moved), _spread(shifts, model.shifts, model.moved)
 
 
-def joint_placement(model: Model, joint: int) -> Any:
-    """Return where a joint is in its parent's axes: a ``pin.SE3``, or a ``VariantPlacement`` of variants."""
-    if not isinstance(model, ModelVariants):
-        return model.jointPlacements[joint]
-    if joint not in model.moved:
-        return VariantPlacement.of(model.first.jointPlacements[joint])
-    place = model.moved.index(joint)
-    return VariantPlacement(model.turns[:, place], model.shifts[:, place])
-
-
 def _spread(common: Array, own: Array, places: Sequence[int]) -> Array:
     """Return what k variants have, given what the first has at all joints, and what each has at some."""
     alike = len(places) == 0 or bool((own == own[:1]).all())

@@ -6,13 +6,12 @@ the origin of frame 2 and a moment ``lam w``, of the first link on the second: t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct
@@ -110,38 +109,6 @@ class LoopJoint(Record, frozen=True):
         Of multipliers of shape (n, m), or (n, k, m) of variants, as (n, 6) or (n, k, 6).
         """
         return _wrench(self.pair, links.frame(self.first), links.frame(self.second), lam)
-
-
-class AlikeLoopJoints(Record, frozen=True):
-    """Several loop joints that hold the same between their frames, as in the cells of a lattice.
-
-    Attributes:
-        first: Index of frame 1 of each, k of them.
-        second: Index of frame 2 of each.
-        pair: What every one of them holds.
-    """
-
-    first: tuple[int, ...]
-    second: tuple[int, ...]
-    pair: Pair
-
-    @classmethod
-    def of(cls, joints: Sequence[LoopJoint]) -> AlikeLoopJoints:
-        """Return joints with the same pair together."""
-        return cls(tuple(one.first for one in joints), tuple(one.second for one in joints), joints[0].pair)
-
-    def wrenches(self, links: LinkPlacements, lam: Array) -> list[tuple[Indices, Array]]:
-        """Return what multipliers, shape (.., k, m), do to the second links and to the first.
-
-        Their joints, shape (k,), and [f; m] at the world's origin, shape (.., k, 6).
-        """
-        one, other = links.frames(self.first), links.frames(self.second)
-        acting = moved(_wrench(self.pair, one, other, lam), other[1])
-        frames = links.model.frames
-        second, first = (
-            np.array([frames[index].parentJoint for index in indices]) for indices in (self.second, self.first)
-        )
-        return [(second, acting), (first, -acting)]
 
 
 def _wrench(pair: Pair, one: tuple[Array, Array], two: tuple[Array, Array], lam: Array) -> Array:

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.control.controlled_system import CONTROL
-from pinarm.engine.control.controls import Controls
-from pinarm.engine.control.schedule import require_action, require_few_samples
+from pinarm.engine.control.controls import CONTROL, Controls
+from pinarm.engine.control.memory import require_samples
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
@@ -181,8 +180,7 @@ def bind_controls(
     for number, definition in enumerate([*mechanism.control, *control]):
         with places(number):
             found.append(definition.bind(plant))
-            require_few_samples(found[-1], duration)
-            require_action(found[-1], duration)
+            require_samples(found[-1], duration)
             _require_own_joints(found)
     return Controls(tuple(_with_motors(found, mechanism, places)), dynamics)
 

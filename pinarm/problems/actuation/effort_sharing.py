@@ -20,7 +20,7 @@ from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.statics.actuation import Actuation
-    from pinarm.engine.statics.shared_efforts import SharedEfforts
+    from pinarm.engine.statics.effort_distribution import SharedEfforts
 
 
 class EffortSharing(InputStruct, frozen=True):
@@ -109,8 +109,8 @@ def drives_of(
 
 def _sharing(mechanism: Mechanism, acting: Actuation, share: Share) -> Actuation:
     """Return drives that share their load."""
+    from pinarm.engine.statics.effort_distribution import SharedEfforts
     from pinarm.engine.statics.selected_drives import SelectedDrives
-    from pinarm.engine.statics.shared_efforts import SharedEfforts
 
     assert isinstance(acting, SelectedDrives)  # as all drives that are named
     chosen = SHARES[share] if isinstance(share, str) else share

@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 
 from pinarm.engine.kinematics.assembly import start_near
+from pinarm.engine.kinematics.closed_configurations import determining
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion, JointMotion
-from pinarm.engine.kinematics.law_count import determining
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, Key, Place, within
 from pinarm.input.yaml.schema import InputStruct, Level, check_unit

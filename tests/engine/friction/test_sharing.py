@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from pinarm.engine.friction.balance import SlipGroup
-from pinarm.engine.friction.carried_loads import CarriedLoads
+from pinarm.engine.friction.complementarity import FrictionBalance
 from pinarm.engine.friction.response import SlipResponse
-from pinarm.engine.friction.sharing import SharedFriction
+from pinarm.engine.friction.slip import SlipGroup
+from pinarm.engine.friction.slipping import CarriedLoads
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.bearing import Bearing
 
@@ -32,7 +32,7 @@ def shared(pull, mu, coupling):
     )
     group = SlipGroup((0, 1), np.array([1.0, RATIO]), np.ones(2))
     mu, constant = np.array([0.0, mu]), np.array([CONSTANT, 0.0])
-    return SharedFriction([guide, gear], state, [group], np.zeros(2), mu, constant)
+    return FrictionBalance([guide, gear], state, np.zeros(2)).shared([group], np.zeros(2), mu, constant)
 
 
 def at_share(sigma, mu, coupling):
@@ -45,16 +45,16 @@ def at_share(sigma, mu, coupling):
 @pytest.mark.parametrize("pull", [-300.0, 40.0, 130.0, 410.0])
 def test_members_share_in_proportion_to_limits_that_depend_on_what_they_share(pull, coupling):
     mu = 0.1
-    f = shared(pull, mu, coupling).solve()
+    f = shared(pull, mu, coupling)
     sigma = brentq(lambda s: pull + np.array([1.0, RATIO]) @ at_share(s, mu, coupling), -1.0, 1.0, xtol=1e-15)
     assert f == pytest.approx(at_share(sigma, mu, coupling), rel=1e-12)
 
 
 def test_a_group_that_breaks_loose_has_its_limits():
     """Together they hold 60 + 10 * 0.1 * (1000 - 3 * 60) = 880 N."""
-    assert shared(-900.0, 0.1, -3.0).solve() == pytest.approx([60.0, 82.0], rel=1e-14)
+    assert shared(-900.0, 0.1, -3.0) == pytest.approx([60.0, 82.0], rel=1e-14)
 
 
 def test_what_is_not_found_is_refused():
     with pytest.raises(DynamicsError, match=r"how joint\.guide, coupling\.gear share the friction .* is not found"):
-        shared(-900.0, np.nan, -3.0).solve()
+        shared(-900.0, np.nan, -3.0)

@@ -1,4 +1,4 @@
-"""Friction that depends on reactions that depend on it: roots by hand, and where there are none or two."""
+"""Friction that depends on reactions that depend on it: roots by hand, none or two, and joints that lock."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from pinarm.engine.friction.carried_loads import CarriedLoads
-from pinarm.engine.friction.slipping import Slipping
+from pinarm.engine.friction.slipping import CarriedLoads, Slipping
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.bearing import Bearing
 
@@ -92,3 +91,62 @@ def test_a_load_that_grows_beyond_a_kink_only_jams_there():
     assert not slide_on_teeth(6.0, 0.0, 4.0, 1.0, 1.0).require_one_root()
     with pytest.raises(DynamicsError, match="do not determine each other"):
         slide_on_teeth(-6.0, 0.0, 4.0, 1.0, 1.0).require_one_root()  # x = 0.3 |4 |x - 1| - 6| has two
+
+
+@pytest.fixture
+def loads() -> CarriedLoads:
+    rng = np.random.default_rng(8)
+    shapes = (3, 6), (3, 4, 6), (2,), (2, 4), (3, 2, 6)
+    return CarriedLoads(*(rng.normal(size=shape) for shape in shapes))
+
+
+def test_one_piece_has_the_wrenches_and_no_other_has_its_side(loads):
+    for f in 3.0 * np.random.default_rng(9).normal(size=(20, 4)):
+        there = [piece for side, piece in loads.pieces() if loads.on_side(side, f)]
+        assert len(there) == 1
+        assert there[0].at(f) == pytest.approx(loads.at(f), rel=1e-13, abs=1e-13)
+
+
+def test_no_change_is_more_than_the_most(loads):
+    rng, bearing = np.random.default_rng(10), Bearing.journal(np.array([0.0, 0.0, 1.0]), 0.01, 0.02, 0.1)
+    for f, step in zip(rng.normal(size=(50, 4)), rng.normal(size=(50, 4)), strict=True):
+        change = bearing.load(loads.at(f + step)) - bearing.load(loads.at(f))
+        most = [float(loads.most(i, bearing) @ np.abs(step)) for i in range(3)]
+        assert (np.abs(change) <= most).all()
+
+
+def flanks(first, response, mu, constant=None):
+    """Joints that begin to slip forwards, whose flanks carry ``first + response f``."""
+    k = len(mu)
+    contacts = [SimpleNamespace(name=f"joint.{i}", bearing=Bearing.thread(np.eye(3)[0], 1.0)) for i in range(k)]
+    wrench, per = np.zeros((k, 6)), np.zeros((k, k, 6))
+    wrench[:, 0], per[:, :, 0] = first, response
+    constant = np.zeros(k) if constant is None else np.array(constant)
+    return Slipping(contacts, np.ones(k), np.array(mu), constant, CarriedLoads.linear(wrench, per))
+
+
+@pytest.mark.parametrize(
+    ("first", "response", "held"),
+    [
+        (10.0, -4.0, True),  # x <= 0.3 (10 + 4 x) for all x
+        (0.0, 4.0, True),  # x <= 1.2 x
+        (1e-13, 4.0, True),  # and the same but for rounding of an effort of 1
+        (10.0, 4.0, False),  # not from 3 / 2.2 to 15
+        (10.0, 3.0, False),  # 0.3 * 3 < 1: there is an end
+    ],
+)
+def test_one_joint_locks_where_its_friction_grows_with_what_it_holds(first, response, held):
+    assert flanks(first, response, [0.3]).locks(np.ones(1), 1.0) == held
+
+
+def test_a_load_that_friction_without_a_load_of_its_own_takes_over():
+    """``x <= 0.3 |2 - 3 - 4 x|``: with 3 N the second joint turns the load of 2 N round."""
+    response = [[4.0, 1.0], [0.0, 0.0]]
+    assert not flanks([2.0, 0.0], response, [0.3, 0.0], [0.0, 1.0]).locks(np.ones(2), 1.0)
+    assert flanks([2.0, 0.0], response, [0.3, 0.0], [0.0, 3.0]).locks(np.ones(2), 1.0)
+
+
+def test_two_joints_lock_together_that_would_give_way_alone():
+    """Each raises its own load 0.6 times, and that of the other one as often."""
+    assert flanks([0.0, 0.0], [[2.0, 2.0], [2.0, 2.0]], [0.3, 0.3]).locks(np.ones(2), 1.0)
+    assert not flanks([0.0, 0.0], [[2.0, -2.0], [2.0, 2.0]], [0.3, 0.3]).locks(np.ones(2), 1.0)

@@ -6,10 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pinarm.engine.friction.balance import FrictionBalance, groups_of
-from pinarm.engine.friction.carried_loads import CarriedLoads
+from pinarm.engine.friction.complementarity import FrictionBalance, decided, groups_of
 from pinarm.engine.friction.response import SlipResponse
-from pinarm.engine.friction.switching import decided
+from pinarm.engine.friction.slipping import CarriedLoads
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.bearing import Bearing
 from pinarm.mechanics.friction.law import FrictionLaw

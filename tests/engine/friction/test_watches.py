@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from pinarm.engine.friction.sliding import REST, distance_from_rest, resting_speed
 from pinarm.engine.friction.slip import Slip
-from pinarm.engine.friction.watches import REST, Approach, resting_speed
 
 INSTANT = 1e-13
 """Slip that rounding of the instant leaves [m/s]."""
@@ -13,7 +13,7 @@ INSTANT = 1e-13
 def gap(direction, slips):
     parts = np.arange(len(direction))
     slip = Slip(tuple(direction), rest=(INSTANT,) * len(direction))
-    return Approach(lambda q, v: v, parts, slip).gap(np.zeros(len(slips)), slips, np.array(slips))
+    return distance_from_rest(slip, parts, np.array(slips), np.array(slips))
 
 
 def test_a_slip_ends_where_it_changes_its_sign():

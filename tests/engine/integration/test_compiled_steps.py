@@ -110,19 +110,6 @@ class TestSteps:
         assert many.count == few.count
         assert np.array_equal(many.steps.y, few.steps.y)
 
-    def test_that_are_rejected_are_counted(self):
-        found, expected = both(regular(["RX", "RX"], seed=2), Adaptive(1e-9), 0.0, 20.0)
-        assert found.count == expected.count
-        assert found.count.rejected > 10
-
-    def test_keep_the_energy(self):
-        """Of a tumbling tree, to the tolerance of some hundred steps."""
-        dynamics = regular(["FreeFlyer", "RevoluteUnaligned", "Spherical", "PY"], seed=3)
-        found, _ = both(dynamics, Adaptive(1e-12), 0.0, 2.0)
-        q, v = found.states(np.linspace(0.0, 2.0, 201))
-        kinetic, potential = dynamics.energy(q, v)
-        assert np.ptp(kinetic + potential) < 1e-9 * kinetic.max()
-
 
 def linear(rate, offset=0.0):
     """Return the watch of a coordinate, or of the time."""
@@ -148,13 +135,6 @@ class TestEvents:
         times = [one.t for one in found.crossings]
         assert expected[-1] < 20.0 < expected[-1] + math.pi / self.W
         assert times == pytest.approx(expected, abs=1e-9)  # of some hundred steps of 1e-11
-
-    def test_that_are_close_to_each_other_are_all_located(self):
-        """At the turns of the mass, where it all but touches the value."""
-        found = self.motion([linear(1.0, -1.0 + 1e-5)], end=3.0)
-        others = self.motion([linear(1.0, -1.0 + 1e-5)], end=3.0, compiled=False)
-        assert [one.t for one in found.crossings] == pytest.approx([one.t for one in others.crossings], abs=1e-6)
-        assert len(found.crossings) == 1 + 2 * int(3.0 * self.W / (2.0 * math.pi))
 
     @pytest.mark.parametrize("number", [0, 1, 7, 40])
     def test_that_stop_end_the_motion_and_the_count(self, number):
@@ -205,32 +185,8 @@ class TestFailures:
             with pytest.raises(IntegrationError, match="has taken 100 steps"):
                 integrate(given, dynamics.manifold, np.ones(2), np.full(2, 1e3), Adaptive(1e-9), max_steps=2000)
 
-    def test_numbers_that_overflow_end_it(self):
-        """A repelling damper drives the velocity beyond all numbers: ``v = exp(c t / m)``."""
-        model = tree(["PX"], 0)
-        repelling = SpringDamper(np.array([0]), np.array([0]), np.zeros(1), np.array([-1e5]), np.zeros(1))
-        for given in intervals(Dynamics.of(model, {"damper": repelling}), 0.0, 1e3):
-            with np.errstate(all="ignore"), pytest.raises(IntegrationError, match="cannot go on at t =") as caught:
-                integrate(given, Dynamics.of(model).manifold, np.ones(1), np.ones(1), Adaptive(1e-6))
-            assert len(caught.value.partial.steps) > 10
-
     def test_a_start_without_numbers_is_refused(self):
         dynamics = regular(["RX"])
         for given in intervals(dynamics, 0.0, 1.0):
             with pytest.raises(IntegrationError, match="not finite at the start"):
                 integrate(given, dynamics.manifold, np.ones(1), np.full(1, math.nan), Adaptive(1e-9))
-
-    @pytest.mark.parametrize("h", [math.nan, 0.0, -1.0])
-    def test_a_step_that_is_none_takes_none(self, h):
-        dynamics = regular(["RX"])
-        solution = integrate(
-            intervals(dynamics, 0.0, 1.0)[0], dynamics.manifold, np.ones(1), np.zeros(1), Adaptive(1e-9)
-        )
-        stepper = solution.method.stepper(solution.manifold, solution.count)
-        stepper.begin(solution.intervals[0], np.array([1.0, 0.0]))
-        solution.truncate(0)
-        steps = compiled_steps.CompiledSteps(solution, stepper)
-        t, following = steps.take(0, solution.intervals[0], 0.0, h, 100)
-        assert t == 0.0
-        assert following == pytest.approx(h, nan_ok=True)
-        assert not solution.steps

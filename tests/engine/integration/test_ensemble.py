@@ -34,13 +34,12 @@ def motion():
     return dynamics.manifold, compiled, python, q, 0.5 * v
 
 
-@pytest.mark.parametrize("threads", [1, 2, 5])
-def test_steps_are_those_of_each_motion_by_itself(motion, threads, monkeypatch):
+def test_steps_are_those_of_each_motion_by_itself(motion, monkeypatch):
     """To the last digit: the same code takes them."""
     manifold, compiled, _, q, v = motion
     monkeypatch.setattr(ensembles, "MOST", 7)  # several rounds in an interval
     monkeypatch.setattr(ensembles, "ROOM", 63)
-    found = integrate_batch(compiled, manifold, q, v, METHOD, threads=threads)
+    found = integrate_batch(compiled, manifold, q, v, METHOD)
     assert found.arrived.all()
     t = np.linspace(0.0, 1.5, 23)
     together = found.states(t)
@@ -68,7 +67,7 @@ def test_motions_that_cannot_go_on_leave_the_others(motion):
     fast[4] *= 1e3
     usual = integrate_batch(compiled, manifold, q, v / 1e3, METHOD)
     most = 2 * usual.counts.max() + 20
-    found = integrate_batch(compiled, manifold, q, fast, METHOD, max_steps=most, threads=2)
+    found = integrate_batch(compiled, manifold, q, fast, METHOD, max_steps=most)
     assert list(found.failures) == [4]
     assert f"it has taken {most} steps" in found.failures[4]
     others, t = np.arange(9) != 4, np.array([1.5])

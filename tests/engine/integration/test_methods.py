@@ -11,7 +11,7 @@ import pinarm
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Flat, Interval
 from pinarm.engine.integration.methods import METHODS, REMOVED
-from pinarm.errors import InputError, IntegrationError
+from pinarm.errors import InputError
 from pinarm.problems.accuracy import Accuracy
 from pinarm.use.scenario.json_schema import schema
 from pinarm.use.study.accuracy.tolerance_search import CHEAPEST_STEP, TRIED
@@ -54,10 +54,6 @@ class TestRemovedMethods:
         assert np.array_equal(old.trajectory.q, new.trajectory.q)
         assert set(old.notes()) - set(new.notes()) == {REMOVED_NOTE.format(removed, 1e-8)}
 
-    def test_saved_results_bring_the_note_along_once(self, removed, swing, tmp_path):
-        found = pinarm.restore(swing.run().save(tmp_path / "result", plots=False))
-        assert found.notes().count(REMOVED_NOTE.format(removed, 1e-8)) == 1
-
     def test_with_a_target_the_note_tells_the_setting_that_reaches_it(self, removed):
         result = pinarm.run(SWING, {"accuracy": {"method": removed, "target": 1e-4}})
         assert not result.missed
@@ -67,14 +63,6 @@ class TestRemovedMethods:
             for rung in range(2, 9)
             if f"dop853, tolerance {10.0**-rung:.3g}" in result.setting
         }
-
-    def test_sweeps_and_motions_that_break_off_say_it_too(self, removed, swing):
-        table = pinarm.sweep(swing, {"accuracy.tolerance": [1e-6, 1e-7]}, results=["theta2 @ end"])
-        notes = [f"case {k}: {REMOVED_NOTE.format(removed, 10.0 ** -(6 + k))}" for k in range(2)]
-        assert set(notes) <= set(table.notes)
-        with pytest.raises(IntegrationError) as caught:
-            swing.varied({"accuracy.max_steps": 3}).run()
-        assert REMOVED_NOTE.format(removed, 1e-8) in caught.value.partial.notes()
 
     def test_where_nothing_is_integrated_there_is_no_note(self, removed):
         result = pinarm.run(ROOT / "scenarios" / "gen411_arm_static.yaml", {"accuracy.method": removed})
@@ -101,13 +89,6 @@ def test_the_schema_lists_and_describes_every_method():
     method = schema()["$defs"]["Accuracy"]["properties"]["method"]
     assert set(method["enum"]) == set(METHODS) | set(REMOVED)
     assert all(f"{name}: {entry.summary}" in method["description"] for name, entry in METHODS.items())
-
-
-def test_the_readme_names_every_method():
-    line = next(
-        line for line in (ROOT / "docs" / "kinds.md").read_text().splitlines() if line.startswith("| integrators |")
-    )
-    assert [name for name in METHODS if f"`{name}`" not in line] == []
 
 
 @pytest.mark.parametrize("name", TRIED)

@@ -10,8 +10,8 @@ from scipy.optimize import least_squares
 
 import pinarm
 from pinarm.engine.kinematics.assembly import KEPT, start_near
+from pinarm.engine.kinematics.closed_configurations import determining
 from pinarm.engine.kinematics.joint_motion import follow
-from pinarm.engine.kinematics.law_count import determining
 from pinarm.engine.kinematics.newton import NewtonSolver, start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import AssemblyError, InputError

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pinarm import Mechanism
+from pinarm.engine.kinematics.closed_configurations import determining
 from pinarm.engine.kinematics.joint_motion import follow
-from pinarm.engine.kinematics.law_count import determining
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.variant_motion import VariantMotion, VariantStates

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog, lsq_linear
 
-from pinarm.engine.statics.effort_distribution import UniqueEfforts
-from pinarm.engine.statics.shared_efforts import SharedEfforts
+from pinarm.engine.statics.effort_distribution import SharedEfforts, UniqueEfforts
 from pinarm.errors import DrivesError, DynamicsError
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.joints import METRE, RADIAN

@@ -16,6 +16,7 @@ from pinarm.engine.integration.runge_kutta import HUGE, SHORTEST, TINY, first_st
 from pinarm.engine.integration.solution import DenseOutput
 from pinarm.engine.kernel.library import contiguous, pointer
 from pinarm.engine.kernel.structures import ControlStructure, NewtonStructure, RadauStructure
+from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -140,8 +141,7 @@ def _terms(coefficients: Array) -> Array:
     return np.array(terms)
 
 
-@dataclass(frozen=True)
-class Radau:
+class Radau(ValueRecord, frozen=True):
     """Radau IIA with 3, 5 or 7 stages: order 5, 9 or 13, L-stable, steps by an embedded estimate of order s.
 
     ``Z_i = h sum_j a_ij f(y + Z_j)``, ``y_new = y + Z_s``, by simplified Newton iterations with a Jacobian by

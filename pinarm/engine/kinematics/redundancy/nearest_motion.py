@@ -8,21 +8,20 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.kinematics.joint_motion import JointTrajectory, prescribed_at_start
+from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory, prescribed_at_start
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
 from pinarm.engine.kinematics.redundancy.limited_path import AtLimits, LimitCrossing, LimitedPath, first_crossing
 from pinarm.engine.kinematics.redundancy.nearest import NearestState
 from pinarm.engine.kinematics.redundancy.nearest_start import first_configuration
 from pinarm.engine.kinematics.redundancy.posture import Posture
 from pinarm.errors import AssemblyError
-from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid, MotionLaw
 from pinarm.records import replace
@@ -31,13 +30,10 @@ if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
 
 
-@dataclass(frozen=True, eq=False)
-class NearestMotion:
-    """A mechanism that follows a path nearest to a posture.
+class NearestMotion(JointMotion, frozen=True):
+    """A mechanism that follows a path of fewer coordinates than degrees of freedom, nearest to a posture.
 
     Attributes:
-        mechanism: The mechanism.
-        prescribed: Coordinates of the path, fewer than degrees of freedom.
         posture: What is to be near, and limits.
         mobility: Degrees of freedom of the assembled mechanism.
         bounds: Instants at which limits change, ascending [s].
@@ -45,14 +41,11 @@ class NearestMotion:
         jumps: What happens at these instants, in words.
     """
 
-    mechanism: Mechanism
-    prescribed: PrescribedCoordinates
     posture: Posture
     mobility: int
     bounds: tuple[float, ...] = ()
     held: tuple[AtLimits, ...] = ()
     jumps: tuple[str, ...] = ()
-    _paths: dict[AtLimits, LimitedPath] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw], posture: Posture) -> NearestMotion:
@@ -69,15 +62,9 @@ class NearestMotion:
         prescribed.check_redundant(mechanism, mobility)
         return cls(mechanism, prescribed, posture, mobility)
 
-    @property
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """The prescribed coordinates."""
-        return self.prescribed.coordinates
-
-    @property
-    def laws(self) -> tuple[MotionLaw, ...]:
-        """Their laws."""
-        return self.prescribed.laws
+    @cached_property
+    def _paths(self) -> dict[AtLimits, LimitedPath]:
+        return {}
 
     def begin(self, grid: Grid, start: Array) -> Assembly:
         """Return the start itself: the posture chooses the first configuration."""

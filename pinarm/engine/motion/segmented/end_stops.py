@@ -1,4 +1,4 @@
-"""End stops of joints, and other stops: impacts with restitution, and what rests on a stop afterwards.
+"""Stops of a motion: end stops of joints and one-sided constraints, impacts with restitution, and contacts at rest.
 
 An impact changes velocities by the impulses of the stop and of the constraints: v+ is the velocity nearest to v-,
 measured by the masses, with ``n v+ = -e n v-`` at the stop that is hit and ``G v+ = w'`` at loops and prescribed
@@ -10,13 +10,14 @@ faster than that, or lets go.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
-from typing import Protocol
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.constraint import OneSidedConstraint, one_sided
 from pinarm.engine.constraints.nullspace import split_rows
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
@@ -24,6 +25,9 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.records import Record, ValueRecord
+
+if TYPE_CHECKING:
+    from pinarm.engine.motion.trajectory import EventRecord
 
 REST = 1e-12
 """Velocity of what touches a stop that is rest, over the largest one in SI: rounding of a velocity that vanishes."""
@@ -38,99 +42,15 @@ TIED = 1e-9
 SLACK = 1e-13
 """Gap that counts as contact, relative to ``size + |limit|``: where loops are closed, positions are right to 1e-14."""
 
+TOUCHING = 1e-11
+"""Gap of a one-sided constraint that counts as contact, relative to the extent and the unit that suits it, or to 2 rad:
+closed by Newton's method, it is right to 1e-14."""
+
+OPENED = " opens"
+"""End of the name of an event at which a constraint opens."""
 
 Held = frozenset[int]
 """Numbers of the stops on which joints rest, and of the one-sided constraints that hold."""
-
-
-def pressed(
-    touched: Iterable[int], away: Callable[[Held], Mapping[int, float]],
-    ties: Callable[[Held, int], Mapping[int, float]], slight: Callable[[], float],
-) -> Held:  # fmt: skip
-    """Return which of several stops that are touched push: none that does pulls, and none that does not is entered.
-
-    The solution of a linear complementarity problem, found by exchanging the first stop that contradicts itself (Murty,
-    Note on a Bard-type scheme for solving the complementarity problem, 1974). One that moves only with those that push
-    takes the place of the first of these that it would relieve (the criss-cross method of den Hertog, Roos and Terlaky,
-    The linear complementarity problem, sufficient matrices, and the criss-cross method, 1993): what those that push do
-    is determined. Where rounding or friction let sets come again, stops that pull are let go one by one.
-
-    Args:
-        touched: The stops.
-        away: Stops that push -> of these what they push, of the others how fast the motion leaves them.
-        ties: Stops that push, and another one -> by how much its coordinate changes with theirs, each counted away from
-            the stop, where it moves only with them; nothing where it moves by itself as well.
-        slight: How fast one that moves only with others may seem to be entered by rounding.
-    """
-    known, seen, first = sorted(touched), set[Held](), frozenset[int]()
-    for k in known:
-        first |= frozenset() if ties(first, k) else {k}
-    held = first
-    while held not in seen:
-        seen.add(held)
-        found = away(held)
-        moving = {k: ties(held, k) for k in known if k not in held and found[k] < 0.0}
-        wrong = [k for k in known if (k in held and found[k] <= 0.0) or (k in moving
-                 and (not moving[k] or found[k] < -slight()))]  # fmt: skip
-        if not wrong:
-            return held
-        relieved = [k for k, with_it in sorted(moving.get(wrong[0], {}).items()) if with_it > TIED]
-        held ^= {wrong[0], *relieved[:1]}
-    held = first
-    while held and min((found := away(held))[k] for k in held) <= 0.0:
-        held -= {min(held, key=found.__getitem__)}
-    return held
-
-
-class Stop(Protocol):
-    """What a motion may meet with an impact, rest on, and leave."""
-
-    @property
-    def name(self) -> str:
-        """For messages and events."""
-        ...
-
-    @property
-    def title(self) -> str:
-        """What it is, with its name."""
-        ...
-
-    @property
-    def side(self) -> float:
-        """Sense in which it pushes along its row, 1 or -1."""
-        ...
-
-    @property
-    def restitution(self) -> float:
-        """Velocity after an impact relative to that before, from 0 to 1."""
-        ...
-
-    @property
-    def slack(self) -> float:
-        """Return the gap that counts as contact."""
-        ...
-
-    @property
-    def unit(self) -> Unit:
-        """Unit of the gap."""
-        ...
-
-    @property
-    def reach(self) -> float:
-        """Length that its row can have."""
-        ...
-
-    def gap(self, q: Array) -> Array:
-        """Return the distance to it, negative beyond it, shape (...,)."""
-        ...
-
-    def row(self, q: Array) -> Array:
-        """Return the row of the coordinate that it bounds, shape (nv,)."""
-        ...
-
-    def acceleration(self, q: Array, v: Array, a: Array) -> float:
-        """Return that of the coordinate that it bounds, in one state, shapes (nq,), (nv,) and (nv,)."""
-        ...
 
 
 class Bound(ValueRecord, frozen=True):
@@ -144,7 +64,7 @@ class Bound(ValueRecord, frozen=True):
         side: 1 for a lower limit, -1 for an upper one: the way in which the stop pushes.
         restitution: e, velocity after an impact relative to that before, from 0 to 1.
         reach: Length of its row.
-        size: Of the motion, in SI, see ``HybridSystem.size``; in loops what suits their lengths.
+        size: Of the motion, in SI, see ``HybridSystem.size``; in loops that of their lengths.
     """
 
     name: str
@@ -158,7 +78,7 @@ class Bound(ValueRecord, frozen=True):
 
     @property
     def title(self) -> str:
-        """That it is an end stop, with its name."""
+        """Kind and name."""
         return f"end stop '{self.name}'"
 
     def row(self, q: Array) -> Array:
@@ -171,12 +91,12 @@ class Bound(ValueRecord, frozen=True):
 
     @property
     def unit(self) -> Unit:
-        """Unit of the joint's coordinate."""
+        """Unit of the gap."""
         return self.coordinate.unit
 
     @property
     def place(self) -> int:
-        """Return the index of the coordinate in q."""
+        """Index of the coordinate in q."""
         return int(self.coordinate.places[self.joint])
 
     def gap(self, q: Array) -> Array:
@@ -184,14 +104,136 @@ class Bound(ValueRecord, frozen=True):
         return np.asarray(self.side * (q[..., self.place] - self.limit))
 
     def passed_at_start(self, q: Array) -> str:
-        """Return what is wrong with a motion that begins at a configuration, shape (nq,), beyond the stop."""
+        """Return the error of a motion that begins at a configuration, shape (nq,), beyond the stop."""
         unit = self.coordinate.unit
         return f"the motion begins at {q[self.place]:.6g} {unit}, beyond the {self.title} at {self.limit:.6g} {unit}"
 
     @property
     def slack(self) -> float:
-        """Return the gap that counts as contact [rad or m]."""
+        """Gap that counts as contact [rad or m]."""
         return SLACK * (self.size + abs(self.limit))
+
+
+class Separation(Record, frozen=True):
+    """A one-sided constraint as a stop that a motion may meet, without rebound, and leave.
+
+    ``closure`` has the constraint alone.
+    """
+
+    unshown = ("closure",)
+
+    constraint: OneSidedConstraint
+    closure: Closure
+    restitution: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.constraint.name
+
+    @property
+    def title(self) -> str:
+        """Kind and name."""
+        return f"{self.constraint.kind} '{self.name}'"
+
+    @property
+    def side(self) -> float:
+        """Sense in which it acts, and sign of its gap where it is open."""
+        return self.constraint.side
+
+    @cached_property
+    def slack(self) -> float:
+        """Gap that counts as contact [m or rad]."""
+        return float(TOUCHING * (self.closure.measure[0] + self.closure.reach[0]))
+
+    @property
+    def unit(self) -> Unit:
+        """Unit of the gap."""
+        return self.constraint.unit(0)
+
+    @property
+    def reach(self) -> float:
+        """Length that its row can have."""
+        return float(self.closure.reach[0])
+
+    def gap(self, q: Array) -> Array:
+        """Return by how much it is open at configurations, shape (..., nq), as an array of shape (...)."""
+        gaps, _ = self.closure.at(q.reshape(-1, q.shape[-1]))
+        return np.asarray(self.side * gaps[:, 0].reshape(q.shape[:-1]))
+
+    def passed_at_start(self, q: Array) -> str:
+        """Return the error of a motion that begins at a configuration, shape (nq,), in which it is overdrawn."""
+        return f"at the start the {self.title} is passed by {-float(self.gap(q)):.6g} {self.unit}"
+
+    def row(self, q: Array) -> Array:
+        """Return its row of G, shape (nv,)."""
+        return np.asarray(self.closure.rows(self.closure.state(q))[0])
+
+    def acceleration(self, q: Array, v: Array, a: Array) -> float:
+        """Return that of its gap, but for the sign."""
+        state = self.closure.state(q, v)
+        return float(self.closure.rows(state)[0] @ a + self.closure.drift(state)[0])
+
+
+Stop = Bound | Separation
+"""An obstacle that a motion may meet with an impact, rest on, and leave."""
+
+
+def separations_of(closure: Closure) -> tuple[Separation, ...]:
+    """Return the one-sided constraints of a mechanism."""
+    every = one_sided(closure.constraints)
+    return tuple(Separation(constraint, Closure.of(closure.model, [constraint])) for constraint in every)
+
+
+def opening_remarks(stops: Sequence[Stop], events: Iterable[EventRecord]) -> list[str]:
+    """Return for each constraint that opened how often it did, when and where first."""
+    events, remarks = list(events), []
+    for stop in (stop for stop in stops if isinstance(stop, Separation)):
+        if opened := [event for event in events if event.name == stop.name + OPENED]:
+            first = opened[0]
+            where = ", ".join(filter(None, (f"t = {first.t:.6g} s", stop.constraint.whereabouts(first.q))))
+            often = f", {len(opened)} times" if len(opened) > 1 else ""
+            remarks.append(f"{stop.title}: {stop.constraint.opens}, first at {where}{often}")
+    return remarks
+
+
+def pressed(
+    touched: Iterable[int], away: Callable[[Held], Mapping[int, float]],
+    ties: Callable[[Held, int], Mapping[int, float]], slight: Callable[[], float],
+) -> Held:  # fmt: skip
+    """Return which of several stops that are touched push: none that does pulls, and none that does not is entered.
+
+    The solution of a linear complementarity problem, found by exchanging the first stop that contradicts itself (Murty,
+    Note on a Bard-type scheme for solving the complementarity problem, 1974). One that moves only with those that push
+    takes the place of the first of these that it would relieve (the criss-cross method of den Hertog, Roos and Terlaky,
+    The linear complementarity problem, sufficient matrices, and the criss-cross method, 1993): only the sum of their
+    pushes is determined. Where rounding or friction let sets come again, stops that pull are let go one by one.
+
+    Args:
+        touched: The stops.
+        away: Stops that push -> of these their pushes, of the others how fast the motion leaves them.
+        ties: Stops that push, and another one -> by how much its coordinate changes with theirs, each counted away from
+            the stop, where it moves only with them; nothing where it moves by itself as well.
+        slight: How fast one that moves only with others may seem to be entered by rounding.
+    """
+    known, seen, first = sorted(touched), set[Held](), frozenset[int]()
+    for k in known:
+        first |= frozenset() if ties(first, k) else {k}
+    held = first
+    while held not in seen:
+        seen.add(held)
+        leaving = away(held)
+        moving = {k: ties(held, k) for k in known if k not in held and leaving[k] < 0.0}
+        wrong = [k for k in known if (k in held and leaving[k] <= 0.0) or (k in moving
+                 and (not moving[k] or leaving[k] < -slight()))]  # fmt: skip
+        if not wrong:
+            return held
+        relieved = [k for k, with_it in sorted(moving.get(wrong[0], {}).items()) if with_it > TIED]
+        held ^= {wrong[0], *relieved[:1]}
+    held = first
+    while held and min((leaving := away(held))[k] for k in held) <= 0.0:
+        held -= {min(held, key=leaving.__getitem__)}
+    return held
 
 
 class Contacts(Record, frozen=True):
@@ -207,6 +249,11 @@ class Contacts(Record, frozen=True):
     prescribed: PrescribedCoordinates
     bounds: Sequence[Stop]
 
+    @cached_property
+    def guided(self) -> Closure:
+        """The constraints, then the coordinates that follow laws."""
+        return self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
+
     def near(self, q: Array) -> list[int]:
         """Return the indices of the stops that a configuration touches."""
         return [k for k, bound in enumerate(self.bounds) if abs(bound.gap(q)) <= bound.slack]
@@ -221,7 +268,7 @@ class Contacts(Record, frozen=True):
         With the row n, and the accelerations ``a`` that it gives as a force to the mechanism and ``M^-1 n`` to its
         bodies without loops, ``(n a / n M^-1 n)^(1/2)``: a number without a unit.
         """
-        rows, row = self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates), self.bounds[k].row(q)
+        rows, row = self.guided, self.bounds[k].row(q)
         mass, split = mass_matrix(rows.model, q), split_rows(rows.rows(rows.state(q)), rows.reach)
         left = float(row @ solve(split, mass, row, np.zeros(rows.size)))
         return float((max(left, 0.0) / float(row @ np.linalg.lstsq(mass, row)[0])) ** 0.5)
@@ -248,11 +295,10 @@ class Contacts(Record, frozen=True):
         """Return by how much the coordinate of stop k changes with those of others; see ``pressed``."""
         if not held:
             return {}
-        rows, others = self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates), sorted(held)
+        rows, others = self.guided, sorted(held)
         normals = np.array([self.bounds[k].side * self.bounds[k].row(q) for k in [k, *others]])
-        reach = np.append(rows.reach, [self.bounds[k].reach for k in others])
-        every = np.vstack([rows.rows(rows.state(q)), normals[1:]])
-        parts = split_rows(every, reach).multipliers(normals[0])
+        every, reach = np.vstack([rows.rows(rows.state(q)), normals[1:]]), [self.bounds[k].reach for k in others]
+        parts = split_rows(every, np.append(rows.reach, reach)).multipliers(normals[0])
         if np.abs(normals[0] - parts @ every).max() > TIED * np.abs(normals[0]).max():
             return {}
         return dict(zip(others, parts[rows.size :].tolist(), strict=True))
@@ -262,11 +308,11 @@ class Contacts(Record, frozen=True):
 
         Between stops that leave no way for a rebound there is none.
         """
-        found, size = dict[Held, Array](), float(np.abs(v).max(initial=0.0))
+        velocities, size = dict[Held, Array](), float(np.abs(v).max(initial=0.0))
 
         def away(pushing: Held) -> dict[int, float]:
             after, impulses = self._given(t, q, v, {k: back[k] for k in sorted(pushing)})
-            found[pushing] = after
+            velocities[pushing] = after
             left = {k: self.bounds[k].side * (self.rate(k, q, after) - back[k]) for k in back}
             return left | {k: self.bounds[k].side * impulse for k, impulse in impulses.items()}
 
@@ -274,7 +320,7 @@ class Contacts(Record, frozen=True):
         left = away(held)
         if any(back.values()) and any(left[k] < -CONTRADICTING * size for k in back if k not in held):
             return self._nearest(t, q, v, dict.fromkeys(back, 0.0))
-        return found[held]
+        return velocities[held]
 
     def rest(self, t: float, q: Array, v: Array, held: Held) -> Array:
         """Return the velocity nearest to v with which stops are rested on, shape (nv,)."""
@@ -282,10 +328,9 @@ class Contacts(Record, frozen=True):
 
     def _given(self, t: float, q: Array, v: Array, back: Mapping[int, float]) -> tuple[Array, dict[int, float]]:
         """Return the velocity nearest to v with given ones along the rows of stops, and the impulses of these."""
-        rows = self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
-        model, own = rows.model, rows.rows(rows.state(q))
-        mass = mass_matrix(model, q)
-        normals = np.array([self.bounds[k].row(q) for k in back]).reshape(-1, model.nv)
+        rows, mass = self.guided, mass_matrix(self.guided.model, q)
+        own = rows.rows(rows.state(q))
+        normals = np.array([self.bounds[k].row(q) for k in back]).reshape(-1, rows.model.nv)
         split = split_rows(np.vstack([own, normals]), np.append(rows.reach, [self.bounds[k].reach for k in back]))
         target = [np.zeros(self.closure.size), self.prescribed.on(t, t)(t)[1], np.array([*back.values()])]
         after = solve(split, mass, mass @ v, np.concatenate(target))

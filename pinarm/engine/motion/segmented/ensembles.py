@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pinarm.arrays import Array
-from pinarm.engine.dynamics.parallel import threads
 from pinarm.engine.motion.lost_turns import acting_on_angles
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
 from pinarm.engine.motion.segmented.segment_ends import steps_over, watched
@@ -46,5 +45,4 @@ def integrate_together(hybrid: HybridSystem, q: Array, v: Array) -> Ensemble | N
         pair,
         max_steps=hybrid.max_steps,
         steps_over=steps_over(hybrid, system),
-        threads=threads(),
     )

@@ -1,8 +1,8 @@
 """Forward motion through impacts and contacts: segments of smooth motion, and events between them.
 
 A segment is integrated until an event ends it: a joint reaches an end stop, a stop that a joint rests on pushes it no
-longer, friction holds or lets go, or an event of the user stops the run. What follows the event is found by
-``Transitions``; then the next segment begins.
+longer, friction holds or lets go, or an event of the user stops the run. After the ``Transitions`` at the event the
+next segment begins.
 """
 
 from __future__ import annotations
@@ -20,18 +20,20 @@ from pinarm.engine.integration.events import ROUNDED, SAME_INSTANT, Watch
 from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.integration.solution import Solution
 from pinarm.engine.integration.turns import Turn
+from pinarm.engine.motion.segmented.end_stops import OPENED
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
-from pinarm.engine.motion.segmented.margins import deciding, decision, sensitivity
 from pinarm.engine.motion.segmented.segment_ends import (
     CAUSES,
     Key,
     SegmentEnd,
+    deciding,
+    decision,
     of_mechanism,
+    sensitivity,
     steps_over,
     watched,
 )
 from pinarm.engine.motion.segmented.segments import MotionSegment, SegmentedMotion
-from pinarm.engine.motion.segmented.separations import OPENED
 from pinarm.engine.motion.segmented.transitions import Transitions
 from pinarm.engine.motion.systems import System
 from pinarm.engine.motion.trajectory import EventRecord
@@ -45,21 +47,16 @@ CUT = 1e-14
 
 
 def integrate(hybrid: HybridSystem, q: Array, v: Array) -> SegmentedMotion:
-    """Return the motion from an initial state.
-
-    Args:
-        hybrid: What is integrated.
-        q: Configuration, shape (nq,), assembled.
-        v: Velocity, shape (nv,).
+    """Return the motion from an initial state, assembled, shapes (nq,) and (nv,).
 
     Raises:
         IntegrationError: It could not be followed to its end; ``partial`` is the motion until then.
         Interrupted: The user interrupted it; likewise.
     """
-    integration = HybridIntegration(hybrid, Transitions(hybrid), SegmentedMotion(hybrid.dynamics))
+    integration = _Integration(hybrid, Transitions(hybrid), SegmentedMotion(hybrid.dynamics))
     if hybrid.controls is None:
         return integration.follow(q, v)
-    from pinarm.engine.motion.segmented.controlled_motion import recorded
+    from pinarm.engine.motion.segmented.recorded_control import recorded
 
     hybrid.controls.begin(hybrid.cuts[0], hybrid.cuts[-1])
     try:
@@ -70,14 +67,8 @@ def integrate(hybrid: HybridSystem, q: Array, v: Array) -> SegmentedMotion:
         raise
 
 
-class HybridIntegration(Record, frozen=True):
-    """One motion while it is integrated.
-
-    Attributes:
-        hybrid: What is integrated.
-        transitions: What events change in it.
-        motion: The segments and events so far; more are added.
-    """
+class _Integration(Record, frozen=True):
+    """One motion while it is integrated; segments and events are added to ``motion``."""
 
     hybrid: HybridSystem
     transitions: Transitions
@@ -119,7 +110,6 @@ class HybridIntegration(Record, frozen=True):
         return next((cut for cut in self.hybrid.cuts if 0.0 < cut - t <= CUT * max(abs(cut), abs(t))), t)
 
     def _enter(self, t: float, q: Array, v: Array) -> None:
-        """Let controllers act at the start of a segment."""
         if self.hybrid.controls:
             self.hybrid.controls.enter(t, q, v)
 
@@ -162,15 +152,16 @@ class HybridIntegration(Record, frozen=True):
         if end is None and solution.end < hybrid.cuts[-1]:
             q, v = (x[0] for x in system.whole(np.array([solution.end]), *solution.states(np.array([solution.end]))))
             end = SegmentEnd(solution.end, q, v)
-        if controls:  # after all states in between have been asked for
-            self._remember(system, solution)
+        integrals = getattr(system, "integrals", None)
+        if controls and integrals:  # after all states in between have been asked for
+            controls.memory.integral = integrals(solution.states(np.array([solution.end]))[1])[0]
         return end
 
     def _from_there(self, name: str, watch: Watch, t: float, q: Array, v: Array) -> Watch:
         """Return the watch of an event in a segment that begins in a state.
 
-        What has come to the value at the end of the segment before does not reach it again in leaving: an event there,
-        be it by rounding before it, or, of another direction, what turns back at the value as at a stop.
+        A value reached at the end of the segment before, or turned back from as at a stop, is not reached again in
+        leaving it.
         """
         if not self.motion.segments:
             return watch
@@ -190,7 +181,7 @@ class HybridIntegration(Record, frozen=True):
     def _solution(
         self, system: System, spans: Sequence[tuple[float, float]], watches: Sequence[Watch], q: Array, v: Array
     ) -> Solution:
-        """Return the states of a segment, until one of what is watched ends it."""
+        """Return the states of a segment, until a watch ends it."""
         hybrid, work = self.hybrid, self.motion.work
         with_integrals = getattr(system, "with_integrals", None)
         q, v = with_integrals(q, v) if with_integrals else (q, v)
@@ -207,18 +198,10 @@ class HybridIntegration(Record, frozen=True):
         )
 
     def _spans(self, mode: Mode, t: float) -> list[tuple[float, float]]:
-        """Return the intervals of a segment from t [s] on: one where a load that jumps may change what holds joints."""
+        """Return the intervals of a segment from t [s] on: one where a load that jumps may set held joints free."""
         spans = [(max(low, t), high) for low, high in pairwise(self.hybrid.cuts) if high > t]
         alone = self.hybrid.frictions or mode.held or (self.hybrid.controls and self.hybrid.controls.continuous)
         return spans[:1] if alone else spans
-
-    def _remember(self, system: System, solution: Solution) -> None:
-        """Keep the integrals of controllers at the end of a segment."""
-        from pinarm.engine.control.controlled_system import ControlledSystem
-
-        if self.hybrid.controls and isinstance(system, ControlledSystem):
-            _, v = solution.states(np.array([solution.end]))
-            self.hybrid.controls.remember(system.integrals(v)[0])
 
     def _note_events(self, solution: Solution, system: System, keys: list[Key]) -> SegmentEnd | None:
         """Add the events of the last segment to the motion; return the one that ended it."""
@@ -236,10 +219,9 @@ class HybridIntegration(Record, frozen=True):
 
     def _note_reversal(self, end: SegmentEnd, mode: Mode, t: float, q: Array, v: Array) -> None:
         """Note by how much friction fails to hold a joint that turns back in a state; nothing where none does."""
-        if end.slip is None or end.slip < 0 or end.slip >= len(mode.slip.direction):
+        if end.slip is None or not 0 <= end.slip < len(mode.slip.direction):
             return
-        friction = self.hybrid.friction(mode.held)
-        watch = friction.could_hold(mode.slip, self.hybrid.span(t), end.slip)
+        watch = self.hybrid.friction(mode.held).could_hold(mode.slip, self.hybrid.span(t), end.slip)
         if watch is None:
             return
         state, wrong = (np.array([t]), q[None], v[None]), self.motion.work.state_error

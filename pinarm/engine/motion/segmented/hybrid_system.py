@@ -1,4 +1,4 @@
-"""What a motion with impacts, contacts and friction is integrated of: the mechanism, and what holds it on a stretch.
+"""Smooth system between two events, one for each mode of contact and slip.
 
 Between two events the same stops are rested on, the same one-sided constraints hold and the same joints slip: a
 ``Mode``. For each mode there is one system of smooth equations.
@@ -20,11 +20,10 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.integration.events import Watch
-from pinarm.engine.integration.integrator import Interval, Method
+from pinarm.engine.integration.integrator import Interval
 from pinarm.engine.kinematics.abscissa import running
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
-from pinarm.engine.motion.segmented.end_stops import REST, Bound, Contacts, Held
-from pinarm.engine.motion.segmented.separations import Separation
+from pinarm.engine.motion.segmented.end_stops import REST, Bound, Contacts, Held, Separation
 from pinarm.engine.motion.segmented.stop_shares import StopShares
 from pinarm.engine.motion.systems import Initial, System, system_of
 from pinarm.errors import DynamicsError, InputError
@@ -36,25 +35,21 @@ from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.control.controls import Controls
+    from pinarm.engine.integration.methods import Method
     from pinarm.engine.motion.segmented.stick_slip import StickSlip
     from pinarm.engine.motion.systems.system import CompletedStates
     from pinarm.mechanics.friction.contact import FrictionContact
 
 
 class Mode(ValueRecord, frozen=True):
-    """What holds joints on a stretch of the motion.
-
-    Attributes:
-        held: Stops on which joints rest.
-        slip: What joints with friction do.
-    """
+    """Stops on which joints rest, and slip of joints with friction, on a stretch of the motion."""
 
     held: Held = frozenset()
     slip: Slip = Slip()
 
 
 class HybridSystem(Record, frozen=True):
-    """What is integrated: a mechanism with forces, laws, end stops and events.
+    """A mechanism with forces, laws, end stops and events, to be integrated from an initial state.
 
     Attributes:
         closure: Constraints of the mechanism.
@@ -66,7 +61,7 @@ class HybridSystem(Record, frozen=True):
         watches: Events by name; their values are of states of the mechanism.
         method: The integrator.
         max_steps: Number of steps after which to give up.
-        size: What errors of steps are relative to besides the states; see ``Interval.size``.
+        size: Scale of errors of steps besides the states; see ``Interval.size``.
         frictions: Joints with friction that sticks.
         controls: Controllers, whose efforts are among the loads of ``dynamics``; ``None`` for none.
         max_events: Number of impacts, switches and other changes of contact after which to give up.
@@ -91,10 +86,11 @@ class HybridSystem(Record, frozen=True):
     def of_size(self, size: float, max_steps: int) -> HybridSystem:
         """Return the same for a motion of another size.
 
-        What touches a stop is told by it as well, but in loops, whose positions are right to the size of their links.
+        Contact with a stop is judged by it as well, but in loops, whose positions are right to the size of their links.
         """
-        bounds = self.bounds if self.closure.size else tuple(
-            replace(bound, size=size) if isinstance(bound, Bound) else bound for bound in self.bounds)  # fmt: skip
+        bounds = self.bounds
+        if not self.closure.size:
+            bounds = tuple(replace(bound, size=size) if isinstance(bound, Bound) else bound for bound in bounds)
         return replace(self, size=size, bounds=bounds, max_steps=max_steps)
 
     def beginning(self, initial: Initial) -> HybridSystem:
@@ -102,7 +98,7 @@ class HybridSystem(Record, frozen=True):
         return replace(self, initial=initial, _systems={}, _shares={})
 
     def system(self, held: Held = frozenset()) -> System:
-        """Return what is integrated while joints rest on the given stops.
+        """Return the equations while joints rest on the given stops.
 
         Raises:
             InputError: The prescribed coordinates cannot be prescribed independently.
@@ -126,7 +122,7 @@ class HybridSystem(Record, frozen=True):
 
     @property
     def closed_system(self) -> System:
-        """What is integrated while all constraints hold."""
+        """The equations while all constraints hold."""
         return self.system(self.separations)
 
     def closure_of(self, held: Held) -> Closure:
@@ -134,22 +130,22 @@ class HybridSystem(Record, frozen=True):
         if held >= self.separations:
             return self.closure
         opened = {self.bounds[k].name for k in self.separations - held}
-        return Closure.of(self.closure.model, [one for one in self.closure.constraints if one.name not in opened])
+        return Closure.of(self.closure.model, [part for part in self.closure.constraints if part.name not in opened])
 
     def holding(self, held: Held) -> Flags:
         """Return which rows of the mechanism's constraints hold, shape (m,)."""
-        found, slices = np.ones(self.closure.size, dtype=bool), self.closure.slices
+        holding = np.ones(self.closure.size, dtype=bool)
         for k in self.separations - held:
-            found[slices[self.bounds[k].name]] = False
-        return found
+            holding[self.closure.slices[self.bounds[k].name]] = False
+        return holding
 
     def with_stops(self, held: Held) -> PrescribedCoordinates:
         """Return the coordinates that follow laws, and those of joints that rest on stops."""
-        bounds = self._stops(held)
+        bounds, laws = self._stops(held), self.prescribed
         return PrescribedCoordinates(
-            (*self.prescribed.names, *(bound.name for bound in bounds)),
-            (*self.prescribed.coordinates, *(bound.coordinate for bound in bounds)),
-            (*self.prescribed.laws, *(Constant(value=bound.limit) for bound in bounds)),
+            (*laws.names, *(bound.name for bound in bounds)),
+            (*laws.coordinates, *(bound.coordinate for bound in bounds)),
+            (*laws.laws, *(Constant(value=bound.limit) for bound in bounds)),
         )
 
     def _stops(self, held: Held) -> list[Bound]:
@@ -160,15 +156,8 @@ class HybridSystem(Record, frozen=True):
         """Return the joints with friction while joints rest on the given stops."""
         from pinarm.engine.motion.segmented.stick_slip import StickSlip
 
-        return StickSlip(
-            self.rubbing(held),
-            self.closure_of(held),
-            self.dynamics,
-            self.with_stops(held),
-            self._stops(held),
-            self.time,
-            self.size,
-        )
+        stops, laws = self._stops(held), self.with_stops(held)
+        return StickSlip(self.rubbing(held), self.closure_of(held), self.dynamics, laws, stops, self.time, self.size)
 
     def rubs(self, held: Held) -> Flags:
         """Return which frictions there are, shape (k,): not that of a cam that is open, whose follower flies."""
@@ -177,10 +166,10 @@ class HybridSystem(Record, frozen=True):
 
     def rubbing(self, held: Held) -> tuple[FrictionContact, ...]:
         """Return the frictions that there are."""
-        return tuple(each for each, rubs in zip(self.frictions, self.rubs(held).tolist(), strict=True) if rubs)
+        return tuple(contact for contact, rubs in zip(self.frictions, self.rubs(held).tolist(), strict=True) if rubs)
 
     def stretch(self, mode: Mode, t: float, q: Array, v: Array) -> System:
-        """Return what is integrated in a mode that begins in a state of the mechanism."""
+        """Return the equations in a mode that begins in a state of the mechanism."""
         if not self.rubbing(mode.held):
             return self.system(mode.held)
         from pinarm.engine.motion.systems.frictional import FrictionalSystem
@@ -196,10 +185,7 @@ class HybridSystem(Record, frozen=True):
         return t, later[0] if later else self.cuts[-1]
 
     def grid(self, t: Array, seams: Iterable[float] = ()) -> Grid:
-        """Return the grid of given instants, cut where a law or the motion jumps.
-
-        What sampled controllers follow cuts it too, though it acts on the motion at samples only.
-        """
+        """Return the grid of given instants, cut where a law, a reference of a controller or the motion jumps."""
         followed = self.controls.sampled_references if self.controls else []
         return Grid.cover(t, [*self._laws, *followed], seams)
 
@@ -215,18 +201,18 @@ class HybridSystem(Record, frozen=True):
 
     @cached_property
     def knots(self) -> list[float]:
-        """Instants at which steps have to end: a third derivative jumps, or what passes pieces of loads turns back [s].
+        """Instants at which steps have to end: a third derivative jumps, or a law turns back over pieces of loads [s].
 
         A step sees a law at a few instants only: where it rests but for one point of a table, the stages of a longer
-        step, and of a finer one beside it, may all lie where it rests. Likewise where a law swings past pieces of a
-        load and back within a step; between its reversals the ends of a step tell what it passes.
+        step, and of a finer one beside it, may all be where it rests. Likewise where a law swings past pieces of a
+        load and back within a step.
         """
-        found = {knot for law in self._laws for knot in law.knots()}
+        knots = {knot for law in self._laws for knot in law.knots()}
         if self.profiled or any(force.in_pieces for force in self.dynamics.forces.values()):
             from pinarm.mechanics.laws.over_coordinate import reversals
 
-            found.update(t for law in self.prescribed.laws for t in reversals(law, *self.time))
-        return sorted(found)
+            knots.update(t for law in self.prescribed.laws for t in reversals(law, *self.time))
+        return sorted(knots)
 
     @property
     def _laws(self) -> list[MotionLaw]:
@@ -253,8 +239,8 @@ class HybridSystem(Record, frozen=True):
             from pinarm.engine.motion.initial_velocity import velocity_with_rates
 
             v = velocity_with_rates(initial, self.closure_of(held), self.prescribed, whole_q[0], self.cuts[:2])
-            given = replace(initial, q=whole_q[0], v=v, velocities=tuple(range(len(v))))
-            whole_q, whole_v = system.whole(start, *(x[None] for x in system.begin(given, *self.cuts[:2])))
+            known = replace(initial, q=whole_q[0], v=v, velocities=tuple(range(len(v))))
+            whole_q, whole_v = system.whole(start, *(x[None] for x in system.begin(known, *self.cuts[:2])))
         for follower in initial.followers:
             rotor, coordinate, state = follower.rotor, follower.coordinate, self.closure.state(whole_q[0])
             whole_q[0, rotor.q] = coordinate.value(state) if follower.position else whole_q[0, rotor.q]
@@ -286,15 +272,15 @@ class HybridSystem(Record, frozen=True):
 
         One is open where all joints that move it are given with a gap, or their velocities are such that it opens.
         """
-        positions, found = set(initial.positions), set(self.separations)
+        positions, held = set(initial.positions), set(self.separations)
         for k in self.separations:
             row = self.bounds[k].row(initial.q)
             moved = set(np.flatnonzero(np.abs(row) > ROUNDING * np.abs(row).max()).tolist())
             rate = self.bounds[k].side * float(row @ initial.v)
             opens = moved <= set(initial.velocities) and rate > self.still(k, initial.v)
             if moved <= positions and (opens or self.bounds[k].gap(initial.q) > self.bounds[k].slack):
-                found.discard(k)
-        return frozenset(found)
+                held.discard(k)
+        return frozenset(held)
 
     @cached_property
     def start(self) -> tuple[Array, Array]:
@@ -311,36 +297,30 @@ class HybridSystem(Record, frozen=True):
         return always.with_guides(self.prescribed.names, self.prescribed.coordinates)
 
     def require_masses(self, q: Array) -> None:
-        """Raise where masses do not determine the accelerations at configurations, shape (n, nq).
-
-        Raises:
-            DynamicsError: Names what moves without mass.
-        """
+        """Raise where masses do not determine the accelerations at configurations, shape (n, nq)."""
         known = q.shape[1] == len(self.initial.q)
         require_masses(self.guided, q if known else self.initial.q[None], self.time[0])
 
     def intervals(self, system: System, spans: Iterable[tuple[float, float]]) -> list[Interval]:
-        """Return what a system integrates in spans of time [s] without jumps."""
-        found = [
-            replace(
-                system.interval(self.dynamics, low, high), size=self.size,
-                knots=tuple(knot for knot in self.knots if low < knot < high),
-            )
-            for low, high in spans
-        ]  # fmt: skip
-        return [self.controls.interval(each, system) for each in found] if self.controls else found
+        """Return the intervals of a system in spans of time [s] without jumps."""
+        intervals = list[Interval]()
+        for low, high in spans:
+            knots = tuple(knot for knot in self.knots if low < knot < high)
+            interval = replace(system.interval(self.dynamics, low, high), size=self.size, knots=knots)
+            intervals.append(self.controls.interval(interval, system) if self.controls else interval)
+        return intervals
 
     @cached_property
     def free_intervals(self) -> list[Interval]:
-        """What is integrated from the first instant to the last one while nothing is held."""
+        """The intervals from the first instant to the last one while nothing is held."""
         return self.intervals(self.system(), pairwise(self.cuts))
 
     def still(self, k: int, v: Array) -> float:
-        """Return the velocity along stop k that is none: rounding, or what moves it by no gap in the whole run."""
+        """Return the velocity along stop k that is none: rounding, or one that moves it by no gap in the whole run."""
         return self.bounds[k].slack / (self.time[1] - self.time[0]) + REST * float(np.abs(v).max(initial=0.0))
 
     def slip(self, held: Held, t: float, q: Array, v: Array) -> Slip:
-        """Return what joints with friction begin to do in a state on given stops."""
+        """Return the slip of joints with friction from a state on given stops on."""
         return self.friction(held).start(self.span(t), q, v) if self.rubbing(held) else Slip()
 
     def acceleration_without_friction(self, held: Held, t: float, q: Array, v: Array) -> Array:
@@ -349,7 +329,7 @@ class HybridSystem(Record, frozen=True):
         return np.asarray(system.complete(self.dynamics, grid, q[None], v[None]).a[0])
 
     def acting(self, system: System) -> Dynamics:
-        """Return the equation of motion of what is integrated, with the friction of what slips."""
+        """Return the equation of motion of a system, with the friction of joints that slip."""
         slowed = getattr(system, "slowed", None)
         return slowed(self.dynamics) if slowed else self.dynamics
 
@@ -357,15 +337,15 @@ class HybridSystem(Record, frozen=True):
         """Return states of one interval with their accelerations, efforts and multipliers."""
         span = (float(t[0]), float(t[-1]) if len(t) > 1 else self.span(float(t[0]))[1])
         complete = getattr(system, "tried", system.complete)
-        found: CompletedStates = complete(self.dynamics, Grid(t, span, (0, len(t))), q, v)
-        return found
+        states: CompletedStates = complete(self.dynamics, Grid(t, span, (0, len(t))), q, v)
+        return states
 
     def shares(self, held: Held) -> StopShares:
-        """Return what shares loads while joints rest on the given stops."""
+        """Return the stops, constraints and laws that share loads while joints rest on the given stops."""
         if held not in self._shares:
             closure, separations = self.closure_of(held), [self.bounds[k] for k in sorted(held & self.separations)]
             stops = self._stops(held)
-            self._shares[held] = StopShares.of(closure, self.with_stops(held), stops, separations)
+            self._shares[held] = StopShares(closure, *self.with_stops(held).linear_last(), stops, separations)
         return self._shares[held]
 
     def tied(self, held: Held, touched: Held, q: Array) -> Held:
@@ -374,24 +354,24 @@ class HybridSystem(Record, frozen=True):
         return frozenset(k for k in others if self.contacts.ties(q, held, k))
 
     def rested(self, held: Held) -> StopShares | None:
-        """Return the stops that joints rest on, with what shares loads with them; ``None`` without any."""
+        """Return the stops that joints rest on; ``None`` without any."""
         return None if held <= self.separations else self.shares(held)
 
     def loaded(self, system: System, held: Held, shares: StopShares | None, t: float, q: Array) -> System:
-        """Return what is integrated while several stops share what loads joints with friction.
+        """Return a system while several stops share the load of joints with friction.
 
         Raises:
             DynamicsError: The friction that moves or holds a joint depends on how they share it.
         """
         contacts = self.rubbing(held)
-        if not (shares and any(one.law.loaded for one in contacts)):
+        if not (shares and any(contact.law.loaded for contact in contacts)):
             return system
         from pinarm.engine.friction.response import BearingReactions
 
         rows = shares.rows
         reactions = BearingReactions(contacts, rows, self.dynamics.on(*self.span(t)))
-        some = [one.name for one in reactions.undetermined(split_rows(rows.rows(rows.state(q))), q)]
-        unknown = frozenset(k for k, one in enumerate(contacts) if one.name in some)
+        names = [contact.name for contact in reactions.undetermined(split_rows(rows.rows(rows.state(q))), q)]
+        unknown = frozenset(k for k, contact in enumerate(contacts) if contact.name in names)
         try:
             return system.knowing(unknown)  # type: ignore[attr-defined, no-any-return]
         except DynamicsError as error:
@@ -400,15 +380,14 @@ class HybridSystem(Record, frozen=True):
 
     def pushes(self, held: Held, system: System, t: Array, q: Array, v: Array) -> dict[int, Array]:
         """Return the pushes of what is held, at states of one interval [N*m or N], shape (n,) each."""
-        shares, stops = self.shares(held), sorted(held - self.separations)
-        found = shares.least(self.completed(system, t, q, v))
-        return dict(zip([*stops, *sorted(held & self.separations)], found.T, strict=True))
+        pushes = self.shares(held).least(self.completed(system, t, q, v))
+        return dict(zip([*sorted(held - self.separations), *sorted(held & self.separations)], pushes.T, strict=True))
 
     def push(self, held: Held, system: System, k: int, t: Array, q: Array, v: Array) -> Array:
-        """Return the push of one that is held; see ``pushes``."""
+        """Return the push of one stop that is held; see ``pushes``."""
         return self.pushes(held, system, t, q, v)[k]
 
     @cached_property
     def profiled(self) -> list[JointRelation]:
         """Constraints whose rows are made of pieces, as cams are."""
-        return [one for one in self.closure.constraints if isinstance(one, JointRelation) and one.in_pieces]
+        return [part for part in self.closure.constraints if isinstance(part, JointRelation) and part.in_pieces]

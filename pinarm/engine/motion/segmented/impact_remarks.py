@@ -1,13 +1,13 @@
-"""What impacts on stops take of the energy, told stop by stop where rigid bodies determine it.
+"""Energy that impacts on stops take, for each stop where rigid bodies determine it.
 
 Of stops that are met at one instant and hold one motion, only what they take together is determined.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.motion.segmented.end_stops import CONTRADICTING, Contacts, Stop
 from pinarm.engine.motion.trajectory import EventRecord
-from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.mechanics.friction.contact import FrictionContact
@@ -26,90 +25,74 @@ WORKLESS = 1e-9
 """Work of drives in impacts, relative to the energy that these take, that rounding leaves."""
 
 
-class ImpactLoss(Record, frozen=True):
-    """What stops took in their impacts.
+class ImpactLoss(NamedTuple):
+    """Energy that stops took in their impacts.
 
     Attributes:
-        stops: Titles of the stops: one, or several of which only what they take together is determined.
         times: Instants [s].
-        energy: What the impacts took [J].
-        work: What drives of coordinates that follow laws did in them [J].
+        energy: Loss in the impacts [J].
+        work: Work of drives of coordinates that follow laws in them [J].
     """
 
-    stops: tuple[str, ...]
-    times: tuple[float, ...]
-    energy: float
-    work: float
+    times: tuple[float, ...] = ()
+    energy: float = 0.0
+    work: float = 0.0
 
-    @property
-    def remark(self) -> str:
-        """How often the stops were hit, when first, and the energy that it took."""
+    def remark(self, stops: Sequence[str]) -> str:
+        """Return how often stops with given titles were hit, when first, and the energy that it took."""
         several, done = len(self.times) > 1, abs(self.work) > WORKLESS * self.energy
         work = f"; the drives of coordinates that follow laws do {self.work:.3g} J of work in them" if done else ""
-        together = ", together: only the sum is determined" if len(self.stops) > 1 else ""
+        together = ", together: only the sum is determined" if len(stops) > 1 else ""
         return (
-            f"{' and '.join(self.stops)}: {len(self.times)} impact{'s' if several else ''}, the first at t = "
+            f"{' and '.join(stops)}: {len(self.times)} impact{'s' if several else ''}, the first at t = "
             f"{self.times[0]:.6g} s, take{'' if several else 's'} {self.energy:.3g} J{together}{work}; they are "
             "impulses, whose forces are in no reaction"
         )
 
 
-class Impact(Record, frozen=True):
-    """What stops did at one instant.
+def _taken(contacts: Contacts, hits: Sequence[EventRecord]) -> Iterator[tuple[tuple[str, ...], float, float]]:
+    """Yield titles of stops that were met at one instant, the energy that they took and the work of drives.
 
-    Attributes:
-        contacts: The stops of the mechanism.
-        hits: The stops that were met, with the state and the velocity before.
+    An impulse L of a stop takes its product with the mean of the velocities before and after, ``-L n (v- + v+)/2``. It
+    calls for impulses p of the laws' rows, whose velocities w' stay: they do the work ``p . w'``. A stop that is met
+    where rounding already leads away from it has pushed nothing.
     """
-
-    contacts: Contacts
-    hits: Sequence[EventRecord]
-
-    def taken(self) -> list[ImpactLoss]:
-        """Return what the stops took, each by itself or several together.
-
-        An impulse L of a stop takes its product with the mean of the velocities before and after, ``-L n (v- + v+)/2``.
-        It calls for impulses p of the laws' rows, whose velocities w' stay: they do the work ``p . w'``. A stop that is
-        met where rounding already leads away from it has pushed nothing.
-        """
-        contacts, hit = self.contacts, self.hits[0]
-        assert hit.before is not None
-        stops, met = self._pushing(hit), [each.name for each in self.hits]
-        idle = [stop.title for stop in contacts.bounds if stop.name in {*met} - {each.name for each in stops}]
-        found = [ImpactLoss((title,), (hit.t,), 0.0, 0.0) for title in idle]
-        if not stops:
-            return found
-        rows = contacts.closure.with_guides(contacts.prescribed.names, contacts.prescribed.coordinates)
-        mass, own = mass_matrix(rows.model, hit.q), rows.rows(rows.state(hit.q))
-        normals = np.array([stop.row(hit.q) for stop in stops])
-        split = split_rows(np.vstack([own, normals]), np.append(rows.reach, [stop.reach for stop in stops]))
-        impulses = split.multipliers(mass @ (hit.v - hit.before))[len(own) :]
-        rates = normals @ (hit.before + hit.v) / 2.0
-        law = contacts.prescribed.on(hit.t, hit.t)(hit.t)[1]
-        held = split_rows(own, rows.reach)
-        for some in _together(split, len(own), rates):
-            if not any(stops[k].name in met for k in some):
-                continue
+    hit, met = hits[0], {event.name for event in hits}
+    assert hit.before is not None
+    stops = _pushing(contacts, hit, hit.before, met)
+    for stop in contacts.bounds:
+        if stop.name in met - {pushing.name for pushing in stops}:
+            yield (stop.title,), 0.0, 0.0
+    if not stops:
+        return
+    rows = contacts.guided
+    mass, own = mass_matrix(rows.model, hit.q), rows.rows(rows.state(hit.q))
+    normals = np.array([stop.row(hit.q) for stop in stops])
+    split = split_rows(np.vstack([own, normals]), np.append(rows.reach, [stop.reach for stop in stops]))
+    impulses = split.multipliers(mass @ (hit.v - hit.before))[len(own) :]
+    rates = normals @ (hit.before + hit.v) / 2.0
+    law = contacts.prescribed.on(hit.t, hit.t)(hit.t)[1]
+    held = split_rows(own, rows.reach)
+    for some in _together(split, len(own), rates):
+        if any(stops[k].name in met for k in some):
             impulse = impulses[some] @ normals[some]
             change = solve(held, mass, impulse, np.zeros(len(own)))
             reactions = held.multipliers(mass @ change - impulse)[contacts.closure.size :]
             titles = tuple(stops[k].title for k in some)
-            found.append(ImpactLoss(titles, (hit.t,), -float(impulses[some] @ rates[some]), float(reactions @ law)))
-        return found
+            yield titles, -float(impulses[some] @ rates[some]), float(reactions @ law)
 
-    def _pushing(self, hit: EventRecord) -> list[Stop]:
-        """Return the stops that may have pushed: those that are met, or touched, and left no faster than asked for."""
-        contacts, q, before, after = self.contacts, hit.q, hit.before, hit.v
-        assert before is not None
-        faster, names = CONTRADICTING * float(np.abs(before).max(initial=0.0)), {each.name for each in self.hits}
-        touched = {*contacts.near(q), *(k for k, stop in enumerate(contacts.bounds) if stop.name in names)}
 
-        def left(k: int) -> float:
-            stop = contacts.bounds[k]
-            rebound = max(-stop.restitution * stop.side * contacts.rate(k, q, before), 0.0)
-            return stop.side * contacts.rate(k, q, after) - rebound
+def _pushing(contacts: Contacts, hit: EventRecord, before: Array, met: set[str]) -> list[Stop]:
+    """Return the stops that may have pushed: those that are met, or touched, and left no faster than asked for."""
+    q, faster = hit.q, CONTRADICTING * float(np.abs(before).max(initial=0.0))
+    touched = {*contacts.near(q), *(k for k, stop in enumerate(contacts.bounds) if stop.name in met)}
 
-        return [contacts.bounds[k] for k in sorted(touched) if left(k) <= faster]
+    def left(k: int) -> float:
+        stop = contacts.bounds[k]
+        rebound = max(-stop.restitution * stop.side * contacts.rate(k, q, before), 0.0)
+        return stop.side * contacts.rate(k, q, hit.v) - rebound
+
+    return [contacts.bounds[k] for k in sorted(touched) if left(k) <= faster]
 
 
 def _together(split: SplitRows, own: int, rates: Array) -> list[list[int]]:
@@ -134,18 +117,15 @@ def _together(split: SplitRows, own: int, rates: Array) -> list[list[int]]:
 def impact_remarks(contacts: Contacts, events: Iterable[EventRecord]) -> list[str]:
     """Return for each stop how often it was hit, when first, and the energy that its impacts took.
 
-    Impacts are impulses, without a duration: no force of theirs is among the reactions, which has to be said. What
-    keeps a coordinate on its law does work in them where it moves.
+    Impacts are impulses, without a duration: no force of theirs is among the reactions, as the remarks say. Drives that
+    keep a coordinate on its law do work in them where it moves.
     """
-    hits = (event for event in events if event.before is not None)
-    found = dict[tuple[str, ...], ImpactLoss]()
-    for _, at_once in groupby(hits, key=lambda hit: (hit.t, hit.v.tobytes())):
-        for one in Impact(contacts, list(at_once)).taken():
-            known = found.get(one.stops, ImpactLoss(one.stops, (), 0.0, 0.0))
-            found[one.stops] = ImpactLoss(
-                one.stops, (*known.times, *one.times), known.energy + one.energy, known.work + one.work
-            )
-    return [taken.remark for taken in found.values()]
+    losses, hits = dict[tuple[str, ...], ImpactLoss](), (event for event in events if event.before is not None)
+    for (t, _), at_once in groupby(hits, key=lambda hit: (hit.t, hit.v.tobytes())):
+        for stops, energy, work in _taken(contacts, list(at_once)):
+            loss = losses.get(stops, ImpactLoss())
+            losses[stops] = ImpactLoss((*loss.times, t), loss.energy + energy, loss.work + work)
+    return [loss.remark(stops) for stops, loss in losses.items()]
 
 
 def frictionless_remarks(frictions: Sequence[FrictionContact], events: Iterable[EventRecord]) -> list[str]:

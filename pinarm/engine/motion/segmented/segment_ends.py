@@ -1,12 +1,18 @@
-"""What ends a segment of smooth motion, and what is watched for it."""
+"""Ends of a segment of smooth motion: watched values, and decisions where they turn, with margin and error."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.integrator import StepsOver
+from pinarm.engine.motion.decision import Decision
 from pinarm.engine.motion.segmented.end_stops import Bound, Held, Stop
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
 from pinarm.engine.motion.systems import System
@@ -15,18 +21,28 @@ from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.joints import RADIAN
 from pinarm.records import Record, replace
 
+if TYPE_CHECKING:
+    from pinarm.engine.integration.turns import Turn
+
 Key = str | tuple[str, int]
-"""Name of an event of the user, or what ends a segment: one of ``CAUSES``, or an ``edge``, and which one it is."""
+"""Name of an event of the user, or cause of an end: one of ``CAUSES``, or an ``edge``, and its number."""
+
+Margin = Callable[[Array, Array, Array], Array]
+"""``(t, q, v) -> margins`` of n states of a mechanism, shape (n,)."""
 
 APART = 10.0
 """Errors of steps within which a stop that moves only with others is not met."""
+
+PART = 1e-6
+"""Change of a state, over the size that errors are relative to, by which a sensitivity is measured: larger than the
+rounding of loads, and so small that their curvature does not matter."""
 
 CAUSES = ("hit", "released", "slip", "control")
 """Fields of ``SegmentEnd`` that tell why a segment ended."""
 
 
 class SegmentEnd(Record, frozen=True):
-    """What ended a segment.
+    """The end of a segment.
 
     Attributes:
         t: When [s].
@@ -52,17 +68,17 @@ class SegmentEnd(Record, frozen=True):
 def watched(
     hybrid: HybridSystem, mode: Mode, system: System, resting: Held, tied: Held = frozenset()
 ) -> list[tuple[Key, Watch]]:
-    """Return the events, and what ends a segment: stops that are hit or let go, edges of loads, joints that stick.
+    """Return the events and ends of a segment: stops that are hit or let go, edges of loads, joints that stick.
 
     Args:
-        hybrid: What is integrated.
-        mode: What holds joints.
-        system: The same as equations; see ``HybridSystem.stretch``.
+        hybrid: The mechanism.
+        mode: Joints that are held.
+        system: Its equations; see ``HybridSystem.stretch``.
         resting: Stops that are touched at rest. A joint that leaves its stop from rest does so slower than rounding at
             first: it is given some slack.
         tied: Those of them that move only with stops that hold, within the errors of steps.
     """
-    found: list[tuple[Key, Watch]] = list(hybrid.watches.items())
+    watches: list[tuple[Key, Watch]] = list(hybrid.watches.items())
     for k, bound in enumerate(hybrid.bounds):
         slack = 2.0 * bound.slack if k in resting else 0.0
         if k in tied and isinstance(bound, Bound):
@@ -70,18 +86,22 @@ def watched(
         if k in mode.held:
             push, unit = partial(hybrid.push, mode.held, system, k), "N" if bound.unit != RADIAN else "N*m"
             holds = f"the {bound.title} holds"
-            found.append((("released", k), Watch(push, -1, stops=True, loaded=True, what=holds, unit=str(unit))))
+            watches.append((("released", k), Watch(push, -1, stops=True, loaded=True, what=holds, unit=str(unit))))
         else:
             begins = "" if k in resting else f"contact with the {bound.title} begins"
             gap = partial(_gap, bound, slack)
-            found.append((("hit", k), Watch(gap, -1, stops=True, what=begins, unit=str(bound.unit))))
+            watches.append((("hit", k), Watch(gap, -1, stops=True, what=begins, unit=str(bound.unit))))
     edges = [edge for force in hybrid.dynamics.forces.values() for edge in force.edges()]
-    edges += [edge for one in hybrid.profiled for edge in one.edges()]
-    found += [(("edge", k), Watch(edge.value, 0, stops=True, counts=edge.counts)) for k, edge in enumerate(edges)]
+    edges += [edge for relation in hybrid.profiled for edge in relation.edges()]
+    watches += [(("edge", k), Watch(edge.value, 0, stops=True, counts=edge.counts)) for k, edge in enumerate(edges)]
     if hybrid.rubbing(mode.held):
         switches = hybrid.friction(mode.held).watches(mode.slip, system)  # type: ignore[arg-type]
-        found += [(("slip", index), watch) for index, watch in switches]
-    return found
+        watches += [(("slip", index), watch) for index, watch in switches]
+    return watches
+
+
+def _gap(bound: Stop, slack: float, t: Array, q: Array, v: Array) -> Array:
+    return bound.gap(q) + slack
 
 
 def steps_over(hybrid: HybridSystem, system: System) -> StepsOver | None:
@@ -91,7 +111,7 @@ def steps_over(hybrid: HybridSystem, system: System) -> StepsOver | None:
 
     def passed(t: Array, q: Array, v: Array) -> bool:
         whole = system.whole(t, q, v)
-        return any(one.passed(*whole) for one in pieces)
+        return any(piece.passed(*whole) for piece in pieces)
 
     return passed if pieces else None
 
@@ -107,5 +127,41 @@ def of_mechanism(watch: Watch, system: System) -> Watch:
     )  # fmt: skip
 
 
-def _gap(bound: Stop, slack: float, t: Array, q: Array, v: Array) -> Array:
-    return bound.gap(q) + slack
+def deciding(hybrid: HybridSystem, watch: Watch) -> Watch:
+    """Return a watch of a mechanism's states, with the sensitivity of its margin where it decides something."""
+    if not watch.what:
+        return watch
+    return replace(watch, sensitivity=partial(sensitivity, hybrid, watch.margin or watch.value))
+
+
+def sensitivity(hybrid: HybridSystem, margin: Margin, t: Array, q: Array, v: Array) -> float:
+    """Return the change of a margin by errors of 1 in all coordinates and velocities of one state.
+
+    The errors are relative to ``size + |y|``, as those of steps are. Their effects are added up.
+
+    Args:
+        hybrid: The mechanism.
+        margin: The margin.
+        t: The instant [s], shape (1,).
+        q: Configuration, shape (1, nq).
+        v: Velocity, shape (1, nv).
+    """
+    model, n = hybrid.closure.model, hybrid.closure.model.nv
+    moves = PART * np.diag(hybrid.size + (np.abs(q[0]) if model.nq == n else np.ones(n)))
+    positions = [q[0], *(pin.integrate(model, q[0], move) for move in moves), *np.repeat(q, n, axis=0)]
+    velocities = np.vstack([np.repeat(v, n + 1, axis=0), v + PART * np.diag(hybrid.size + np.abs(v[0]))])
+    margins = margin(np.repeat(t, 2 * n + 1), np.array(positions), velocities)
+    return float(np.abs(margins[1:] - margins[0]).sum()) / PART
+
+
+def decision(watch: Watch, turn: Turn, event: str = "") -> Decision:
+    """Return the decision where a watched value turns.
+
+    ``event`` is the name of an event that is only recorded there; empty for a watch that changes the motion.
+    """
+    passed = -turn.sign * turn.margin
+    if watch.loaded:  # watched for its end
+        return Decision(watch.what, turn.t, -passed, turn.error, watch.unit, passed < 0.0)
+    touches = turn.is_open and watch.level is not None
+    happens = watch.direction in (0, -turn.sign) if touches else passed > 0.0
+    return Decision(watch.what, turn.t, passed, turn.error, watch.unit, happens, event)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -55,9 +54,9 @@ class MotionSegment(Record, frozen=True):
     """A part of a motion during which the same constraints hold.
 
     Attributes:
-        system: What was integrated.
+        system: Its equations.
         solution: The integrated states.
-        dynamics: The equation of motion, with the friction of what slips.
+        dynamics: The equation of motion, with the friction of joints that slip.
         holding: Which rows of the mechanism's constraints hold, shape (m,) as flags.
         rubbing: Which of the mechanism's frictions there are, shape (k,) as flags.
         stops: Stops that are rested on; ``None`` without any.
@@ -72,33 +71,18 @@ class MotionSegment(Record, frozen=True):
     stops: StopShares | None = None
     shares: StopShares | None = None
 
-    @cached_property
-    def size(self) -> float:
-        """Largest coordinate or velocity that was integrated, in SI."""
-        return self.solution.size
-
-    @cached_property
-    def displacement(self) -> float:
-        """Largest change of a coordinate, or velocity, that was integrated, in SI."""
-        return self.solution.displacement
-
     def complete(self, dynamics: Dynamics, grid: Grid) -> CompletedStates:
         """Return the motion at the rows of a grid within the segment."""
-        found = self.system.complete(dynamics, grid, *_states(self, grid.t))
-        found = self.shares.shared(found) if self.shares else found
-        found = self.stops.told(found) if self.stops else found
-        return found if self.holding.all() else _opened(found, self.holding, self.rubbing)
+        states = self.system.complete(dynamics, grid, *_states(self, grid.t))
+        states = self.shares.shared(states) if self.shares else states
+        states = self.stops.told(states) if self.stops else states
+        return states if self.holding.all() else _opened(states, self.holding, self.rubbing)
 
 
 class Work(Struct):
-    """What segments have cost together: counted as they are added, since there may be very many.
+    """Cost of all segments together: numbers of steps, evaluations, rejected steps and steps at the noise floor.
 
-    Attributes:
-        steps: Number of steps.
-        evaluations: Number of accelerations computed.
-        rejected: Number of rejected steps.
-        floored: Number of steps at the noise floor.
-        state_error: Error of the state at the end, relative to ``size + |y|``: errors of steps add up.
+    ``state_error`` is the error of the state at the end, relative to ``size + |y|``: errors of steps add up.
     """
 
     steps: int = 0
@@ -108,7 +92,7 @@ class Work(Struct):
     state_error: float = 0.0
 
     def add(self, solution: Solution) -> None:
-        """Add that of a segment."""
+        """Add the cost of a segment."""
         steps, count = len(solution.steps), solution.count
         self.steps += steps
         self.evaluations += count.evaluations
@@ -147,38 +131,32 @@ class SegmentedMotion(Record, frozen=True):
     @property
     def size(self) -> float:
         """Return the largest coordinate or velocity that was integrated, in SI."""
-        return max(segment.size for segment in self.segments)
+        return max(segment.solution.size for segment in self.segments)
 
     @property
     def rounding(self) -> dict[str, float]:
-        """Return what errors of steps add up to where they are not relative to the size of the motion, as a figure.
+        """Return the sum of errors of steps as a figure, where rounding keeps them larger than the tolerance says.
 
-        Relative to that size, they would be as the tolerance says. Rounding does not allow it where it is large beside
-        the motion; a finer tolerance then does not make any error smaller. Nothing where they are, and at rest.
+        A finer tolerance then makes no error smaller. Empty elsewhere, and at rest.
         """
         size, moved = self.size, self.displacement
         solutions = [segment.solution for segment in self.segments]
         errors = [
-            each.method.tolerance * (each.intervals[0].size + size) * len(each.steps)
-            for each in solutions
-            if size < SMALL * each.intervals[0].size or _at_offset(each, size, moved)
+            solution.method.tolerance * (solution.intervals[0].size + size) * len(solution.steps)
+            for solution in solutions
+            if size < SMALL * solution.intervals[0].size or _at_offset(solution, size, moved)
         ]
         return {"rounding": sum(errors) / moved} if moved > REST and any(errors) else {}
 
     @property
     def displacement(self) -> float:
         """Return the largest change of a coordinate in a segment, or velocity, that was integrated, in SI."""
-        return max(segment.displacement for segment in self.segments)
+        return max(segment.solution.displacement for segment in self.segments)
 
     def require_progress(self, until: float = 0.0, most: int = 1_000_000) -> None:
-        """Raise where events follow one another without end, at one instant or so fast that the run has none.
+        """Raise where there are more than ``most`` segments, or the last ones are so short that the run has no end.
 
-        Args:
-            until: Last instant of the run [s].
-            most: Number of segments after which to give up.
-
-        Raises:
-            IntegrationError: The last ``CROWDED`` segments take no time, or there are too many.
+        ``until`` is the last instant of the run [s].
         """
         if len(self.segments) > most:
             raise IntegrationError(
@@ -223,12 +201,11 @@ class SegmentedMotion(Record, frozen=True):
 
     def positions(self, t: Array) -> Array:
         """Return the configurations at instants, shape (n,), as they have been integrated, shape (n, nq)."""
-        owners = np.searchsorted(np.array(self.seams), t)
-        found = np.empty((len(t), self.dynamics.model.nq))
+        owners, positions = np.searchsorted(np.array(self.seams), t), np.empty((len(t), self.dynamics.model.nq))
         for number in sorted(set(owners.tolist())):
             segment, here = self.segments[number], owners == number
-            found[here] = segment.system.whole(t[here], *segment.solution.states(t[here]))[0]
-        return found
+            positions[here] = segment.system.whole(t[here], *segment.solution.states(t[here]))[0]
+        return positions
 
     def cost(self) -> dict[str, float]:
         """Return the work done, by name."""
@@ -238,13 +215,13 @@ class SegmentedMotion(Record, frozen=True):
         return {**cost, "steps at the noise floor": float(work.floored)} if work.floored else cost
 
     def remarks(self) -> list[str]:
-        """Return what is to be said of how the motion was computed; mostly nothing."""
+        """Return remarks on how the motion was computed; mostly none."""
         remarks = (interval.remark for segment in self.segments for interval in segment.solution.intervals)
         return list(dict.fromkeys(filter(None, [*remarks, self._unseen])))
 
     @property
     def _unseen(self) -> str:
-        """What is to be said of loads that vary faster than what they may set in motion is looked at."""
+        """Remark on loads that vary faster than the looks at joints that they may set in motion."""
         parts = [part for segment in self.segments for part in segment.solution.unresolved]
         if not parts:
             return ""
@@ -255,14 +232,16 @@ class SegmentedMotion(Record, frozen=True):
         )
 
     def diagnose(self) -> list[str]:
-        """Return what says that the integrator was a poor choice: stiff, where a good part of all steps is."""
+        """Return doubts about the choice of the integrator: a stiff motion, where a good part of all steps is."""
         solutions = [segment.solution for segment in self.segments]
-        doubts = [(doubt, len(each.steps)) for each in solutions for doubt in each.method.diagnose(each)]
+        doubts = [
+            (doubt, len(solution.steps)) for solution in solutions for doubt in solution.method.diagnose(solution)
+        ]
         limited = sum(steps for doubt, steps in doubts if doubt.kind == LIMITED)
-        seldom = limited < STIFF * sum(len(each.steps) for each in solutions)
+        seldom = limited < STIFF * sum(len(solution.steps) for solution in solutions)
         worst: dict[str, Doubt] = {}
         for doubt, _ in doubts:
-            worst[doubt.kind] = max(worst.get(doubt.kind, doubt), doubt, key=lambda one: one.size)
+            worst[doubt.kind] = max(worst.get(doubt.kind, doubt), doubt, key=lambda doubt: doubt.size)
         return [doubt.text for doubt in worst.values() if not (seldom and doubt.kind == LIMITED)]
 
 

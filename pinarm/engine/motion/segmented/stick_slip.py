@@ -1,4 +1,4 @@
-"""Forward motion with friction that sticks: what is integrated between two switches, and what happens at one.
+"""Forward motion with friction that sticks: groups held between two switches, and the state after a switch.
 
 Joints that friction holds are eliminated like coordinates that follow a constant law, so that they do not creep; those
 that slip have a friction of given direction. A switch is the instant at which a slip comes to rest, or at which the
@@ -8,9 +8,9 @@ friction that holds a joint reaches its bound.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -22,11 +22,16 @@ from pinarm.engine.constraints.nullspace import split_rows
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
-from pinarm.engine.friction.balance import FrictionBalance, SlipGroup, companions, groups_of
-from pinarm.engine.friction.sliding import SlidingFriction
-from pinarm.engine.friction.slip import Slip
-from pinarm.engine.friction.switching import decided
-from pinarm.engine.friction.watches import DISPLACED, INSTANT, NOTHING, Approach, Reserve, resting_speed
+from pinarm.engine.friction.complementarity import FrictionBalance, companions, decided, directions_of, groups_of
+from pinarm.engine.friction.sliding import (
+    DISPLACED,
+    INSTANT,
+    NOTHING,
+    SlidingFriction,
+    distance_from_rest,
+    resting_speed,
+)
+from pinarm.engine.friction.slip import Slip, SlipGroup
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import DynamicsError
@@ -120,7 +125,7 @@ class StickSlip:
         slips, balance = self.slips(q[None], v[None])[0], self._balance(span, q, v)
         fast = sizes(self.contacts, slips) > resting_speed(Slip(rest=self._rest(balance)), v)
         moving = unit_vectors(self.contacts, np.where(fast, slips, 0.0))
-        return self._decided(span, q, v, moving, np.zeros(len(moving)))
+        return self.after(span, q, SlipSwitch(v, moving, np.zeros(len(moving)), np.zeros(len(moving))))
 
     def switch(self, span: tuple[float, float], q: Array, v: Array, slip: Slip, index: int) -> SlipSwitch:
         """Return what changes at a switch.
@@ -148,11 +153,11 @@ class StickSlip:
             return SlipSwitch(v, moving, none, none)
         if index >= 0:
             return SlipSwitch(v, unit_vectors(self.contacts, np.where(moving != 0.0, slips, 0.0)), none, none)
-        found = sliding.solution(span[0], q, v)
-        signs = -np.sign(found.held) * (np.abs(found.held) >= found.bounds * (1.0 - AT_BOUND))
-        broken = slip.stuck[~index].directions(-float(np.sign(found.held[~index])), len(moving))
-        directions = (group.directions(float(sign), len(moving)) for group, sign in zip(slip.stuck, signs, strict=True))
-        return SlipSwitch(v, moving, broken, np.asarray(sum(directions)))
+        solution = sliding.solution(span[0], q, v)
+        signs = -np.sign(solution.held) * (np.abs(solution.held) >= solution.bounds * (1.0 - AT_BOUND))
+        own = -np.sign(solution.held) * (np.arange(len(signs)) == ~index)
+        broken, yielding = (directions_of(slip.stuck, some.tolist(), len(moving)) for some in (own, signs))
+        return SlipSwitch(v, moving, broken, yielding)
 
     def after(self, span: tuple[float, float], q: Array, switch: SlipSwitch) -> Slip:
         """Return what joints do from a switch on, which may be one that took place while other stops held.
@@ -160,13 +165,21 @@ class StickSlip:
         Raises:
             DynamicsError: Rigid bodies with friction do not determine it.
         """
-        return self._decided(span, q, *switch)
+        balance = self._balance(span, q, switch.v)
+        try:
+            slip = decided(balance, switch.moving, switch.broken, switch.yielding)
+            held = [group.first for group in slip.stuck]
+            slack = self._slack(span, q, switch.v, balance)[held].tolist() if held else []
+            return replace(slip, begun=span[0], rest=self._rest(balance), slack=tuple(slack))
+        except DynamicsError as error:
+            error.message = f"at t = {span[0]:.9g} s: {error.message}"
+            raise
 
     def could_hold(self, slip: Slip, span: tuple[float, float], index: int) -> Watch | None:
         """Return the margin by which friction at rest would hold a joint that turns back; ``None`` where it does.
 
         Args:
-            slip: What joints do from the instant on at which it is at rest.
+            slip: From the instant on at which it is at rest.
             span: Interval of time without jumps from then on.
             index: The joint.
         """
@@ -191,27 +204,18 @@ class StickSlip:
         [group] = groups
         others = np.array(slip.direction)
         others[list(group.members)] = 0.0
-        found = balance.solve(others, [*slip.stuck, group], np.zeros(len(others), dtype=bool))
-        return float(found.bounds[-1] - abs(found.held[-1])) if found else math.nan
+        solution = balance.solve(others, [*slip.stuck, group], np.zeros(len(others), dtype=bool))
+        return float(solution.bounds[-1] - abs(solution.held[-1])) if solution else math.nan
 
     def begun(self, before: Slip, slip: Slip, span: tuple[float, float], q: Array) -> Array:
-        """Return the acceleration that grows with what friction does not hold any more, but for its size, shape (nv,).
+        """Return the direction of the acceleration that grows with the load beyond friction at a switch, shape (nv,).
 
         With T the motions that are left and d the directions of the slips J v that begin: ``T (T' M T)^-1 T' J' d``.
-
-        Args:
-            before: What joints did until then.
-            slip: What they do from then on.
-            span: Interval of time without jumps.
-            q: Where, shape (nq,).
         """
         held, still = self.held(slip, span, q), {i for group in slip.stuck for i in group.members}
         broken = [i for group in before.stuck for i in group.members if i not in still]
         closure = self.closure.with_guides(held.names, held.coordinates)
-        free, rows = (
-            split_rows(closure.rows(closure.state(q))).free,
-            slip_rows_at(closure.model, self.contacts, q),
-        )
+        free, rows = split_rows(closure.rows(closure.state(q))).free, slip_rows_at(closure.model, self.contacts, q)
         along = free.T @ (np.array(slip.direction)[broken] @ rows[broken])
         mass = free.T @ mass_matrix(closure.model, q) @ free
         return np.asarray(free @ np.linalg.lstsq(mass, along)[0])
@@ -230,25 +234,11 @@ class StickSlip:
         return tuple((INSTANT * max(map(abs, self.time)) * self._pace(balance)).tolist())
 
     def _slack(self, span: tuple[float, float], q: Array, v: Array, balance: FrictionBalance) -> Array:
-        """Return the friction of each slip that rounding leaves, shape (k,); see ``watches.NOTHING``."""
+        """Return the friction of each slip that rounding leaves, shape (k,); see ``NOTHING``."""
         moved = pin.integrate(self.closure.model, q, np.full(len(v), DISPLACED * self.size))
         changed = np.abs(self._balance(span, moved, v).response.acceleration - balance.response.acceleration)
         unseen = NOTHING * self.size / (self.time[1] - self.time[0]) ** 2
         return np.asarray((changed + unseen) / np.maximum(np.diag(balance.response.mobility), np.finfo(float).tiny))
-
-    def _decided(
-        self, span: tuple[float, float], q: Array, v: Array, moving: Array, broken: Array,
-        yielding: Array | float = 0.0,
-    ) -> Slip:  # fmt: skip
-        balance = self._balance(span, q, v)
-        try:
-            slip = decided(balance, moving, broken, yielding)
-            held = [group.first for group in slip.stuck]
-            slack = self._slack(span, q, v, balance)[held].tolist() if held else []
-            return replace(slip, begun=span[0], rest=self._rest(balance), slack=tuple(slack))
-        except DynamicsError as error:
-            error.message = f"at t = {span[0]:.9g} s: {error.message}"
-            raise
 
     def _stopped(self, t: float, q: Array, v: Array, still: Indices) -> Array:
         """Return the velocity nearest to v in which some slips are at rest, shape (nv,)."""
@@ -259,13 +249,7 @@ class StickSlip:
         return solve(split, mass, mass @ v, target)
 
     def held(self, slip: Slip, span: tuple[float, float], q: Array) -> PrescribedCoordinates:
-        """Return the coordinates that follow laws, and those of joints that friction holds where they are.
-
-        Args:
-            slip: What joints do.
-            span: Interval of time without jumps.
-            q: Where, shape (nq,).
-        """
+        """Return the coordinates that follow laws, and those of joints that friction holds at a configuration."""
         coordinates = list(self._standing(slip.stuck, span, q)) if slip.stuck else []
         state = self.closure.state(q)
         return PrescribedCoordinates(
@@ -306,13 +290,7 @@ class StickSlip:
     def _standing_coordinate(self, group: SlipGroup, slip: Array, free: Array) -> Coordinate:
         """Return a coordinate that stands still if and only if a group does.
 
-        Args:
-            group: The group.
-            slip: ``J T`` of its first member, shape (m,).
-            free: T, the possible motions, shape (nv, m).
-
-        Raises:
-            DynamicsError: There is none.
+        ``slip`` is ``J T`` of its first member, shape (m,), with the possible motions T, shape (nv, m).
         """
         for contact in (self.contacts[i] for i in group.members):
             if isinstance(contact, JointContact) and not contact.part:
@@ -333,16 +311,42 @@ class StickSlip:
 
     def watches(self, slip: Slip, system: FrictionalSystem) -> list[tuple[int, Watch]]:
         """Return what ends a stretch of the motion: number of a joint whose slip ends, or complement of a group's."""
-        found, same = [], same_joint(self.contacts)
+        watches, same = list[tuple[int, Watch]](), same_joint(self.contacts)
         held = {i for group in slip.stuck for i in group.members}
         for i in (i for i in range(len(same)) if int(same[i].argmax()) == i):
-            parts = np.flatnonzero(same[i])
+            parts, contact = np.flatnonzero(same[i]), self.contacts[i]
             if not held.intersection(parts.tolist()):
-                approach, contact = Approach(self.slips, parts, slip), self.contacts[i]
                 rests, unit = f"{contact.name} comes to rest", "m/s" if str(contact.effort) == "N" else "rad/s"
-                found.append((i, Watch(approach.gap, -1, stops=True, what=rests, unit=unit)))
+                gap = partial(self._distance_from_rest, slip, parts)
+                watches.append((i, Watch(gap, -1, stops=True, what=rests, unit=unit)))
         for g, slack in enumerate(slip.slack):
-            reserve, contact = Reserve(system.sliding_at, g, slack), self.contacts[slip.stuck[g].first]
-            found.append((~g, Watch(reserve.left, -1, stops=True, loaded=True, margin=reserve.margin,
-                                    what=HOLDS + contact.name, unit=str(contact.effort))))  # fmt: skip
-        return found
+            contact = self.contacts[slip.stuck[g].first]
+            left, margin = _reserves(system, g, slack)
+            watches.append((~g, Watch(left, -1, stops=True, loaded=True, margin=margin,
+                                      what=HOLDS + contact.name, unit=str(contact.effort))))  # fmt: skip
+        return watches
+
+    def _distance_from_rest(self, slip: Slip, parts: Indices, t: Array, q: Array, v: Array) -> Array:
+        return distance_from_rest(slip, parts, self.slips(q, v), v)
+
+
+Reserve = Callable[[Array, Array, Array], Array]
+"""Instants and states of a mechanism -> distance of the friction of a stuck group from its bound, shape (n,)."""
+
+
+def _reserves(system: FrictionalSystem, group: int, slack: float) -> tuple[Reserve, Reserve]:
+    """Return ``bound^2 - phi^2`` with some slack, which is smooth where phi vanishes, and ``bound - |phi|``."""
+
+    def held(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        solutions = system.sliding_at(float(t[0]), float(t[-1])).solutions(t, q, v)
+        return np.array([x.held[group] for x in solutions]), np.array([x.bounds[group] for x in solutions])
+
+    def left(t: Array, q: Array, v: Array) -> Array:
+        phi, bounds = held(t, q, v)
+        return np.asarray(bounds**2 - phi**2 + slack**2)
+
+    def margin(t: Array, q: Array, v: Array) -> Array:
+        phi, bounds = held(t, q, v)
+        return np.asarray(bounds - np.abs(phi))
+
+    return left, margin

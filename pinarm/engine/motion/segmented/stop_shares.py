@@ -1,14 +1,14 @@
-"""Several stops that hold one motion: what each pushes is not determined, only what they do to the motion.
+"""Bounds of pushes where several stops hold one motion: only their sum is determined.
 
 With the rows G of constraints and laws, and N of the stops, pushes s and multipliers lam that differ by a self-stress
-z, ``G^T z_G + N^T z_N = 0``, hold the same motion. Stops push only, so that what each may push is a polyhedron,
+z, ``G^T z_G + N^T z_N = 0``, hold the same motion. Stops push only, so that possible pushes are a polyhedron,
 
     s + Z x >= 0,                                                                                         (1)
 
 whose corners have as many pushes 0 as there are self-stresses: of K stops on one motion each corner is one stop alone.
-Rows of a motion have the mean of the corners; the corners are told as other motions (``CompletedStates.others``), as
-those of frictions are that hold one motion together. Where the polyhedron has no end, as between two stops that clamp
-what is between them, a push in that direction stands for it.
+Rows of a motion have the mean of the corners; the corners are other motions (``CompletedStates.others``), as those of
+frictions are that hold one motion together. Where the polyhedron has no end, as between two stops that clamp a body, a
+push in that direction stands for it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import combinations
 from math import comb
-from typing import NamedTuple
 
 import numpy as np
 
@@ -36,17 +35,8 @@ SLIGHT = 1e-9
 MOST = 1024
 """Corners that are looked for at most; where there may be more, the pushes have no end that is known."""
 
-
-class Ends(NamedTuple):
-    """Ends of the polyhedron (1) in n rows.
-
-    Attributes:
-        x: What is added to the pushes, in parts of s self-stresses, shape (n, s).
-        exist: In which rows there is such an end, shape (n,).
-    """
-
-    x: Array
-    exist: Flags
+Ends = tuple[Array, Flags]
+"""Ends of the polyhedron (1) in n rows: x, shape (n, s), and in which rows there is such an end, shape (n,)."""
 
 
 class StopShares(Record, frozen=True):
@@ -66,21 +56,13 @@ class StopShares(Record, frozen=True):
     stops: Sequence[Bound]
     separations: Sequence[Stop]
 
-    @classmethod
-    def of(
-        cls, closure: Closure, prescribed: PrescribedCoordinates, stops: Sequence[Bound],
-        separations: Sequence[Stop],
-    ) -> StopShares:  # fmt: skip
-        """Return those of stops whose coordinates are the last prescribed ones."""
-        return cls(closure, *prescribed.linear_last(), stops, separations)
-
     @cached_property
     def rows(self) -> Closure:
         """The constraints, then the prescribed coordinates."""
         return self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
 
     @property
-    def several(self) -> bool:
+    def _several(self) -> bool:
         """Whether there are stops, and more than one thing that pushes only."""
         return bool(self.stops) and len(self.stops) + len(self.separations) > 1
 
@@ -88,27 +70,26 @@ class StopShares(Record, frozen=True):
     def _places(self) -> Indices:
         """Rows of the stops, then of the separations."""
         last = self.rows.size - len(self.stops)
-        own = [self.rows.slices[each.name].start for each in self.separations]
+        own = [self.rows.slices[stop.name].start for stop in self.separations]
         return np.array([*range(last, self.rows.size), *own], dtype=np.intp)
 
     @cached_property
     def _sides(self) -> Array:
-        """In which sense each pushes, 1 or -1."""
-        return np.array([each.side for each in (*self.stops, *self.separations)])
+        return np.array([stop.side for stop in (*self.stops, *self.separations)])
 
     @cached_property
     def _weights(self) -> Array:
         """Rows of the prescribed joints, and sums of them, shape (k, nv)."""
-        linear = [one for one in self.prescribed.coordinates if isinstance(one, LinearCoordinate)]
-        return np.reshape([one.weights for one in linear], (-1, self.closure.model.nv))
+        linear = [along.weights for along in self.prescribed.coordinates if isinstance(along, LinearCoordinate)]
+        return np.reshape(linear, (-1, self.closure.model.nv))
 
     def pushes(self, states: CompletedStates) -> Array:
         """Return what stops and separations push [N*m or N], shape (n, K)."""
-        efforts = states.tau @ np.linalg.pinv(self._weights)
-        found = [efforts[:, len(self._weights) - len(self.stops) :]]
+        efforts = (states.tau @ np.linalg.pinv(self._weights))[:, len(self._weights) - len(self.stops) :]
         if self.separations:
-            found.append(np.asarray(states.lam)[:, self._places[len(self.stops) :]])
-        return np.asarray(self._sides * np.concatenate(found, axis=1))
+            lam = np.asarray(states.lam)[:, self._places[len(self.stops) :]]
+            efforts = np.concatenate([efforts, lam], axis=1)
+        return np.asarray(self._sides * efforts)
 
     def told(self, states: CompletedStates) -> CompletedStates:
         """Return states with what the end stops push along joints."""
@@ -123,10 +104,9 @@ class StopShares(Record, frozen=True):
         Of stops on one motion all have one sign, and vanish at one instant.
         """
         pushes = self.pushes(states)
-        if not self.several:
+        if not self._several or not (ways := self._ways(self.stresses(states.q))).size:
             return pushes
-        ways = self._ways(self.stresses(states.q))
-        along = (np.linalg.pinv(ways, rcond=SLIGHT) @ pushes[..., None]) if ways.size else np.zeros((len(pushes), 0, 1))
+        along = np.linalg.pinv(ways, rcond=SLIGHT) @ pushes[..., None]
         return np.asarray(pushes - (ways @ along)[..., 0])
 
     def stresses(self, q: Array) -> Array:
@@ -141,30 +121,30 @@ class StopShares(Record, frozen=True):
 
     def are_open(self, q: Array) -> bool:
         """Return whether a configuration leaves open what the stops push."""
-        return self.several and bool(self.stresses(q[None]).size)
+        return self._several and bool(self.stresses(q[None]).size)
 
     def shared(self, states: CompletedStates) -> CompletedStates:
         """Return states with the mean of what the stops may push, and the ends of it as other states."""
         if not (stresses := self.stresses(states.q)).size:
             return states
-        first, *others = [each for one in (states, *states.others) for each in self._shares(one, stresses)]
+        first, *others = [end for some in (states, *states.others) for end in self._shares(some, stresses)]
         return replace(first, others=tuple(others))
 
-    def _shares(self, states: CompletedStates, stresses: Array) -> list[CompletedStates]:
-        """Return states with the mean of the corners, with each corner, and in each direction without an end."""
+    def _shares(self, states: CompletedStates, stresses: Array) -> Iterator[CompletedStates]:
+        """Yield states with the mean of the corners, with each corner, and in each direction without an end."""
         pushes, ways = self.pushes(states), self._ways(stresses)
-        corners, endless = list(_corners(pushes, ways)), list(_endless(ways))
-        count = sum(corner.exist.astype(float) for corner in corners)
-        total = sum((np.where(corner.exist[:, None], corner.x, 0.0) for corner in corners), np.zeros_like(ways[:, 0]))
-        mean = total / np.maximum(count, 1.0)[:, None]
+        corners, count, mean = list(_corners(pushes, ways)), np.zeros((len(pushes), 1)), np.zeros_like(ways[:, 0])
+        for x, exist in corners:
+            count += exist[:, None]
+            mean += np.where(exist[:, None], x, 0.0)
+        mean /= np.maximum(count, 1.0)
         size = np.maximum(np.abs(pushes).max(axis=1), 1.0)[:, None]
-        found = [self._with(states, stresses, mean)]
-        found += [self._with(states, stresses, np.where(end.exist[:, None], end.x, mean)) for end in corners]
-        for end in endless:
-            beyond = self._with(states, stresses, mean + np.where(end.exist[:, None], size * end.x, 0.0))
-            far = end.exist if states.endless is None else end.exist | states.endless
-            found.append(replace(beyond, endless=far))
-        return found
+        yield self._with(states, stresses, mean)
+        for x, exist in corners:
+            yield self._with(states, stresses, np.where(exist[:, None], x, mean))
+        for x, exist in _endless(ways):
+            beyond = self._with(states, stresses, mean + np.where(exist[:, None], size * x, 0.0))
+            yield replace(beyond, endless=exist if states.endless is None else exist | states.endless)
 
     def _ways(self, stresses: Array) -> Array:
         """Return Z: what self-stresses, shape (n, m, s), add to the pushes, shape (n, K, s)."""
@@ -178,21 +158,24 @@ class StopShares(Record, frozen=True):
 
 
 def _corners(pushes: Array, ways: Array) -> Iterator[Ends]:
-    """Yield the corners of (1), where as many pushes are 0 as there are self-stresses; see ``Ends``."""
+    """Yield the corners of (1), where as many pushes are 0 as there are self-stresses."""
     count, s = ways.shape[1:]
     if comb(count, s) > MOST:
         return
     slack = SLIGHT * np.abs(pushes).max(axis=1, keepdims=True)
     for some in map(list, combinations(range(count), s)):
-        x, regular = _solved(ways[:, some], -pushes[:, some])
-        yield Ends(x, regular & (pushes + np.matvec(ways, x) >= -slack).all(axis=1))
+        values = np.linalg.svd(ways[:, some], compute_uv=False)
+        regular = values[:, -1] > SLIGHT * values[:, 0]
+        matrices = np.where(regular[:, None, None], ways[:, some], np.eye(s))
+        x = np.linalg.solve(matrices, -pushes[:, some, None])[..., 0]
+        yield np.asarray(x), regular & (pushes + np.matvec(ways, x) >= -slack).all(axis=1)
 
 
 def _endless(ways: Array) -> Iterator[Ends]:
     """Yield the directions in which (1) has no end, or none that is known."""
     (n, count, s), every = ways.shape, np.ones(len(ways), dtype=bool)
     if comb(count, s) > MOST:
-        yield from (Ends(np.broadcast_to(sign * axis, (n, s)), every) for axis in np.eye(s) for sign in (1.0, -1.0))
+        yield from ((np.broadcast_to(sign * axis, (n, s)), every) for axis in np.eye(s) for sign in (1.0, -1.0))
         return
     for some in map(list, combinations(range(count), s - 1)):
         x = np.linalg.svd(ways[:, some])[2][:, -1] if some else np.ones((n, 1))
@@ -200,20 +183,12 @@ def _endless(ways: Array) -> Iterator[Ends]:
         for sign in (1.0, -1.0):
             exist = (sign * along >= -SLIGHT).all(axis=1) & (np.abs(along) > SLIGHT).any(axis=1)
             if exist.any():
-                yield Ends(sign * x, exist)
+                yield sign * x, exist
 
 
-def _solved(matrices: Array, right: Array) -> tuple[Array, Flags]:
-    """Return the solutions of square systems, shape (n, s), and which of these are regular, shape (n,)."""
-    values = np.linalg.svd(matrices, compute_uv=False)
-    regular = values[:, -1] > SLIGHT * values[:, 0]
-    matrices = np.where(regular[:, None, None], matrices, np.eye(matrices.shape[1]))
-    return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0]), np.asarray(regular)
-
-
-def shares_remarks(each: Iterable[StopShares | None]) -> list[str]:
-    """Return what is to be said of stops that hold one motion: only what they do together is determined."""
-    together = dict.fromkeys(", ".join(stop.title for stop in shares.stops) for shares in each if shares)
+def shares_remarks(shares: Iterable[StopShares | None]) -> list[str]:
+    """Return a remark for each set of stops that hold one motion: only their sum is determined."""
+    together = dict.fromkeys(", ".join(stop.title for stop in some.stops) for some in shares if some)
     return [
         f"{names} hold one motion together: only what they do to it is determined. Rows have the mean of the ends of "
         "what each may push, and the forces between them follow from that; NAME.least and NAME.greatest are the ends"

@@ -1,4 +1,4 @@
-"""What follows an event: the impact, which stops are rested on afterwards, and what joints with friction do.
+"""Transition at an event: the impact, the stops that are rested on afterwards, and the slip of joints with friction.
 
 At an impact the impulse changes the velocities; at a contact that closes or opens a constraint is added or removed.
 """
@@ -23,19 +23,15 @@ from pinarm.errors import IntegrationError
 from pinarm.records import Record
 
 DEAD = 10.0
-"""What loops leave free of the row of a stop, over the root of the tolerance, up to which it is at a dead point: from
+"""Free part of the row of a stop in loops, over the root of the tolerance, up to which it is at a dead point: from
 there a motion turns within the tolerance of the size of its links."""
 
 SLIGHT = 1e-9
-"""Acceleration of what breaks loose, over that without friction, that may be rounding."""
+"""Acceleration of a joint that breaks loose, over that without friction, that may be rounding."""
 
 
 class Transitions(Record, frozen=True):
-    """What events change in the motion of a mechanism.
-
-    Attributes:
-        hybrid: What is integrated.
-    """
+    """Changes of the motion of a mechanism by events."""
 
     hybrid: HybridSystem
 
@@ -100,7 +96,7 @@ class Transitions(Record, frozen=True):
     ) -> tuple[Array, Mode]:
         """Return the velocity and the mode with joints at rest on stops that they begin to rest on.
 
-        What is slow enough to rest there has been hit a last time.
+        A joint that is slow enough to rest there has hit the stop a last time.
         """
         hybrid, contacts = self.hybrid, self.hybrid.contacts
         begun = [k for k in sorted(mode.held - before) if abs(contacts.rate(k, q, v)) > hybrid.still(k, v)]
@@ -111,7 +107,6 @@ class Transitions(Record, frozen=True):
         return self.settled(motion, t, q, after, self.mode(t, q, after, mode.held), before.union(begun))
 
     def _approaches(self, k: int, q: Array, v: Array) -> bool:
-        """Tell whether a state moves towards a stop."""
         return self._speed(k, q, v) < -self.hybrid.still(k, v)
 
     def _speed(self, k: int, q: Array, v: Array) -> float:
@@ -119,25 +114,25 @@ class Transitions(Record, frozen=True):
         return self.hybrid.bounds[k].side * self.hybrid.contacts.rate(k, q, v)
 
     def _slow(self, stops: Iterable[int], t: float, q: Array, v: Array) -> dict[int, float]:
-        """Return the velocities up to which what touches stops rests on them [rad/s or m/s].
+        """Return the velocities up to which a joint that touches stops rests on them [rad/s or m/s].
 
         With them it would rise by no gap under the accelerations along the stop that there are, ``u^2 / (2 a)``: which
         of them presses it back depends on what else is held.
         """
-        found = {k: self.hybrid.still(k, v) for k in stops}
-        for k in (k for k, still in found.items() if abs(self._speed(k, q, v)) > still):
-            most = max(map(abs, self._accelerations_away(k, frozenset(found) - {k}, t, q, v)))
-            found[k] = max(found[k], (2.0 * most * self.hybrid.bounds[k].slack) ** 0.5)
-        return found
+        slow = {k: self.hybrid.still(k, v) for k in stops}
+        for k in (k for k, still in slow.items() if abs(self._speed(k, q, v)) > still):
+            most = max(map(abs, self._accelerations_away(k, frozenset(slow) - {k}, t, q, v)))
+            slow[k] = max(slow[k], (2.0 * most * self.hybrid.bounds[k].slack) ** 0.5)
+        return slow
 
     def _accelerations_away(self, k: int, others: Held, t: float, q: Array, v: Array) -> list[float]:
         """Return the accelerations of a state away from a stop: without stops, and on others; with friction too."""
         hybrid, bound = self.hybrid, self.hybrid.bounds[k]
-        found = [hybrid.acceleration_without_friction(held, t, q, v) for held in {frozenset(), others}]
+        accelerations = [hybrid.acceleration_without_friction(held, t, q, v) for held in {frozenset(), others}]
         if hybrid.frictions:
             slipping = hybrid.stretch(Mode(frozenset(), hybrid.slip(frozenset(), t, q, v)), t, q, v)
-            found.append(hybrid.completed(slipping, np.array([t]), q[None], v[None]).a[0])
-        return [bound.side * bound.acceleration(q, v, a) for a in found]
+            accelerations.append(hybrid.completed(slipping, np.array([t]), q[None], v[None]).a[0])
+        return [bound.side * bound.acceleration(q, v, a) for a in accelerations]
 
     def following(self, mode: Mode, end: SegmentEnd) -> tuple[Array, Mode]:
         """Return the velocity and the mode after the end of a segment that does not end the run."""
@@ -170,41 +165,37 @@ class Transitions(Record, frozen=True):
         return v, self._pressing(mode.held | touched, t, q, v, slips) if pulls else after
 
     def _entered(self, before: Slip, mode: Mode, touched: Held, t: float, q: Array, v: Array) -> Held:
-        """Return the stops among those that are touched into which what breaks loose would go.
+        """Return the stops among those that are touched into which a joint that breaks loose would go.
 
         Its acceleration may begin at 0; then that counts which grows with the load beyond its friction.
         """
         if not touched:
             return touched
-        slight = SLIGHT * float(np.abs(self.hybrid.acceleration_without_friction(mode.held, t, q, v)).max())
         leaving = self._leaving(self.hybrid.stretch(mode, t, q, v), touched, np.array([t]), q[None], v[None])
         begun = self.hybrid.friction(mode.held).begun(before, mode.slip, self.hybrid.span(t), q)
+        slight = self._slight(mode.held, t, q, v)
         for k in (k for k, away in leaving.items() if abs(away) <= slight):
             bound = self.hybrid.bounds[k]
             away = bound.side * float(bound.row(q) @ begun)
             leaving[k] = away if abs(away) > TIED * float(np.abs(bound.row(q)) @ np.abs(begun)) else 0.0
         return frozenset(k for k, away in leaving.items() if away < 0.0)
 
-    def at_rest(self, t: float, q: Array, v: Array, held: Held = frozenset()) -> Held:
-        """Return the stops that are touched without moving against or away from them.
+    def _slight(self, held: Held, t: float, q: Array, v: Array) -> float:
+        """Return the acceleration that may be rounding."""
+        return SLIGHT * float(np.abs(self.hybrid.acceleration_without_friction(held, t, q, v)).max(initial=0.0))
 
-        Args:
-            t: The instant [s].
-            q: Configuration, shape (nq,).
-            v: Velocity, shape (nv,).
-            held: Stops that are touched, however well integrated states show it.
+    def at_rest(self, t: float, q: Array, v: Array, held: Held = frozenset()) -> Held:
+        """Return the stops that a state touches without moving against or away from them.
+
+        ``held`` are stops that are touched, however well integrated states show it.
         """
         slow = self._slow({*self.hybrid.contacts.near(q), *held}, t, q, v)
         return frozenset(k for k, least in slow.items() if abs(self._speed(k, q, v)) <= least)
 
     def mode(self, t: float, q: Array, v: Array, kept: Held = frozenset()) -> Mode:
-        """Return the stops that a state at rest on them presses against, and what joints with friction begin to do.
+        """Return the stops that a state at rest on them presses against, and the slip of joints with friction.
 
-        Args:
-            t: The instant [s].
-            q: Configuration, shape (nq,).
-            v: Velocity, shape (nv,).
-            kept: See ``at_rest``.
+        For ``kept`` see ``at_rest``.
         """
         return self._pressing(self.at_rest(t, q, v, kept), t, q, v)
 
@@ -213,12 +204,7 @@ class Transitions(Record, frozen=True):
     ) -> Mode:
         """Return the mode in which those of the stops that are touched hold that a state at rest presses against.
 
-        Args:
-            touched: The stops.
-            t: The instant [s].
-            q: Configuration, shape (nq,).
-            v: Velocity, shape (nv,).
-            slips: What joints with friction begin to do while some hold; where it is left out, what the state says.
+        ``slips`` returns the slip of joints while some stops hold; where it is left out, that of the state.
         """
         hybrid, modes = self.hybrid, dict[Held, Mode]()
 
@@ -228,9 +214,7 @@ class Transitions(Record, frozen=True):
             pushes = {k: float(push[0]) for k, push in hybrid.pushes(held, system, *state).items()}
             return pushes | self._leaving(system, touched - held, *state)
 
-        def slight() -> float:
-            return SLIGHT * float(np.abs(hybrid.acceleration_without_friction(frozenset(), t, q, v)).max(initial=0.0))
-
+        slight = partial(self._slight, frozenset(), t, q, v)
         held = pressed(touched, away, partial(hybrid.contacts.ties, q), slight) if touched else touched
         return modes[held] if held in modes else Mode(held, hybrid.slip(held, t, q, v))
 

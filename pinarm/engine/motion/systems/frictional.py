@@ -17,7 +17,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
-from pinarm.engine.friction.balance import FrictionSolution
+from pinarm.engine.friction.complementarity import FrictionSolution
 from pinarm.engine.friction.extremes import Extremes, filled, held_part, pushing_part
 from pinarm.engine.friction.sliding import SlidingFriction
 from pinarm.engine.friction.slip import Slip

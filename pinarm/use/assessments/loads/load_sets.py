@@ -86,7 +86,7 @@ class LoadSet:
         acting, model = dict[int, list[Action]](), run.mechanism.model
         for each in _with_shares(row):
             acting.setdefault(each.body, []).append(each)
-        turns, places = row.reactions.links(np.arange(1)).turns[0], row.reactions.origins[0]
+        turns, places = row.reactions.links.turns[0], row.reactions.origins[0]
         for body, links in enumerate(links_behind(model)):
             if body == 0 or not (links or model.inertias[body].mass):
                 continue  # a rotor, a counter of turns, a part of a floating joint
@@ -157,7 +157,7 @@ def _of_joints(found: Reactions, whole: Reactions) -> Iterator[Action]:
 
 def _of_constraints(found: Reactions, whole: Reactions) -> Iterator[Action]:
     """Yield the wrenches of loop joints and couplings, of drives along task coordinates and their rotors."""
-    links, closure, lam = found.links(np.arange(1)), found.closure, found.multipliers[:1]
+    links, closure, lam = found.links, found.closure, found.multipliers[:1]
     for constraint, part in zip(closure.constraints, closure.slices.values(), strict=True):
         what, point, doubt = f"drive {constraint.name}", None, ""
         if isinstance(constraint, LoopJoint):
@@ -176,7 +176,7 @@ def _of_constraints(found: Reactions, whole: Reactions) -> Iterator[Action]:
 
 def _of_friction(found: Reactions) -> Iterator[Action]:
     """Yield what dry friction in loop joints and threads does; that in joints of the tree is part of their wrench."""
-    links = found.links(np.arange(1))
+    links = found.links
     for contact, f in zip(found.run.mechanism.frictions, found.run.friction.T, strict=True):
         for body, wrench in contact.wrenches(links, f[:1]).items():
             if body:
@@ -187,7 +187,7 @@ def _of_forces(found: Reactions) -> Iterator[Action]:
     """Yield the wrenches of force elements, at the points of the bodies where they act."""
     run, model = found.run, found.model
     (_, dynamics), *_ = ((rows, each) for rows, each in run.intervals() if rows.start < rows.stop)
-    links = found.links(np.arange(1))
+    links = found.links
     for name, force in dynamics.forces.items():
         points = {model.frames[frame].parentJoint: links.frame(frame)[1][0] for frame in force.points}
         for body, wrench in force.wrenches(float(run.grid.t[0]), run.q[0], run.v[0]).items():

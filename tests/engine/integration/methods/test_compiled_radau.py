@@ -11,11 +11,9 @@ from pinarm.engine.integration.methods import stiff as stiff_methods
 from pinarm.engine.integration.methods.stiff import CompiledRadau, Radau, radau_of
 from pinarm.engine.integration.solution import Solution
 from pinarm.engine.kernel.library import absence
-from pinarm.errors import IntegrationError
 from pinarm.mechanics.forces.joint_springs import SpringDamper
 from pinarm.records import replace
 
-from ...kernel.known_trees import states
 from ..test_compiled_steps import both, intervals, regular
 from .known_motions import ATTITUDE, SPIN, body, slope, turned
 
@@ -50,21 +48,6 @@ class TestSteps:
     def test_are_those_of_python(self, names, tolerance):
         assert_same(*both(stiff(names), radau_of(tolerance), 0.0, 0.5), 1e-2 * tolerance)
 
-    @pytest.mark.parametrize("tolerance", [1e-7, 1e-9])
-    @pytest.mark.parametrize("names", NAMES, ids=str)
-    def test_of_seven_stages_are_as_good_as_those_of_python(self, names, tolerance):
-        """The error of the first step is rounding, and its eighth root chooses the next: other steps follow.
-
-        Two compilers differ by a tenth of the evaluations. Errors of some thirty steps, each below the tolerance, add
-        up to a few of it.
-        """
-        found, expected = both(stiff(names), radau_of(tolerance), 0.0, 0.5)
-        assert found.method.stages == 7
-        assert found.count.evaluations == pytest.approx(expected.count.evaluations, rel=0.25)
-        end = np.array([0.5])
-        for one, other in zip(found.states(end), expected.states(end), strict=True):
-            assert one == pytest.approx(other, rel=10.0 * tolerance, abs=10.0 * tolerance)
-
     def test_over_several_intervals_are_those_of_python(self):
         found, expected = both(stiff(["RX", "RY"]), radau_of(1e-6), 0.0, 0.3, 0.35, 1.0)
         assert_same(found, expected, 1e-9)
@@ -85,21 +68,6 @@ class TestSteps:
         solution = Solution(method, dynamics.manifold, [alone])
         assert method.stepper(dynamics.manifold, solution.count).compiled(solution) is None
         assert integrate([alone], dynamics.manifold, zero, zero, method).end == 1e-3
-
-    def test_do_not_depend_on_how_many_are_taken_in_a_call(self, monkeypatch):
-        dynamics, method = stiff(["RX", "RY"]), radau_of(1e-6)
-        many = both(dynamics, method, 0.0, 2.0)[0]
-        monkeypatch.setattr(stiff_methods, "ROOM", 1)
-        few = both(dynamics, method, 0.0, 2.0)[0]
-        assert len(many.steps) > 20
-        assert many.count == few.count
-        assert np.array_equal(many.steps.y, few.steps.y)
-
-    def test_that_are_rejected_are_counted(self):
-        """The first ones of a fast transient, and those that Newton's method does not solve."""
-        found, expected = both(stiff(["RX", "RX", "RY"], 1e3, 0.1), radau_of(1e-6), 0.0, 1.0)
-        assert found.count == expected.count
-        assert found.count.rejected > 3
 
     @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-6, 1e-8])
     @pytest.mark.parametrize(("stiffness", "damping"), [(1e6, 3e3), (1e3, 1e6), (1e9, 1e7)])
@@ -155,32 +123,3 @@ class TestEvents:
         assert found.end == found.steps[-1].until == found.crossings[-1].t
         assert found.count == expected.count
         assert len(found.steps) == len(expected.steps)
-
-
-class TestFailures:
-    def test_a_motion_of_too_many_steps_is_given_up(self):
-        dynamics = regular(["RX", "RY"])
-        for given in intervals(dynamics, 0.0, 1e3):
-            with pytest.raises(IntegrationError, match="has taken 150 steps") as caught:
-                integrate(given, dynamics.manifold, np.ones(2), np.zeros(2), radau_of(1e-6), max_steps=150)
-            partial = caught.value.partial
-            assert len(partial.steps) + partial.count.rejected == 150
-
-    def test_numbers_that_overflow_end_it(self):
-        """A repelling damper drives the velocity beyond all numbers: ``v = exp(c t / m)``."""
-        repelling = stiff(["PX"], 0.0, -1e3)
-        for given in intervals(repelling, 0.0, 1e3):
-            with np.errstate(all="ignore"), pytest.raises(IntegrationError, match="cannot go on at t ="):
-                integrate(given, repelling.manifold, np.ones(1), np.ones(1), radau_of(1e-6))
-
-    @pytest.mark.parametrize("h", [np.nan, 0.0, -1.0])
-    def test_a_step_that_is_none_takes_none(self, h):
-        dynamics, method = stiff(["RX"]), radau_of(1e-6)
-        (interval,) = intervals(dynamics, 0.0, 1.0)[0]
-        solution = Solution(method, dynamics.manifold, [interval])
-        stepper = method.stepper(dynamics.manifold, solution.count)
-        stepper.begin(interval, np.concatenate(states(dynamics.model, 1)[0]))
-        t, following = CompiledRadau(solution, stepper).take(0, interval, 0.0, h, 100)
-        assert t == 0.0
-        assert following == pytest.approx(h, nan_ok=True)
-        assert not solution.steps

@@ -1,0 +1,407 @@
+"""Complementarity problem of friction in one state: which joints stick, which begin to slip, and their friction.
+
+Joints that can only move together, such as the pins of a four-bar linkage or a finger and one that mimics it, form a
+group with one slip: the rows of its members are multiples c_i of the first. Only the sum ``phi = sum_i c_i f_i`` of a
+stuck group is determined. It sticks while ``|phi| <= bound = sum_i |c_i| limit_i``, or begins to slip, ``alpha > 0``
+with friction against it, or ``alpha < 0``. Its members share phi in proportion to their limits, so that they reach them
+together, as they do when the group begins to slip. Components of one slip, as of a cylindrical joint, count with its
+length: as members of one group they have one direction.
+
+Where no bound depends on the reactions there is exactly one solution: that of a convex problem, found by exchanging the
+first group that contradicts itself (Murty's least-index rule). Where bounds do depend on them, all combinations are
+tried: none or several (Painleve's paradox, jamming) are refused, never chosen from. Beginning to slip is decided by the
+friction at rest; only joints that slip have the friction of slip.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags
+from pinarm.engine.friction.response import SlipResponse
+from pinarm.engine.friction.slip import Slip, SlipGroup
+from pinarm.engine.friction.slipping import Slipping
+from pinarm.errors import DynamicsError
+from pinarm.mechanics.friction.slip_vectors import sizes, unit_vectors
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.friction.contact import FrictionContact
+
+PARALLEL = 1e-9
+"""Square of the sine between the free parts of two slips, in the measure of the masses, that rounding leaves."""
+
+MARGIN = 1e-9
+"""Part of its terms by which an acceleration may contradict its direction, and a friction exceed its bound."""
+
+MANY = 6
+"""Number of groups at rest up to which all 3^n combinations are tried."""
+
+SETTLED, ITERATIONS = 1e-13, 60
+"""Change of f in a step of Newton's method, relative to f, after which it has converged; and its steps at most."""
+
+
+def companions(response: SlipResponse, first: int) -> list[int]:
+    """Return the slips that can only take place together with one, itself included; none of one that is driven."""
+    mobility = response.mobility
+    alike = mobility[first] ** 2 >= (1.0 - PARALLEL) * np.diag(mobility) * mobility[first, first]
+    return [int(i) for i in np.flatnonzero(alike & ~response.driven & ~response.driven[first])]
+
+
+def groups_of(contacts: Sequence[FrictionContact], response: SlipResponse, some: Sequence[int]) -> list[SlipGroup]:
+    """Return the groups that some slips form, none of them driven.
+
+    Raises:
+        DynamicsError: Groups are not independent: friction would hold a motion in more ways than it has. Or a slip with
+            several components can begin in more than one direction.
+    """
+    mobility, groups, left = response.mobility, list[SlipGroup](), list(some)
+    while left:
+        first, together = left[0], companions(response, left[0])
+        members = [i for i in left if i in together]
+        left = [i for i in left if i not in together]
+        ratios = np.zeros(len(contacts))
+        ratios[members] = mobility[members, first] / mobility[first, first]
+        groups.append(SlipGroup(tuple(members), ratios[members], unit_vectors(contacts, ratios)[members]))
+    _require_one_direction(contacts, groups)
+    firsts = [group.first for group in groups]
+    size = np.sqrt(np.diag(mobility)[firsts])
+    if groups and np.linalg.eigvalsh(mobility[np.ix_(firsts, firsts)] / np.outer(size, size))[0] < PARALLEL:
+        raise DynamicsError(
+            f"{len(groups)} frictions at rest hold fewer motions: what each of them carries is not determined",
+            expected="no more joints with friction at rest than the mechanism has motions, but for those that always "
+            "move together",
+        )
+    return groups
+
+
+def _require_one_direction(contacts: Sequence[FrictionContact], groups: Sequence[SlipGroup]) -> None:
+    """Raise where components of one slip are in different groups."""
+    seen = set[str]()
+    for group in groups:
+        names = {contacts[i].name for i in group.members}
+        for name in sorted(names & seen):
+            raise DynamicsError(
+                f"{name} is at rest and may begin to slip in more than one direction: friction that holds it there is "
+                "not supported",
+                expected="a mechanism in which it has one motion, or a motion that does not come to rest",
+                hint="in place of its friction a force regularised_friction, or friction in joints with one motion",
+            )
+        seen |= names
+
+
+def directions_of(groups: Sequence[SlipGroup], signs: Sequence[float], k: int) -> Array:
+    """Return the directions of all k slips where the first one of each group has that of its sign, 0 of others."""
+    directions = np.zeros(k)
+    for group, sign in zip(groups, signs, strict=True):
+        directions[list(group.members)] += group.units * sign
+    return directions
+
+
+class FrictionSolution(NamedTuple):
+    """Friction in one state, and what follows from it.
+
+    Attributes:
+        f: Friction [N*m or N], shape (k,).
+        alpha: Accelerations of the slips [rad/s^2 or m/s^2], shape (k,).
+        held: phi of every stuck group [N*m or N], shape (g,).
+        bounds: The most that it can be, shape (g,).
+    """
+
+    f: Array
+    alpha: Array
+    held: Array
+    bounds: Array
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionBalance:
+    """The laws of k joints and their response to friction in one state.
+
+    Attributes:
+        contacts: The joints.
+        response: Of the mechanism to friction.
+        speed: |u| [rad/s or m/s], of slips with several components their length, shape (k,).
+    """
+
+    contacts: Sequence[FrictionContact]
+    response: SlipResponse
+    speed: Array
+
+    def limits(self, f: Array) -> Array:
+        """Return the largest friction at rest, under friction f [N*m or N], shape (k,)."""
+        wrench = self.response.loads.at(f)
+        return np.array([mu * (contact.bearing.load(w) if mu else 0.0) + constant
+                         for contact, w in zip(self.contacts, wrench, strict=True)
+                         for mu, constant in [contact.law.resting]])  # fmt: skip
+
+    def solve(
+        self, direction: Array, stuck: Sequence[SlipGroup], resting: Flags, *, any_load: bool = False
+    ) -> FrictionSolution | None:
+        """Return the friction while some slips take place and some groups are stuck; ``None`` where there is none.
+
+        Args:
+            direction: Of joints that slip, 0 of others; see ``Slipping``, shape (k,).
+            stuck: Groups that are stuck.
+            resting: Which joints that slip have the friction of rest, as they only begin to, shape (k,).
+            any_load: Whether there has to be exactly one for loads nearby as well.
+
+        Raises:
+            DynamicsError: There is more than one solution, or it is not known that there is only one.
+        """
+        mu, constant = np.array([contact.law.resting if rest else contact.law.slipping(speed) for contact, rest, speed
+                                 in zip(self.contacts, resting, self.speed, strict=True)]).reshape(-1, 2).T  # fmt: skip
+        slips = (direction != 0.0).astype(float)
+        limits = self._shared_limits(direction, mu * slips, constant * slips, stuck)
+        fixed, response = self._eliminated(slips, self._shares(limits, stuck), stuck)
+        loads = self.response.loads.reduced(fixed, response)
+        slipping = Slipping(self.contacts, direction, mu * slips, constant * slips, loads)
+        if not (slipping.require_one_root() if any_load else slipping.require_one_root_here()):
+            return None
+        f = fixed + response @ slipping.friction()
+        held = np.array([group.ratios @ f[list(group.members)] for group in stuck])
+        most = self.limits(f) if limits is None else limits
+        bounds = np.array([(group.ratios * group.units) @ most[list(group.members)] for group in stuck])
+        return FrictionSolution(f, self.response.at(f), held, bounds)
+
+    def _eliminated(self, slips: Array, shares: Array, stuck: Sequence[SlipGroup]) -> tuple[Array, Array]:
+        """Return friction as ``fixed + response x`` of that x of slipping joints, stuck ones not accelerating."""
+        own, first = np.diag(slips), [group.first for group in stuck]
+        if not stuck:
+            return np.zeros(len(slips)), own
+        rows = self.response.mobility[first]
+        back = shares @ np.linalg.inv(rows @ shares)
+        return -back @ self.response.acceleration[first], own - back @ rows @ own
+
+    def _shares(self, limits: Array | None, stuck: Sequence[SlipGroup]) -> Array:
+        """Return the friction of all joints for ``phi = 1`` of each stuck group, shape (k, g)."""
+        shares = np.zeros((len(self.contacts), len(stuck)))
+        for g, group in enumerate(stuck):
+            members = list(group.members)
+            own = [self.contacts[i].name == self.contacts[group.first].name for i in members]
+            shared = group.units * (limits[members] if limits is not None and limits[members].any() else own)
+            shares[members, g] = shared / (group.ratios @ shared)
+        return shares
+
+    def _shared_limits(self, direction: Array, mu: Array, constant: Array, stuck: Sequence[SlipGroup]) -> Array | None:
+        """Return the limits by which the members of groups share, shape (k,); ``None`` where each has one member."""
+        members = [i for group in stuck if len(group.members) > 1 for i in group.members]
+        if not members:
+            return None
+        if self.response.loads.constant:
+            return self.limits(np.zeros(len(mu)))
+        mu, constant = mu.copy(), constant.copy()
+        mu[members], constant[members] = np.array([self.contacts[i].law.resting for i in members]).T
+        return self.limits(self.shared(stuck, direction, mu, constant))
+
+    def shared(self, groups: Sequence[SlipGroup], direction: Array, mu: Array, constant: Array) -> Array:
+        """Return friction f whose groups share in proportion to limits that depend on f, shape (k,).
+
+        Members have ``f_i = sigma u_i L_i(f)``, with ``|sigma| <= 1`` such that the group does not accelerate; where
+        even ``|sigma| = 1`` does not hold the group, it breaks loose with these limits. With the frictions of joints
+        that slip, ``f_i = - s_i R_i(f)``, and of groups of one member, these are as many equations as unknowns f and
+        sigma:
+
+            f_i - e_i R_i(f) = 0,    alpha_g(f) = 0  or  sigma_g = +-1        (1)
+
+        Solved by Newton's method; which of the two equations of a group counts is told by ``sigma - rho / b``, with the
+        rest ``rho = alpha / A`` and the limit b of the group (Hintermueller, Ito, Kunisch, The primal-dual active set
+        strategy as a semismooth Newton method, SIAM J. Optim. 13 (2003), 865-888).
+
+        Args:
+            groups: The g groups that are stuck.
+            direction: Of joints that slip, 0 of others, shape (k,).
+            mu: Of joints that slip those of slip, of stuck ones those at rest, 0 of others, shape (k,).
+            constant: Likewise [N*m or N], shape (k,).
+
+        Raises:
+            DynamicsError: Newton's method does not find it.
+        """
+        f, sigma = np.zeros(len(mu)), np.zeros(len(groups))
+        for _ in range(ITERATIONS):
+            matrix, rest = self._linearised(groups, direction, mu, constant, f, sigma)
+            try:
+                step = np.linalg.solve(matrix, -rest)
+            except np.linalg.LinAlgError:
+                break
+            f, sigma = f + step[: len(f)], sigma + step[len(f) :]
+            if np.abs(step[: len(f)]).max() <= SETTLED * np.abs(f).max():
+                return f
+        names = dict.fromkeys(self.contacts[i].name for group in groups for i in group.members)
+        raise DynamicsError(
+            f"how {', '.join(names)} share the friction that holds them is not found: their limits depend on what they "
+            "carry, and what they carry on how they share it",
+            expected="friction that raises its load less than once",
+            hint="a smaller mu, or friction without a load: constant",
+        )
+
+    def _linearised(
+        self, groups: Sequence[SlipGroup], direction: Array, mu: Array, constant: Array, f: Array, sigma: Array
+    ) -> tuple[Array, Array]:
+        """Return the derivative of (1), shape (k + g, k + g), and its residual, shape (k + g,)."""
+        k, loads, factor, limit = len(f), self.response.loads, -direction, constant.copy()
+        wrench, response, matrix = loads.at(f), loads.slope(f), np.eye(k + len(sigma))
+        for group, share in zip(groups, sigma, strict=True):
+            factor[list(group.members)] = share * group.units if len(group.members) > 1 else 0.0
+        for i in np.flatnonzero(mu).tolist():
+            bearing = self.contacts[i].bearing
+            limit[i] += mu[i] * bearing.load(wrench[i])
+            matrix[i, :k] -= factor[i] * mu[i] * response[i] @ bearing.slope(wrench[i])
+        rest = np.concatenate([f - factor * limit, sigma])
+        for row, group in enumerate(groups, k):
+            members, single, share = list(group.members), len(group.members) == 1, sigma[row - k]
+            mobility = self.response.mobility[group.first] / self.response.mobility[group.first, group.first]
+            bound = 1.0 if single else float((group.ratios * group.units) @ limit[members])
+            matrix[members, row] = -1.0 if single else -group.units * limit[members]
+            if single:
+                rest[members] = f[members] - share
+            left = self.response.at(f)[group.first] / self.response.mobility[group.first, group.first]
+            wanted = share - left / max(bound, np.finfo(float).tiny)
+            if single or abs(wanted) < 1.0:
+                matrix[row], rest[row], matrix[row, :k] = 0.0, left, mobility
+            else:
+                rest[row] = share - np.sign(wanted)
+        return matrix, rest
+
+
+def decided(balance: FrictionBalance, moving: Array, broken: Array, yielding: Array | float = 0.0) -> Slip:
+    """Return which joints stick and which slip from a state on.
+
+    Args:
+        balance: The state.
+        moving: Directions of the joints that slip, 0 of those at rest, shape (k,).
+        broken: Directions of joints at rest that begin to slip in any case, 0 of others, shape (k,).
+        yielding: Those of joints whose friction is at its bound, 0 of others, shape (k,): they begin to slip unless the
+            others that do so relieve them.
+
+    Raises:
+        DynamicsError: There is no solution, or more than one.
+    """
+    contacts, resting, alpha = balance.contacts, sizes(balance.contacts, moving) == 0.0, balance.response.acceleration
+    driven = balance.response.driven & resting
+    begun = np.where(np.abs(alpha) > MARGIN * np.abs(alpha).max(initial=0.0), alpha, 0.0)
+    given = moving + unit_vectors(contacts, np.where(driven, begun, 0.0))
+    groups = groups_of(contacts, balance.response, np.flatnonzero(resting & ~driven).tolist())
+    _require_rest(contacts, given, groups)
+    decision = _Decision(balance, given, groups)
+    certain, start = ([int(np.sign(ways[list(group.members)] @ group.ratios)) for group in groups]
+                      for ways in (broken, np.where(broken != 0.0, broken, yielding)))  # fmt: skip
+    signs = decision.exchanged(start, certain, slips=any(start))
+    if not any(start):
+        decision.require_one(signs)
+    while (kinetic := decision.exchanged(signs, signs, slips=True)) != signs:
+        signs = kinetic
+    stuck = tuple(group for group, sign in zip(groups, signs, strict=True) if not sign)
+    return Slip(tuple(decision.direction(signs).tolist()), stuck)
+
+
+def _require_rest(contacts: Sequence[FrictionContact], given: Array, groups: Sequence[SlipGroup]) -> None:
+    """Raise where one component of a slip is set in motion by laws or constraints, and another one is free."""
+    begun = sizes(contacts, given) > 0.0
+    for i in (i for group in groups for i in group.members if begun[i]):
+        raise DynamicsError(
+            f"{contacts[i].name} begins to slip in a direction that depends on its friction: this is not supported",
+            expected="a start at which it moves, or a law for all of its motion",
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Decision:
+    """The g groups at rest in one state; signs are 0 of stuck groups, and else the direction of their first member.
+
+    ``given`` are the directions of all other joints, shape (k,).
+    """
+
+    balance: FrictionBalance
+    given: Array
+    groups: Sequence[SlipGroup]
+
+    def direction(self, signs: Sequence[int]) -> Array:
+        """Return the directions of all joints, shape (k,)."""
+        return np.asarray(self.given + directions_of(self.groups, signs, len(self.given)))
+
+    def wanted(self, signs: Sequence[int], *, slips: bool) -> tuple[FrictionSolution | None, list[int]]:
+        """Return the friction, and by group the sign that it ought to have where it contradicts itself.
+
+        ``slips`` tells whether joints that begin to slip have the friction of slip, or that of rest.
+        """
+        resting: Flags = (self.given == 0.0) & (not slips)
+        stuck = [group for group, sign in zip(self.groups, signs, strict=True) if not sign]
+        solution, response = self.balance.solve(self.direction(signs), stuck, resting), self.balance.response
+        wanted = list(signs)
+        if solution is None:
+            return None, wanted
+        over = iter(np.where(np.abs(solution.held) > solution.bounds * (1.0 + MARGIN), np.sign(solution.held), 0.0))
+        terms = np.abs(response.acceleration) + np.abs(response.mobility) @ np.abs(solution.f)
+        for g, (group, sign) in enumerate(zip(self.groups, signs, strict=True)):
+            if not sign:
+                wanted[g] = -int(next(over))
+            elif sign * solution.alpha[group.first] < -MARGIN * terms[group.first]:
+                wanted[g] = 0
+        return solution, wanted
+
+    def exchanged(self, signs: Sequence[int], frozen: Sequence[int], *, slips: bool) -> list[int]:
+        """Return signs that do not contradict themselves, reached by exchanging the first that does.
+
+        Groups whose sign in ``frozen`` is not 0 keep theirs.
+
+        Raises:
+            DynamicsError: None are reached.
+        """
+        now = list(signs)
+        for _ in range(50 * (1 + frozen.count(0))):
+            solution, wanted = self.wanted(now, slips=slips)
+            changed = [g for g, sign in enumerate(wanted) if sign != now[g]]
+            if solution is None or any(frozen[g] for g in changed):
+                break
+            if not changed:
+                return now
+            now[changed[0]] = wanted[changed[0]]
+        return self._searched(signs, frozen, slips=slips)
+
+    def _searched(self, signs: Sequence[int], frozen: Sequence[int], *, slips: bool) -> list[int]:
+        """Return the only signs that do not contradict themselves, of all combinations."""
+        choices = [[sign] if kept else [0, 1, -1] for kept, sign in zip(frozen, signs, strict=True)]
+        if frozen.count(0) > MANY:
+            raise self._refusal("no", "found among those that were tried")
+        consistent = [choice for choice in map(list, product(*choices)) if self._consistent(choice, slips=slips)]
+        if len(consistent) != 1:
+            raise self._refusal("no" if not consistent else str(len(consistent)), "possible")
+        return consistent[0]
+
+    def _consistent(self, signs: list[int], *, slips: bool = False) -> FrictionSolution | None:
+        """Return the friction where no sign contradicts itself."""
+        solution, wanted = self.wanted(signs, slips=slips)
+        return solution if wanted == signs else None
+
+    def require_one(self, signs: Sequence[int]) -> None:
+        """Raise where other signs give another motion, bounds depending on reactions, or too many would be tried."""
+        loads, contacts = self.balance.response.loads, self.balance.contacts
+        if not any(contact.law.loaded and loads.most(i, contact.bearing).any() for i, contact in enumerate(contacts)):
+            return
+        if len(self.groups) > MANY:
+            raise self._refusal(
+                "that only one motion", f"shown possible, {len(self.groups)} joints being at rest at once"
+            )
+        own, _ = self.wanted(signs, slips=False)
+        assert own is not None
+        scale = max(np.abs(self.balance.response.acceleration).max(initial=0.0), np.abs(own.alpha).max())
+        for other in product([0, 1, -1], repeat=len(self.groups)):
+            solution = self._consistent(list(other))
+            if solution is not None and np.abs(solution.alpha - own.alpha).max() > 1e-6 * scale:
+                raise self._refusal("several", "possible")
+
+    def _refusal(self, count: str, possible: str) -> DynamicsError:
+        names = [contact.name for contact in self.balance.contacts]
+        resting = ", ".join(dict.fromkeys(names[i] for group in self.groups for i in group.members))
+        sliding = " and ".join(dict.fromkeys(names[int(i)] for i in np.flatnonzero(self.given)))
+        ways = f"ways in which {resting} stick or begin to slip are" if resting else f"motion with slip of {sliding} is"
+        return DynamicsError(
+            f"{count} {ways} {possible}: rigid bodies with friction do not determine the motion",
+            expected="exactly one",
+            hint="a smaller mu, a longer span of a guide, or friction without a load: constant",
+        )

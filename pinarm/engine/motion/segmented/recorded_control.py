@@ -1,0 +1,207 @@
+"""Controllers of an integrated motion: their efforts as they have been, columns of them, and limits of motors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags
+from pinarm.engine.control.controls import CONTROL, ControlledSystem, Controls, with_control
+from pinarm.engine.control.efforts import RecordedEfforts, reference_of
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.motion.segmented.segments import MotionSegment, SegmentedMotion
+from pinarm.engine.motion.systems import System
+from pinarm.engine.motion.systems.frictional import FrictionalSystem
+from pinarm.engine.series import Series
+from pinarm.input.units import unit
+from pinarm.mechanics.control.controller import Controller
+from pinarm.mechanics.control.motor_control import MotorController
+from pinarm.mechanics.forces.joint_definitions import effort_unit
+from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.mechanics.motors import TorqueSource
+from pinarm.records import replace
+
+UNITS = {
+    "voltage": unit("V"),
+    **dict.fromkeys(("current", "current_margin"), unit("A")),
+    **dict.fromkeys(("torque", "margin", "continuous_margin"), unit("N*m")),
+}
+"""Units of columns of motors."""
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
+"""Quadrature within a step, where efforts are smooth: degree 7, the order of the dense output."""
+
+AT_LIMIT = {"margin": "gives its peak torque", "current_margin": "is at its current limit"}
+"""Distance of a motor to a limit -> words where that is 0."""
+
+ROUNDING = 1e-9
+"""Of such a distance, relative to the largest of the run: a current is integrated."""
+
+TOUCHING = 1e-9
+"""Part of the motion by which two stretches are apart that are reported as one."""
+
+
+def recorded(controls: Controls, motion: SegmentedMotion) -> SegmentedMotion:
+    """Return an integrated motion under the efforts of controllers as they have been."""
+    efforts = controls.recorded(lambda t: _integrals(motion, t))
+    dynamics = with_control(motion.dynamics, efforts)
+    return replace(motion, dynamics=dynamics, segments=[_under(part, dynamics, efforts) for part in motion.segments])
+
+
+def record_of(motion: SegmentedMotion) -> RecordedEfforts:
+    """Return the efforts of the controllers of a motion as they have been; see ``recorded``."""
+    record = motion.dynamics.forces[CONTROL]
+    assert isinstance(record, RecordedEfforts)
+    return record
+
+
+def _under(segment: MotionSegment, dynamics: Dynamics, efforts: RecordedEfforts) -> MotionSegment:
+    system = segment.system
+    inner = system.inner if isinstance(system, ControlledSystem) else system
+    if not isinstance(inner, FrictionalSystem):
+        return replace(segment, dynamics=with_control(segment.dynamics, efforts))
+    inner = inner.under(dynamics)
+    around: System = replace(system, inner=inner) if isinstance(system, ControlledSystem) else inner
+    return replace(segment, system=around, dynamics=inner.slowed(dynamics))
+
+
+def _integrals(motion: SegmentedMotion, t: Array) -> Array:
+    """Return the integrals of controllers at instants, shape (n,), as an array of shape (n, m)."""
+    owners, parts = np.searchsorted(np.array(motion.seams), t), []
+    for number, segment in enumerate(motion.segments):
+        here = np.flatnonzero(owners == number)
+        if len(here) and isinstance(segment.system, ControlledSystem):
+            parts.append((here, segment.system.integrals(segment.solution.states(t[here])[1])))
+    integrals = np.zeros((len(t), parts[0][1].shape[1] if parts else 0))
+    for here, values in parts:
+        integrals[here] = values
+    return integrals
+
+
+def control_rows(motion: SegmentedMotion, grid: Grid, q: Array, v: Array) -> tuple[Array, dict[str, Series]]:
+    """Return efforts and columns of controllers at the rows of a grid, in states of shapes (n, nq) and (n, nv).
+
+    Returns:
+        Efforts of all drives as generalised loads [N*m or N], shape (n, nv); ``control.D.error`` and so on of every
+        drive D.
+    """
+    record, efforts = record_of(motion), np.zeros_like(v)
+    references = [np.zeros((len(q), len(controller.signals), 3)) for controller in record.controllers]
+    parts = list[list[dict[str, Array]]]()
+    for start, end, rows in grid.intervals():
+        if rows.start == rows.stop:
+            continue
+        local, states = record.on(start, end), (grid.t[rows], q[rows], v[rows])
+        local.add_load(*states, efforts[rows])
+        parts.append(local.parts(*states))
+        for controller, reference in zip(record.controllers, references, strict=True):
+            if controller.references:
+                reference[rows] = reference_of(controller.references, grid.t[rows], local.span)
+    joined = [
+        {name: np.concatenate([part[name] for part in each]) for name in each[0]} for each in zip(*parts, strict=True)
+    ]
+    return efforts, _columns(record.controllers, joined, references, q, v)
+
+
+def _columns(
+    controllers: Sequence[Controller], parts: list[dict[str, Array]], references: list[Array], q: Array, v: Array
+) -> dict[str, Series]:
+    """Return the columns of all drives."""
+    columns = dict[str, Series]()
+    for controller, part, reference in zip(controllers, parts, references, strict=True):
+        measured = controller.measure(q, v)
+        for i, (drive, joint) in enumerate(zip(controller.drives, controller.joints, strict=True)):
+            effort = effort_unit(joint)
+            units = {**UNITS, "effort": effort, "command": UNITS.get(controller.supply, effort)}
+            own = {name: values[:, i] for name, values in part.items()}
+            rows = {name: (units[name], values) for name, values in own.items() if not np.isnan(values).all()}
+            k = controller.followed(drive)
+            if k is not None:
+                rows["reference"] = controller.signals[k].unit, reference[:, k, 0]
+                rows["error"] = controller.signals[k].unit, reference[:, k, 0] - measured[:, k, 0]
+            names = {name: f"control.{drive}.{name}" for name in rows}
+            columns |= {names[name]: Series(names[name], *values) for name, values in rows.items()}
+    return columns
+
+
+def control_schema(controls: Controls, q: Array, v: Array) -> dict[str, Series]:
+    """Return the columns with values of no meaning, for states of shapes (n, nq) and (n, nv)."""
+    controls.begin(0.0, 0.0)
+    record, t = controls.recorded(lambda t: np.zeros((len(t), len(controls.memory.integral)))), np.zeros(len(q))
+    references = [np.zeros((len(q), len(controller.signals), 3)) for controller in record.controllers]
+    return _columns(record.controllers, record.parts(t, q, v), references, q, v)
+
+
+class _Nodes(NamedTuple):
+    """Starts and lengths of n steps of a motion [s], and states at m nodes in each: (n m,), (n m, nq), (n m, nv)."""
+
+    start: Array
+    h: Array
+    t: Array
+    q: Array
+    v: Array
+
+    @classmethod
+    def of(cls, motion: SegmentedMotion) -> _Nodes:
+        parts = []
+        for segment in motion.segments:
+            start, end = segment.solution.steps.t, segment.solution.steps.until
+            t = (start[:, None] + 0.5 * (end - start)[:, None] * (NODES + 1.0)).ravel()
+            index = np.repeat(np.arange(len(start)), len(NODES))
+            states = segment.system.whole(t, *segment.solution.states_in(index, t))
+            parts.append((start, end - start, t, *states))
+        return cls(*map(np.concatenate, zip(*parts, strict=True)))
+
+    def mean(self, values: Array) -> float:
+        """Return the mean over time of a value at the nodes, shape (n m,)."""
+        return float((0.5 * values.reshape(len(self.h), -1) @ WEIGHTS) @ self.h / self.h.sum())
+
+    def stretches(self, inside: Flags) -> list[tuple[float, float]]:
+        """Return the stretches of time [s] of steps in which nodes, shape (n m,), have a property."""
+        slack, stretches = TOUCHING * float(self.h.sum()), list[tuple[float, float]]()
+        for k in np.flatnonzero(inside.reshape(len(self.h), -1).any(axis=1)).tolist():
+            start, end = float(self.start[k]), float(self.start[k] + self.h[k])
+            if stretches and start - stretches[-1][1] <= slack:
+                start = stretches.pop()[0]
+            stretches.append((start, end))
+        return stretches
+
+
+def motor_remarks(motion: SegmentedMotion) -> list[str]:
+    """Return remarks on limits of motors in an integrated motion: how long at peak, and above the continuous torque."""
+    record = record_of(motion)
+    if not any(isinstance(controller, MotorController) for controller in record.continuous):
+        return []
+    nodes = _Nodes.of(motion)
+    every = zip(record.controllers, record.parts(nodes.t, nodes.q, nodes.v), strict=True)
+    return [
+        line for controller, part in every if isinstance(controller, MotorController)
+        for line in _motor_remarks(controller, part, nodes)
+    ]  # fmt: skip
+
+
+def _motor_remarks(controller: MotorController, part: dict[str, Array], nodes: _Nodes) -> Iterator[str]:
+    for k, (drive, motor) in enumerate(zip(controller.drives, controller.actuators, strict=True)):
+        for name, does in AT_LIMIT.items():
+            margin = part[name][:, k] if name in part else np.full(len(nodes.t), np.nan)
+            if stretches := nodes.stretches(margin <= ROUNDING * np.nanmax(margin, initial=1.0)):
+                yield _at_limit(f"{drive} {does}", stretches)
+        if isinstance(motor, TorqueSource) and motor.continuous is not None:
+            rms = nodes.mean(part["torque"][:, k] ** 2) ** 0.5
+            speed = nodes.mean(np.abs(motor.ratio * nodes.v[:, controller.joints[k].v]))
+            if rms > (allowed := float(motor.continuous.at(np.array(speed)))):
+                yield (
+                    f"{drive} gives a torque of {rms:.3g} N*m rms at a mean speed of {speed:.3g} rad/s, more than "
+                    f"its continuous torque there, {allowed:.3g} N*m"
+                )
+
+
+def _at_limit(words: str, stretches: list[tuple[float, float]]) -> str:
+    """Return how long a drive is at a limit, by the words for it."""
+    (start, end), total = stretches[0], sum(end - start for start, end in stretches)
+    if len(stretches) == 1:
+        return f"{words} from t = {start:.6g} s to {end:.6g} s"
+    first = f"the first from t = {start:.6g} s to {end:.6g} s"
+    return f"{words} for {total:.6g} s in {len(stretches)} stretches, {first}"
