@@ -29,7 +29,7 @@ from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario, load
 from pinarm.use.study.accuracy.error_estimate import BOUND, estimate_errors, output_differences
 from pinarm.use.study.accuracy.integration_settings import with_setting
-from pinarm.use.study.accuracy.setting_errors import MARGIN
+from pinarm.use.study.accuracy.trials import MARGIN
 
 RESOLVED = 30.0
 """True error over that of the reference, from which on it counts."""

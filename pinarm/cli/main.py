@@ -341,7 +341,7 @@ def _tradeoff(options: argparse.Namespace) -> int:
     from pinarm.use.output.folder import check_replaceable
     from pinarm.use.scenario.scenario import load
     from pinarm.use.study.accuracy.tradeoff import tradeoff
-    from pinarm.use.study.accuracy.tradeoff_text import report
+    from pinarm.use.study.accuracy.tradeoff_view import report
 
     scenario = load(options.scenario, options.values)
     with (

@@ -70,7 +70,8 @@ class LineTable:
     def __repr__(self) -> str:
         """Return its name, how many lines it has, and the first of its columns."""
         failed = f", {len(self.errors)} failed" if self.errors else ""
-        return f"<{len(self)} {self.of}s of '{self.name}'{failed}; {', '.join(list(self.table)[:NAMED])}>"
+        names = ", ".join(list(self.table)[:NAMED])
+        return f"<{type(self).__name__} of '{self.name}': {len(self)} {self.of}s{failed}; {names}>"
 
     def __getitem__(self, name: str) -> Series:
         """Return a column by name, such as ``max A_y``.

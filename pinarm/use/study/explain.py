@@ -32,8 +32,8 @@ from pinarm.problems.simplify.simplification import Removal
 from pinarm.records import replace
 from pinarm.use.result.failures import failures_in_words
 from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.study.quantities import Subject, subject
 from pinarm.use.study.run import run
-from pinarm.use.study.subject import Subject, subject
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.segmented.hybrid_system import HybridSystem

@@ -1,4 +1,4 @@
-"""The trade of a scenario between accuracy and cost, as a whole."""
+"""Trade-off of a scenario between accuracy and cost: of settings, and of simpler models."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ from pinarm.input.yaml.values import Values
 from pinarm.use.output.folder import whole_folder
 from pinarm.use.scenario.scenario import Given, Scenario, load
 from pinarm.use.store.files import json_text, write
-from pinarm.use.study.accuracy.setting_errors import (
+from pinarm.use.study.accuracy.trials import (
     WANTED,
     Reference,
     TriedSetting,
+    Variant,
     recommended_setting,
     reference_solution,
+    solve_variants,
+    solving_trials,
     tried_settings,
 )
-from pinarm.use.study.accuracy.timed_solutions import solving_trials
-from pinarm.use.study.accuracy.variant_errors import Variant, solve_variants
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -92,21 +93,21 @@ class Tradeoff:
 
     def plots(self) -> dict[str, Picture]:
         """Return what there is to draw: error against cost of ``settings``, outputs of ``variants``."""
-        from pinarm.use.study.accuracy.tradeoff_plot import plots
+        from pinarm.use.study.accuracy.tradeoff_view import plots
 
         return plots(self)
 
     def _repr_html_(self) -> str:
         """Return tables and plots, for notebooks."""
         from pinarm.use.show.notebook import blocks, folded, heading, lines, picture, table
-        from pinarm.use.study.accuracy.tradeoff_text import advice, remarks, settings, solve_variants
+        from pinarm.use.study.accuracy.tradeoff_view import advice, remarks, settings, variant_rows
 
         drawn = {name: picture(figure) for name, figure in self.plots().items()}
         parts = [heading(self.scenario.content.title or self.scenario.name)]
         if self.reference:
             parts += [lines(advice(self)), drawn["settings"], folded("all settings", table(settings(self)))]
         if self.variants:
-            parts += [table(solve_variants(self)), lines(remarks(self)), drawn["variants"]]
+            parts += [table(variant_rows(self)), lines(remarks(self)), drawn["variants"]]
         return blocks(*parts)
 
 

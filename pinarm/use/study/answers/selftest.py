@@ -1,4 +1,4 @@
-"""A test of an installation: a scenario of every kind against its answer key, and the versions that it ran with."""
+"""Self-test of an installation: a scenario of every kind against its answer key, and versions of the programs."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from pinarm.errors import fault
 from pinarm.problems import KINDS
 from pinarm.use.store.examples import example_files
 from pinarm.use.study.answers.check import check
+from pinarm.use.workers.versions import versions as programs
 
 
 @dataclass(frozen=True)
@@ -87,24 +88,9 @@ def _checks(folder: Path) -> Iterator[KindCheck]:
 
 def versions() -> dict[str, str]:
     """Return the versions of what numbers depend on, to their last digits."""
-    import pinocchio
-
-    import pinarm
-
-    return {
-        "pinarm": pinarm.__version__, "python": platform.python_version(), "pinocchio": pinocchio.__version__,
-        "numpy": np.__version__, "scipy": _scipy(), "platform": f"{sys.platform} {platform.machine()}",
-        "linear algebra": _blas(),
-    }  # fmt: skip
-
-
-def _scipy() -> str:
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return version("scipy")
-    except PackageNotFoundError:
-        return "not installed"
+    known = programs()
+    named = {name: known[name] for name in ("pinarm", "python", "pinocchio", "numpy", "scipy")}
+    return {**named, "platform": f"{sys.platform} {platform.machine()}", "linear algebra": _blas()}
 
 
 def _blas() -> str:

@@ -15,11 +15,9 @@ from pinarm.problems import forward
 from pinarm.use.study.accuracy import error_estimate
 from pinarm.use.study.accuracy.error_estimate import output_differences
 from pinarm.use.study.accuracy.integration_settings import with_setting
-from pinarm.use.study.accuracy.setting_errors import reference_solution
-from pinarm.use.study.accuracy.timed_solutions import solving_trials
 from pinarm.use.study.accuracy.tradeoff import Tradeoff, tradeoff
-from pinarm.use.study.accuracy.tradeoff_text import remarks, settings
-from pinarm.use.study.accuracy.variant_errors import solve_variants
+from pinarm.use.study.accuracy.tradeoff_view import remarks, settings
+from pinarm.use.study.accuracy.trials import reference_solution, solve_variants, solving_trials
 
 from .test_error_estimate import SLIDE, SPRING, on_slide
 

@@ -298,10 +298,10 @@ def test_a_killed_worker_loses_its_case_and_the_next_run_solves_it(
     hostile = module(
         "import os, signal\nfrom pinarm.use.cases.together import CaseSolver\n"
         "class Hostile(CaseSolver):\n"
-        "    def together(self, jobs, late):\n"
+        "    def together(self, jobs):\n"
         "        if any(job['arguments.m'] == '2.0 kg' for job in jobs):\n"
         "            os.kill(os.getpid(), signal.SIGSEGV)\n"
-        "        return super().together(jobs, late)\n"
+        "        return super().together(jobs)\n"
     )
     with monkeypatch.context() as patched:
         patched.setattr(solving, "CaseSolver", hostile.Hostile)
