@@ -20,7 +20,7 @@ import numpy as np
 import pinarm
 from pinarm.use.cases.case import WORTH, Task, Wanted, solve_case
 from pinarm.use.cases.case_table import CaseTable
-from pinarm.use.cases.together import CaseSolver
+from pinarm.use.cases.solving import CaseSolver
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.workers.runners import in_order
 

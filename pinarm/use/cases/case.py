@@ -1,4 +1,4 @@
-"""One case of many: a scenario with other values, solved, and a few numbers of its result."""
+"""Case: a scenario with other values, solved, and a few numbers of its result."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from pinarm.errors import (
     fault,
     of_interrupt,
 )
-from pinarm.input.roots import file_root, given_root, note_files, noting_files
+from pinarm.input.roots import note_files, noting_files
 from pinarm.input.units import Unit
 from pinarm.records import replace
 from pinarm.use.result.failures import failures_in_words
@@ -53,28 +53,6 @@ where the motion comes to any."""
 NO_SECTIONS: Mapping[str, Numbered] = MappingProxyType({})
 
 
-class Taken(Protocol):
-    """What is taken from the result of each case: some numbers, as many in every case."""
-
-    def numbers(self, result: Result) -> list[tuple[float, float]]:
-        """Return the numbers [SI], each with the error of its quadrature.
-
-        Raises:
-            PinarmError: This result has none.
-        """
-
-    @property
-    def number(self) -> AnyNumber | None:
-        """The number of the run that is taken; ``None`` for what is told of all rows."""
-
-    def of_rows(self, quantities: Quantities) -> list[Array]:
-        """Return what is told of all rows of variants, each of shape (k,) or (1,).
-
-        Raises:
-            PinarmError: There is no such quantity of variants.
-        """
-
-
 @dataclass(frozen=True)
 class RowValues:
     """The values of a quantity in all rows.
@@ -87,7 +65,7 @@ class RowValues:
     number: ClassVar[None] = None
 
     def numbers(self, result: Result) -> list[tuple[float, float]]:
-        """Return the values: see ``Taken``.
+        """Return the values in all rows [SI], with no error of a quadrature.
 
         Raises:
             InputError: Friction at rest leaves one of them open.
@@ -99,7 +77,7 @@ class RowValues:
         return [(float(value), 0.0) for value in values]
 
     def of_rows(self, quantities: Quantities) -> list[Array]:
-        """Return the values: see ``Taken``."""
+        """Return the values of variants, each of shape (k,) or (1,)."""
         return [*quantities[self.quantity].values]
 
 
@@ -111,11 +89,13 @@ class Wanted:
         quantity: A quantity, a symbol or a formula; of a number, its name.
         number: The number of the run; ``None`` for the least and the greatest value of the rows.
         unit: Of the numbers in every case; ``None`` where it is not known.
+        optional: Whether a case may lack it, which is NaN then: its other numbers count all the same.
     """
 
     quantity: str
     number: AnyNumber | None = None
     unit: Unit | None = None
+    optional: bool = False
 
     @classmethod
     def read(cls, text: str, sections: Mapping[str, object] = NO_SECTIONS) -> Wanted:
@@ -162,28 +142,25 @@ class Wanted:
         return replace(self, unit=series.unit), columns
 
     def of_rows(self, quantities: Quantities) -> list[Array]:
-        """Return the least and the greatest values: see ``Taken``."""
+        """Return the least and the greatest values of variants, each of shape (k,) or (1,)."""
         values = quantities[self.quantity].values
         return [values.min(axis=0), values.max(axis=0)]
 
     def numbers(self, result: Result) -> list[tuple[float, float]]:
-        """Return the numbers: see ``Taken``.
+        """Return the numbers [SI], each with the error of its quadrature.
 
         Raises:
             InputError: The place does not exist in this run, or the quantity is of another kind in this case.
             DynamicsError: A number is not finite.
         """
-        numbers = self.told(result)
+        numbers = self._numbers(result)
+        if self.optional:
+            return [(number + 0.0, error) if np.isfinite(number) else (np.nan, 0.0) for number, error in numbers]
         if not np.isfinite(numbers).all():
             raise DynamicsError(f"{self.labels()[0]} is {'infinite' if np.isinf(numbers).any() else 'not finite'}")
         return [(number + 0.0, error) for number, error in numbers]  # -0 becomes 0
 
-    def told(self, result: Result) -> list[tuple[float, float]]:
-        """Return the numbers, finite or not.
-
-        Raises:
-            InputError: See ``numbers``.
-        """
+    def _numbers(self, result: Result) -> list[tuple[float, float]]:
         quantities = result.quantities
         number = measured(self.number, result) if self.number else None
         unit = (number[0] if number else quantities[self.quantity]).unit
@@ -195,33 +172,8 @@ class Wanted:
         return [(float(least.values.min()), 0.0), (float(greatest.values.max()), 0.0)]
 
 
-@dataclass(frozen=True)
-class WhereReached:
-    """A number of a section, NaN in cases in which it is not finite: the other numbers of these count all the same.
-
-    Attributes:
-        wanted: The number.
-    """
-
-    wanted: Wanted
-
-    @property
-    def number(self) -> AnyNumber | None:
-        """The number: see ``Taken``."""
-        return self.wanted.number
-
-    def numbers(self, result: Result) -> list[tuple[float, float]]:
-        """Return the number, with no error where there is none: see ``Taken``.
-
-        Raises:
-            InputError: The section has no such number in this case.
-        """
-        told = self.wanted.told(result)
-        return [(number + 0.0, error) if np.isfinite(number) else (np.nan, 0.0) for number, error in told]
-
-    def of_rows(self, quantities: Quantities) -> list[Array]:
-        """Return what is told of all rows: see ``Taken``."""
-        return self.wanted.of_rows(quantities)
+Taken: TypeAlias = RowValues | Wanted
+"""Numbers that are taken from the result of each case, as many in every case."""
 
 
 @dataclass(frozen=True)
@@ -259,7 +211,6 @@ class Task:
     Attributes:
         source: What the scenario is read from: a process that misses a file of it has to be able to say so.
         wanted: What to take from each result.
-        root: Folder that files may refer to; each file's own where it is ``None``.
         anchors: Cases, from the first of which that can be solved the loops of all others are closed where they are
             solved together: the last digits depend on it, and so on no worker. Without any, each worker begins with a
             case of its own.
@@ -267,13 +218,12 @@ class Task:
 
     source: ScenarioSource
     wanted: tuple[Taken, ...]
-    root: Path | None = None
     anchors: tuple[Case, ...] = ()
 
     @classmethod
     def of(cls, scenario: Scenario, wanted: Iterable[Taken], *anchors: Case) -> Task:
         """Return what is the same in all cases of a scenario, for a process in any folder."""
-        return cls(scenario.source, tuple(wanted), given_root(), anchors)
+        return cls(scenario.source, tuple(wanted), anchors)
 
     @cached_property
     def scenario(self) -> Scenario:
@@ -286,100 +236,77 @@ class Task:
         Raises:
             PinarmError: It has a mistake.
         """
-        last = self._last[0] if self._last else None
+        last, known = self._last[0] if self._last else (self.scenario, frozenset[Path]())
         document = self.scenario.varied_document(values)
         document = replace(document, data={key: part for key, part in document.data.items() if key != "expect"})
-        scenario = (last.scenario if last else self.scenario).with_document(document)
-        if last and scenario.loaded:
-            note_files(last.files)
+        scenario = last.with_document(document)
+        if self._last and scenario.loaded:
+            note_files(known)
             return scenario
         with noting_files() as files, failures_in_words():
             assert scenario.mechanism
-        self._last[:] = [LoadedCase(scenario, frozenset(files))]
+        self._last[:] = [(scenario, frozenset(files))]
         return scenario
 
     @cached_property
-    def _last(self) -> list[LoadedCase]:
-        """The last case that has loaded a mechanism; none before the first."""
+    def _last(self) -> list[tuple[Scenario, frozenset[Path]]]:
+        """The last case that has loaded a mechanism, and the files that this refers to; none before the first."""
         return []
-
-
-@dataclass(frozen=True, eq=False)
-class LoadedCase:
-    """A case with its mechanism loaded.
-
-    Attributes:
-        scenario: The scenario of the case.
-        files: The files that its mechanism refers to.
-    """
-
-    scenario: Scenario
-    files: frozenset[Path]
-
-
-@dataclass(frozen=True, eq=False)
-class Solved:
-    """A case that has been solved.
-
-    Attributes:
-        row: What came out.
-        result: The whole of it; ``None`` where the case failed.
-    """
-
-    row: Row
-    result: Result | None = None
 
 
 def solve_case(task: Task, values: Case) -> Row:
     """Return the row of one case; see ``solved_case``."""
-    return solved_case(task, values).row
+    return solved_case(task, values)[0]
 
 
-def solved_case(task: Task, values: Case) -> Solved:
-    """Solve one case: a function of plain data, for any process on any machine that sees the files.
+def solved_case(task: Task, values: Case) -> tuple[Row, Result | None]:
+    """Return the row of one case and its result, ``None`` where it failed; the row says why.
 
     Args:
         task: The scenario and what is wanted of it.
         values: Path -> value that replaces that of the scenario.
 
-    Returns:
-        The row; that of a case that fails says why, and has no result.
-
     Raises:
         Interrupted: By the user.
     """
-    with file_root(task.root), noting_files() as files:
+    with noting_files() as files:
         try:
             result = task.case(values).run()
             numbers = [number for entry in task.wanted for number in entry.numbers(result)]
-            quadrature = [error / abs(number) for number, error in numbers if error and number]
             if result.shortfall:
-                return Solved(Row((), result.shortfall, _names(files)))
+                return Row((), result.shortfall, _names(files)), None
             result = replace(result, figures={**result.figures, **plain(result.quantities.figures())})
-            figures = {**result.figures, QUADRATURE: max(quadrature, default=np.nan)}
-            figures[GLOBAL_ERROR] = np.nan if result.error is None else result.error
-            decisions = result.outcome.decisions
-            figures[OPEN] = float(sum(one.is_open for one in decisions)) if decisions else np.nan
-            worth = (figures.get(name, np.nan) for name in WORTH)
-            return Solved(Row((*(number for number, _ in numbers), *worth), "", _names(files)), result)
+            worth = _worth(result, numbers)
+            row = Row((*(number for number, _ in numbers), *(worth.get(name, np.nan) for name in WORTH)))
+            return replace(row, files=_names(files)), result
         except Interrupted:
             raise
         except PinarmError as error:
-            return Solved(Row((), _one_line(error), _names(files)))
+            return Row((), _one_line(error), _names(files)), None
         except Exception as error:  # a fault of the program costs one case, and is told as what it is
             if of_interrupt(error):
                 raise KeyboardInterrupt from None
-            said = f"the program failed: {fault(error)}"
-            return Solved(Row((), said, _names(files), final=False))
+            return Row((), f"the program failed: {fault(error)}", _names(files), final=False), None
+
+
+def _worth(result: Result, numbers: Iterable[tuple[float, float]]) -> dict[str, float]:
+    """Return what tells the accuracy of a case; see ``WORTH``."""
+    quadrature = [error / abs(number) for number, error in numbers if error and number]
+    decisions = result.outcome.decisions
+    return {
+        **result.figures,
+        QUADRATURE: max(quadrature, default=np.nan),
+        GLOBAL_ERROR: np.nan if result.error is None else result.error,
+        OPEN: float(sum(decision.is_open for decision in decisions)) if decisions else np.nan,
+    }
 
 
 def failure(task: Task, values: Case, row: Row) -> PinarmError:
     """Return the error of a case that failed, with its place: it is solved again."""
     try:
-        with file_root(task.root):
-            result = task.case(values).run()
-            for entry in task.wanted:
-                entry.numbers(result)
+        result = task.case(values).run()
+        for entry in task.wanted:
+            entry.numbers(result)
     except PinarmError as error:
         return error
     return NumericsError(row.error)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,22 +30,16 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import PinarmError
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.use.cases.case import QUADRATURE, WORTH, Case, Row, Task, solved_case
-from pinarm.use.cases.case_table import CaseTable, RowTable
-from pinarm.use.cases.columns import ARGUMENT, moving, number_of, numbers_of
-from pinarm.use.cases.memory import keep_freed_memory
-from pinarm.use.cases.prescribed_cases import PrescribedCases
-from pinarm.use.cases.variant_numbers import MovingVariants, VariantNumbers
+from pinarm.use.cases.case_table import ARGUMENT, CaseTable, RowTable, moving, number_of, numbers_of
+from pinarm.use.cases.motions import ForwardCases, PrescribedCases
+from pinarm.use.cases.variant_numbers import VariantNumbers
 from pinarm.use.result.failures import failures_in_words
 from pinarm.use.result.measures import COSTS
 from pinarm.use.result.section_number import SectionNumber
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
-    from pinarm.mechanics.forces.force_element import ForceElement
     from pinarm.use.result.result import Result
-
-MotionT = TypeVar("MotionT")
-VariantsT = TypeVar("VariantsT", bound=MovingVariants)
 
 NUMBERS = 800_000
 """Numbers of one array over the cases of a stack, at most: larger ones leave the caches of processors."""
@@ -68,46 +62,6 @@ Attempt = Callable[[Solve, Indices], "list[tuple[Indices, Array]]"]
 """Returns what a function says of cases, and what is told of those for which it raises something."""
 
 
-class Motions(Protocol[MotionT, VariantsT]):
-    """How the cases of a stack move."""
-
-    @property
-    def forces(self) -> Mapping[str, ForceElement]:
-        """The force elements of all of them."""
-        ...
-
-    @property
-    def length(self) -> int:
-        """Number of rows of the first case, or of its steps where these are more: both are kept of many cases."""
-        ...
-
-    @property
-    def first(self) -> MotionT:
-        """The motion of the first case."""
-        ...
-
-    def read(self, values: Case, mechanism: Mechanism, place: int) -> MotionT | None:
-        """Return how a case moves, ``None`` where it is to be solved alone.
-
-        Args:
-            values: Its values but for arguments.
-            mechanism: The variants.
-            place: Which of them it is.
-
-        Raises:
-            PinarmError: It has a mistake, or cannot be followed.
-        """
-        ...
-
-    def variants(self, mechanism: Mechanism, motions: Sequence[MotionT]) -> VariantsT:
-        """Return the motions of variants."""
-        ...
-
-    def figures(self, variants: VariantsT) -> dict[str, Array]:
-        """Return what is measured of these motions, and not of their rows, by name, shape (k,); NaN where unknown."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class Stack:
     """What is the same in cases that are solved together.
@@ -117,38 +71,29 @@ class Stack:
         values: The values of the first case.
         first: Its result, solved alone.
         files: The files that cases refer to.
-        motions: How all of them move.
+        motions: How all of them move: ``PrescribedCases`` or ``ForwardCases``.
     """
 
     task: Task
     values: Case
     first: Result
     files: tuple[str, ...]
-    motions: Motions[Any, Any]
+    motions: Any
 
     @classmethod
     def begin(cls, task: Task, values: Case) -> tuple[Stack | None, Row]:
         """Solve a first case alone, and return what others need of it, ``None`` for nothing; and its row."""
-        solved = solved_case(task, values)
-        if solved.result is None or any(isinstance(entry.number, SectionNumber) for entry in task.wanted):
-            return None, solved.row
-        result = solved.result
+        row, result = solved_case(task, values)
+        if result is None or any(isinstance(entry.number, SectionNumber) for entry in task.wanted):
+            return None, row
         asks = result.content.find or result.content.accuracy.target is not None or result.trajectory.columns
         motions = None if asks else _motions(result, values)
-        if motions is None:
-            return None, solved.row
-        keep_freed_memory()
-        return cls(task, values, result, solved.row.files, motions), solved.row
+        return (cls(task, values, result, row.files, motions) if motions else None), row
 
     @property
     def follows(self) -> bool:
         """Whether loops of the others are closed from the first case."""
         return bool(self.first.trajectory.mechanism.closure.size)
-
-    @property
-    def most(self) -> int:
-        """Number of cases that are solved together, whose model is expanded at once."""
-        return EXPANDED
 
     def block_of(self, rows: int) -> int:
         """Return the number of cases with so many rows whose arrays are of a size that suits processors."""
@@ -265,12 +210,10 @@ def _known_first(figures: Mapping[str, Array]) -> set[str]:
     return {name for name, figure in figures.items() if not np.isnan(figure.flat[0])}
 
 
-def _motions(result: Result, values: Case) -> Motions[Any, Any] | None:
+def _motions(result: Result, values: Case) -> PrescribedCases | ForwardCases | None:
     """Return how cases move that are like a first one; ``None`` where they are solved one by one."""
     if isinstance(result.outcome.motion, PrescribedMotion):
         return PrescribedCases.of(result)
-    from pinarm.use.cases.forward_cases import ForwardCases
-
     return ForwardCases.of(result, values)
 
 

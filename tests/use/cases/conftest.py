@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.use.cases import together
+from pinarm.use.cases import solving
 from pinarm.use.cases.case import Row, Task, Value, Wanted, solve_case
-from pinarm.use.cases.together import CaseSolver
+from pinarm.use.cases.solving import CaseSolver
 from pinarm.use.workers.runners import in_order
 
 Chunk = Callable[[pinarm.Scenario, Sequence[dict[str, Value]], Sequence[str]], np.ndarray]
@@ -23,7 +23,7 @@ def chunk(monkeypatch: pytest.MonkeyPatch) -> Chunk:
         alone.append(values)
         return solve_case(task, values)
 
-    monkeypatch.setattr(together, "solve_case", noted)
+    monkeypatch.setattr(solving, "solve_case", noted)
 
     def solved(scenario: pinarm.Scenario, cases: Sequence[dict[str, Value]], results: Sequence[str]) -> np.ndarray:
         quantities = scenario.quantities()

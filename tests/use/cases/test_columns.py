@@ -1,7 +1,6 @@
 """Which cases may be solved together."""
 
-from pinarm.use.cases.case_table import CaseTable
-from pinarm.use.cases.columns import kind_of, moving
+from pinarm.use.cases.case_table import CaseTable, kind_of, moving
 
 
 def test_the_kind_of_a_case_is_what_is_no_argument_and_no_law() -> None:

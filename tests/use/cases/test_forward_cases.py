@@ -10,7 +10,7 @@ from pinarm.engine.kernel.library import absence
 from pinarm.records import replace
 from pinarm.use.cases.case import WORTH, RowValues, Value
 from pinarm.use.cases.case_table import CaseTable
-from pinarm.use.cases.forward_cases import ForwardCases
+from pinarm.use.cases.motions import ForwardCases
 from pinarm.use.cases.stack import Stack
 from tests.use.cases.conftest import Chunk
 from tests.use.cases.test_stack import compared, task_of

@@ -8,11 +8,11 @@ import pytest
 
 import pinarm
 from pinarm.arrays import Indices
-from pinarm.use.cases import together
+from pinarm.use.cases import solving
 from pinarm.use.cases.case import Row, Task, Value, Wanted, solve_case
 from pinarm.use.cases.case_table import CaseTable, RowTable
+from pinarm.use.cases.solving import CaseSolver
 from pinarm.use.cases.stack import Stack
-from pinarm.use.cases.together import CaseSolver
 from pinarm.use.workers.runners import in_order
 
 BRANCHES = """\
@@ -115,7 +115,7 @@ def test_where_both_ways_do_not_agree_all_are_solved_alone(
 
 
 def test_only_the_kinds_used_last_are_kept(task: Task, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(together, "KINDS", 2)
+    monkeypatch.setattr(solving, "KINDS", 2)
     solver = CaseSolver(task)
     for exponent in range(6, 10):
         changed = masses("1 kg", "2 kg", accuracy__tolerance=float(f"1e-{exponent}"))

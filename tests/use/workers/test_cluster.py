@@ -232,7 +232,7 @@ def test_a_job_that_kills_its_workers_is_the_only_one_that_fails(
 ) -> None:  # fmt: skip
     """Dask gives a chunk up when three workers have died with it: a nanny starts them again."""
     hostile = module(
-        "import os\nfrom pinarm.use.cases.together import CaseSolver\n"
+        "import os\nfrom pinarm.use.cases.solving import CaseSolver\n"
         "class Hostile(CaseSolver):\n"
         "    def together(self, jobs):\n"
         "        if any(job['arguments.m'] == '2.0 kg' for job in jobs):\n"

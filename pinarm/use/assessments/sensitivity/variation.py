@@ -16,7 +16,7 @@ from pinarm.input.yaml.schema import PURE, Measured
 from pinarm.input.yaml.values import require_unit
 from pinarm.use.assessments.sensitivity.tolerance import Tolerance
 from pinarm.use.cases.case import Case, Row, Task, Wanted
-from pinarm.use.cases.columns import is_column
+from pinarm.use.cases.case_table import is_column
 from pinarm.use.cases.solving import SolveCases, solving
 from pinarm.use.progress import tell
 from pinarm.use.result.section_number import AnyNumber

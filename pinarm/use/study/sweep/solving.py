@@ -17,7 +17,7 @@ from pinarm.errors import InputError
 from pinarm.records import replace
 from pinarm.use.cases.case import WORTH, Row, Task
 from pinarm.use.cases.case_table import CaseTable, RowTable
-from pinarm.use.cases.together import CaseSolver
+from pinarm.use.cases.solving import CaseSolver
 from pinarm.use.output.folder import check_replaceable, reason, signals_waiting
 from pinarm.use.output.manifest import DRAFT
 from pinarm.use.study.sweep.axes import Cases

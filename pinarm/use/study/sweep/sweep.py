@@ -16,7 +16,8 @@ from pinarm.errors import InputError, Interrupted, PinarmError, as_names, requir
 from pinarm.input.roots import noting_files
 from pinarm.input.units import DIMENSIONLESS
 from pinarm.input.yaml.values import Values, require_apart
-from pinarm.use.cases.case import WORTH, Taken, Task, Wanted, WhereReached
+from pinarm.records import replace
+from pinarm.use.cases.case import WORTH, Taken, Task, Wanted
 from pinarm.use.result.run_number import RunNumber
 from pinarm.use.result.section_number import SectionNumber
 from pinarm.use.scenario.scenario import Given, Scenario, load
@@ -225,13 +226,11 @@ def _plain(given: object) -> object:
     return given.tolist() if isinstance(given, np.ndarray) else given
 
 
-def _measured(scenario: Scenario, cases: Cases, results: Sequence[str]) -> tuple[list[Taken], list[Series]]:
+def _measured(scenario: Scenario, cases: Cases, results: Sequence[str]) -> tuple[list[Wanted], list[Series]]:
     """Return what is taken from each case, checked at an end of the sweep, and the columns of it, still empty."""
     quantities, sections = _end(scenario, cases).quantities(), scenario.numbered
     measured = [Wanted.read(text, sections).measured(quantities, sections) for text in results]
-    taken: list[Taken] = [
-        WhereReached(entry) if isinstance(entry.number, SectionNumber) else entry for entry, _ in measured
-    ]
+    taken = [replace(entry, optional=isinstance(entry.number, SectionNumber)) for entry, _ in measured]
     return taken, [column for _, columns in measured for column in columns]
 
 

@@ -13,7 +13,7 @@ import pinarm
 from pinarm.arrays import Array
 from pinarm.errors import PinarmError
 from pinarm.use.assessments.sensitivity.variation import Input, case_of
-from pinarm.use.cases.columns import kind_of
+from pinarm.use.cases.case_table import kind_of
 from pinarm.use.result.section import Section, SectionTable
 from pinarm.use.store.restore import restore
 

@@ -296,7 +296,7 @@ def test_a_killed_worker_loses_its_case_and_the_next_run_solves_it(
     held: pinarm.Scenario, tmp_path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hostile = module(
-        "import os, signal\nfrom pinarm.use.cases.together import CaseSolver\n"
+        "import os, signal\nfrom pinarm.use.cases.solving import CaseSolver\n"
         "class Hostile(CaseSolver):\n"
         "    def together(self, jobs):\n"
         "        if any(job['arguments.m'] == '2.0 kg' for job in jobs):\n"
