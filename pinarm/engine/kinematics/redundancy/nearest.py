@@ -22,7 +22,6 @@ the joints they are off by 1e-13 relative to J. The path and its rates do not de
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,6 +42,7 @@ from pinarm.engine.kinematics.newton import (
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.redundancy.posture import Posture
 from pinarm.errors import AssemblyError
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.mechanics.geometry.kinematics import Kinematics
@@ -79,8 +79,7 @@ Target = Callable[[float], tuple[Array, Array, Array]]
 """t -> w_d, w_d' and w_d'', each of shape (k,)."""
 
 
-@dataclass(frozen=True, eq=False)
-class NearestState:
+class NearestState(Record, frozen=True):
     """The nearest configuration at one instant.
 
     Attributes:
@@ -102,8 +101,7 @@ class NearestState:
     bent: tuple[Array, float]
 
 
-@dataclass(frozen=True, eq=False)
-class _Point:
+class _Point(Record, frozen=True):
     """What holds at a configuration: its rows J taken apart, ``J = U S V^T``, and the pull of the posture.
 
     Attributes:

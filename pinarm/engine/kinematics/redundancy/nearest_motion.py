@@ -17,9 +17,14 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory, prescribed_at_start
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
-from pinarm.engine.kinematics.redundancy.limited_path import AtLimits, LimitCrossing, LimitedPath, first_crossing
+from pinarm.engine.kinematics.redundancy.limited_path import (
+    AtLimits,
+    LimitCrossing,
+    LimitedPath,
+    first_configuration,
+    first_crossing,
+)
 from pinarm.engine.kinematics.redundancy.nearest import NearestState
-from pinarm.engine.kinematics.redundancy.nearest_start import first_configuration
 from pinarm.engine.kinematics.redundancy.posture import Posture
 from pinarm.errors import AssemblyError
 from pinarm.mechanics.joints import METRE

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
+from pinarm.records import Record
 
 AT_LIMIT = 1e-9
 """Distance from a limit, relative to ``1 + |limit|`` [rad or m], below which a joint is at it."""
 
 
-@dataclass(frozen=True, eq=False)
-class Posture:
+class Posture(Record, frozen=True):
     """A target q0 with weights w: ``sum_i (w_i (q_i - q0_i))^2`` is to be least, with q within limits.
 
     Attributes:
