@@ -1,4 +1,4 @@
-"""What may tie the coordinates of a mechanism: loop joints, couplings, and coordinates that are guided."""
+"""Constraints on the coordinates of a mechanism: loop joints, couplings, and guided coordinates."""
 
 from __future__ import annotations
 
@@ -22,12 +22,10 @@ class Constraint(Protocol):
     @property
     def name(self) -> str:
         """Its name."""
-        ...
 
     @property
     def size(self) -> int:
         """Number m of rows."""
-        ...
 
     @property
     def side(self) -> float:
@@ -35,27 +33,21 @@ class Constraint(Protocol):
 
         A constraint with a side may open: its gap then has that sign.
         """
-        ...
 
     def unit(self, row: int) -> Unit:
         """Return the unit of the gap in a row: m or rad."""
-        ...
 
     def gap(self, state: Kinematics) -> Array:
         """Return what is not closed [m or rad], shape (m,)."""
-        ...
 
     def rows(self, state: Kinematics) -> Array:
         """Return G, shape (m, nv)."""
-        ...
 
     def drift(self, state: Kinematics) -> Array:
         """Return G' v, shape (m,)."""
-        ...
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
         """Return what multipliers, shape (n, m), do to links: joint index -> [f; m] at the world's origin, (n, 6)."""
-        ...
 
 
 class GuidedCoordinate(Record, frozen=True):
@@ -63,9 +55,6 @@ class GuidedCoordinate(Record, frozen=True):
 
     Attributes:
         name: Name of the coordinate.
-        coordinate: The coordinate.
-        size: One row.
-        side: It holds both ways.
     """
 
     name: str
@@ -100,12 +89,10 @@ class OneSidedConstraint(Constraint, Protocol):
     @property
     def kind(self) -> str:
         """Its kind, as files call it."""
-        ...
 
     @property
     def opens(self) -> str:
         """What happens where it opens, in words."""
-        ...
 
     def push(self, q: Array, lam: Array) -> Array:
         """Return with what it acts [N, or N*m], negative against its sense; shape (n,).
@@ -114,15 +101,12 @@ class OneSidedConstraint(Constraint, Protocol):
             q: Configurations, shape (n, nq).
             lam: Its multipliers, shape (n,).
         """
-        ...
 
     def push_unit(self) -> Unit:
         """Return the unit of that."""
-        ...
 
     def whereabouts(self, q: Array) -> str:
         """Return what tells a configuration, shape (nq,), apart for it, in words; may be empty."""
-        ...
 
 
 class JointTie(Constraint, Protocol):
@@ -131,12 +115,10 @@ class JointTie(Constraint, Protocol):
     @property
     def rotor(self) -> Joint:
         """The joint."""
-        ...
 
     @property
     def coordinate(self) -> Coordinate:
         """What it moves as."""
-        ...
 
 
 def one_sided(constraints: Iterable[Constraint]) -> list[OneSidedConstraint]:

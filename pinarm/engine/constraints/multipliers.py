@@ -1,4 +1,4 @@
-"""Multipliers at the rows of a run."""
+"""Multipliers of the constraints at the rows of a run, computed where they are asked for."""
 
 from __future__ import annotations
 

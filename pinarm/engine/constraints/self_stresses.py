@@ -1,8 +1,7 @@
-"""Self-stresses, multipliers that do nothing, ``G^T lam = 0``, and what they add to the wrenches of joints.
+"""Self-stresses (multipliers with ``G^T lam = 0``) of redundant constraints, and the reactions that they change.
 
-Where constraints are redundant self-stresses are added freely to any solution, so that what one of them adds to is not
-determined by rigid bodies. A joint is looked at through the functions of the multipliers that it transmits: a loop
-joint those of its own rows, a joint of the tree those of the loops that it lies on.
+Self-stresses can be added to any solution, so that rigid bodies do not determine a wrench that one of them changes. A
+loop joint transmits functions of its own rows, a joint of the tree those of the loops on which it is.
 """
 
 from __future__ import annotations
@@ -37,8 +36,7 @@ KEPT = 8
 class SelfStresses(Record, frozen=True):
     """The self-stresses of the constraints of a mechanism at n configurations.
 
-    What they add is told for s of them, each of length 1, that span all of those which add to it; they stand along the
-    first axis. States have a second axis where they are those of variants; see ``link_tree``.
+    Changes are given for s of them, each of length 1, along the first axis. States of variants have a second axis.
 
     Attributes:
         closure: The constraints.

@@ -1,4 +1,4 @@
-"""A motion, or a path of positions, that laws impose on a mechanism, with the efforts that it takes."""
+"""Prescribed motions, and paths of positions: states at the rows of a table and between them, and efforts."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ Rates = tuple[Array, Array]
 
 
 class Prescription(Record, frozen=True):
-    """What a mechanism has to follow, and what carries the load.
+    """Laws that a mechanism follows, and the drives that carry the load.
 
     Attributes:
         mechanism: The mechanism.
@@ -136,7 +136,7 @@ class Prescription(Record, frozen=True):
         return [*notes, *self._standstills(rows, pace)]
 
     def _standstills(self, rows: Trajectory, pace: Array | None) -> list[str]:
-        """Return what is to be said of joints that friction holds, and of rows at which joints stand still."""
+        """Return notes on joints that friction holds, and on rows at which joints stand still."""
         if not self.directed:
             return []
         from pinarm.engine.motion.standstill_notes import standstill_notes
@@ -296,7 +296,7 @@ class PrescribedMotion(Record, frozen=True):
         return [self._rests(low, high) for low, high in pairwise(self.cuts)]
 
     def steps(self) -> Array:
-        """Return nothing, as nothing is integrated; see ``SolvedMotion``."""
+        """Return nothing: nothing is integrated."""
         return np.empty(0)
 
     def knots(self) -> Array:
@@ -329,7 +329,7 @@ class PrescribedMotion(Record, frozen=True):
         return states.q[back, joint.q], states.v[back, joint.v], states.a[back, joint.v]
 
     def jumps(self) -> Array:
-        """Return nothing: laws jump between intervals only; see ``SolvedMotion``."""
+        """Return nothing: laws jump between intervals only."""
         return np.empty(0)
 
     def _rests(self, start: float, end: float) -> Array:
