@@ -166,10 +166,11 @@ class Tape(Struct):
             ExpressionError: A step is not possible in some row.
         """
         values: list[Any] = list(numbers)
-        count = next((len(value) for value in numbers if is_column(value)), 1)
+        columns = [value for value in numbers if is_column(value)]
+        count = len(columns[0]) if columns else 1
         for function, registers in self.steps:
             operands = [values[register] for register in registers]
-            if not any(map(is_column, operands)):
+            if not (columns and any(map(is_column, operands))):
                 values.append(function(*operands))
             elif (whole := getattr(function, "of_columns", _unsure)(*operands)) is not None:
                 values.append(whole)
