@@ -84,7 +84,8 @@ def scenario_files(tree: Path) -> Iterator[Path]:
 
 def solve(package: Path, tree: Path, files: list[Path], store: Path, jobs: int) -> None:
     """Solve files of a tree with the package of another one; what a process prints goes beside its result folder."""
-    environment = os.environ | {"PYTHONPATH": str(package), "OPENBLAS_NUM_THREADS": "1"}
+    # without PYTHONSAFEPATH, -m would put the folder of the process, the reference tree, before the package
+    environment = os.environ | {"PYTHONPATH": str(package), "PYTHONSAFEPATH": "1", "OPENBLAS_NUM_THREADS": "1"}
 
     def one(file: Path) -> None:
         folder = store / file
