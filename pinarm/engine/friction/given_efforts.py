@@ -100,7 +100,7 @@ def _in_tree(joints: _JointLaws, dynamics: Dynamics, t: float, q: Array, v: Arra
     """Return the friction of joints of a tree that no load changes, shape (n, k); ``None`` where it is not known."""
     slips = v[:, joints.v]
     friction = -np.sign(slips) * joints.resistance(np.abs(slips))
-    if slips.all():
+    if slips.all() or not (joints.resting.any() or joints.slipping.any()):
         return friction
     force = tau - dynamics.inverse(t, q, v, np.zeros_like(v))
     for i in np.flatnonzero(~slips.all(axis=1)).tolist():
