@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 NEAR = 0.1
 """Regularity at the rows from which on it is looked for between them."""
 
-ROUNDS, PLACES = 4, 10
-"""Times that the interval about the least regularity is divided, and places on either side: 1e-4 of it are resolved."""
+ROUNDS, PLACES = 7, 10
+"""Times that the interval about the least regularity is divided, and places on either side: 1e-7 of it are resolved."""
 
 SAME = 1e-9
 """Difference of regularities, relative to them, that is rounding: of positions that a motion takes twice the first
