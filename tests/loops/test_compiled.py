@@ -16,6 +16,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.kernel import tree as kernel_tree
+from pinarm.engine.kernel.laws import laws_of
 from pinarm.engine.kernel.library import absence, library, pointer
 from pinarm.engine.kernel.links import links_of
 from pinarm.engine.kernel.loops import CompiledLoops
@@ -25,6 +26,7 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems import Initial, compiled_loops, loop_motion, system_of
 from pinarm.engine.motion.systems.loop_motion import Place, Regularity
 from pinarm.engine.motion.systems.loop_system import LoopSystem
+from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.time_grid import TimeGrid
@@ -433,6 +435,31 @@ def test_a_second_run_is_not_judged_again_and_has_the_same_digits(cut, tmp_path,
     second = problem.solve(mechanism, accuracy, anywhere, prepared).rows
     assert len(calls) == 2 * few > 0
     assert np.array_equal(second.q, first.q) and np.array_equal(second.a, first.a)
+
+
+def test_loads_that_only_python_knows_get_compiled_accelerations(without):
+    """A load over a coordinate of a crank-rocker."""
+    points = [["-40 rad", "0 N*m"], ["0 rad", "1 N*m"], ["40 rad", "0 N*m"]]
+    push = {"kind": "joint_effort", "joint": "theta4", "over": "theta4", "effort": {"law": "spline", "points": points}}
+    settings = {"changes": {"forces": {"push": push}}, "problem.time.end": "0.5 s"}
+    run = lambda: pinarm.run("scenarios/crank_rocker_free.yaml", settings)  # noqa: E731
+    found, expected = run(), without(run)
+    (segment,) = found.outcome.motion.motion.segments
+    assert isinstance(segment.solution.intervals[0].acceleration.__self__, compiled_loops.LoadedMotion)
+    assert found.figures["steps"] == pytest.approx(expected.figures["steps"], abs=1)
+    assert np.abs(found.trajectory.q - expected.trajectory.q).max() < 1e-8
+
+
+def test_laws_that_only_python_knows_get_compiled_accelerations(tmp_path, monkeypatch, without):
+    """A five-bar one of whose cranks follows a law."""
+    mechanism = five_bar().build(tmp_path, ["M"])
+    monkeypatch.setattr(kernel_tree, "laws_of", lambda followed, steady: None if followed else laws_of((), steady))
+    motion = {"O": Harmonic(amplitude=0.3, pulsation=5.0)}
+    run = lambda: freely(mechanism, 0.5, 6, motion=motion, tolerance=1e-9)  # noqa: E731
+    found, expected = run(), without(run)
+    (segment,) = found.motion.motion.segments
+    assert isinstance(segment.solution.intervals[0].acceleration.__self__, compiled_loops.LoadedMotion)
+    assert np.abs(found.rows.q - expected.rows.q).max() < 1e-7
 
 
 class TestWrongKernel:

@@ -38,14 +38,12 @@ class LowerPair(Record, frozen=True):
         w: Directions of rotation, shape (m, 3).
         axis: The common axis, shape (3,).
         rotation: The open rotation; none where no row has a direction of rotation.
-        points: See ``Pair``.
     """
 
     e: Array
     w: Array
     axis: Array
     rotation: RotationGap | None
-    points: Array | None = None
 
     @cached_property
     def along(self) -> list[bool]:
@@ -113,7 +111,7 @@ class Tilt(Record, frozen=True):
         return np.vstack([pin.skew(self.axis), self.axis])
 
 
-def holding(held: Array, aligned: Array, axis: Array, points: Array | None = None) -> LowerPair:
+def holding(held: Array, aligned: Array, axis: Array) -> LowerPair:
     """Return the pair whose rows measure lengths or angles, not both.
 
     Args:
@@ -121,11 +119,10 @@ def holding(held: Array, aligned: Array, axis: Array, points: Array | None = Non
         aligned: Directions about which the frames do not turn against each other: none, all, or two normals of the
             axis, shape (l, 3).
         axis: The common axis, shape (3,).
-        points: See ``Pair``.
     """
     e, w = np.vstack([held, np.zeros_like(aligned)]), np.vstack([np.zeros_like(held), aligned])
     rotations: dict[int, RotationGap] = {2: Tilt(axis, normals(axis)[0]), 3: turned}
-    return LowerPair(e, w, axis, rotations.get(len(aligned)), points)
+    return LowerPair(e, w, axis, rotations.get(len(aligned)))
 
 
 def normals(axis: Array) -> Array:
@@ -167,7 +164,7 @@ class Fixed(LowerDefinition, frozen=True, tag_field="kind", tag="fixed"):
     @staticmethod
     def around(axis: Array) -> LowerPair:
         """Return the pair."""
-        return holding(ALL, ALL, axis, np.vstack([np.zeros(3), ALL[:2]]))
+        return holding(ALL, ALL, axis)
 
 
 class Revolute(AxisDefinition, frozen=True, tag_field="kind", tag="revolute"):
@@ -176,7 +173,7 @@ class Revolute(AxisDefinition, frozen=True, tag_field="kind", tag="revolute"):
     @staticmethod
     def around(axis: Array) -> LowerPair:
         """Return the pair."""
-        return holding(ALL, normals(axis), axis, np.array([np.zeros(3), axis]))
+        return holding(ALL, normals(axis), axis)
 
 
 class Prismatic(AxisDefinition, frozen=True, tag_field="kind", tag="prismatic"):
@@ -203,7 +200,7 @@ class Spherical(LowerDefinition, frozen=True, tag_field="kind", tag="spherical")
     @staticmethod
     def around(axis: Array) -> LowerPair:
         """Return the pair."""
-        return holding(ALL, NOTHING, axis, np.zeros((1, 3)))
+        return holding(ALL, NOTHING, axis)
 
 
 class Planar(AxisDefinition, frozen=True, tag_field="kind", tag="planar"):
@@ -234,7 +231,7 @@ class Pin(AxisDefinition, frozen=True, tag_field="kind", tag="pin"):
     @staticmethod
     def around(axis: Array) -> LowerPair:
         """Return the pair."""
-        return holding(normals(axis), NOTHING, axis, np.zeros((1, 3)))
+        return holding(normals(axis), NOTHING, axis)
 
 
 class PointOnPlane(AxisDefinition, frozen=True, tag_field="kind", tag="point_on_plane"):

@@ -37,11 +37,6 @@ class Pair(Protocol):
         ...
 
     @property
-    def points(self) -> Array | None:
-        """Points that coincide in both frames and say the same as the rows, shape (k, 3); none if no points can."""
-        ...
-
-    @property
     def constant(self) -> tuple[Array, Array] | None:
         """The directions e and w where they are the same in all configurations, each of shape (m, 3)."""
         ...

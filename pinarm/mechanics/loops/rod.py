@@ -37,7 +37,6 @@ class Tie(Record, frozen=True):
     length: float
     along: tuple[bool, ...] = (True,)
     about: tuple[bool, ...] = (False,)
-    points: Array | None = None
     constant: tuple[Array, Array] | None = None
 
     def gap(self, p: Array, axes: Axes) -> list[Array]:

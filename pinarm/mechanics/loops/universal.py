@@ -39,7 +39,6 @@ class Cross(Record, frozen=True):
     second: Array
     along: tuple[bool, ...] = (True, True, True, False)
     about: tuple[bool, ...] = (False, False, False, True)
-    points: Array | None = None
     constant: tuple[Array, Array] | None = None
 
     def gap(self, p: Array, axes: Axes) -> list[Array]:
