@@ -9,7 +9,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.friction.columns import friction_columns
-from pinarm.engine.motion.outcome import Outcome
+from pinarm.engine.motion.outcome import Outcome, SolvedMotion
 from pinarm.engine.motion.segmented.end_stops import Bound
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 from pinarm.engine.motion.segmented.segments import SegmentedMotion
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
 
 
-class IntegratedMotion(Record, frozen=True):
+class IntegratedMotion(SolvedMotion, Record, frozen=True):
     """A motion that has been integrated over time.
 
     Attributes:
@@ -97,17 +97,9 @@ class IntegratedMotion(Record, frozen=True):
         """Return the configurations at instants, shape (n,), as they were integrated, shape (n, nq)."""
         return self.motion.positions(t)
 
-    def rests(self) -> Sequence[Array]:
-        """Return nothing: the efforts are given, and have no band."""
-        return ()
-
     def steps(self) -> Array:
         """Return where the steps of the integrator end; see ``SolvedMotion``."""
         return np.concatenate([segment.solution.steps.until for segment in self.motion.segments])
-
-    def knots(self) -> Array:
-        """Return nothing: steps end there; see ``SolvedMotion``."""
-        return np.empty(0)
 
     def jumps(self) -> Array:
         """Return where controllers change what they do; see ``SolvedMotion``."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
 
 import numpy as np
 from msgspec import field
@@ -16,16 +15,16 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record
 
 
-class SolvedMotion(Protocol):
+class SolvedMotion:
     """A motion that has been solved, or a path of positions: it has states at any value of its parameter."""
 
     def at(self, grid: Grid) -> Trajectory:
         """Return the states at other values of the parameter; each interval lies within one of the solved ones."""
-        ...
+        raise NotImplementedError
 
     def positions(self, t: Array) -> Array:
         """Return the configurations at values of the parameter, shape (n,), as an array of shape (n, nq)."""
-        ...
+        raise NotImplementedError
 
     def rests(self) -> Sequence[Array]:
         """Return where joints with friction come to rest, for an instant too, interval by interval, shapes (m,).
@@ -33,25 +32,43 @@ class SolvedMotion(Protocol):
         The ends of an interval are among them. Efforts have a band there that they do not have beside it; a motion in
         which they have none returns nothing.
         """
-        ...
+        return ()
 
     def steps(self) -> Array:
-        """Return where the steps of an integrator end [s], ascending, shape (n,); none where nothing is integrated.
-
-        They are short where the motion changes quickly.
-        """
-        ...
+        """Return where the steps of an integrator end [s], ascending, shape (n,): short where the motion changes."""
+        return np.empty(0)
 
     def knots(self) -> Array:
-        """Return where curves of laws have points, between which they may do anything, ascending, shape (n,).
+        """Return where curves of laws have points between which they may do anything, ascending, shape (n,).
 
         None where they end steps of an integrator.
         """
-        ...
+        return np.empty(0)
 
     def jumps(self) -> Array:
         """Return where loads jump within intervals, as those of sampled controllers do [s], ascending, shape (n,)."""
-        ...
+        return np.empty(0)
+
+
+class RelayedMotion(SolvedMotion):
+    """A motion whose rests, steps, knots and jumps are those of another one."""
+
+    @property
+    def relayed(self) -> SolvedMotion:
+        """The other motion."""
+        raise NotImplementedError
+
+    def rests(self) -> Sequence[Array]:
+        return self.relayed.rests()
+
+    def steps(self) -> Array:
+        return self.relayed.steps()
+
+    def knots(self) -> Array:
+        return self.relayed.knots()
+
+    def jumps(self) -> Array:
+        return self.relayed.jumps()
 
 
 class Outcome(Record, frozen=True):

@@ -16,7 +16,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.rests import rests_between
 from pinarm.engine.kinematics.abscissa import running
 from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory
-from pinarm.engine.motion.outcome import Outcome, positions_by_interval
+from pinarm.engine.motion.outcome import Outcome, SolvedMotion, positions_by_interval
 from pinarm.engine.motion.standstill import STANDSTILL, at_rest, directions, law_size, lossy, pace_of, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import AssemblyError, InputError
@@ -241,7 +241,7 @@ class PrescribedTable(Record, frozen=True):
         return self.prescription.outcome(self.grid, self.start)
 
 
-class PrescribedMotion(Record, frozen=True):
+class PrescribedMotion(SolvedMotion, Record, frozen=True):
     """A prescribed motion that has been solved at some values of its parameter.
 
     Attributes:
@@ -295,10 +295,6 @@ class PrescribedMotion(Record, frozen=True):
         """
         return [self._rests(low, high) for low, high in pairwise(self.cuts)]
 
-    def steps(self) -> Array:
-        """Return nothing: nothing is integrated."""
-        return np.empty(0)
-
     def knots(self) -> Array:
         """Return the points of laws of coordinates, of loads, and of profiles of cams; see ``SolvedMotion``.
 
@@ -327,10 +323,6 @@ class PrescribedMotion(Record, frozen=True):
         grid = Grid(t[order], way, (0, len(t)))
         states, back = self.prescription.motion.follow(grid, self._near(grid)), np.argsort(order)
         return states.q[back, joint.q], states.v[back, joint.v], states.a[back, joint.v]
-
-    def jumps(self) -> Array:
-        """Return nothing: laws jump between intervals only."""
-        return np.empty(0)
 
     def _rests(self, start: float, end: float) -> Array:
         """Return the same of one interval, shape (m,)."""

@@ -29,7 +29,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.rests import rests_between
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.outcome import Outcome
+from pinarm.engine.motion.outcome import Outcome, SolvedMotion
 from pinarm.engine.motion.standstill import STANDSTILL, directions, lossy, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError
@@ -340,7 +340,7 @@ class QuinticSpline:
 
 
 @dataclass(frozen=True, eq=False)
-class SplinedMotion:
+class SplinedMotion(SolvedMotion):
     """A recorded motion between its rows, as the spline has it.
 
     Attributes:
@@ -369,18 +369,6 @@ class SplinedMotion:
         The velocity of the spline is of degree 4 between two rows, and is looked at in ``LOOKS`` places there.
         """
         return [self._rests(low, high) for low, high in pairwise(self.cuts)]
-
-    def steps(self) -> Array:
-        """Return nothing, as nothing is integrated; see ``SolvedMotion``."""
-        return np.empty(0)
-
-    def knots(self) -> Array:
-        """Return nothing: rows are the points of its spline; see ``SolvedMotion``."""
-        return np.empty(0)
-
-    def jumps(self) -> Array:
-        """Return nothing: laws jump between intervals only; see ``SolvedMotion``."""
-        return np.empty(0)
 
     def _rests(self, low: float, high: float) -> Array:
         """Return the same of one interval, shape (m,)."""

@@ -19,7 +19,7 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.outcome import Outcome, SolvedMotion, positions_by_interval
+from pinarm.engine.motion.outcome import Outcome, RelayedMotion, SolvedMotion, positions_by_interval
 from pinarm.engine.motion.standstill import law_directions, lossy
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.mechanics.ball_joints import ball_angles, ball_coordinates, balls_of
@@ -261,7 +261,7 @@ class ReducedMechanism:
 
 
 @dataclass(frozen=True, eq=False)
-class RestoredMotion:
+class RestoredMotion(RelayedMotion):
     """A motion of the whole, from that of the part that was solved.
 
     Attributes:
@@ -281,21 +281,10 @@ class RestoredMotion:
         """Return the configurations of the whole at values of the parameter, shape (n,), of shape (n, nq)."""
         return positions_by_interval(self, self.cuts, t)
 
-    def rests(self) -> Sequence[Array]:
-        """Return where joints with friction come to rest; see ``SolvedMotion``."""
-        return self.motion.rests()
-
-    def steps(self) -> Array:
-        """Return where the steps of the integrator end; see ``SolvedMotion``."""
-        return self.motion.steps()
-
-    def knots(self) -> Array:
-        """Return where curves of laws have points; see ``SolvedMotion``."""
-        return self.motion.knots()
-
-    def jumps(self) -> Array:
-        """Return where loads jump; see ``SolvedMotion``."""
-        return self.motion.jumps()
+    @property
+    def relayed(self) -> SolvedMotion:
+        """The motion of the part."""
+        return self.motion
 
 
 @dataclass(frozen=True, eq=False)

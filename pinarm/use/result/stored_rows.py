@@ -15,7 +15,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.outcome import SolvedMotion
+from pinarm.engine.motion.outcome import RelayedMotion, SolvedMotion
 from pinarm.engine.motion.standstill import lossy
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.errors import InputError
@@ -99,7 +99,7 @@ def _with_efforts(run: Trajectory, arrays: Mapping[str, Array], prefix: str = ""
     return replace(run, tau=arrays[f"{prefix}tau"], lam=lam, columns=columns, endless=endless if len(endless) else None)
 
 
-class SolvedAnew(Record, frozen=True):
+class SolvedAnew(RelayedMotion, Record, frozen=True):
     """The motion of a result that was read: solved when other instants than the saved ones are asked for.
 
     Attributes:
@@ -148,21 +148,10 @@ class SolvedAnew(Record, frozen=True):
         """Return the configurations at values of the parameter, shape (n,), as an array of shape (n, nq)."""
         return self._motion.positions(t)
 
-    def rests(self) -> Sequence[Array]:
-        """Return where joints with friction come to rest; see ``SolvedMotion``."""
-        return self._motion.rests()
-
-    def steps(self) -> Array:
-        """Return where the steps of the integrator end; see ``SolvedMotion``."""
-        return self._motion.steps()
-
-    def knots(self) -> Array:
-        """Return where curves of laws have points; see ``SolvedMotion``."""
-        return self._motion.knots()
-
-    def jumps(self) -> Array:
-        """Return where loads jump; see ``SolvedMotion``."""
-        return self._motion.jumps()
+    @property
+    def relayed(self) -> SolvedMotion:
+        """The motion, solved anew."""
+        return self._motion
 
 
 def trajectory_of(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array]) -> Trajectory:
