@@ -17,9 +17,9 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct, Weight
+from pinarm.mechanics.geometry.joint_axes import check_parallel
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, opposed
-from pinarm.mechanics.geometry.parallel_axes import check_parallel
 from pinarm.mechanics.geometry.vectors import MEETING, crossed, direction
 from pinarm.mechanics.joints import (
     METRE,

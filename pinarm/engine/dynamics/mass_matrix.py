@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.mechanics.geometry.buffers import give_back, take
+from pinarm.mechanics.geometry.kinematics import give_back, take
 from pinarm.mechanics.geometry.pinocchio_data import with_masses
 
 Masses = Array

@@ -25,9 +25,9 @@ from pinarm.engine.dynamics.parallel import transmitted
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import OpenReaction, left_open
+from pinarm.mechanics.geometry.joint_axes import screw_of
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import states_first
-from pinarm.mechanics.geometry.screws import screw_of
 from pinarm.mechanics.geometry.vectors import moved
 from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint

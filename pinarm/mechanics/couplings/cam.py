@@ -13,7 +13,7 @@ from pinarm.input.yaml.schema import Extent, InputStruct, Length, check_unit
 from pinarm.mechanics.couplings.cams.cam_contact import Face, FollowerSurface, Roller, SlidingPoint, TurningPoint
 from pinarm.mechanics.couplings.cams.cam_coupling import CamContact, CamCoupling, CamPlane
 from pinarm.mechanics.couplings.members import MemberPair, member_pair
-from pinarm.mechanics.geometry.parallel_axes import PARALLEL
+from pinarm.mechanics.geometry.joint_axes import PARALLEL
 from pinarm.mechanics.joints import METRE, RADIAN, Direction, Joint, frame_of, joint_of, unit_vector
 from pinarm.mechanics.laws.composed import Law
 from pinarm.mechanics.laws.motion_law import MotionLaw

@@ -15,7 +15,7 @@ from pinarm.mechanics.couplings.coupling import Coupling, coupled
 from pinarm.mechanics.couplings.members import MemberPair, member_pair
 from pinarm.mechanics.couplings.teeth import Teeth, wheels_in_mesh
 from pinarm.mechanics.couplings.transmissions import PureMoments, Transmission
-from pinarm.mechanics.geometry.parallel_axes import PARALLEL
+from pinarm.mechanics.geometry.joint_axes import PARALLEL
 from pinarm.mechanics.joints import RADIAN, Joint, joint_of
 from pinarm.records import replace
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError
-from pinarm.mechanics.geometry.parallel_axes import PARALLEL
+from pinarm.mechanics.geometry.joint_axes import PARALLEL
 from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.joints import METRE, Joint
 from pinarm.records import Record

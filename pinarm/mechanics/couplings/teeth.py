@@ -21,7 +21,7 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.mechanics.couplings.members import IN_LINE, Member, MemberPair
 from pinarm.mechanics.couplings.transmissions import PitchSurfaces, ToothContact
-from pinarm.mechanics.geometry.parallel_axes import PARALLEL
+from pinarm.mechanics.geometry.joint_axes import PARALLEL
 from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.joints import Joint, frame_of
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from functools import cache
 
 import numpy as np
@@ -9,7 +10,32 @@ import pinocchio as pin
 from msgspec import Struct
 
 from pinarm.arrays import Array
-from pinarm.mechanics.geometry.buffers import give_back, take
+from pinarm.mechanics.geometry.pinocchio_data import new_data
+
+KEPT = 4
+"""Number of unused buffers of a model that are kept: more at once are rare, and buffers may be large."""
+
+_UNUSED: dict[int, list[pin.Data]] = {}
+"""Identity of a model -> its buffers that nobody owns."""
+
+
+def take(model: pin.Model) -> pin.Data:
+    """Return buffers of a model that nobody owns; what is in them is left from another use."""
+    unused = _UNUSED.get(id(model))
+    if unused is None:
+        unused = _UNUSED[id(model)] = []
+        weakref.finalize(model, _UNUSED.pop, id(model), None)
+    try:
+        return unused.pop()
+    except IndexError:
+        return new_data(model)
+
+
+def give_back(model: pin.Model, data: pin.Data) -> None:
+    """Let others use buffers that ``take`` has returned; views of their arrays change from now on."""
+    unused = _UNUSED.get(id(model))
+    if unused is not None and len(unused) < KEPT:
+        unused.append(data)
 
 
 class Kinematics(Struct, eq=False):

@@ -11,9 +11,9 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.geometry.joint_axes import screw_of
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.geometry.screws import screw_of
 from pinarm.mechanics.joints import METRE, RADIAN
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import LowerPair, normals

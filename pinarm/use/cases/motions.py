@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.checks.variant_energy import variant_energies
+from pinarm.engine.checks.balance import variant_energies
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.motion.integrated_motion import IntegratedMotion
 from pinarm.engine.motion.integrated_variants import FreeMotion, IntegratedVariants, compiled

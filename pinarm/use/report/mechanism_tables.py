@@ -11,7 +11,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.kinematics.mobility import joint_kind, mobility_of
 from pinarm.mechanics.couplings.coupling import JointRelation
-from pinarm.mechanics.geometry.screws import screw_of
+from pinarm.mechanics.geometry.joint_axes import screw_of
 from pinarm.mechanics.joints import RADIAN, Joint, moved_links
 from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint

@@ -1,4 +1,4 @@
-"""The energy balance of variants together, against that of each motion alone, whose energies are Pinocchio's."""
+"""The energy balance of variants together, against that of each motion alone."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.checks.variant_energy import variant_energies
+from pinarm.engine.checks.balance import variant_energies
 from pinarm.engine.kernel.library import absence
 from pinarm.engine.mechanism_variants import alike_variants
 from pinarm.engine.motion.integrated_motion import IntegratedMotion

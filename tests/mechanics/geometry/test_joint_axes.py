@@ -1,11 +1,13 @@
-"""Which joints a sum of angles may be formed of."""
+"""Screws of joints, and which joints a sum of angles may be formed of."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.mechanics.geometry.parallel_axes import PARALLEL, check_parallel
+from pinarm.mechanics.geometry.joint_axes import PARALLEL, check_parallel, screw_of
 
 
 def arm(*axes):
@@ -43,3 +45,22 @@ def test_axes_that_are_parallel_as_drawn_only_are_refused():
     """The third is parallel to the first until the second, across both, turns."""
     with pytest.raises(InputError, match="'0' and '2' are not parallel"):
         check_parallel(arm([0, 0, 1], [1, 0, 0], [0, 0, 1]), {"0": 0, "2": 2})
+
+
+@pytest.mark.parametrize("place", [-1, 0, 700])
+def test_the_screw_of_a_joint_is_read_with_coordinates_up_to_its_own(place):
+    """Pinocchio reads the coordinate at the joint's place in q, and does not look how many there are."""
+
+    class Joint:
+        nq = nv = 1
+        idx_q = place
+
+        def createData(self):
+            return SimpleNamespace(S=np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0]))
+
+        def calc(self, data, q):
+            assert len(q) > place
+
+    turns, axis = screw_of(Joint())
+    assert turns
+    assert axis.tolist() == [0.0, 1.0, 0.0]

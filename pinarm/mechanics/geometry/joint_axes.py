@@ -1,4 +1,4 @@
-"""The axes of joints, where a mechanism file takes them for parallel."""
+"""Axes of joints: the screw of one joint, and whether several joints are parallel."""
 
 from __future__ import annotations
 
@@ -7,11 +7,23 @@ from collections.abc import Mapping
 import numpy as np
 import pinocchio as pin
 
+from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.mechanics.geometry.pinocchio_data import new_data
 
 PARALLEL = 1e-3
 """Angle between axes that are parallel but for the digits in which right angles are typed [rad]."""
+
+
+def screw_of(joint: pin.JointModel) -> tuple[bool, Array] | None:
+    """Return whether a joint is revolute, and its axis in joint axes; ``None`` if neither revolute nor prismatic."""
+    if joint.nq != 1 or joint.nv != 1:
+        return None
+    data = joint.createData()
+    joint.calc(data, np.zeros(max(joint.idx_q, 0) + 1))  # it reads at its place in q, unchecked
+    motion = np.asarray(data.S, float).ravel()
+    slides, turns = motion[:3].any(), motion[3:].any()
+    return None if slides and turns else (bool(turns), motion[3:] if turns else motion[:3])
 
 
 def check_parallel(model: pin.Model, columns: Mapping[str, int]) -> None:
