@@ -12,7 +12,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.figures import SAMPLE, relative, sampled
-from pinarm.engine.dynamics.masses import MASSLESS, NOTHING
+from pinarm.engine.dynamics.mass_matrix import MASSLESS, NOTHING
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.records import Record

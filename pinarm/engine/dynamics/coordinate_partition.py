@@ -16,7 +16,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices, others
 from pinarm.engine.constraints.nullspace import solved_positive
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.mass_matrix import mass_matrix, symmetric
+from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.errors import InputError
 from pinarm.mechanics.geometry.pinocchio_data import with_masses
 from pinarm.records import Record
@@ -102,7 +102,7 @@ class CoordinatePartition(Record, frozen=True):
         def reduced(t: float, q: Array, v: Array) -> Array:
             w, dw, ddw = targets(t)
             q, v = self.completed(q, v, w, dw)
-            mass, particular = symmetric(pin.crba(model, data, q)), self.particular @ ddw
+            mass, particular = np.array(pin.crba(model, data, q)), self.particular @ ddw
             demand = dynamics.loads(t, q, v) - pin.nonLinearEffects(model, data, q, v)
             right = basis.T @ (demand - mass @ particular)
             return np.asarray(basis @ solved_positive(basis.T @ mass @ basis, right[:, None])[:, 0] + particular)

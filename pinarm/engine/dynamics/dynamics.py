@@ -74,8 +74,6 @@ class Dynamics(Record, frozen=True):
         """Return M at configurations, shape (n, .., nq), as an array of shape (n, .., nv, nv)."""
         return parallel.mass_matrices(self.model, q)
 
-    masses = mass_matrices
-
     def loads(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the generalised loads of the force elements [N*m or N], shape (..., nv)."""
         tau = np.empty((*q.shape[:-1], self.model.nv))

@@ -17,7 +17,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.nullspace import ACTS
 from pinarm.engine.constraints.self_stresses import SelfStresses
 from pinarm.errors import several
-from pinarm.mechanics.geometry.screws import screw_of
+from pinarm.mechanics.geometry.joint_axes import screw_of
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import looser, normals
 from pinarm.records import Record, ValueRecord

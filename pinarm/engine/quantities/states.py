@@ -14,7 +14,7 @@ from pinarm.engine.constraints.constraint import one_sided
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
-from pinarm.engine.dynamics.masses import require_masses
+from pinarm.engine.dynamics.mass_matrix import require_masses
 from pinarm.engine.motion.standstill import directions, lossy, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.masses import MASSLESS
+from pinarm.engine.dynamics.mass_matrix import MASSLESS
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.records import Record

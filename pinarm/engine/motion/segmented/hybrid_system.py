@@ -17,7 +17,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import split_rows
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.masses import require_masses
+from pinarm.engine.dynamics.mass_matrix import require_masses
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.integrator import Interval

@@ -19,7 +19,7 @@ from pinarm.engine.constraints.nullspace import RANK, VANISHED, SplitRows
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
-from pinarm.engine.dynamics.mass_matrix import Masses, masses
+from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.integration.integrator import Acceleration
 from pinarm.errors import DynamicsError, NumericsError
 from pinarm.records import Record, replace
@@ -176,7 +176,7 @@ class Place(NamedTuple):
     q: Array
     rows: Array
     split: SplitRows
-    mass: Masses
+    mass: Array
     gap: Array
 
     @classmethod
@@ -184,7 +184,7 @@ class Place(NamedTuple):
         """Return a configuration of a mechanism."""
         state = closure.state(q)
         rows = closure.rows(state)
-        return cls(q, rows, closure.split(rows), masses(closure.model, q), closure.gap(state))
+        return cls(q, rows, closure.split(rows), mass_matrix(closure.model, q), closure.gap(state))
 
     def step(self, right: Array) -> Array:
         """Return the least change x, measured by the masses, with ``rows x = right``, shape (nv,)."""
@@ -245,7 +245,7 @@ class LoopMotion:
         state = closure.state(q, v)
         rows, right = closure.rows(state), self._right(self.targets(t)[2]) - closure.drift(state)
         force = dynamics.loads(t, q, v) - pin.nonLinearEffects(dynamics.model, dynamics.data, q, v)
-        return solve(closure.split(rows), masses(dynamics.model, q), force, right), rows, right
+        return solve(closure.split(rows), mass_matrix(dynamics.model, q), force, right), rows, right
 
     def _right(self, targets: Array) -> Array:
         """Return 0 for the constraints, then what the laws ask, shape (m,)."""

@@ -21,8 +21,7 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspace import RANK, VANISHED, RowDecompositions, split_rows
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.dynamics.equation import solve, solve_each
-from pinarm.engine.dynamics.mass_matrix import masses
-from pinarm.engine.dynamics.masses import require_masses
+from pinarm.engine.dynamics.mass_matrix import mass_matrix, require_masses
 from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
@@ -148,7 +147,7 @@ class LoopSystem(Record, frozen=True):
         Where it cannot have that, it has what comes closest. Joints that are not coupled to any that moves are at rest.
         """
         model = self.rows.model
-        nv, mass = model.nv, masses(model, q)
+        nv, mass = model.nv, mass_matrix(model, q)
         rows, right = self.rows.rows(self.rows.state(q)), self.rates(dw)
         moving = coupled_joints(rows, right, initial.v)
         known = sorted({*initial.velocities, *np.flatnonzero(~moving).tolist()})
@@ -226,7 +225,7 @@ class LoopSystem(Record, frozen=True):
             AssemblyError: Newton's method does not close one.
         """
         model, rows, values, polished = self.rows.model, self.rows, self.rates(w), False
-        mass, still, size = masses(model, q), np.zeros_like(v), max(1.0, rows.extent)
+        mass, still, size = mass_matrix(model, q), np.zeros_like(v), max(1.0, rows.extent)
         whole = size + np.abs(values).max(axis=1)
         for _ in range(ITERATIONS):
             gaps, matrices = rows.at(q)
@@ -287,7 +286,7 @@ class LoopSystem(Record, frozen=True):
             v: Velocities, shape (n, nv).
         """
         q, v, splits = self.settled(q, v, w[0], w[1], t)
-        mass, force = dynamics.masses(q), -dynamics.inverse(t, q, v, np.zeros_like(v))
+        mass, force = dynamics.mass_matrices(q), -dynamics.inverse(t, q, v, np.zeros_like(v))
         a = solve_each(splits, mass, force, self.rates(w[2]) - self.rows.drifts(q, v))
         efforts = splits.multipliers((mass @ a[..., None])[..., 0] - force)[:, self.own.size :] if w.size else w[0]
         return q, v, a, efforts
