@@ -21,7 +21,7 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspace import RANK, VANISHED, RowDecompositions, split_rows
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.dynamics.equation import solve, solve_each
-from pinarm.engine.dynamics.mass_matrix import mass_matrix, require_masses
+from pinarm.engine.dynamics.mass_matrix import mass_matrices, mass_matrix, require_masses
 from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
@@ -225,7 +225,7 @@ class LoopSystem(Record, frozen=True):
             AssemblyError: Newton's method does not close one.
         """
         model, rows, values, polished = self.rows.model, self.rows, self.rates(w), False
-        mass, still, size = mass_matrix(model, q), np.zeros_like(v), max(1.0, rows.extent)
+        mass, still, size = mass_matrices(model, q), np.zeros_like(v), max(1.0, rows.extent)
         whole = size + np.abs(values).max(axis=1)
         for _ in range(ITERATIONS):
             gaps, matrices = rows.at(q)
