@@ -41,9 +41,7 @@ class Assessment(Protocol):
         """Return the quantities and formulas that it needs, so that the joints in them are solved for."""
         ...
 
-    def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
-        """Return the names of the numbers that its section may have, and their units: see ``Numbered``."""
-        ...
+    def units(self, quantities: Quantities) -> Mapping[str, Unit | None]: ...
 
     def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
         """Check its names and units, with nothing solved.

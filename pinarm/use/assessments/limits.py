@@ -60,16 +60,13 @@ class Limits(InputStruct, frozen=True):
             return read_conditions(self.keep)
 
     def requested(self, mechanism: Mechanism) -> list[str]:
-        """Return the numbers: see ``Assessment``."""
         return list(self.keep)
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
-        """Return the margins, each in the unit of its number, and the least relative one: see ``Assessment``."""
         margins = {f"{slug(each.number)}.margin": _unit(each, quantities) for each in self.conditions}
         return {**margins, "least_margin": DIMENSIONLESS, "beyond": DIMENSIONLESS}
 
     def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
-        """Check numbers and units: see ``Assessment``."""
         others = {key: each for key, each in scenario.numbered.items() if each is not self}
         for condition in self.conditions:
             with within("keep", condition.number.label):

@@ -102,15 +102,12 @@ class PathError(InputStruct, frozen=True):
         return [f"point.{self.point}.{kind}.{axis}" for axis in axes]
 
     def requested(self, mechanism: Mechanism) -> list[str]:
-        """Return what it needs of a run: see ``Assessment``."""
         return [name for kind in ("position", "velocity", "acceleration") for name in self.quantities(kind)]
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
-        """Return the errors: see ``Assessment``."""
         return UNITS
 
     def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
-        """Check the point: see ``Assessment``."""
         with within("point"):
             _ = [quantities[name] for name in self.quantities("position")]
 

@@ -17,8 +17,7 @@ Source: Franklin, Powell, Emami-Naeini, Feedback Control of Dynamic Systems, sec
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import cached_property, partial
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated
 
 import msgspec
@@ -30,6 +29,7 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Time, check_unit
+from pinarm.use.result.curve_zeros import looked_at, root
 from pinarm.use.result.output_scales import output_scales
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable
@@ -39,24 +39,14 @@ if TYPE_CHECKING:
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.scenario import Scenario
 
-SAMPLES, PER_STEP, MOST = 4096, 4, 16_384
-"""Instants at which the response is looked at: evenly over the run; within each step of the integrator, as steps are
-short where the response changes quickly; and the most within all steps together, which have one each at least."""
-
-NODES, ZOOMS = 17, 4
-"""Instants about an extreme between samples, and how often they close in on it: to 8^-4 of the distance of samples."""
-
 PLATEAU = 1e-12
-"""Part of the step that a top has to be able to rise above the highest sample: less is rounding."""
+"""Rounding of a value, relative to the terms that it sums."""
 
-FINE = 257
-"""Instants about the highest one among which the peak is taken, twice: the second time about the highest of these."""
+TOUCH = 4e-12
+"""Distance of a top from a level, relative to the largest z, beyond which it does not only touch the level."""
 
 INSTANT = 4e-16
 """Rounding of an instant, relative to it."""
-
-PARTS, REFINEMENTS = 32, 7
-"""Parts into which a bracket of a crossing is divided, and how often: 32^-7 of the distance of samples is 3e-11."""
 
 SECOND = unit("s")
 
@@ -79,17 +69,14 @@ class Response(InputStruct, frozen=True):
     band: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.02
 
     def requested(self, mechanism: Mechanism) -> list[str]:
-        """Return what it needs of a run: see ``Assessment``."""
         return [self.of]
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
-        """Return the numbers of the section: see ``Assessment``."""
         value = quantities[self.of].unit
         times = dict.fromkeys(("rise_time", "peak_time", "settling_time"), SECOND)
         return {"overshoot": DIMENSIONLESS, **times, "initial": value, "final": value, "peak": value, "error": value}
 
     def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
-        """Check the quantity, the units and the kind of run: see ``Assessment``."""
         with within("of"):
             value = quantities[self.of].unit
         for key, given in (("initial", self.initial), ("final", self.final)):
@@ -132,24 +119,19 @@ class _Step:
         of: The quantity.
         begin: When the step begins [s].
         bounds: First and final value.
-        band: Half the width of the band in which it has settled.
     """
 
-    def __init__(self, run: Lookup, of: str, begin: float, bounds: tuple[float, float], band: float) -> None:
+    def __init__(self, run: Lookup, of: str, begin: float, bounds: tuple[float, float]) -> None:
         self.run, self.name, self.begin = run, of, begin
         self.initial, self.final = bounds
-        self.end = float(run.run.grid.cuts[-1])
-        if self.final == self.initial:
-            raise InputError(f"'{of}' ends where it begins, at {self.final:.6g}: there is no step",
-                             expected="a final value that differs",
-                             hint="final: the value that it should reach")  # fmt: skip
-        parts = [(k, self._instants(k, *ends)) for k, (*ends, _) in enumerate(run.intervals)
-                 if ends[1] > begin or ends[0] == ends[1] == begin]  # fmt: skip
-        self.owners = np.concatenate([np.full(len(t), k) for k, t in parts])
-        self.t = np.concatenate([t for _, t in parts])
-        self.z = self._everywhere(self.owners, self.t)
-        for sign in (1.0, -1.0):
-            self._add_tops(sign, band)
+        self.end, self.size = float(run.run.grid.cuts[-1]), self.final - self.initial
+        if not self.size:
+            raise InputError(
+                f"'{of}' ends where it begins, at {self.final:.6g}: there is no step",
+                expected="a final value that differs",
+                hint="final: the value that it should reach",
+            )
+        self.curve = run.curve_of(of).after(begin)
 
     @classmethod
     def of(cls, asked: Response, run: Lookup) -> _Step:
@@ -165,77 +147,12 @@ class _Step:
             else float(run.at({"t": f"{at!r} s", "side": "left"}, asked.of)[asked.of].values[0])
             for given, at in ((asked.initial, begin), (asked.final, ends))
         ]
-        return cls(run, asked.of, begin, (bounds[0], bounds[1]), asked.band)
-
-    def _instants(self, interval: int, start: float, end: float) -> Array:
-        if start == end:
-            return np.array([start])
-        low = max(start, self.begin)
-        count = max(int(np.ceil(SAMPLES * (end - low) / (self.end - self.begin))), 8)
-        bends = np.concatenate([self.run.steps[interval], self.run.knots[interval]])
-        ends = distinct(np.concatenate([[low, end], bends[(bends > low) & (bends < end)]]))
-        parts = max(1, min(PER_STEP, MOST // self._steps))
-        between = ends[:-1, None] + np.diff(ends)[:, None] * (np.arange(parts) / parts)
-        return distinct(np.concatenate([np.linspace(low, end, count + 1), between.ravel()]))
-
-    @cached_property
-    def _steps(self) -> int:
-        return 1 + sum(map(len, self.run.steps))
-
-    def at(self, interval: int, t: Array) -> Array:
-        """Return z at instants of one interval, shape (n,)."""
-        return self._part(self.run.quantities_at(interval, t))
-
-    def _part(self, rows: Quantities) -> Array:
-        return np.asarray((rows[self.name].values - self.initial) / (self.final - self.initial))
-
-    def _everywhere(self, owners: Array, t: Array) -> Array:
-        """Return z at instants of intervals, shape (n,), those of one interval next to one another."""
-        cuts = np.flatnonzero(np.diff(owners)) + 1
-        spots = [(int(own[0]), part) for own, part in zip(np.split(owners, cuts), np.split(t, cuts), strict=True)]
-        return np.concatenate(self.run.heights(self._part, spots))
-
-    def _add_tops(self, sign: float, band: float) -> None:
-        """Add those tops of ``sign z`` between samples that may be above a level below which the samples are.
-
-        Between samples of a parabola its top is above them by an eighth of their second difference at most; half of it
-        is allowed for.
-        """
-        z, changes = sign * self.z, self.owners[1:] != self.owners[:-1]
-        first, last = np.append(True, changes), np.append(changes, True)
-        bend = np.where(first | last, 0.0, np.abs(2.0 * z - np.roll(z, 1) - np.roll(z, -1)))
-        bend = np.maximum(bend, np.maximum(first * np.roll(bend, -1), last * np.roll(bend, 1)))
-        reach, levels = z + 0.5 * bend, [sign * level for level in (0.1, 0.9, 1.0 - band, 1.0 + band)]
-        passing = np.any([(z < level) & (reach >= level) for level in levels], axis=0)
-        if sign > 0.0:
-            passing |= reach > z.max() + PLATEAU
-        highest = (first | (z >= np.roll(z, 1))) & (last | (z >= np.roll(z, -1))) & ~(first & last)
-        rows = np.flatnonzero(highest & passing)
-        if len(rows):
-            self._insert(
-                self.owners[rows], self._tops(sign, rows, self.t[rows - ~first[rows]], self.t[rows + ~last[rows]])
-            )
-
-    def _tops(self, sign: float, rows: Indices, low: Array, high: Array) -> Array:
-        """Return where ``sign z`` is highest about samples, between bounds, all of shape (n,)."""
-        each, owners = np.arange(len(rows)), self.owners[rows].repeat(NODES)
-        for _ in range(ZOOMS):
-            t = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, NODES)
-            best = (sign * self._everywhere(owners, t.ravel())).reshape(t.shape).argmax(axis=1)
-            low, high = t[each, np.maximum(best - 1, 0)], t[each, np.minimum(best + 1, NODES - 1)]
-        return np.asarray(t[each, best])
-
-    def _insert(self, owners: Array, t: Array) -> None:
-        """Take further instants, shape (n,), among the samples."""
-        all_owners, all_t = np.append(self.owners, owners), np.append(self.t, t)
-        order = np.lexsort((all_t, all_owners))
-        self.z = np.append(self.z, self._everywhere(owners, t))[order]
-        self.owners, self.t = all_owners[order], all_t[order]
+        return cls(run, asked.of, begin, (bounds[0], bounds[1]))
 
     def doubt(self, error: float) -> float:
         """Return what z may be wrong by: rounding of its terms, or the error of y, y_0 and y_f where it is known."""
         terms = np.max(self.run.quantities[self.name].terms, initial=max(abs(self.initial), abs(self.final)))
-        return max(PLATEAU * float(terms), 2.0 * error) / abs(self.final - self.initial)
+        return max(PLATEAU * float(terms), 2.0 * error) / abs(self.size)
 
     def numbers(self, band: float, doubt: float) -> dict[str, tuple[float, float]]:
         """Return the numbers of the section, and their errors [SI].
@@ -244,85 +161,95 @@ class _Step:
             band: Half the width of the band in which it has settled.
             doubt: What z may be wrong by.
         """
-        size = self.final - self.initial
         (peak, rise), (when, apart) = self._peak(doubt)
-        (low, off_low), (high, off_high) = (
-            self._timed(partial(np.add, -part), doubt, first=True) for part in (0.1, 0.9)
-        )
-        settled, off = self._timed(lambda z: band - np.abs(z - 1.0), doubt, first=False)
-        left, rounding = (1.0 - float(self.z[-1])) * size, INSTANT * max(abs(self.initial), abs(self.final))
+        moved = doubt + TOUCH * max(1.0, abs(peak))
+        (low, off_low), (high, off_high) = (self._timed(1.0, part, moved, first=True) for part in (0.1, 0.9))
+        sides = [self._timed(way, 1.0 - way * band, moved, first=False) for way in (1.0, -1.0)]
+        settled, off = max(sides) if np.isfinite(sides).all() else (np.nan, 0.0)
+        off = max([off, *(t + late - settled for t, late in sides if np.isfinite(settled))])
+        left = self.final - float(self.run.at("end", self.name)[self.name].values[0])
+        rounding = INSTANT * max(abs(self.initial), abs(self.final))
         return {
             "overshoot": (max(peak - 1.0, 0.0), max(rise, INSTANT * abs(peak))),
-            "rise_time": (high - low, off_low + off_high), "peak_time": (when - self.begin, apart),
-            "settling_time": (settled - self.begin, off), "initial": (self.initial, 0.0), "final": (self.final, 0.0),
-            "peak": (self.initial + peak * size, rise * abs(size)), "error": (left, rounding),
-        }  # fmt: skip
+            "rise_time": (high - low, off_low + off_high),
+            "peak_time": (when - self.begin, apart),
+            "settling_time": (settled - self.begin, off),
+            "initial": (self.initial, 0.0),
+            "final": (self.final, 0.0),
+            "peak": (self.initial + peak * self.size, rise * abs(self.size)),
+            "error": (left, rounding),
+        }
 
     def _peak(self, doubt: float) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return the largest z and when it is, each with its error: so far away z may be as large."""
-        top = int(self.z.argmax())
-        first, last = self._bounds(top)
-        beside = max(self.t[max(top - 1, 0)], first), min(self.t[min(top + 1, len(self.t) - 1)], last)
-        found = [(self.t, self.z)]
-        for _ in range(2):
-            near = np.linspace(*beside, FINE)
-            z = self.at(int(self.owners[top]), near)
-            best = int(z.argmax())
-            beside = near[max(best - 1, 0)], near[min(best + 1, FINE - 1)]
-            found.append((near, z))
-        peak, when, bend = float(z[best]), float(near[best]), float(np.abs(np.diff(z, 2)).max(initial=0.0))
+        t, sign = self.run.run.grid.t, float(np.sign(self.size))
+        values = np.where(t >= self.begin, sign * self.run.quantities[self.name].values, -np.inf)
+        lacks = f"{self.name} has no {'largest' if sign > 0.0 else 'smallest'} value"
+        peak = self.run.highest_of(self.curve, values, (sign,), lacks, doubt * abs(self.size))
+        rise, bend = max(peak.error / abs(self.size), doubt), 0.0
         if self.run.motion is None:
-            beside, bend = (self.t[max(top - 1, 0)], self.t[min(top + 1, len(self.t) - 1)]), self._bend(top)
-        rise = max(0.5 * bend, doubt)
-        t, heights = (np.concatenate(each) for each in zip(*found, strict=True))
-        as_high = t[heights >= peak - 2.0 * rise]
-        apart = float(np.abs(as_high - when).max()) + float(beside[1] - beside[0]) + INSTANT * abs(when)
-        return (peak, rise), (when, apart)
+            beside = slice(max(peak.interval - 1, 0), peak.interval + 2)
+            bend = 0.5 * float(np.abs(np.diff(values[beside], 2)).max(initial=0.0)) / abs(self.size)
+            apart = float(np.ptp(t[beside]))
+        else:
+            apart = self.run.differs(
+                (peak.interval, peak.place),
+                "t",
+                peak.place,
+                lambda rows: sign * rows[self.name].values < peak.height - 2.0 * rise * abs(self.size),
+            )
+        part = (sign * peak.height - self.initial) / self.size
+        return (part, max(rise, bend)), (peak.place, apart + INSTANT * abs(peak.place))
 
-    def _bend(self, row: int) -> float:
-        return float(np.abs(np.diff(self.z[max(row - 1, 0) : row + 2], 2)).max(initial=0.0))
-
-    def _bounds(self, place: int) -> tuple[float, float]:
-        inside = self.t[self.owners == self.owners[place]]
-        return float(inside[0]), float(inside[-1])
-
-    def _timed(self, value: Callable[[Array], Array], doubt: float, *, first: bool) -> tuple[float, float]:
-        """Return where a function of z becomes positive, see ``crossing``, and the error of that instant [s].
+    def _timed(self, way: float, part: float, doubt: float, *, first: bool) -> tuple[float, float]:
+        """Return where ``way (z - part)`` becomes positive, see ``_crossing``, and the error of that instant [s].
 
         Where it may come to none at all, the error is the length of the run.
         """
-        t, apart = self.crossing(value, first=first)
+        t, apart = self._crossing(way, part, first=first)
         if np.isnan(t):
             return t, 0.0
-        moved = [self.crossing(lambda z, by=by: value(z) + by, first=first)[0] for by in (-doubt, doubt)]  # type: ignore[misc]
+        moved = [self._crossing(way, part + by, first=first)[0] for by in (-doubt, doubt)]
         off = float(np.abs(np.array(moved) - t).max())
         return t, (self.end - self.begin if np.isnan(off) else off + apart) + INSTANT * abs(t)
 
-    def crossing(self, value: Callable[[Array], Array], *, first: bool) -> tuple[float, float]:
-        """Return where a function of z becomes positive, for the first or for the last time [s]; NaN where never.
+    def _crossing(self, way: float, part: float, *, first: bool) -> tuple[float, float]:
+        """Return where ``way (z - part)`` becomes positive, for the first or for the last time [s]; NaN where never.
 
-        With the length of the last bracket.
+        With the distance of the rows where nothing is known between them.
         """
-        positive = value(self.z) >= 0.0
+        level = self.initial + part * self.size
+        owners, t, gaps = self._looked_at(level)
+        positive = way * np.sign(self.size) * gaps >= 0.0
         if positive.all() or (first and positive[0]):
             return self.begin, 0.0
         rising = np.flatnonzero(positive[1:] & ~positive[:-1])
         if not len(rising) or (not first and not positive[-1]):
             return float("nan"), 0.0
         k = int(rising[0 if first else -1])
-        low, high, owner = float(self.t[k]), float(self.t[k + 1]), int(self.owners[k + 1])
-        for _ in range(REFINEMENTS if owner == self.owners[k] else 0):
-            t = np.linspace(low, high, PARTS + 1)
-            there = np.flatnonzero(value(self.at(owner, t[1:])) >= 0.0)
-            place = int(there[0]) + 1 if len(there) else PARTS
-            low, high = float(t[place - 1]), float(t[place])
-        return high, high - low
+        low, high = float(t[k]), float(t[k + 1])
+        if owners[k] != owners[k + 1]:
+            return high, high - low
+        return (root(self.curve, int(owners[k]), low, high, level) if gaps[k + 1] else high), 0.0
+
+    def _looked_at(self, level: float) -> tuple[Indices, Array, Array]:
+        """Return intervals, and instants in them between which y has a value once at most, and ``y - level`` there."""
+        parts = list[tuple[Array, Array, Array]]()
+        for k, (start, end, rows) in enumerate(self.run.intervals):
+            if end > self.begin or start == end == self.begin:
+                ends = np.array([start, end, self.begin])
+                places = distinct(np.concatenate([self.run.run.grid.t[rows], ends, self.run.switches(self.name)[k]]))
+                inside = places[(places >= max(start, self.begin)) & (places <= end)]
+                t, gaps = looked_at(self.curve, k, inside, level)
+                parts.append((np.full(len(t), k), t, gaps))
+        owners, t, gaps = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return owners, t, gaps
 
     def remarks(self, asked: Response, values: Mapping[str, float]) -> list[str]:
         """Return what to know of the numbers."""
         found = []
         if self.run.motion is None:
-            apart = float(np.diff(self.t).max(initial=0.0))
+            apart = float(np.diff(self.run.run.grid.t).max(initial=0.0))
             known = f"times and the peak are those of rows, at most {apart:.3g} s apart"
             found.append(f"nothing is known between the rows: {known}")
         if asked.final is None:

@@ -65,21 +65,17 @@ class Shaking(InputStruct, frozen=True):
         return f"{sign}dynamic.all.{kind}{about}.{axis}"
 
     def requested(self, mechanism: Mechanism) -> list[str]:
-        """Return what it needs of a run: see ``Assessment``."""
         return [self.quantity(part) for part in PARTS]
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
-        """Return peaks and rms values of all components and norms: see ``Assessment``."""
         parts = [*PARTS, "force.norm", "moment.norm"]
         return {f"{part}.{name}": quantities[self.quantity(part)].unit for part in parts for name in PEAKS}
 
     def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
-        """Check the point: see ``Assessment``."""
         with within("about"):
             _ = quantities[self.quantity("moment.x")]
 
     def evaluate(self, result: Result) -> Section:
-        """Return peaks, rms values and harmonics: see ``Assessment``."""
         given = self._figures(result.lookup)
         numbers = {name: Series(name, each.unit, np.array([each.value])) for name, each in given.items()}
         units = [given[f"{part}.peak"].unit for part in PARTS]

@@ -27,6 +27,7 @@ from pinarm.mechanics.laws import Over
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.problems.prescription.prescribed_laws import laws_of
 from pinarm.records import ValueRecord
+from pinarm.use.result import curve_integrals
 from pinarm.use.result.row_lookup import MISPLACED, Lookup
 
 if TYPE_CHECKING:
@@ -133,7 +134,7 @@ def integrals(
     """
     run.require_few_points()
     most = PIECES + PER_STEP * (len(run.intervals) + sum(map(len, run.steps))) + len(run.run) // ROWS
-    total, error = run.curve(integrand, of).integrals(least, most)
+    total, error = curve_integrals.integrals(run.curve(integrand, of), least, most)
     rows = integrand(run.quantities)
     sizes = np.max(np.abs(rows), axis=0, where=np.isfinite(rows), initial=0.0)
     misplaced = MISPLACED * sum(float(np.abs(t).sum()) for name in of for t in run.switches(name))
@@ -207,7 +208,7 @@ def _percentile(run: Lookup, quantity: str, share: float) -> tuple[float, float]
     if not run.length:
         return _single(run, quantity)
     run.require_few_points()
-    value, error = run.curve_of(quantity).percentile(share / 100.0)
+    value, error = curve_integrals.percentile(run.curve_of(quantity), share / 100.0)
     return value, error + ROUNDING * abs(value)
 
 

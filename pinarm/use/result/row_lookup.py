@@ -17,7 +17,9 @@ from pinarm.engine.quantities.names import OPERATORS, Quantities
 from pinarm.errors import InputError, Key, PinarmError, within
 from pinarm.input.yaml.schema import in_si
 from pinarm.records import Record, replace
-from pinarm.use.result.curve import Curve, Endless, Peak, Span, Spots
+from pinarm.use.result.curve import Curve, Span, Spots
+from pinarm.use.result.curve_extremes import Endless, Peak, higher, highest
+from pinarm.use.result.curve_zeros import zeros, zeros_of_angle
 from pinarm.use.result.output_scales import ZERO, natural_sizes
 from pinarm.use.result.pieces import DEGREE, NODES, Pieces
 
@@ -412,7 +414,7 @@ class Lookup(Record, frozen=True):
         def elsewhere(states: Quantities) -> Flags:
             return np.abs(apart(states[along].values - sought)) > slack
 
-        return value, self._differs(spot, name, value, elsewhere)
+        return value, self.differs(spot, name, value, elsewhere)
 
     def _instant(self, where: dict[str, str | int | float], name: str) -> Spot:
         """Return where a quantity has the value that ``where`` says; see ``at``."""
@@ -434,10 +436,10 @@ class Lookup(Record, frozen=True):
     def _crossings(self, along: str, value: float) -> list[Spot]:
         """Return where a quantity has a value, in order; intervals are looked into between the rows."""
         curve, spots = self.curve_of(along), list[Spot]()
-        zeros = curve.zeros_of_angle if self._is_told_to_half_a_turn(along, value) else curve.zeros
+        find = zeros_of_angle if self._is_told_to_half_a_turn(along, value) else zeros
         for k, (start, end, rows) in enumerate(self.intervals):
             places = distinct(np.concatenate([self.run.grid.t[rows], [start, end], self.switches(along)[k]]))
-            spots += [(k, t) for t in zeros(k, places, value)[:: 1 if start <= end else -1]]
+            spots += [(k, t) for t in find(curve, k, places, value)[:: 1 if start <= end else -1]]
         return spots
 
     def _is_told_to_half_a_turn(self, along: str, value: float) -> bool:
@@ -504,7 +506,7 @@ class Lookup(Record, frozen=True):
         def lower(states: Quantities) -> Flags:
             return np.asarray(height(states[of].values) < peak.height - 2.0 * peak.error)
 
-        return value, self._differs((peak.interval, peak.place), name, value, lower)
+        return value, self.differs((peak.interval, peak.place), name, value, lower)
 
     def highest(self, function: Function, name: str, slack: float = 0.0) -> tuple[Quantities, float]:
         """Return the row at which a function of the quantities is largest, and by how much it may be more elsewhere.
@@ -518,7 +520,7 @@ class Lookup(Record, frozen=True):
             InputError: It has no largest value, as it passes through infinity.
         """
         values, lacks = function(self.quantities), f"{name} has no largest value"
-        peak = self._highest(self.curve(function), values, (1.0,), [], lacks, slack)
+        peak = self.highest_of(self.curve(function), values, (1.0,), lacks, slack)
         return self._row(peak.interval, peak.place), peak.error
 
     def _extreme(self, which: str, name: str, slack: float = 0.0) -> tuple[Peak, Quantities]:
@@ -527,14 +529,14 @@ class Lookup(Record, frozen=True):
         lacks, series = f"{name} has no {told}", self.quantities[name]
         slack = max(slack, PLATEAU * float(np.max(series.terms, initial=0.0)))
         places = self._rests if self._has_bands and not _plain(name) else []
-        peak = self._highest(self.curve_of(name), height(series.values), signs, places, lacks, slack)
+        peak = self.highest_of(self.curve_of(name), height(series.values), signs, lacks, slack, places)
         peak = self._with_error_of_switch(peak, name, height)
         row = self._row(peak.interval, peak.place)
         self._require_reproduced(peak, float(height(row[name].values)[0]), row[name].unit, lacks)
         return peak, row
 
-    def _highest(
-        self, curve: Curve, values: Array, signs: Sequence[float], places: Spots, lacks: str, slack: float
+    def highest_of(
+        self, curve: Curve, values: Array, signs: Sequence[float], lacks: str, slack: float, places: Spots = ()
     ) -> Peak:
         """Return the largest height of a curve.
 
@@ -542,9 +544,9 @@ class Lookup(Record, frozen=True):
             curve: The curve.
             values: Heights at the rows, shape (n,).
             signs: Signs of its values, of which heights are the larger ones.
-            places: Where it may jump besides, for an instant only.
             lacks: That there is no largest value, in words.
             slack: Difference of heights that is rounding, where it is more than that of the largest.
+            places: Where it may jump besides, for an instant only.
         """
         try:
             finite = values[np.isfinite(values)]
@@ -554,7 +556,7 @@ class Lookup(Record, frozen=True):
             best = int((values >= finite.max() - slack).argmax())
             row = top = Peak(float(values[best]), self._interval_of(best), float(self.run.grid.t[best]))
             for sign in signs:
-                top = curve.highest(sign, curve.higher(sign, top, places), slack)
+                top = highest(curve, sign, higher(curve, sign, top, places), slack)
         except Endless as pole:
             run = self.run
             raise InputError(
@@ -603,7 +605,7 @@ class Lookup(Record, frozen=True):
     def _interval_of(self, row: int) -> int:
         return next(k for k, (_, _, rows) in enumerate(self.intervals) if rows.start <= row < rows.stop)
 
-    def _differs(self, spot: Spot, name: str, value: float, elsewhere: Callable[[Quantities], Flags]) -> float:
+    def differs(self, spot: Spot, name: str, value: float, elsewhere: Callable[[Quantities], Flags]) -> float:
         """Return by how much a quantity differs beside a place as far as that cannot be told from it.
 
         Args:

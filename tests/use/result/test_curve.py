@@ -10,7 +10,12 @@ import pytest
 from scipy.integrate import cubature
 
 from pinarm.arrays import Array
-from pinarm.use.result.curve import MOST, Curve, Endless, Peak, Span
+from pinarm.use.result import curve_extremes, curve_integrals
+from pinarm.use.result.curve import Curve, Span
+from pinarm.use.result.curve_extremes import Endless, Peak
+from pinarm.use.result.curve_integrals import MOST, percentile
+from pinarm.use.result.curve_zeros import zeros as zeros_of
+from pinarm.use.result.curve_zeros import zeros_of_angle
 from pinarm.use.result.pieces import NODES, TO_COEFFICIENTS, WEIGHTS, Pieces
 
 ROUNDING = 1e-14
@@ -79,7 +84,7 @@ def test_small_kinks_count_against_how_far_the_function_varies():
 def integrals(f, low, high, parts=1, known=(), most=2000):
     """Return the integrals of functions, their bounds, and the numbers of points asked for."""
     curve, asked = curve_of(f, low, high, parts, known)
-    return *curve.integrals(1.0, most), asked
+    return *curve_integrals.integrals(curve, 1.0, most), asked
 
 
 @pytest.mark.parametrize(
@@ -209,7 +214,7 @@ CLOSED_FORMS: list[tuple[str, Callable[[Array], Array], float, float]] = [
 
 @pytest.mark.parametrize(("name", "f", "share", "value"), CLOSED_FORMS)
 def test_percentiles_are_those_of_closed_forms_within_their_errors(name, f, share, value):
-    found, error = curve_of(f)[0].percentile(share)
+    found, error = percentile(curve_of(f)[0], share)
     # rounding of values of the size of 1 to 6, and of the roots that end the lengths
     assert abs(found - value) <= error + 1e-13
     assert error < 1e-8
@@ -217,7 +222,7 @@ def test_percentiles_are_those_of_closed_forms_within_their_errors(name, f, shar
 
 def test_a_function_that_is_never_resolved_ends_the_halving_and_is_in_the_error():
     curve, asked = curve_of(lambda t: t + 1e-6 * np.sin(1e9 * t))
-    found, error = curve.percentile(0.5)
+    found, error = percentile(curve, 0.5)
     assert abs(found - 0.5) < 2e-6 and 1e-6 < error < 1e-3
     assert sum(asked) < 17 * 4 * MOST
 
@@ -225,14 +230,14 @@ def test_a_function_that_is_never_resolved_ends_the_halving_and_is_in_the_error(
 def test_a_constant_is_not_halved_for_its_rounding():
     noise = np.random.default_rng(2)
     curve, asked = curve_of(lambda t: 1.0 + 2e-16 * noise.integers(0, 2, len(t)))
-    assert curve.percentile(0.95)[0] == pytest.approx(1.0, abs=1e-14)
+    assert percentile(curve, 0.95)[0] == pytest.approx(1.0, abs=1e-14)
     assert sum(asked) <= 4 * 17
 
 
 def test_a_spike_that_a_row_is_in_is_not_missed():
     """Of 11 rows one is in it; for a thousandth of the length it is above 5: nodes of first pieces are not."""
     spike = lambda t: 10.0 * np.maximum(0.0, 1.0 - np.abs(t - 0.4) / 1e-3)  # noqa: E731
-    found, error = curve_of(spike, known=np.linspace(0.0, 1.0, 11))[0].percentile(0.999)
+    found, error = percentile(curve_of(spike, known=np.linspace(0.0, 1.0, 11))[0], 0.999)
     assert abs(found - 5.0) <= error < 1e-6
 
 
@@ -242,7 +247,7 @@ def test_a_spike_that_a_row_is_in_is_not_missed():
 def highest(f, low=0.0, high=3.0):
     """Return the top of a function, looked into in four parts, and at how many places it was evaluated."""
     curve, asked = curve_of(f, low, high)
-    return curve.highest(1.0, Peak(-np.inf, 0, low), 1e-12), sum(asked)
+    return curve_extremes.highest(curve, 1.0, Peak(-np.inf, 0, low), 1e-12), sum(asked)
 
 
 @pytest.mark.parametrize(
@@ -337,7 +342,7 @@ ENDS = np.array([0.0, 1.0])
 
 def zeros(f, places=ENDS, level=0.0, parts=4, *, angle=False):
     curve, _ = curve_of(f, parts=parts)
-    return (curve.zeros_of_angle if angle else curve.zeros)(0, np.asarray(places), level)
+    return (zeros_of_angle if angle else zeros_of)(curve, 0, np.asarray(places), level)
 
 
 @pytest.mark.parametrize("level", [0.25, 0.5, -0.999])

@@ -63,13 +63,11 @@ class Loads(InputStruct, frozen=True):
             raise InputError("nothing is asked of any joint", expected="joints: {NAME: {}}, or rotors: {NAME: {}}")
 
     def requested(self, mechanism: Mechanism) -> list[str]:
-        """Return the forces of its joints; of all joints where sets of loads are asked: see ``Assessment``."""
         names = [*mechanism.joints] if self.sets and self.joints else [*self.rotors]
         return [*(f"joint.{name}.force.x" for name in names),
                 *(f"{joint.prefix}.force.x" for joint, _ in self._loaded(mechanism))]  # fmt: skip
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
-        """Return peaks of joints, numbers of bearings and of rotors; peaks may be missing: see ``Assessment``."""
         units = dict[str, Unit | None]()
         for joint, asked in self._loaded(quantities.trajectory.mechanism):
             units |= {f"{joint.name}.{part}.peak": unit for part, unit in peak_units(joint).items()}
@@ -80,7 +78,6 @@ class Loads(InputStruct, frozen=True):
         return {**units, "sets.residual": DIMENSIONLESS} if self.sets else units
 
     def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
-        """Check joints, coordinates and rotors: see ``Assessment``."""
         self._check_joints(quantities)
 
     def _check_joints(self, quantities: Quantities) -> None:
@@ -93,7 +90,6 @@ class Loads(InputStruct, frozen=True):
                 rotor.check_joint(mechanism, name)
 
     def evaluate(self, result: Result) -> Section:
-        """Return envelopes, lives, grades and sets of loads: see ``Assessment``."""
         self._check_joints(result.quantities)
         run, at, loaded = result.lookup, result.trajectory.unit, [*self._loaded(result.trajectory.mechanism)]
         rows, numbers, remarks, sets = _joint_loads(run, [joint for joint, _ in loaded], self.sets)

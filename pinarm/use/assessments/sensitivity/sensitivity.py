@@ -97,7 +97,6 @@ class Sensitivity(InputStruct, frozen=True):
         return found
 
     def requested(self, mechanism: Mechanism) -> list[str]:
-        """Return the numbers: see ``Assessment``."""
         return list(self.of)
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
@@ -113,7 +112,6 @@ class Sensitivity(InputStruct, frozen=True):
         return found
 
     def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
-        """Check numbers, paths and tolerances: see ``Assessment``."""
         others = {key: each for key, each in scenario.numbered.items() if each is not self}
         for index, number in enumerate(self._asked()):
             with within("of", index):

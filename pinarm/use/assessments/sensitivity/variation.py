@@ -138,7 +138,6 @@ class Variation:
     runs: Iterator[int] = field(default_factory=partial(count, 1), repr=False)
 
     def rows(self, changes: Array) -> Iterator[Row]:
-        """Yield the rows of changed inputs: see ``Varied``."""
         for row in self.solve(case_of(self.inputs, each) for each in changes.tolist()):
             tell(f"sensitivity: run {next(self.runs)}")
             yield row

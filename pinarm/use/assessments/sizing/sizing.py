@@ -131,15 +131,12 @@ class Sizing(InputStruct, frozen=True):
         return value
 
     def requested(self, mechanism: Mechanism) -> list[str]:
-        """Return what it needs of a run: see ``Assessment``."""
         return [f"drive.{self.drive}.torque"]
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
-        """Return what is said of the motor that is ranked first: see ``Assessment``."""
         return NUMBERS
 
     def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
-        """Check the drive: see ``Assessment``."""
         self._check_drive(quantities)
 
     def _check_drive(self, quantities: Quantities) -> None:
