@@ -163,7 +163,7 @@ def sweep(
         workers: Processes; all cores where it is left out. Of an executor, how many workers it has, where it cannot
             tell.
         executor: Who solves the cases in place of processes of this machine: any of ``concurrent.futures``, such as
-            ``dask.distributed.Client(...).get_executor()``. Files travel to it; it is not shut down.
+            ``dask.distributed.Client(...).get_executor()``. Its workers see the same files; it is not shut down.
         folder: Where to keep what is finished; a sweep that finds its cases there does not solve them again.
         parquet: Whether the table appears as Parquet in ``folder/partial/cases.parquet`` while cases are solved, each
             part of 10,000 cases as soon as all of them are, by pyarrow; ``save`` removes it.
