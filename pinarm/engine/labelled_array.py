@@ -9,7 +9,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Complex
 from pinarm.errors import InputError
-from pinarm.input.units import Unit, unit
+from pinarm.input.units import HERTZ, Unit, unit
 from pinarm.records import Record
 
 PARTS = ("values", "rows", "columns", "row_units", "column_units")
@@ -71,6 +71,10 @@ def _text(x: complex) -> str:
     return f"{x.real:.6g}"
 
 
+def _unit(text: str) -> Unit | None:
+    return {UNKNOWN: None, str(HERTZ): HERTZ}[text] if text in (UNKNOWN, str(HERTZ)) else unit(text)
+
+
 def plain_arrays(tables: Mapping[str, LabelledArray]) -> dict[str, Any]:
     """Return tables as arrays of numbers and texts, from which ``labelled_arrays`` makes them again."""
     found: dict[str, Any] = {"array.names": np.array([*tables], str)} if tables else {}
@@ -97,6 +101,6 @@ def labelled_arrays(arrays: Mapping[str, Any]) -> dict[str, LabelledArray]:
             or [len(x) for x in parts[3:]] != [*values.shape]
         ):
             raise InputError(f"the table '{name}' has not the rows and columns that it names")
-        units = [[None if text == UNKNOWN else unit(str(text)) for text in own] for own in (row_units, column_units)]
+        units = [[_unit(str(text)) for text in own] for own in (row_units, column_units)]
         found[str(name)] = LabelledArray(values, rows.tolist(), columns.tolist(), *units)
     return found

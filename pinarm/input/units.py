@@ -1,8 +1,8 @@
 """Units: text in, SI out, and the dimension checked on the way.
 
-Angles count as dimensionless, so that ``N*m/rad`` is ``N*m`` and ``rad/s`` is ``1/s``. Hertz is left out on purpose: it
-would read as rad/s and be wrong by 2 pi; write ``rpm`` or ``rev/s``. So is ``1/min``, which counts turns in catalogues,
-in ``V*min`` and ``N*m*min`` too.
+Angles count as dimensionless, so that ``N*m/rad`` is ``N*m`` and ``rad/s`` is ``1/s``. Hertz is a unit of frequencies
+only: as a speed it would read as rad/s and be wrong by 2 pi; write ``rpm`` or ``rev/s``. ``1/min`` is left out on
+purpose: it counts turns in catalogues, in ``V*min`` and ``N*m*min`` too.
 """
 
 from __future__ import annotations
@@ -52,6 +52,10 @@ class Unit(Record, frozen=True):
     def __pow__(self, exponent: Fraction | int) -> Unit:
         m, kg, s, ampere = self.dimension
         return Unit(math.pow(self.factor, exponent), (m * exponent, kg * exponent, s * exponent, ampere * exponent))
+
+    def fits(self, other: Unit) -> bool:
+        """Return whether numbers in one unit may stand where the other one is expected; Hz fits nothing but Hz."""
+        return self.dimension == other.dimension and (self.text == "Hz") == (other.text == "Hz")
 
     @property
     def si(self) -> Unit:
@@ -113,6 +117,9 @@ _SI_NAMES: dict[Dimension, str] = {
     (2, 1, -1, 0): "kg*m^2/s", (1, 1, -1, 0): "kg*m/s", (1, 0, -1, 0): "m/s", (1, 0, -2, 0): "m/s^2",
     (2, 1, 0, 0): "kg*m^2",
 }  # fmt: skip
+
+HERTZ = Unit(1.0, (0, 0, -1, 0), "Hz")
+"""Cycles per second. It fits frequencies only, and is refused where something turns: see ``Unit.fits``."""
 
 _PER_SPEED = {(2, 1, -1, 0), (2, 1, -2, -1)}
 """Dimensions of a torque and of a voltage over a speed of rotation: of damping, and of the constant of a motor."""
@@ -213,7 +220,7 @@ def read_quantity(text: str) -> tuple[float, Unit | None]:
         raise UnitError(f"'{text[:MAX_LENGTH]}' is not a quantity", expected=expected)
     if parts[1][:1] == "," and parts[1][1:2].isdecimal():
         raise UnitError(f"'{text}' has a comma in its number", expected="a decimal point, nothing between thousands")
-    read = unit(parts[1]) if parts[1] else None
+    read = HERTZ if parts[1] == "Hz" else unit(parts[1]) if parts[1] else None
     number = float(parts[0]) * (read.factor if read else 1.0)
     if not math.isfinite(number):
         raise UnitError(f"'{text}' is beyond all numbers")

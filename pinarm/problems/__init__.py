@@ -62,6 +62,11 @@ KINDS: Mapping[str, ProblemKind] = {
         "In which positions does the mechanism rest without any drive, and are these positions stable?",
         ("gen411_arm_equilibria",),
     ),
+    "linear": ProblemKind(
+        "linear", "Linear",
+        "Which natural frequencies, damping and mode shapes do small motions about a state have?",
+        ("gen411_arm_modes",),
+    ),
     "recorded": ProblemKind(
         "recording.recorded", "Recorded",
         "Which velocities, forces and energies belong to a motion that was recorded?", ("gen411_arm_recorded",),

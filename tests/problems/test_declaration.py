@@ -73,7 +73,7 @@ def naming(kind: str, name: str) -> Any:
 
 
 FIELDS = [(kind, name) for kind in KINDS for name in fields_of(kind)]
-DECLARED = [(kind, name) for kind, name in FIELDS if kind not in ("equilibria", "recorded")]
+DECLARED = [(kind, name) for kind, name in FIELDS if kind not in ("equilibria", "linear", "recorded")]
 UNDECLARED = ("share", "resolve")
 """Fields with which a problem says nothing: every effort, or every joint, depends on all others."""
 

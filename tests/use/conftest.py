@@ -78,6 +78,15 @@ problem:
 outputs: [alpha, equilibrium.stability, equilibrium.frequency2_1]
 """
 
+LINEAR = """\
+pinarm: 1
+mechanism: pendulum.yaml
+problem:
+  kind: linear
+  about: {equilibrium: {pivot: 10 deg}}
+outputs: [alpha, mode.1.frequency]
+"""
+
 KINEMATICS = """\
 pinarm: 1
 mechanism: pendulum.yaml
@@ -101,7 +110,7 @@ outputs: [M, alpha]
 """
 
 KINDS = {"statics": STATICS, "inverse": INVERSE, "forward": FORWARD, "state": STATE, "equilibria": EQUILIBRIA,
-         "kinematics": KINEMATICS, "recorded": RECORDED}  # fmt: skip
+         "kinematics": KINEMATICS, "linear": LINEAR, "recorded": RECORDED}  # fmt: skip
 
 
 @pytest.fixture(autouse=True)

@@ -345,7 +345,8 @@ class Closure(Record, frozen=True):
     def _summed(self, joints: Indices, parts: Array) -> Array:
         """Return the sums of parts, shape (.., k, w), at the joints on which they act, shape (.., njoints, w)."""
         *states, _, width = parts.shape
-        total, apart = np.zeros((width, self.model.njoints, *states)), parts.transpose(-2, -1, *range(len(states)))
+        total = np.zeros((width, self.model.njoints, *states), parts.dtype)
+        apart = parts.transpose(-2, -1, *range(len(states)))
         for joint, part in zip(joints.tolist(), apart, strict=True):
             total[:, joint] += part
         return states_first(total)
@@ -362,7 +363,7 @@ class Closure(Record, frozen=True):
             if not wrenches:
                 idle.append((constraint, rows))
         states = np.broadcast_shapes(lam.shape[:-1], *(wrench.shape[:-1] for _, wrench in acting))
-        every = states_first(np.empty((6, len(acting), *states)))
+        every = states_first(np.empty((6, len(acting), *states), lam.dtype))
         for k, (_, wrench) in enumerate(acting):
             every[..., k, :] = wrench
         return np.array([joint for joint, _ in acting], dtype=np.intp), every, idle

@@ -107,7 +107,7 @@ class Multipliers(Record, frozen=True):
         return np.asarray(self.at(np.array([row]))[0])
 
     def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> Array:
-        return self._every.astype(dtype or np.float64)
+        return self._every if dtype is None else self._every.astype(dtype)
 
     @cached_property
     def _every(self) -> Array:

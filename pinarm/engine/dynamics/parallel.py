@@ -98,7 +98,7 @@ def mass_matrices(model: Model, q: Array) -> Array:
 def transmitted(links: LinkPlacements, q: Array, v: Array, a: Array, acting: Array) -> Array:
     """Return the wrench of the parent on the child at every joint's origin, world axes, shape (n, .., njoints, 6).
 
-    Of variants, whose links are moved by numpy, by the sums of what the links beyond a joint demand.
+    Of variants, and of complex steps, which numpy moves, by the sums of what the links beyond a joint demand.
 
     Args:
         links: Where the links are.
@@ -107,7 +107,7 @@ def transmitted(links: LinkPlacements, q: Array, v: Array, a: Array, acting: Arr
         a: Accelerations, shape (n, .., nv).
         acting: Wrenches [f; m] on the links about the world's origin, world axes, shape (n, .., njoints, 6).
     """
-    if isinstance(links.model, ModelVariants):
+    if isinstance(links.model, ModelVariants) or np.iscomplexobj(q):
         return summed_wrenches(links, q, v, a, acting)
     outside, model, data = links.inwards(acting), links.model, new_data(links.model)
     inner, loaded = np.empty_like(outside), np.flatnonzero(outside.any(axis=(0, 2))).tolist()

@@ -7,7 +7,7 @@ With the rows G of the constraints and their multipliers lam,
 Pinocchio differentiates ``M a + nle`` (``computeRNEADerivatives``). Loads, ``G^T lam``, ``G a``, ``G' v`` and ``G v``
 are differentiated by complex steps of the numpy evaluation: ``f'(x) = Im f(x + i h) / h`` is exact to rounding, as no
 difference is taken. Derivatives by q are those along unit velocities, ``d/ds f(q + s e_k)`` on the space of
-configurations. Couplings of joint coordinates have constant rows.
+configurations.
 
 Source: Squire and Trapp, Using complex variables to estimate derivatives of real functions, SIAM Review 40 (1998);
 Carpentier and Mansard, Analytical derivatives of rigid body dynamics algorithms, RSS (2018).
@@ -28,7 +28,6 @@ from pinarm.engine.constraints.constraint_rows import ConstraintRows
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.couplings.coupling import Coupling, JointRelation
 from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.records import Record
@@ -114,7 +113,7 @@ def _add_load(model: pin.Model, force: ForceElement, t: float, q: Array, v: Arra
         force.add_load(t, q, v, tau)
         return
     rows = ConstraintRows.of(model, [force.coordinate])
-    _require_pairs(rows, [force.coordinate])
+    _require_pairs(rows)
     here = rows.at(q)
     row = here.matrices[:, 0]
     tau += np.asarray(force.effort(t, here.gaps[:, 0], (row * v).sum(axis=-1)))[..., None] * row
@@ -125,7 +124,7 @@ def _row_derivatives(
 ) -> tuple[Array, Array, Array, Array]:
     """Return G, its derivative by q, and those of ``G' v`` by q and by v."""
     rows, nv = ConstraintRows.of(model, constraints), model.nv
-    _require_pairs(rows, constraints)
+    _require_pairs(rows)
     steps = _steps(model, q)
     with _complex_kept():
         moved, still = rows.at(steps), rows.at(np.broadcast_to(q + 0j, steps.shape))
@@ -140,16 +139,14 @@ def _steps(model: pin.Model, q: Array) -> Array:
     return q + 1j * STEP * pin.tangentMap(model, q).T  # type: ignore[no-any-return]
 
 
-def _require_pairs(rows: ConstraintRows, measured: Sequence[object]) -> None:
-    """Raise where rows are not evaluated by pairs of frames or constant weights.
+def _require_pairs(rows: ConstraintRows) -> None:
+    """Raise where something is evaluated state by state, by Pinocchio, which takes no complex steps.
 
     Raises:
-        InputError: Names the kind of the constraint or the coordinate.
+        InputError: Names the kinds.
     """
-    curved = [one for _, one in rows.relations if isinstance(one, JointRelation) and not isinstance(one, Coupling)]
-    others = [one for _, one in rows.others]
-    if curved or others:
-        kinds = ", ".join(sorted({type(one).__name__ for one in (*curved, *others)}))
+    if rows.others:
+        kinds = ", ".join(sorted({type(getattr(one, "coordinate", one)).__name__ for _, one in rows.others}))
         raise InputError(
             f"the linear analysis has no derivatives of {kinds}", expected="loops, couplings and forces of other kinds"
         )

@@ -44,8 +44,8 @@ class LinearMotion(Record, frozen=True):
         carried: W, shape (nv, d).
         a: State matrix, shape (2 d, 2 d).
         b: Input matrix of efforts at all joints, shape (2 d, nv).
-        mass: ``N^T M N``, shape (d, d).
-        stiffness: ``N^T F_q N`` at rest, shape (d, d).
+        whole_a: Accelerations of all joints per state and per input, shape (nv, 2 d + nv).
+        whole_lam: Multipliers likewise, shape (m, 2 d + nv).
     """
 
     independent: Indices
@@ -53,8 +53,8 @@ class LinearMotion(Record, frozen=True):
     carried: Array
     a: Array
     b: Array
-    mass: Array
-    stiffness: Array
+    whole_a: Array
+    whole_lam: Array
 
     @cached_property
     def modes(self) -> Modes:
@@ -139,12 +139,14 @@ def linear_motion(model: pin.Model, at: EquationDerivatives, v: Array) -> Linear
     accelerated = np.linalg.lstsq(at.rows, -bend, rcond=DEPENDENT)[0]
     pushed = np.hstack([-force - at.mass @ accelerated, np.eye(model.nv)])
     solved = _solved(mass, allowed.T @ pushed)
-    whole = accelerated + allowed @ solved[:, : position.shape[1]]
-    inputs = (allowed @ solved[:, position.shape[1] :])[independent]
+    whole = np.pad(accelerated, ((0, 0), (0, model.nv))) + allowed @ solved
+    held = at.mass @ whole + np.hstack([force, -np.eye(model.nv)])
+    multipliers = np.linalg.lstsq(at.rows.T, held, rcond=DEPENDENT)[0]
     turning = (velocity - _transport(model, v) @ position)[independent]
-    a = np.vstack([turning, whole[independent]])
-    b = np.vstack([np.zeros_like(inputs), inputs])
-    return LinearMotion(independent, allowed, carried, a, b, mass, allowed.T @ at.force_q @ allowed)
+    size = position.shape[1]
+    a = np.vstack([turning, whole[independent, :size]])
+    b = np.vstack([np.zeros((len(independent), model.nv)), whole[independent, size:]])
+    return LinearMotion(independent, allowed, carried, a, b, whole, multipliers)
 
 
 def independent_joints(rows: Array) -> tuple[Indices, Array]:
@@ -153,7 +155,7 @@ def independent_joints(rows: Array) -> tuple[Indices, Array]:
     Raises:
         DynamicsError: The position is singular.
     """
-    from scipy.linalg import qr, solve_triangular
+    from scipy.linalg import qr
 
     nv = rows.shape[1]
     sizes = np.linalg.norm(rows, axis=1, keepdims=True)
@@ -165,7 +167,7 @@ def independent_joints(rows: Array) -> tuple[Indices, Array]:
     dependent, free = order[:rank], order[rank:]
     allowed = np.zeros((nv, nv - rank))
     allowed[free] = np.eye(nv - rank)
-    allowed[dependent] = -solve_triangular(upper[:rank, :rank], upper[:rank, rank:])
+    allowed[dependent] = -np.linalg.solve(upper[:rank, :rank], upper[:rank, rank:])
     ascending = np.argsort(free)
     return free[ascending], allowed[:, ascending]
 

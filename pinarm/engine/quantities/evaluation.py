@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.constraints.constraint_rows import ConstraintRows
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.vectors import crossed, moved
@@ -48,7 +50,7 @@ class Evaluation(Record, frozen=True):
         """Mobility of the mechanism where the run begins, and how it is tied."""
         from pinarm.engine.kinematics.mobility import mobility_of
 
-        return mobility_of(self.run.mechanism, self.run.q[0])
+        return mobility_of(self.run.mechanism, np.real(self.run.q[0]))
 
     @property
     def doubtful(self) -> bool:
@@ -80,12 +82,25 @@ class Evaluation(Record, frozen=True):
     def _derivatives(self, coordinate: Coordinate) -> Array:
         """Return a coordinate with its two derivatives, shape (n, 3)."""
         run = self.run
+        if np.iscomplexobj(run.q):
+            return self._stepped(coordinate)
         rows = np.empty((len(run), 3))
         for i in range(len(run)):
             state = Kinematics.at(run.mechanism.model, run.q[i], run.v[i])
             row, drift = coordinate.row(state), coordinate.drift(state)
             rows[i] = coordinate.value(state), row @ run.v[i], row @ run.a[i] + drift
         return rows
+
+    def _stepped(self, coordinate: Coordinate) -> Array:
+        """Return the same of complex steps, which Pinocchio does not take."""
+        rows = ConstraintRows.of(self.run.mechanism.model, [coordinate])
+        if rows.others:
+            raise InputError("the linear analysis has no derivatives of this coordinate", expected="another output")
+        here = rows.at(self.run.q)
+        row = here.matrices[:, 0]
+        rates = ((row * x).sum(axis=-1) for x in (self.run.v, self.run.a))
+        speed, growth = rates
+        return np.stack([here.gaps[:, 0], speed, growth + here.drifts(self.run.v)[:, 0]], axis=1)
 
     def frame(self, name: str) -> Array:
         """Return a link's position, velocity, acceleration, angular velocity and acceleration, shape (n, .., 5, 3).

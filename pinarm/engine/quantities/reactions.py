@@ -137,7 +137,7 @@ class Reactions:
         [f; m] at the world's origin, world axes [N, N*m].
         """
         run, links, states = self.run, self.links.some(rows), self.run.q[rows].shape[:-1]
-        wrenches = states_first(np.zeros((6, self.model.njoints, *states)))
+        wrenches = states_first(np.zeros((6, self.model.njoints, *states), run.q.dtype))
         for force in dynamics.forces.values():
             for joint, wrench in force.wrenches_at(links, run.grid.t[rows], run.q[rows], run.v[rows]).items():
                 wrenches[:, joint] += wrench
@@ -235,7 +235,7 @@ class Reactions:
         return np.array([path.value(self.closure.state(q)) for q in self.run.q])
 
     def _loop(self, name: str, lam: Array) -> Array:
-        rows, part = np.zeros((*lam.shape[:-1], 6)), self.closure.slices[name]
+        rows, part = np.zeros((*lam.shape[:-1], 6), lam.dtype), self.closure.slices[name]
         held = np.flatnonzero(lam[..., part].reshape(len(lam), -1).any(axis=1))
         if len(held):
             rows[held] = self.loops[name].wrench(self.links.some(held), lam[held][..., part])
@@ -283,7 +283,7 @@ class Reactions:
     @cached_property
     def stresses(self) -> list[tuple[Indices, SelfStresses]]:
         """The self-stresses at a sample of the rows: rows in which the same constraints hold, with those of these."""
-        closure, q = self.run.mechanism.closure, self.run.q
+        closure, q = self.run.mechanism.closure, np.real(self.run.q)
         if self.run.opened is None or not self.sample:
             some = sampled(len(q), self.sample)
             return [(some, SelfStresses(closure, q[some]))]

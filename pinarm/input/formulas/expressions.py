@@ -115,9 +115,9 @@ class _Values(ValueRecord, frozen=True):
 
     def name(self, name: str) -> Any:
         value = np.asarray(look_up(name, self.names, CONSTANTS))
-        if value.dtype.kind not in "biuf":
+        if value.dtype.kind not in "biufc":
             raise ExpressionError(f"'{name}' is not a number")
-        return value[()] if value.dtype.kind in "bf" else value.astype(float)[()]
+        return value[()] if value.dtype.kind in "bfc" else value.astype(float)[()]
 
     def unary(self, symbol: str, operand: Any) -> Any:
         result = _applied({"+": np.positive, "-": np.negative, "not": np.logical_not}[symbol], operand)

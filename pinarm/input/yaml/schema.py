@@ -16,7 +16,7 @@ import numpy as np
 
 from pinarm.errors import InputError, PinarmError, UnitError, within
 from pinarm.input.numbers import DECIMAL
-from pinarm.input.units import DIMENSIONLESS, Unit, read_quantity, unit
+from pinarm.input.units import DIMENSIONLESS, HERTZ, Unit, read_quantity, unit
 from pinarm.input.yaml.deferred import Deferred, with_types
 
 _folder: ContextVar[Path | None] = ContextVar("folder", default=None)
@@ -123,7 +123,9 @@ class Measured(float):
         Raises:
             UnitError: The dimensions differ.
         """
-        if self.unit is not None and self.unit.dimension != expected.dimension:
+        if self.unit is not None and not self.unit.fits(expected):
+            if self.unit.text == HERTZ.text and self.unit.dimension == expected.dimension:
+                raise UnitError("Hz is ambiguous between turns and radians", hint="rpm, rev/s or rad/s")
             raise UnitError(f"'{self.unit}' is not a unit of this quantity", expected=f"a unit such as {expected}")
 
 

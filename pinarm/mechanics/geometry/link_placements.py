@@ -84,7 +84,7 @@ class LinkPlacements(Record, frozen=True):
             ``I V'``, ``V x* I V`` and the wrench against its weight, shape (3, n, njoints, 6).
         """
         turns, twist, rate = components_first(self.turns, 3), components_first(twists), components_first(rates)
-        motions = np.zeros((3, *twist.shape))
+        motions = np.zeros((3, *twist.shape), twist.dtype)
         motions[0], motions[1], motions[2, :3] = rate, twist, turned(turns.swapaxes(0, 1), -self.model.gravity.linear)
         wrenches = LinkTree.of(self.model).momenta(motions)
         linear, v, omega = wrenches[1, :3], twist[:3], twist[3:]
@@ -104,7 +104,7 @@ class LinkPlacements(Record, frozen=True):
             twists: V, in the links' own frames, shape (n, .., njoints, 6).
         """
         tree = LinkTree.of(self.model)
-        kinetic = 0.5 * np.vecdot(twists, self.momenta(twists))
+        kinetic = 0.5 * (twists * self.momenta(twists)).sum(axis=-1)
         centres = self.places + rotated(self.turns, tree.levers)
         return np.asarray(kinetic), np.asarray(-tree.masses * (centres @ self.model.gravity.linear))
 
@@ -218,7 +218,7 @@ def _speeds(tree: LinkTree, q: Array, v: Array) -> _Speeds:
 
 def _inwards(turns: Array, linear: Array, angular: Array) -> Array:
     """Return motions in link frames from those in world axes, shape (3, njoints, n), as (n, njoints, 6)."""
-    inwards, found = turns.swapaxes(0, 1), np.empty((6, *linear.shape[1:]))
+    inwards, found = turns.swapaxes(0, 1), np.empty((6, *linear.shape[1:]), linear.dtype)
     for part, motions in ((found[:3], linear), (found[3:], angular)):
         np.einsum("ab...,b...->a...", inwards, motions, out=part)
     return states_first(found)

@@ -156,7 +156,7 @@ class LinkTree(Record, frozen=True):
         (3, nv, ..) and (.., nv) to (3, njoints, ..).
         """
         each = columns * components_first(x, 1)
-        found = np.zeros((3, len(self.parents), *each.shape[2:]))
+        found = np.zeros((3, len(self.parents), *each.shape[2:]), each.dtype)
         found[:, 1:] = np.add.reduceat(each, self.starts, axis=1) if len(self.balls.links) else each
         return found
 

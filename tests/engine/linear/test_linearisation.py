@@ -187,6 +187,28 @@ def test_a_four_bar_with_a_spring_about_its_equilibrium(differentiate):
     assert found.modes.frequencies == pytest.approx([frequency], rel=1e-7)  # of differences of second order
 
 
+def test_a_cam_with_its_follower_on_a_spring(mechanism):
+    """``m x'' = -V''`` with ``f = a sin(phi)``, ``m = I + M f'^2`` and ``V = k (f - r)^2 / 2``, where ``V' = 0``."""
+    amplitude, inertia, mass, stiffness, rest = 0.05, 0.003, 0.8, 900.0, 0.03
+    xml = robot(link("turn", "base", "0 0 1", mass=1.0, inertia=(1.0, 1.0, inertia)),
+                link("lift", "base", "0 1 0", mass=mass, kind="prismatic"))  # fmt: skip
+    made = mechanism(
+        xml, gravity="none",
+        couplings={"cam": {"kind": "cam", "joints": ["turn", "lift"],
+                           "profile": {"law": "harmonic", "amplitude": f"{amplitude} m", "pulsation": "1 rad/rad"}}},
+        forces={"spring": {"kind": "joint_spring", "joint": "lift", "stiffness": f"{stiffness} N/m", "rest": "30 mm"}},
+    )  # fmt: skip
+    angle = math.asin(rest / amplitude)
+    found = made.linearise(made.configurations({"turn": angle, "lift": rest}))
+    slope = amplitude * math.cos(angle)
+    expected = math.sqrt(stiffness * slope**2 / (inertia + mass * slope**2)) / (2.0 * math.pi)
+    assert found.acceleration == pytest.approx(0.0, abs=1e-10)
+    assert found.modes.frequencies == pytest.approx([expected], rel=1e-12)
+    pressed = made.linearise(made.configurations({"turn": 0.5 * math.pi, "lift": amplitude}))  # V' = 0 as f' is
+    curvature = -stiffness * (amplitude - rest) * amplitude
+    assert pressed.A[1, 0] == pytest.approx(-curvature / inertia, rel=1e-12)
+
+
 def test_dry_friction_and_singular_positions_are_refused(mechanism):
     xml = robot(link("a", "base", "0 1 0", mass=1.0, com="0 0 -1"))
     made = mechanism(xml, friction={"a": {"constant": "1 N*m"}})

@@ -11,7 +11,8 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from pinarm.arrays import Array, Complex, Flags, Indices
+from pinarm.arrays import Array, Complex, Flags, Indices, continued
+from pinarm.errors import InputError
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.couplings.cams.cam_contact import FollowerMotion, FollowerPoint, FollowerSurface, Touch
 from pinarm.mechanics.couplings.coupling import JointRelation, outwards
@@ -156,13 +157,22 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
 
     def rows_at(self, q: Array) -> Array:
         """Return ``(-f', 1)`` at the joints."""
-        rows = np.zeros((len(q), self.nv))
-        rows[:, self.cam_joint.v], rows[:, self.follower_joint.v] = -self.values(q)[1], 1.0
+        rows = np.zeros((len(q), self.nv), q.dtype)
+        rows[:, self.cam_joint.v] = -continued(lambda angle: self.profile(angle)[1:], q[:, self.cam_joint.q])
+        rows[:, self.follower_joint.v] = 1.0
         return rows
 
     def drifts_at(self, q: Array, v: Array) -> Array:
-        """Return ``-f'' q1'^2``."""
-        return np.asarray(-self.values(q, v)[2] * v[:, self.cam_joint.v] ** 2)
+        """Return ``-f'' q1'^2``.
+
+        Raises:
+            InputError: A complex step moves a turning cam: that takes a third derivative of f.
+        """
+        if (np.imag(q[:, self.cam_joint.q]) * np.real(v[:, self.cam_joint.v])).any():
+            raise InputError(
+                f"the linear analysis has no derivatives of the turning cam '{self.name}'", expected="a cam at rest"
+            )
+        return np.asarray(-self.values(np.real(q), np.real(v))[2] * v[:, self.cam_joint.v] ** 2)
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
         """Return the opposite contact forces on cam and follower; nothing where the contact is not known."""
