@@ -131,7 +131,9 @@ class _TreeAtRest:
 
     def solved(self) -> Array | None:
         """Return the friction, shape (k,): begun slips are decided by the friction at rest, then have that of slip."""
-        limits, signs = self.joints.resting, np.zeros(len(self.joints.v))
+        limits, signs, held = self.joints.resting, np.zeros(len(self.joints.v)), -self.force[self.joints.v]
+        if len(held) == len(self.force) and self.resting.all() and (np.abs(held) <= limits).all():
+            return held  # every joint sticks
         while True:
             answer = self._exchanged(signs, limits, kept=signs != 0.0)
             if answer is None or (answer[0] == signs).all():
