@@ -9,7 +9,7 @@ from pinarm.engine.kinematics.branch_test import AIMED, NEARER, on_branch, part_
 def test_a_solution_with_the_predicted_velocity_is_on_the_branch() -> None:
     """By a third-order prediction: position off by ``h^3 j / 6``, velocity times h by three times as much."""
     off = 1e-6
-    turned = np.array([[3.0 * off, 100.0 * off], [0.0, 0.0]])  # the second one has another velocity
+    turned = np.array([[3.0 * off, 0.0], [100.0 * off, 0.0]])  # the second one has another velocity
     assert on_branch(turned, np.array([off, off])).tolist() == [True, False]
     assert on_branch(np.array([1e-12, 0.0]), np.array(0.0))  # rounding
 
@@ -32,15 +32,3 @@ def test_from_very_near_one_the_step_goes_twice_the_way() -> None:
     least = AIMED
     assert part_of_leap(square(least), square(0.3, -1.0)) == pytest.approx(2.0 * least / (0.3 + least), rel=1e-12)
     assert part_of_leap(square(least), square(least, -1.0)) == 1.0
-
-
-def test_steps_of_many_unknowns_stop_before_a_singular_position_too() -> None:
-    """Two hundred unknowns in a random order of rows and columns, one of which changes its sign."""
-    generator, least, n = np.random.default_rng(3), np.ones(200), 200
-    left, right = (np.eye(n)[generator.permutation(n)] for _ in range(2))
-    coupled = np.eye(n) + 0.1 * np.eye(n, k=1)
-    least[17] = 0.05
-    before, after = (left @ (coupled * (np.sign(x) * np.ones(n))[:, None] @ np.diag(np.abs(x))) @ right
-                     for x in (least, np.where(least < 1.0, -least, least)))  # fmt: skip
-    assert part_of_leap(before, before) == part_of_leap(after, after) == 1.0
-    assert part_of_leap(before, after) == pytest.approx(0.5 * (1.0 - NEARER), rel=1e-3)

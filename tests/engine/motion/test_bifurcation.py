@@ -40,7 +40,7 @@ def test_one_that_turns_back_in_line_is_followed_until_then(miss, cut, tmp_path)
         assert turned == pytest.approx(exact(kept.grid.t, np.pi / 2 - miss), abs=1e-7)
 
 
-REFUSED = "it all but stops at|the acceleration grows without bound|singular but for rounding"
+REFUSED = "all but stops at|acceleration grows without bound|singular but for rounding|almost close in a singular"
 """Rounding decides which of them is found first, so that the processor does."""
 
 
@@ -49,8 +49,11 @@ REFUSED = "it all but stops at|the acceleration grows without bound|singular but
 def test_one_that_turns_back_beside_a_wheel_is_followed_until_then(speed, cut, tmp_path):
     """Its branch does not depend on the wheel: with 50 rad/s its cranks were 0.4 rad off at 2.3 s."""
     mechanism = beside(two_cranks(np.pi / 2 - 1e-3), WHEEL).build(tmp_path, [cut])
-    with pytest.raises(IntegrationError, match=REFUSED) as told:
+    with pytest.raises(NumericsError, match=REFUSED) as told:
         free(mechanism, 0.7, 71, velocity={"W": speed}, tolerance=1e-9)
+    assert 0.45 < told.value.data["t"] < 0.48
+    if told.value.partial is None:
+        return
     kept = told.value.partial.rows
     assert 0.45 < kept.grid.t[-1] < 0.48
     turned = kept.q[:, mechanism.joints["O"].q] + np.pi / 2 - 1e-3
