@@ -19,7 +19,8 @@ from pinarm.input.xacro.expansion import WAYS
 from pinarm.use.cases.case import Case, Row, Task, solve_case
 from pinarm.use.cases.case_table import CaseTable, Kind, RowTable, SomeCases, grouped, of_kind, tabled
 from pinarm.use.cases.stack import EXPANDED, Stack
-from pinarm.use.workers.runners import LostJob, Runners
+from pinarm.use.workers.runners import Runners
+from pinarm.use.workers.worker import LostJob
 
 Part = tuple[Indices, RowTable | list[Row]]
 """Places of cases, and their rows."""

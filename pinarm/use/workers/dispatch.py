@@ -19,9 +19,8 @@ from typing import Any, Generic, NamedTuple, TypeVar
 from pinarm.errors import InputError, NumericsError
 from pinarm.input.roots import given_root
 from pinarm.use.workers.executors import WorkerDeath, Workers
-from pinarm.use.workers.runners import LostJob, in_order
 from pinarm.use.workers.versions import differences, file_digest, versions
-from pinarm.use.workers.worker import Answers, work
+from pinarm.use.workers.worker import Answers, LostJob, in_order, work
 
 CHUNK_TIME, TIME_PER_WORKER = 0.5, 0.005
 """Time of a chunk [s]: at least, and for each worker there is, so that answers come 200 times a second at most."""

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pinarm.errors import InputError
 from pinarm.records import ValueRecord
+from pinarm.use.workers.worker import LostJob, Together, in_order
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from pinarm.use.workers.worker import AnsweredPart
 
 TOGETHER = 1000
 """Jobs that a function which solves several at once is given at once in this process."""
@@ -24,12 +24,6 @@ MOST = 10_000
 
 JobT = TypeVar("JobT")
 AnswerT = TypeVar("AnswerT")
-
-
-class LostJob(ValueRecord, frozen=True):
-    """A job that has no answer, and why: its worker died, or the program failed."""
-
-    reason: str
 
 
 Apply = Callable[[Iterable[JobT]], Iterator[AnswerT | LostJob]]
@@ -86,20 +80,8 @@ HERE = Runners()
 """This process."""
 
 
-def in_order(parts: Iterable[AnsweredPart]) -> Iterator[Any]:
-    """Yield answers in the order of their jobs, each as soon as all before it are there."""
-    early, wanted = dict[int, Any](), 0
-    for places, answers in parts:
-        early |= zip(places, answers, strict=True)
-        while wanted in early:
-            yield early.pop(wanted)
-            wanted += 1
-
-
 def _applied_here(function: Callable[[JobT], AnswerT], jobs: Iterable[JobT]) -> Iterator[Any]:
     """Yield the answers of jobs, which are solved when they are asked for, or with one before them."""
-    from pinarm.use.workers.worker import Together
-
     if not isinstance(function, Together):
         yield from map(function, jobs)
         return

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from pinarm.errors import fault
 from pinarm.input.roots import example_robot_data, file_root, noting_files
-from pinarm.use.workers.runners import LostJob
+from pinarm.records import ValueRecord
 from pinarm.use.workers.versions import Versions, file_digest, versions
 
 KEPT = 2
@@ -20,6 +20,12 @@ KEPT = 2
 
 AnsweredPart = tuple[Iterable[int], Collection[Any]]
 """Places of jobs in a chunk, and their answers."""
+
+
+class LostJob(ValueRecord, frozen=True):
+    """A job that has no answer, and why: its worker died, or the program failed."""
+
+    reason: str
 
 
 @runtime_checkable
@@ -94,3 +100,13 @@ def _session(name: str, function: bytes) -> _Session:
             del sessions[next(iter(sessions))]
         sessions[name] = _Session(pickle.loads(function))
     return sessions[name]
+
+
+def in_order(parts: Iterable[AnsweredPart]) -> Iterator[Any]:
+    """Yield answers in the order of their jobs, each as soon as all before it are there."""
+    early, wanted = dict[int, Any](), 0
+    for places, answers in parts:
+        early |= zip(places, answers, strict=True)
+        while wanted in early:
+            yield early.pop(wanted)
+            wanted += 1

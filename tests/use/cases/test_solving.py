@@ -18,7 +18,8 @@ import pytest
 import pinarm
 from pinarm.use.cases.case import RowValues, Task, Wanted, failure
 from pinarm.use.cases.solving import solving
-from pinarm.use.workers.runners import HERE, LostJob, Runners
+from pinarm.use.workers.runners import HERE, Runners
+from pinarm.use.workers.worker import LostJob
 
 TOLERANCES = {"of": ["M @ max", "M @ rms"], "to": {"m": "1 %", "l": "1 mm", "gravity.magnitude": "10 ± 0.1 m/s^2"},
               "monte_carlo": 40, "sobol": 2}  # fmt: skip

@@ -13,7 +13,7 @@ from pinarm.use.cases.case import Row, Task, Value, Wanted, solve_case
 from pinarm.use.cases.case_table import CaseTable, RowTable
 from pinarm.use.cases.solving import CaseSolver
 from pinarm.use.cases.stack import Stack
-from pinarm.use.workers.runners import in_order
+from pinarm.use.workers.worker import in_order
 
 BRANCHES = """\
 <robot name="pendulum" xmlns:xacro="http://www.ros.org/wiki/xacro">

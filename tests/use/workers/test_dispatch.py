@@ -17,9 +17,8 @@ from pinarm.input.roots import note_files
 from pinarm.use.workers import dispatch, worker
 from pinarm.use.workers.dispatch import AHEAD, HOPELESS, Dispatch
 from pinarm.use.workers.executors import WorkerDeath
-from pinarm.use.workers.runners import LostJob
 from pinarm.use.workers.versions import versions
-from pinarm.use.workers.worker import work
+from pinarm.use.workers.worker import LostJob, work
 
 
 def square(n: int) -> int:

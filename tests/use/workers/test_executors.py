@@ -20,7 +20,7 @@ from pinarm.errors import InputError, NumericsError
 from pinarm.use.workers import executors
 from pinarm.use.workers.dispatch import HOPELESS, Dispatch
 from pinarm.use.workers.executors import ExecutorWorkers, LocalProcesses, chosen_workers, how_it_ended
-from pinarm.use.workers.runners import LostJob
+from pinarm.use.workers.worker import LostJob
 
 KILLED = """
 import os, signal

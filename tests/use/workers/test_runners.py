@@ -9,8 +9,8 @@ import pytest
 
 from pinarm.errors import InputError
 from pinarm.use.workers import runners
-from pinarm.use.workers.runners import HERE, Runners, in_order
-from pinarm.use.workers.worker import AnsweredPart
+from pinarm.use.workers.runners import HERE, Runners
+from pinarm.use.workers.worker import AnsweredPart, in_order
 
 
 def hurried(n: int) -> int:

@@ -25,7 +25,7 @@ from pinarm.use.study.accuracy.integration_settings import (
     step_limit,
     with_setting,
 )
-from pinarm.use.workers.runners import LostJob
+from pinarm.use.workers.worker import LostJob
 
 WANTED = (1e-3, 1e-6, 1e-9)
 """Errors that a setting is recommended for."""

@@ -28,7 +28,8 @@ from pinarm.use.study.batch.block import Block, Question, Starts
 from pinarm.use.study.batch.reductions import ColumnReduction, numbered, reduced
 from pinarm.use.workers.dispatch import Dispatch
 from pinarm.use.workers.executors import chosen_workers
-from pinarm.use.workers.runners import LostJob, check_number
+from pinarm.use.workers.runners import check_number
+from pinarm.use.workers.worker import LostJob
 
 AnswerT = TypeVar("AnswerT")
 

@@ -25,7 +25,7 @@ from pinarm.use.study.sweep.journal import JOURNAL, Journal, Sources, task_diges
 from pinarm.use.study.sweep.sweep_files import Parts
 from pinarm.use.workers.dispatch import Dispatch
 from pinarm.use.workers.executors import Workers
-from pinarm.use.workers.runners import LostJob
+from pinarm.use.workers.worker import LostJob
 
 UNSOLVED = "not solved"
 

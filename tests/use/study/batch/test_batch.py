@@ -23,7 +23,7 @@ from pinarm.mechanics.forces.breakpoints import Pieces
 from pinarm.problems.forward import Forward
 from pinarm.use.study.batch import batch as motions
 from pinarm.use.study.batch.block import Block
-from pinarm.use.workers.runners import LostJob
+from pinarm.use.workers.worker import LostJob
 
 ROOT = Path(__file__).parents[4]
 SWING = """\
