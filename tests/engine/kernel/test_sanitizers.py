@@ -16,7 +16,7 @@ WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Wmis
 SANITIZERS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer", "-g"]
 
 TESTED = [
-    "tests/engine/kernel/test_tree.py", "tests/engine/kernel/test_bodies.py", "tests/engine/kernel/test_laws.py",
+    "tests/engine/kernel/test_tree.py", "tests/engine/kernel/test_laws.py",
     "tests/loops/test_compiled.py",
     "tests/engine/integration/test_compiled_steps.py", "tests/engine/integration/methods/test_compiled_radau.py",
 ]  # fmt: skip
