@@ -6,7 +6,6 @@ import pickle
 import threading
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -50,10 +49,9 @@ class Answers(NamedTuple):
     files: dict[str, str]
 
 
-@dataclass(frozen=True, eq=False)
-class _Session:
+class _Session(NamedTuple):
     function: Callable[[Any], Any]
-    files: set[Path] = field(default_factory=set)
+    files: set[Path]
 
 
 def work(wanted: Versions, session: str, function: bytes, root: str | None, jobs: bytes) -> Answers | Versions:
@@ -98,7 +96,7 @@ def _session(name: str, function: bytes) -> _Session:
     if name not in sessions:
         while len(sessions) >= KEPT:
             del sessions[next(iter(sessions))]
-        sessions[name] = _Session(pickle.loads(function))
+        sessions[name] = _Session(pickle.loads(function), set())
     return sessions[name]
 
 
